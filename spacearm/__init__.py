@@ -1,0 +1,79 @@
+"""spacearm: where a free-floating space manipulator cannot move, why, and what to do about it.
+
+    import spacearm as sa
+
+    arm = sa.load("planar2")
+    cfg = arm.at(np.radians([-65, -11.41]))
+    sa.singularity(cfg)
+
+Conventions, everywhere:
+
+==========  =====================================================================================
+twist       [linear; angular] of the frame's origin, inertial axes (Pinocchio's
+            LOCAL_WORLD_ALIGNED)
+momentum    [linear; angular about the system CM], inertial axes
+quaternion  xyzw, as Pinocchio and scipy have it
+pose        pin.SE3; `base` and `tip` are placements in the inertial frame
+angles      rad; the command line takes degrees with --deg
+q           (n,) one number per movable joint, in the model's order, spacecraft excluded
+task        rows named "x y z rx ry rz"; aliases "pose", "position", "orientation"; a length [m]
+            scales the linear rows where both kinds are present
+symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & Dubowsky, Dynamic
+            Singularities in Free-Floating Space Manipulators, J. Dyn. Sys. Meas. Control 115(1),
+            44-52 (1993), whose equation numbers are cited as (35)
+==========  =====================================================================================
+"""
+
+from importlib.metadata import version
+
+from spacearm.arm import SpaceArm, load
+from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
+from spacearm.catalogue import ModelInfo, catalogue
+from spacearm.configuration import Configuration
+from spacearm.errors import (
+    ConfigurationError,
+    ModelError,
+    ModelWarning,
+    NoSolutionError,
+    SpaceArmError,
+    UnsupportedError,
+)
+from spacearm.jacobian import (
+    fixed_base_jacobian,
+    generalized_jacobian,
+    generalized_jacobian_derivative,
+    generalized_jacobian_rate,
+)
+from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
+from spacearm.singularity import SingularityReport, singularity
+from spacearm.task import Task
+
+__version__ = version("spacearm")
+
+__all__ = [
+    "Barycentric",
+    "Configuration",
+    "ConfigurationError",
+    "ModelError",
+    "ModelInfo",
+    "ModelWarning",
+    "MomentumMatrix",
+    "NoSolutionError",
+    "SingularityReport",
+    "SpaceArm",
+    "SpaceArmError",
+    "Task",
+    "UnsupportedError",
+    "VirtualManipulator",
+    "__version__",
+    "barycentric",
+    "base_velocity",
+    "catalogue",
+    "fixed_base_jacobian",
+    "generalized_jacobian",
+    "generalized_jacobian_derivative",
+    "generalized_jacobian_rate",
+    "load",
+    "momentum_matrix",
+    "singularity",
+]

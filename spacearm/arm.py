@@ -1,0 +1,276 @@
+"""SpaceArm: a spacecraft and its arm, loaded from a URDF with a free-flyer root."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm import urdf
+from spacearm.arrays import Array
+from spacearm.catalogue import find
+from spacearm.configuration import Configuration, configure
+from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.task import Task
+from spacearm.tree import Joint, Tree
+
+
+def load(
+    model: str | os.PathLike[str],
+    *,
+    tip: str | None = None,
+    task: str | Task | None = None,
+    locked: Mapping[str, float] | None = None,
+    check: urdf.Check | None = None,
+) -> SpaceArm:
+    """Loads a spacecraft with its arm.
+
+    The spacecraft is the URDF's root link with all that fixed joints hold to it; a massless root
+    joined to the real bus is fine. Side branches (solar panels, other arms) are bodies and
+    joints like any other. Joints that mimic another follow it and are not counted in n.
+
+    Args:
+        model: A catalogue name (see `catalogue`) or the path of a URDF.
+        tip: Link whose frame is the tip. Default: the leaf link behind the most movable joints
+            (of several, the one behind the most joints of any kind).
+        task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
+            `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
+            the rotation); otherwise "pose" from 6 joints on, else "position".
+        locked: Joints to freeze, with their values [rad] or [m].
+        check: "error", "warn" or "accept": what to do with inertias that no rigid body can
+            have. Default: what the catalogue says for its models, "error" for files.
+
+    Raises:
+        ModelError: The model is unknown, cannot be read or is unsound.
+        ConfigurationError: tip, task or locked name something that does not exist.
+    """
+    info = find(model)
+    if info is not None:
+        tip = tip or info.tip
+        task = task or (info.task if not locked else None)
+        check = check or info.check
+    path = info.path if info else Path(model)
+    tree = urdf.read(path, check or "error")
+    return SpaceArm.of(_lock(tree, locked or {}), path, tip=tip, task=task)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpaceArm:
+    """A free-floating spacecraft with an arm. It never changes; `replace` gives a new one.
+
+    Attributes:
+        name: The robot's name.
+        path: Where its URDF was read.
+        tree: Links and joints as read, locked joints frozen.
+        model: pin.Model with a free-flyer root. All its joints have one number each, the
+            unlimited ones too; joints that mimic another are separate joints here.
+        tip: Name of the tip link.
+        tip_frame: Index of its frame in the model.
+        task: The twist rows that count.
+        joint_names: The n movable joints, in the model's order.
+        coupling: (model.nv - 6, n) rates of the model's joints per rate of the n, None if they
+            are the same (no mimic joint).
+        offsets: (model.nv - 6,) positions of the model's joints at q = 0.
+        lower: (n,) lower joint limits [rad] or [m], -inf where there is none.
+        upper: (n,) upper joint limits [rad] or [m], inf where there is none.
+    """
+
+    name: str
+    path: Path
+    tree: Tree
+    model: pin.Model
+    tip: str
+    tip_frame: int
+    task: Task
+    joint_names: tuple[str, ...]
+    coupling: Array | None
+    offsets: Array
+    lower: Array
+    upper: Array
+    _spare: list[pin.Data] = field(default_factory=list)
+
+    @classmethod
+    def of(
+        cls,
+        tree: Tree,
+        path: Path,
+        *,
+        tip: str | None = None,
+        task: str | Task | None = None,
+    ) -> SpaceArm:
+        """The arm in a checked tree; arguments as in `load`."""
+        leading = tree.leading()
+        if not leading:
+            raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
+        tip = _tip(tree, path, tip)
+        if task is None:
+            task = _default_task(tree, tip)
+        elif isinstance(task, str):
+            task = Task(task)
+        if task.mixed and task.length is None:
+            task = replace(task, length=_chain_length(tree, tip, path))
+        coupling, offsets = tree.coupling()
+        model = tree.pinocchio()
+        return cls(
+            name=tree.name,
+            path=path,
+            tree=tree,
+            model=model,
+            tip=tip,
+            tip_frame=model.getFrameId(tip, pin.BODY),
+            task=task,
+            joint_names=tuple(joint.name for joint in leading),
+            coupling=None if len(coupling) == len(leading) else coupling,
+            offsets=offsets,
+            lower=_read_only([joint.lower for joint in leading]),
+            upper=_read_only([joint.upper for joint in leading]),
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of movable joints."""
+        return len(self.joint_names)
+
+    @property
+    def mass(self) -> float:
+        """Total mass M [kg]."""
+        return float(sum(inertia.mass for inertia in self.model.inertias))
+
+    def at(self, q: npt.ArrayLike, base: pin.SE3 | None = None) -> Configuration:
+        """The configuration at joint positions q, inside the joint limits or not.
+
+        Args:
+            q: (n,) joint angles [rad] or displacements [m].
+            base: Pose of the spacecraft frame in the inertial frame; the identity if None.
+
+        Raises:
+            ConfigurationError: q or base has the wrong shape or is not finite.
+        """
+        return configure(self, q, base)
+
+    def all_joints(self, q: Array) -> Array:
+        """(nv - 6,) positions of all joints of the model, those that mimic another included."""
+        return q if self.coupling is None else self.coupling @ q + self.offsets
+
+    def all_rates(self, dq: Array) -> Array:
+        """(nv - 6,) rates of all joints of the model."""
+        return dq if self.coupling is None else self.coupling @ dq
+
+    def project(self, matrix: Array) -> Array:
+        """(..., 6 + n) columns for the n joints out of (..., nv) columns of the model."""
+        if self.coupling is None:
+            return matrix
+        return np.hstack((matrix[:, :6], matrix[:, 6:] @ self.coupling))
+
+    def borrow(self) -> pin.Data:
+        """Pinocchio's work space: making one costs more than using it, so it is kept."""
+        return self._spare.pop() if self._spare else pin.Data(self.model)
+
+    def give_back(self, data: pin.Data) -> None:
+        """Keeps a work space for the next caller."""
+        self._spare.append(data)
+
+    def replace(
+        self,
+        *,
+        base_mass: float | None = None,
+        base_inertia: npt.ArrayLike | None = None,
+        mount: pin.SE3 | None = None,
+        tip: str | None = None,
+        task: str | Task | None = None,
+    ) -> SpaceArm:
+        """A new arm with some things changed.
+
+        Args:
+            base_mass: Mass of the spacecraft (with all that is fixed to it) [kg]; its CM stays.
+            base_inertia: (3, 3) inertia of the spacecraft about its CM, spacecraft axes [kg m^2].
+            mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
+            tip: Link whose frame is the tip.
+            task: The twist rows that count.
+
+        Raises:
+            ModelError: No rigid body can have this mass and inertia.
+        """
+        tree = self.tree
+        if base_mass is not None or base_inertia is not None:
+            tree = tree.with_spacecraft(base_mass, base_inertia)
+        if mount is not None:
+            tree = tree.with_mount(_movable(tree, self.tip)[0], mount)
+        return SpaceArm.of(tree, self.path, tip=tip or self.tip, task=task or self.task)
+
+    def __getstate__(self) -> dict[str, object]:
+        return self.__dict__ | {"_spare": []}
+
+    def __repr__(self) -> str:
+        return (
+            f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, tip {self.tip!r}, "
+            f"task {self.task.names!r})"
+        )
+
+
+def _lock(tree: Tree, values: Mapping[str, float]) -> Tree:
+    """The tree with joints frozen, once it is sure that they exist and lead."""
+    leading = [joint.name for joint in tree.leading()]
+    for name, value in values.items():
+        if name not in leading:
+            raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
+        if not np.isfinite(value):
+            raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
+    return tree.locked(values)
+
+
+def _movable(tree: Tree, tip: str) -> list[Joint]:
+    return [joint for joint in tree.chain(tip) if joint.movable]
+
+
+def _tip(tree: Tree, path: Path, tip: str | None) -> str:
+    """The link asked for, or the leaf that is farthest along the longest chain."""
+    if tip is None:
+        depth = {leaf: (len(_movable(tree, leaf)), len(tree.chain(leaf))) for leaf in tree.leaves()}
+        candidates = [leaf for leaf in depth if depth[leaf] == max(depth.values())]
+        if len(candidates) > 1:
+            raise ModelError(
+                f"{path}: {len(candidates)} links could be the tip: {', '.join(candidates)}; "
+                "choose one with tip="
+            )
+        tip = candidates[0]
+    if tip not in tree.links:
+        raise ConfigurationError(f"tip: {unknown('link', tip, tree.links)}")
+    if not _movable(tree, tip):
+        raise ConfigurationError(
+            f"tip {tip!r} is part of the spacecraft; choose a link behind a movable joint: "
+            f"{', '.join(link for link in tree.links if _movable(tree, link))}"
+        )
+    return tip
+
+
+def _default_task(tree: Tree, tip: str) -> Task:
+    n = sum(joint.mimic is None for joint in _movable(tree, tip))
+    if (normal := tree.plane_normal()) is not None:
+        x, y = (axis for i, axis in enumerate("xyz") if i != normal)
+        return Task(f"{x} {y} r{'xyz'[normal]}" if n >= 3 else f"{x} {y}")
+    return Task("pose" if n >= 6 else "position")
+
+
+def _chain_length(tree: Tree, tip: str, path: Path) -> float:
+    """Sum of the distances between successive joints [m], from the first joint to the tip."""
+    chain = tree.chain(tip)
+    first = chain.index(_movable(tree, tip)[0])
+    length = sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])
+    if length == 0.0:
+        raise ModelError(
+            f"{path}: the joints and the tip {tip!r} are in one point, so that the arm has no "
+            "length to scale a mixed task with; give one: task=Task('pose', length=...)"
+        )
+    return length
+
+
+def _read_only(values: list[float]) -> Array:
+    array = np.array(values)
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,49 @@
+"""The command line: one module a group of commands, `options` and `output` shared by all."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+from typer.exceptions import TyperException
+
+from spacearm import __version__
+from spacearm.cli import models, query
+from spacearm.errors import SpaceArmError
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app.command()(models.models)
+app.command(context_settings={"ignore_unknown_options": True})(models.info)
+app.command(context_settings={"ignore_unknown_options": True})(query.query)
+
+
+@app.callback(invoke_without_command=True)
+def options(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Where a free-floating space manipulator cannot move, and why."""
+    if version:
+        print(f"spacearm {__version__}")
+    elif context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+def main() -> None:
+    """Runs the command line: bad input ends with one line on stderr and exit code 2."""
+    warnings.showwarning = _show_warning
+    try:
+        sys.exit(app(standalone_mode=False))
+    except (SpaceArmError, TyperException) as error:
+        print(f"spacearm: error: {_one_line(error)}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"spacearm: warning: {_one_line(message)}", file=sys.stderr)
+
+
+def _one_line(message: object) -> str:
+    return " ".join(str(message).split())

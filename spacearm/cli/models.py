@@ -1,0 +1,122 @@
+"""spacearm models, spacearm info: what there is to ask about."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from rich.text import Text
+
+from spacearm.arm import SpaceArm
+from spacearm.catalogue import catalogue
+from spacearm.cli.options import (
+    AsJson,
+    Checked,
+    Degrees,
+    Length,
+    Lock,
+    ModelName,
+    TaskRows,
+    Tip,
+    arm_from,
+)
+from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
+
+
+def models(as_json: AsJson = False) -> None:
+    """Lists the models that travel with spacearm."""
+    if as_json:
+        return print_json([{**info._asdict(), "path": str(info.path)} for info in catalogue()])
+    rows = table("name", "n", "tip", "task", "what it is", "source")
+    for info in catalogue():
+        rows.add_row(info.name, str(info.n), info.tip, info.task, info.summary, info.source)
+    out.print(rows)
+
+
+def info(
+    model: ModelName,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
+    as_json: AsJson = False,
+) -> None:
+    """Shows bodies, masses, joints, limits, tip, task and centre of mass of a model."""
+    arm = arm_from(model, tip, task, length, lock, check, deg)
+    if as_json:
+        return print_json(_facts(arm))
+    scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""
+    title = f"  {arm.n} joints, {number(arm.mass)} kg  "
+    out.print(Text.assemble((arm.name, "bold"), title, (str(arm.path), "dim")))
+    out.print(f"tip {arm.tip}, task {arm.task.names}{scaling}")
+    out.print(f"system CM at q = 0, spacecraft frame: {vector(_system_cm(arm))} m")
+    heading("Bodies")
+    bodies = table("body", "mass [kg]", "CM in its frame [m]", "principal moments [kg m²]")
+    for name, body in _bodies(arm).items():
+        moments = np.linalg.eigvalsh(body.inertia)
+        bodies.add_row(name, number(body.mass), vector(body.lever), vector(moments))
+    out.print(bodies)
+    heading("Joints")
+    joints = table("joint", "type", "moves", "lower", "upper", "rate", "effort", "follows")
+    for joint in arm.tree.depth_first():
+        if joint.movable:
+            lower, upper, rate = (
+                joint_value(value, joint.kind, deg)
+                for value in (joint.lower, joint.upper, joint.velocity)
+            )
+            joints.add_row(
+                joint.name,
+                joint.kind,
+                joint.child,
+                lower,
+                upper,
+                rate if rate == "none" else f"{rate}/s",
+                "none" if np.isinf(joint.effort) else f"{number(joint.effort)} {joint.effort_unit}",
+                joint.mimic.leader if joint.mimic else "",
+            )
+    out.print(joints)
+
+
+def _bodies(arm: SpaceArm) -> dict[str, pin.Inertia]:
+    """The rigid bodies by the link that leads each: the spacecraft, then one a joint."""
+    joints = list(arm.model.names)[2:]
+    links = [arm.tree.root, *(arm.tree.joints[name].child for name in joints)]
+    return dict(zip(links, list(arm.model.inertias)[1:], strict=True))
+
+
+def _system_cm(arm: SpaceArm) -> Any:
+    return arm.at(np.zeros(arm.n)).com
+
+
+def _facts(arm: SpaceArm) -> dict[str, Any]:
+    return {
+        "name": arm.name,
+        "path": str(arm.path),
+        "n": arm.n,
+        "mass": arm.mass,
+        "tip": arm.tip,
+        "task": {"rows": arm.task.rows, "length": arm.task.length},
+        "cm_at_zero": _system_cm(arm),
+        "bodies": [
+            {"link": link, "mass": body.mass, "cm": body.lever, "inertia": body.inertia}
+            for link, body in _bodies(arm).items()
+        ],
+        "joints": [
+            {
+                "name": joint.name,
+                "type": joint.kind,
+                "parent": joint.parent,
+                "child": joint.child,
+                "lower": joint.lower,
+                "upper": joint.upper,
+                "velocity": joint.velocity,
+                "effort": joint.effort,
+                "mimic": joint.mimic._asdict() if joint.mimic else None,
+            }
+            for joint in arm.tree.depth_first()
+            if joint.movable
+        ],
+    }

@@ -1,0 +1,63 @@
+"""How results are printed: tables for people, JSON for scripts."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+from rich.table import Table
+
+out = Console(highlight=False, markup=False)
+
+
+def table(*columns: str) -> Table:
+    """An empty table in the style of all tables."""
+    result = Table(*columns, box=None, pad_edge=False)
+    result.show_header = any(columns)
+    return result
+
+
+def heading(text: str) -> None:
+    """A line that names the table after it."""
+    out.print(f"\n{text}", style="bold underline")
+
+
+def number(value: float, digits: int = 6) -> str:
+    """A number without noise: what is nothing beside 1 prints as 0."""
+    return f"{0.0 if abs(value) < 1e-15 else value:.{digits}g}"
+
+
+def vector(values: npt.ArrayLike | Sequence[float], digits: int = 5) -> str:
+    """Numbers in a row; what is nothing beside the largest prints as 0."""
+    array = np.asarray(values, dtype=np.float64)
+    noise = 1e-14 * np.abs(array).max(initial=0.0)
+    return "(" + ", ".join(number(x if abs(x) > noise else 0.0, digits) for x in array) + ")"
+
+
+def joint_value(value: float, kind: str, deg: bool) -> str:
+    """An angle or a displacement with its unit."""
+    if math.isinf(value):
+        return "none"
+    if kind == "prismatic":
+        return f"{number(value, 5)} m"
+    return f"{number(math.degrees(value), 5)}°" if deg else f"{number(value, 5)} rad"
+
+
+def print_json(value: Any) -> None:
+    """Strict JSON: infinite numbers, which JSON has not, become null."""
+    print(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _finite(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

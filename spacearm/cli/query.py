@@ -1,0 +1,139 @@
+"""spacearm query: what one configuration allows the tip to do."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Annotated, Any
+
+import numpy as np
+import pinocchio as pin
+import typer
+from rich.text import Text
+
+from spacearm.cli.options import (
+    AsJson,
+    Checked,
+    Degrees,
+    Length,
+    Lock,
+    ModelName,
+    TaskRows,
+    Tip,
+    arm_from,
+    joint_values,
+)
+from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
+from spacearm.configuration import Configuration
+from spacearm.errors import ConfigurationError
+from spacearm.jacobian import BaseMode
+from spacearm.singularity import RANK_TOLERANCE, SingularityReport, singularity
+
+STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
+
+
+class Spacecraft(str, Enum):
+    """What the spacecraft does."""
+
+    FREE = "free-floating"
+    CONTROLLED = "attitude-controlled"
+    FIXED = "fixed"
+
+
+def query(
+    model: ModelName,
+    q: Annotated[
+        list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
+    ] = None,
+    attitude: Annotated[
+        tuple[float, float, float],
+        typer.Option(help="Spacecraft roll, pitch, yaw.", metavar="R P Y"),
+    ] = (0.0, 0.0, 0.0),
+    base: Annotated[Spacecraft, typer.Option(help="What the spacecraft does.")] = Spacecraft.FREE,
+    tolerance: Annotated[
+        float, typer.Option(help="Share of the largest singular value that counts as zero.")
+    ] = RANK_TOLERANCE,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
+    as_json: AsJson = False,
+) -> None:
+    """Reports whether a configuration is singular, what is lost and what is left."""
+    arm = arm_from(model, tip, task, length, lock, check, deg)
+    rpy = np.radians(attitude) if deg else np.array(attitude)
+    if not np.isfinite(rpy).all():
+        raise ConfigurationError(f"--attitude is {vector(rpy)}; give three finite angles")
+    pose = pin.SE3(pin.rpy.rpyToMatrix(rpy), np.zeros(3))
+    cfg = arm.at(joint_values(arm, q or [], deg), pose)
+    mode: BaseMode = base.value
+    report = singularity(cfg, base=mode, tolerance=tolerance)
+    if as_json:
+        return print_json(_answer(cfg, report, mode))
+    _print(cfg, report, mode, deg)
+
+
+def _answer(cfg: Configuration, report: SingularityReport, mode: BaseMode) -> dict[str, Any]:
+    return {
+        "model": cfg.arm.name,
+        "joints": cfg.arm.joint_names,
+        "q": cfg.q,
+        "base": mode,
+        "attitude": cfg.base.rotation,
+        "tip": {"position": cfg.tip.translation, "rotation": cfg.tip.rotation},
+        "cm": cfg.com,
+        "radius": _radius(cfg),
+        "task": {"rows": cfg.arm.task.rows, "unit": cfg.arm.task.unit},
+        **report.to_dict(),
+    }
+
+
+def _radius(cfg: Configuration) -> float:
+    return float(np.linalg.norm(cfg.tip.translation - cfg.com))
+
+
+def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: bool) -> None:
+    arm, task = cfg.arm, cfg.arm.task
+    k = task.k
+    verdict = report.kind if report.rank == k else f"{report.kind} singularity"
+    lost = "" if report.rank == k else f", {k - report.rank} of {k} directions lost"
+    out.print(Text.assemble((arm.name, "bold"), f", {mode}: ", (verdict, STYLE[report.kind]), lost))
+
+    heading("Posture")
+    joints = table("joint", "q", "dsigma_min/dq", "")
+    for name, q, slope in zip(arm.joint_names, cfg.q, report.gradient, strict=True):
+        joint = arm.tree.joints[name]
+        outside = "" if joint.lower <= q <= joint.upper else "outside its limits"
+        joints.add_row(name, joint_value(q, joint.kind, deg), number(slope, 4), outside)
+    out.print(joints)
+
+    heading("Tip")
+    facts = table("", "")
+    facts.add_row("position, inertial frame", f"{vector(cfg.tip.translation)} m")
+    facts.add_row("distance R from the system CM", f"{number(_radius(cfg))} m")
+    facts.add_row("sigma_min", f"{number(report.sigma_min)} {task.unit}")
+    facts.add_row("condition", number(report.condition))
+    facts.add_row("manipulability", number(report.manipulability))
+    if report.determinant is not None:
+        facts.add_row("determinant", number(report.determinant))
+    if report.length is not None:
+        facts.add_row("linear rows divided by", f"{number(report.length)} m")
+    out.print(facts)
+
+    inertial = np.allclose(report.axes, np.eye(3))
+    heading(
+        f"Directions, {'inertial' if inertial else 'task'} axes, singular values in {task.unit}"
+    )
+    directions = table("", "sigma", *task.rows)
+    for i, direction in enumerate(np.hstack((report.available, report.lost)).T):
+        label, style = ("available", "green") if i < report.rank else ("lost", "red")
+        components = (number(x, 4) for x in direction)
+        directions.add_row(label, number(report.sigma[i], 4), *components, style=style)
+    out.print(directions)
+    if report.still.size:
+        heading("Joint motions that leave the tip at rest")
+        still = table(*arm.joint_names)
+        for motion in report.still.T:
+            still.add_row(*(number(x, 4) for x in motion))
+        out.print(still)

@@ -1,0 +1,46 @@
+"""The errors that spacearm raises: each names the thing, its value and the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import SequenceMatcher
+
+
+class SpaceArmError(Exception):
+    """Root of all errors raised by spacearm."""
+
+
+class ModelError(SpaceArmError, ValueError):
+    """A URDF or a model parameter is wrong."""
+
+
+class ConfigurationError(SpaceArmError, ValueError):
+    """An argument has the wrong shape, is not finite, or names something that does not exist."""
+
+
+class UnsupportedError(SpaceArmError, NotImplementedError):
+    """This arm cannot have the feature asked for; the message says why."""
+
+
+class NoSolutionError(SpaceArmError):
+    """No solution was found.
+
+    Attributes:
+        best: The best attempt, or None.
+    """
+
+    def __init__(self, message: str, best: object = None) -> None:
+        super().__init__(message)
+        self.best = best
+
+
+class ModelWarning(UserWarning):
+    """A model loads, but something in it deserves a look."""
+
+
+def unknown(kind: str, name: object, valid: Iterable[str]) -> str:
+    """The message for a name that does not exist, with the valid ones, nearest first."""
+    nearest = sorted(
+        valid, key=lambda v: -SequenceMatcher(None, str(name).lower(), v.lower()).ratio()
+    )
+    return f"unknown {kind} {str(name)!r}; valid, nearest first: {', '.join(nearest) or 'none'}"

@@ -1,0 +1,125 @@
+"""The generalized Jacobian J*, the fixed-base Jacobian, and their derivatives.
+
+Zero momentum, A_b v_b + A_q dq = 0, gives the spacecraft's twist v_b = -X dq, X = A_b^-1 A_q.
+The tip moves with J_b v_b + J_q dq = J* dq, hence
+
+    J* = J_q - J_b A_b^-1 A_q        (equations (1) and (35) by another route).
+
+Where the spacecraft is held, only the part of v_b that is free takes part: all six components
+when it floats, the three linear ones when its attitude is controlled, none when it is fixed.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.configuration import LWA, Configuration, joint_vector
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.momentum import base_velocity
+
+BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
+
+FREE_TWIST = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}
+"""How many components of the spacecraft's twist [linear; angular] momentum decides."""
+
+
+def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+    """J* with [rdot_E; w_E] = J* dq at zero momentum, equation (35).
+
+    Papadopoulos & Dubowsky, J. Dyn. Sys. Meas. Control 115(1), 44-52 (1993),
+    DOI 10.1115/1.2897406; Umetani & Yoshida, IEEE Trans. Robot. Autom. 5(3), 303-314 (1989),
+    DOI 10.1109/70.34766. `Barycentric.generalized_jacobian` computes the same by the paper's
+    own equations.
+
+    Args:
+        cfg: The configuration.
+        base: What the spacecraft does: "free-floating" (linear and angular momentum zero),
+            "attitude-controlled" (w_0 = 0, linear momentum zero: section VI of the paper) or
+            "fixed" (the earth-bound arm).
+
+    Returns:
+        (6, n) J*, rows [linear [m/rad]; angular], inertial axes, for the tip frame's origin.
+
+    Raises:
+        ConfigurationError: `base` is none of the three.
+    """
+    f = _free(base)
+    A, J = cfg.A, cfg.J
+    J_star: Array = J[:, 6:] - J[:, :f] @ np.linalg.solve(A[:f, :f], A[:f, 6:])
+    return J_star
+
+
+def fixed_base_jacobian(cfg: Configuration) -> Array:
+    """J_q, the Jacobian of the same arm on a base that does not move.
+
+    Returns:
+        (6, n) Jacobian, rows [linear; angular], inertial axes, for the tip frame's origin.
+    """
+    return generalized_jacobian(cfg, base="fixed")
+
+
+def generalized_jacobian_derivative(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+    """dJ*/dq_j for every joint j, the spacecraft's pose held.
+
+    From dA/dq_j and dJ/dq_j, which Pinocchio computes analytically, by differentiating
+    J* = J_q - J_b X with A_b X = A_q.
+
+    Returns:
+        (n, 6, n): entry j is the partial derivative of J* with respect to q_j.
+    """
+    f = _free(base)
+    A, J = cfg.A, cfg.J
+    dA, dJ = _partial_derivatives(cfg)
+    X = np.linalg.solve(A[:f, :f], A[:f, 6:])
+    dX = np.linalg.solve(A[:f, :f], dA[:, :f, 6:] - dA[:, :f, :f] @ X)
+    dJ_star: Array = dJ[..., 6:] - dJ[..., :f] @ X - J[:, :f] @ dX
+    return dJ_star
+
+
+def generalized_jacobian_rate(
+    cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
+) -> Array:
+    """dJ*/dt of the free-floating system along the motion with joint rates dq.
+
+    The spacecraft moves as momentum conservation demands, so that the rate includes the turning
+    of J* = diag(T_0, T_0) 0J*(q) with the attitude.
+
+    Args:
+        cfg: The configuration.
+        dq: (n,) joint rates [rad/s] or [m/s].
+        momentum: (6,) momentum, zero if None; see `base_velocity`.
+
+    Returns:
+        (6, n) time derivative of J*, inertial axes.
+    """
+    dq = joint_vector(cfg.arm, dq, "dq")
+    w_0 = pin.skew(base_velocity(cfg, dq, momentum)[3:])
+    turning = np.kron(np.eye(2), w_0) @ generalized_jacobian(cfg)
+    rate: Array = np.tensordot(dq, generalized_jacobian_derivative(cfg), axes=1) + turning
+    return rate
+
+
+def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:
+    """(n, 6, 6 + n) each: dA/dq_j and dJ/dq_j, as the rates at dq = e_j with the base at rest."""
+    arm, full = cfg.arm, cfg.full
+    dA, dJ = np.empty((2, arm.n, 6, 6 + arm.n))
+    data = arm.borrow()
+    for j, dq in enumerate(np.eye(arm.n)):
+        v = np.concatenate((np.zeros(6), arm.all_rates(dq)))
+        dA[j] = arm.project(pin.computeCentroidalMapTimeVariation(arm.model, data, full, v))
+        pin.computeJointJacobiansTimeVariation(arm.model, data, full, v)
+        rate = pin.getFrameJacobianTimeVariation(arm.model, data, arm.tip_frame, LWA)
+        dJ[j] = arm.project(rate)
+    arm.give_back(data)
+    return dA, dJ
+
+
+def _free(base: str) -> int:
+    if base not in FREE_TWIST:
+        raise ConfigurationError(unknown("base", base, FREE_TWIST))
+    return FREE_TWIST[base]

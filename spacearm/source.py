@@ -1,0 +1,109 @@
+"""XML source: a URDF file opened safely, and numbers taken from its elements with care."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from spacearm.arrays import Array
+from spacearm.errors import ModelError, ModelWarning
+
+XACRO = "{http://www.ros.org/wiki/xacro}"
+
+
+class Source:
+    """One URDF file: gives elements, numbers and poses, or says what is wrong with them."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def fail(self, problem: str, remedy: str) -> NoReturn:
+        """Raises the `ModelError` that names this file."""
+        raise ModelError(f"{self.path}: {problem}; {remedy}")
+
+    def warn(self, message: str) -> None:
+        """Gives the `ModelWarning` that names this file."""
+        warnings.warn(f"{self.path}: {message}", ModelWarning, stacklevel=2)
+
+    def robot(self) -> etree._Element:
+        """The root element of a file that is XML, is a URDF and plays no tricks."""
+        try:
+            text = self.path.read_bytes()
+        except FileNotFoundError:
+            self.fail("no such file", "check the path")
+        except OSError as error:
+            self.fail(f"cannot be read ({error.strerror})", "give the path of a URDF file")
+        parser = etree.XMLParser(
+            resolve_entities=False,
+            no_network=True,
+            load_dtd=False,
+            remove_comments=True,
+            remove_pis=True,
+        )
+        try:
+            robot = etree.fromstring(text, parser)
+        except etree.XMLSyntaxError as error:
+            self.fail(f"is not XML ({error.msg})", "correct it there")
+        if etree.ElementTree(robot).docinfo.doctype:
+            self.fail("declares a DOCTYPE", "remove it: entities are not expanded")
+        if robot.tag != "robot":
+            self.fail(
+                f"is not a URDF: its root element is <{robot.tag!s}>",
+                "a URDF starts with <robot name='...'>",
+            )
+        if any(str(element.tag).startswith(XACRO) for element in robot.iter()):
+            self.fail("is a xacro source", "expand it first: xacro FILE > robot.urdf")
+        return robot
+
+    def named(self, robot: etree._Element, tag: str) -> dict[str, etree._Element]:
+        """The children with this tag by their names, which must be there and be unique."""
+        elements: dict[str, etree._Element] = {}
+        for element in robot.findall(tag):
+            name = element.get("name")
+            if not name:
+                self.fail(f"the <{tag}> on line {element.sourceline} has no name", "name it")
+            if name in elements:
+                lines = f"lines {elements[name].sourceline} and {element.sourceline}"
+                self.fail(f"two {tag}s are named {name!r} ({lines})", "rename one")
+            elements[name] = element
+        return elements
+
+    def numbers(
+        self, element: etree._Element, attribute: str, count: int, default: str | None = None
+    ) -> Array:
+        """`count` finite numbers from an attribute."""
+        text = element.get(attribute, default)
+        if text is None:
+            self.fail(f"{describe(element)} has no {attribute}", f"add {attribute}='...'")
+        try:
+            values = np.array([float(word) for word in text.split()])
+        except ValueError:
+            values = np.array([])
+        if len(values) != count or not np.isfinite(values).all():
+            wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+            self.fail(f"{describe(element)} has {attribute}={text!r}", f"give {wanted}")
+        return values
+
+    def number(self, element: etree._Element, attribute: str, default: str | None = None) -> float:
+        """One finite number from an attribute."""
+        return float(self.numbers(element, attribute, 1, default)[0])
+
+    def pose(self, element: etree._Element) -> pin.SE3:
+        """The pose in a child <origin xyz rpy>; the identity if there is none (URDF's default)."""
+        origin = element.find("origin")
+        if origin is None:
+            return pin.SE3.Identity()
+        rpy = self.numbers(origin, "rpy", 3, "0 0 0")
+        return pin.SE3(pin.rpy.rpyToMatrix(rpy), self.numbers(origin, "xyz", 3, "0 0 0"))
+
+
+def describe(element: etree._Element) -> str:
+    """Where an element stands, as in: <mass> of link 'boom' (line 12)."""
+    owner = next((e for e in (element, *element.iterancestors()) if e.get("name")), element)
+    where = "" if owner is element else f"<{element.tag!s}> of "
+    return f"{where}{owner.tag!s} {owner.get('name')!r} (line {element.sourceline})"

@@ -1,0 +1,133 @@
+"""Task: which rows of the tip's twist count, and the length that makes them comparable."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, unknown
+
+ROWS = ("x", "y", "z", "rx", "ry", "rz")
+ALIASES = {"pose": ROWS, "position": ROWS[:3], "orientation": ROWS[3:]}
+
+
+@dataclass(frozen=True)
+class Task:
+    """The rows of the tip's twist that a job asks for.
+
+    The rows are directions fixed to the spacecraft, as in equation (37), which takes the
+    determinant of 0J*: whether a posture is singular then depends on the joints only, never on
+    the attitude. Their components are given along the task axes (see `axes`), which are the
+    inertial axes wherever the task allows it.
+
+    Attributes:
+        names: Rows, as "x y rz" in any order, or "pose", "position", "orientation".
+        length: Length [m] that divides the linear rows when linear and angular rows are both
+            present; None where there is nothing to scale (or, before an arm is loaded with the
+            task, to take the arm's own: the length of its chain from the first joint to the tip).
+    """
+
+    names: str
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.names, str):
+            raise ConfigurationError(f"task is {self.names!r}; name its rows in one string")
+        if self.length is not None and not (math.isfinite(self.length) and self.length > 0):
+            raise ConfigurationError(
+                f"task length is {self.length}; give a positive length in metres"
+            )
+        if not self.rows or len(set(self.rows)) != len(self.rows):
+            raise ConfigurationError(
+                f"task {self.names!r} must name at least one row and none twice; "
+                f"rows: {' '.join(ROWS)}"
+            )
+
+    @cached_property
+    def rows(self) -> tuple[str, ...]:
+        """The rows by name, in the order given."""
+        names = self.names.replace(",", " ").split()
+        if len(names) == 1 and names[0] in ALIASES:
+            return ALIASES[names[0]]
+        for name in names:
+            if name not in ROWS:
+                raise ConfigurationError(unknown("task row", name, (*ROWS, *ALIASES)))
+        return tuple(names)
+
+    @cached_property
+    def indices(self) -> list[int]:
+        """The rows by number, in a twist [linear; angular]."""
+        return [ROWS.index(row) for row in self.rows]
+
+    @property
+    def k(self) -> int:
+        """Number of rows."""
+        return len(self.rows)
+
+    @property
+    def mixed(self) -> bool:
+        """Whether linear and angular rows are both present."""
+        return len({index // 3 for index in self.indices}) == 2
+
+    @cached_property
+    def scale(self) -> Array:
+        """(k, 1) factors of the rows: 1 / length for the linear rows of a mixed task, else 1."""
+        linear = np.array(self.indices)[:, None] < 3
+        return np.where(linear & self.mixed, 1.0 / (self.length or 1.0), 1.0)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the singular values of the task Jacobian of a revolute arm."""
+        return "1/rad" if self.mixed or min(self.indices) >= 3 else "m/rad"
+
+    def axes(self, R: Array) -> Array:
+        """The task axes at the spacecraft attitude R.
+
+        A task with all three linear rows, or none, and all three angular rows, or none, turns
+        into itself with the spacecraft: its axes are the inertial axes. One that singles out a
+        direction or the plane normal to it (the "x y" of a planar arm) is tilted with that
+        direction by the smallest rotation, so that attitudes about the direction leave the axes
+        inertial. One that singles out several directions turns with the spacecraft.
+
+        Args:
+            R: (3, 3) spacecraft attitude, spacecraft to inertial axes.
+
+        Returns:
+            (3, 3) columns: the task axes x, y, z in inertial axes.
+        """
+        singled_out = {axis for kind in (0, 3) if (axis := self._singled_out(kind)) is not None}
+        if not singled_out:
+            return np.eye(3)
+        e = np.eye(3)[singled_out.pop()]
+        cosine = e @ R @ e
+        if singled_out or cosine < 1e-9 - 1.0:
+            return R
+        x, y, z = np.cross(e, R @ e)
+        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        tilt: Array = np.eye(3) + K + K @ K / (1.0 + cosine)
+        return tilt
+
+    def _singled_out(self, kind: int) -> int | None:
+        """The axis that the linear (kind 0) or angular (kind 3) rows are, or are normal to."""
+        present = {index - kind for index in self.indices if index // 3 == kind // 3}
+        if len(present) == 1:
+            return present.pop()
+        return ({0, 1, 2} - present).pop() if len(present) == 2 else None
+
+    def jacobian(self, J: Array, R: Array) -> Array:
+        """The task's rows of a Jacobian, along the task axes, scaled.
+
+        Args:
+            J: (..., 6, n) Jacobian, rows [linear; angular], inertial axes.
+            R: (3, 3) spacecraft attitude.
+
+        Returns:
+            (..., k, n) task Jacobian; linear rows in [m], or divided by `length` if mixed.
+        """
+        axes = self.axes(R)
+        turned = axes.T @ J.reshape(*J.shape[:-2], 2, 3, J.shape[-1])
+        return self.scale * turned.reshape(J.shape)[..., self.indices, :]

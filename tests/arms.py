@@ -1,0 +1,159 @@
+"""Robots for the tests: URDF text by hand, and random arms for hypothesis."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from hypothesis import strategies as st
+
+import spacearm as sa
+
+LIMIT = '<limit lower="-3" upper="3" effort="10" velocity="1"/>'
+
+
+def numbers(values) -> str:
+    return " ".join(repr(float(value)) for value in np.ravel(values))
+
+
+def link(name="link", mass=1.0, com=(0, 0, 0), inertia=None, inside="") -> str:
+    I = np.eye(3) if inertia is None else np.asarray(inertia)
+    entries = " ".join(
+        f'i{"xyz"[i]}{"xyz"[j]}="{float(I[i, j])!r}"' for i in range(3) for j in range(i, 3)
+    )
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{numbers(com)}"/>'
+        f'<mass value="{mass}"/><inertia {entries}/></inertial>{inside}</link>'
+    )
+
+
+def frame(name) -> str:
+    return f'<link name="{name}"/>'
+
+
+def joint(
+    name,
+    parent,
+    child,
+    kind="revolute",
+    xyz=(0.5, 0, 0),
+    rpy=(0, 0, 0),
+    axis=(0, 0, 1),
+    inside=LIMIT,
+) -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{numbers(xyz)}" rpy="{numbers(rpy)}"/><axis xyz="{numbers(axis)}"/>'
+        f"{inside}</joint>"
+    )
+
+
+def robot(*elements) -> str:
+    return f'<?xml version="1.0"?>\n<robot name="r">\n{chr(10).join(elements)}\n</robot>\n'
+
+
+def two_links(**joint_options) -> tuple[str, ...]:
+    return (link("bus", 50.0), link("arm"), joint("elbow", "bus", "arm", **joint_options))
+
+
+def load_text(text: str, **options) -> sa.SpaceArm:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(text, encoding="utf-8")
+        return sa.load(path, **options)
+
+
+def random_inertia(rng, mass) -> np.ndarray:
+    """About the CM of a random cloud of points: always possible for a rigid body."""
+    points = rng.normal(size=(5, 3)) * rng.uniform(0.05, 0.6)
+    points -= points.mean(axis=0)
+    return mass / 5 * sum(p @ p * np.eye(3) - np.outer(p, p) for p in points)
+
+
+def random_link(rng, name, mass=None) -> str:
+    mass = 10 ** rng.uniform(-0.5, 1.5) if mass is None else mass
+    return link(name, mass, rng.normal(size=3) * 0.4, random_inertia(rng, mass))
+
+
+def random_joint(rng, name, parent, child, kinds=("revolute",), inside=LIMIT) -> str:
+    return joint(
+        name,
+        parent,
+        child,
+        kind=rng.choice(kinds),
+        xyz=rng.normal(size=3) * 0.6,
+        rpy=rng.uniform(-np.pi, np.pi, 3),
+        axis=rng.normal(size=3),
+        inside=inside,
+    )
+
+
+def random_chain(seed: int, n: int, kinds=("revolute", "continuous")) -> str:
+    rng = np.random.default_rng(seed)
+    names = ["bus", *(f"link_{i}" for i in range(1, n + 1))]
+    elements = [random_link(rng, "bus", 10 ** rng.uniform(1, 3))]
+    elements += [random_link(rng, name) for name in names[1:]]
+    elements += [
+        random_joint(rng, f"joint_{i}", names[i - 1], names[i], kinds) for i in range(1, n + 1)
+    ]
+    elements.append(frame("tip"))
+    elements.append(joint("tip_joint", names[-1], "tip", "fixed", rng.normal(size=3) * 0.5))
+    return robot(*elements)
+
+
+def random_tree(seed: int, n: int) -> str:
+    """Any movable joints, any branching, a mimic joint now and then; the tip is a random link."""
+    rng = np.random.default_rng(seed)
+    kinds = ("revolute", "continuous", "prismatic")
+    elements = [random_link(rng, "link_0", 10 ** rng.uniform(1, 3))]
+    for i in range(1, n + 1):
+        follows = i > 1 and rng.random() < 0.2
+        mimic = f'<mimic joint="joint_1" multiplier="{rng.normal()}" offset="{rng.normal()}"/>'
+        elements.append(random_link(rng, f"link_{i}"))
+        parent = f"link_{rng.integers(0, i)}"
+        inside = LIMIT + (mimic if follows else "")
+        elements.append(random_joint(rng, f"joint_{i}", parent, f"link_{i}", kinds, inside))
+    return robot(*elements)
+
+
+def random_base(rng) -> pin.SE3:
+    quaternion = rng.normal(size=4)
+    return pin.SE3(pin.Quaternion(quaternion / np.linalg.norm(quaternion)), rng.normal(size=3))
+
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+two_to_nine = st.integers(2, 9)
+one_to_eight = st.integers(1, 8)
+
+
+@st.composite
+def chains(draw, joints=two_to_nine) -> sa.Configuration:
+    """A random spatial chain in a random posture at a random spacecraft pose."""
+    seed = draw(seeds)
+    arm = load_text(random_chain(seed, draw(joints)), tip="tip")
+    return random_configuration(arm, seed)
+
+
+@st.composite
+def trees(draw, joints=one_to_eight) -> sa.Configuration:
+    """A random tree in a random posture at a random spacecraft pose."""
+    seed, n = draw(seeds), draw(joints)
+    tip = f"link_{draw(st.integers(1, n))}"
+    arm = load_text(random_tree(seed, n), tip=tip, task=sa.Task("pose", length=1.0))
+    return random_configuration(arm, seed)
+
+
+def random_configuration(arm: sa.SpaceArm, seed: int) -> sa.Configuration:
+    rng = np.random.default_rng(seed + 1)
+    return arm.at(rng.uniform(-np.pi, np.pi, arm.n), random_base(rng))
+
+
+def moved(cfg: sa.Configuration, dq, v_b, h: float) -> sa.Configuration:
+    """The configuration after time h with joint rates dq and spacecraft twist v_b."""
+    turned = pin.exp3(h * v_b[3:]) @ cfg.base.rotation
+    shifted = cfg.base.translation + h * v_b[:3]
+    return cfg.arm.at(cfg.q + h * dq, pin.SE3(turned, shifted))

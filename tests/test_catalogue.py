@@ -1,0 +1,84 @@
+"""The models: every one is what its source says."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from lxml import etree
+
+import spacearm as sa
+
+NAMES = [info.name for info in sa.catalogue()]
+
+
+def test_catalogue_lists_the_models_of_the_package():
+    assert NAMES == ["planar2", "planar3", "mda6", "ets7", "chaser7"]
+
+
+@pytest.mark.parametrize("info", sa.catalogue(), ids=NAMES)
+def test_entries_are_true(info):
+    arm = sa.load(info.name)
+    assert (arm.n, arm.tip, arm.task.names) == (info.n, info.tip, info.task)
+    assert len(info.summary) > 10
+    assert len(info.source) > 10
+    assert np.isfinite(arm.lower).all()
+    assert np.isfinite(arm.upper).all()
+    robot = etree.parse(info.path).getroot()
+    assert robot.getprevious() is not None, "names its source in a comment at its head"
+    for link in robot.findall("link"):
+        if link.find("inertial") is not None:
+            assert link.find("visual") is not None, link.get("name")
+
+
+@pytest.mark.parametrize(
+    ("name", "masses"),
+    [
+        ("planar2", [40, 4, 3]),
+        ("planar3", [64.859, 2.9130, 2.6460, 1.6990]),
+        ("mda6", [786, 0.36, 9.20, 9.20, 0.36, 0.36, 1.78]),
+        ("ets7", [2552, 35, 22.7, 21.4, 16.8, 26.2, 18.1]),
+        ("chaser7", [1579.20, 10, 17, 10, 16, 10, 10, 9]),
+    ],
+)
+def test_masses(name, masses):
+    assert [body.mass for body in list(sa.load(name).model.inertias)[1:]] == pytest.approx(masses)
+
+
+def test_planar2_is_table_1():
+    inertias = list(sa.load("planar2").model.inertias)[1:]
+    assert [body.inertia[2, 2] for body in inertias] == [6.667, 0.333, 0.250]
+    assert np.allclose(sa.load("planar2").at([0, 0]).tip.translation, [2.5, 0, 0])
+
+
+def test_planar3_stretches_along_x():
+    tip = sa.load("planar3").at([0, 0, 0]).tip.translation
+    assert np.allclose(tip, [0.3696 + 0.4488 + 0.4499 + 0.3545, 0.001279, 0])
+
+
+def test_mda6_is_its_denavit_hartenberg_table():
+    rows = [
+        (0.10, np.pi / 2, 0.06, 0), (2.61, 0, 0.10, 0), (2.62, 0, 0.10, 0),
+        (0.10, -np.pi / 2, 0.10, 0), (0.10, np.pi / 2, 0.14, np.pi / 2), (0, 0, 0.50, 0),
+    ]  # fmt: skip
+    q = np.radians([10, 60, -100, -50, 20, 30])
+    T = np.eye(4)
+    T[2, 3] = 1.3
+    for (a, alpha, d, offset), angle in zip(rows, q, strict=True):
+        c, s, ca, sa_ = *(f(angle + offset) for f in (np.cos, np.sin)), np.cos(alpha), np.sin(alpha)
+        T = T @ [
+            [c, -s * ca, s * sa_, a * c],
+            [s, c * ca, -c * sa_, a * s],
+            [0, sa_, ca, d],
+            [0, 0, 0, 1],
+        ]
+    assert sa.load("mda6").at(q).tip.isApprox(pin.SE3(T), 1e-12)
+
+
+def test_chaser7_links_follow_their_source():
+    cfg = sa.load("chaser7").at(np.zeros(7))
+    origins = [(0, 0.084, 0.256), (0, -1.774, 0.084), (0, 0.084, 0.126), (0, -1.604, 0.084),
+               (0, -0.084, 0.126), (0, 0.126, 0.084), (0, 0, 0.294)]  # fmt: skip
+    turns = [(-1, 0, 0), (1, 2, 0), (-1, 0, 0), (1, 2, 0), (1, 0, 0), (-1, 0, 0), (0, 0, 0)]
+    pose = pin.SE3(pin.rpy.rpyToMatrix(np.pi, -np.pi / 2, 0), np.array([1.5, 0, 0]))
+    for xyz, turn in zip(origins, turns, strict=True):
+        pose = pose * pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2 * np.array(turn)), np.array(xyz))
+    assert cfg.tip.isApprox(pose, 1e-12)

@@ -1,0 +1,75 @@
+"""The package from outside: the wheel elsewhere, import cost, README."""
+
+import os
+import re
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def python(executable, *words, **options):
+    run = subprocess.run(
+        [executable, *map(str, words)], capture_output=True, text=True, check=False, **options
+    )
+    assert run.returncode == 0, run.stderr
+    return run
+
+
+@pytest.fixture(scope="module")
+def wheel_python(tmp_path_factory):
+    """A fresh environment with the wheel in it, and this one's packages but spacearm."""
+    folder = tmp_path_factory.mktemp("elsewhere")
+    python(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
+    (wheel,) = folder.glob("spacearm-*.whl")
+    venv.create(folder / "env", with_pip=False, symlinks=True)
+    executable = folder / "env" / "bin" / "python"
+    (site,) = (folder / "env" / "lib").glob("python*/site-packages")
+    ours = [path for path in sys.path if path.startswith(sys.prefix) and "site-packages" in path]
+    (site / "dependencies.pth").write_text("\n".join(ours))
+    python(sys.executable, "-m", "zipfile", "-e", wheel, site)
+    return executable, folder
+
+
+def test_the_wheel_works_elsewhere(wheel_python):
+    executable, folder = wheel_python
+    code = "import spacearm as sa; print(sa.__file__); print(sa.load('planar2'), sa.load('mda6'))"
+    run = python(executable, "-c", code, cwd=folder)
+    assert run.stdout.startswith(str(folder))
+    words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")
+    assert "dynamic singularity" in python(executable, *words, cwd=folder).stdout
+
+
+def test_the_wheel_is_complete(wheel_python):
+    _, folder = wheel_python
+    (site,) = (folder / "env" / "lib").glob("python*/site-packages")
+    assert (site / "spacearm" / "py.typed").is_file()
+    models = {path.name for path in (ROOT / "models").iterdir()}
+    assert {path.name for path in (site / "spacearm" / "models").iterdir()} == models
+    entry = next(site.glob("spacearm-*.dist-info")) / "entry_points.txt"
+    assert "spacearm = spacearm.cli:main" in entry.read_text()
+
+
+def test_import_is_light():
+    run = python(sys.executable, "-X", "importtime", "-c", "import spacearm")
+    imported = set(re.findall(r"\|\s+(\S+)$", run.stderr, re.MULTILINE))
+    heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "yourdfpy", "scipy"}
+    assert not heavy & imported
+
+
+def test_every_public_name_is_there_and_documented():
+    import spacearm as sa
+
+    for name in sa.__all__:
+        thing = getattr(sa, name)
+        assert name == "__version__" or thing.__doc__, name
+
+
+def test_output_survives_a_plain_ascii_terminal():
+    env = os.environ | {"PYTHONIOENCODING": "ascii:backslashreplace", "NO_COLOR": "1"}
+    words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")
+    assert "dynamic" in python(sys.executable, *words, env=env).stdout
