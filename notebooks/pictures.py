@@ -1,0 +1,86 @@
+"""Draws the pictures of README.md anew:  python notebooks/pictures.py  (needs matplotlib)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pinocchio as pin
+from matplotlib.patches import Polygon
+
+import spacearm as sa
+
+FOLDER = Path(__file__).parent / "pictures"
+BLUE, RED, GREY, GOLD = "#0072b2", "#d55e00", "#5b6470", "#d9b25f"  # Okabe and Ito: safe for all
+
+
+def draw_planar2(axes: plt.Axes, cfg: sa.Configuration, label: str) -> None:
+    """The posture, the velocities that unit joint rates give to the tip, and what is lost."""
+    report = sa.singularity(cfg)
+    T = cfg.base.homogeneous
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    axes.add_patch(
+        Polygon(corners @ T[:2, :2].T + T[:2, 3], facecolor=GOLD, edgecolor=GREY, alpha=0.9)
+    )
+    elbows = [cfg.base.act(np.array([0.5, 0.0, 0.0]))]
+    elbows.append(cfg.arm.replace(tip="link_2").at(cfg.q, cfg.base).tip.translation)
+    elbows.append(cfg.tip.translation)
+    joints = np.array(elbows)[:, :2]
+    axes.plot(*joints.T, "-o", color=GREY, lw=5, ms=9, mfc="white", mec=GREY, solid_capstyle="round")
+    axes.plot(*cfg.com[:2], marker="P", ms=9, color="black", ls="none")
+    axes.annotate("system CM", cfg.com[:2], (0, -18), textcoords="offset points", ha="center")
+    tip, scale = joints[-1], 0.75
+    circle = np.array([np.cos(t := np.linspace(0, 2 * np.pi, 200)), np.sin(t)])
+    ellipse = tip[:, None] + scale * report.jacobian @ circle
+    axes.plot(*ellipse, color=BLUE, lw=2)
+    if report.lost.size:
+        for sign in (1, -1):
+            axes.annotate(
+                "",
+                tip + sign * 0.8 * report.lost[:, 0],
+                tip,
+                arrowprops={"arrowstyle": "-|>", "color": RED, "lw": 2.5},
+            )
+        low = min((tip + sign * 0.85 * report.lost[:, 0] for sign in (1, -1)), key=lambda p: p[1])
+        axes.text(*low, "no motion\nthis way", color=RED, va="top", ha="center")
+    axes.set_title(label, loc="left", fontsize=11)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+
+
+def singular_posture() -> None:
+    """Figure 3 of the paper beside a posture a few degrees of arc away, and where both lie."""
+    arm = sa.load("planar2")
+    attitude = pin.SE3(pin.utils.rotate("z", np.radians(40)), np.zeros(3))
+    singular, regular = np.radians([-65, -11.41]), np.radians([-65, -75])
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4.6), layout="constrained")
+    draw_planar2(left, arm.at(regular, attitude), "Regular: the tip moves every way")
+    draw_planar2(middle, arm.at(singular, attitude), "Dynamic singularity: one way is lost")
+    left.set_ylabel("y [m]")
+    for axes in (left, middle):
+        axes.set(xlim=(-0.9, 3.1), ylim=(-1.9, 1.5))
+    left.text(1.15, -1.78, "tip velocities for unit joint rates", color=BLUE, ha="center")
+
+    grid = np.radians(np.linspace(-180, 180, 181))
+    sigma = np.array([
+        [sa.singularity(arm.at([q1, q2])).sigma_min for q1 in grid] for q2 in grid
+    ])  # fmt: skip
+    degrees = np.degrees(grid)
+    image = right.pcolormesh(
+        degrees, degrees, np.log10(sigma.clip(1e-3)), cmap="cividis", rasterized=True
+    )
+    figure.colorbar(image, ax=right, shrink=0.8, label="log10 of sigma_min [m/rad]")
+    for q, name, color in ((singular, "singular", RED), (regular, "regular", BLUE)):
+        right.plot(*np.degrees(q), "o", color=color, ms=8, mec="white")
+        right.annotate(name, np.degrees(q), (8, 6), textcoords="offset points", color="white")
+    right.set(xlabel="q1 [deg]", ylabel="q2 [deg]", aspect="equal")
+    right.set_title("Where: the dark valleys in joint space", loc="left", fontsize=11)
+    right.set_xticks(range(-180, 181, 90))
+    right.set_yticks(range(-180, 181, 90))
+    figure.savefig(FOLDER / "singular_posture.png", dpi=110)
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    singular_posture()
