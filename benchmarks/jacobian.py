@@ -56,7 +56,7 @@ def spart(arm: sa.SpaceArm) -> Callable[[np.ndarray], np.ndarray]:
     masses = [link.mass for link in robot.links]
 
     def generalized_jacobian(q: np.ndarray) -> np.ndarray:
-        RJ, RL, rJ, rL, e, g = model.kinematics(attitude, origin, q)
+        _, RL, _, rL, e, g = model.kinematics(attitude, origin, q)
         Bij, Bi0, P0, pm = model.diff_kinematics(attitude, origin, rL, e, g)
         I0, Im = model.i_i(attitude, RL)
         M = np.zeros((n, 6, 6))

@@ -27,7 +27,7 @@ def draw_planar2(axes: plt.Axes, cfg: sa.Configuration, label: str) -> None:
     elbows.append(cfg.arm.replace(tip="link_2").at(cfg.q, cfg.base).tip.translation)
     elbows.append(cfg.tip.translation)
     joints = np.array(elbows)[:, :2]
-    axes.plot(*joints.T, "-o", color=GREY, lw=5, ms=9, mfc="white", mec=GREY, solid_capstyle="round")
+    axes.plot(*joints.T, "-o", color=GREY, lw=5, ms=9, mfc="white", mec=GREY)
     axes.plot(*cfg.com[:2], marker="P", ms=9, color="black", ls="none")
     axes.annotate("system CM", cfg.com[:2], (0, -18), textcoords="offset points", ha="center")
     tip, scale = joints[-1], 0.75
