@@ -45,8 +45,11 @@ from spacearm.jacobian import (
     generalized_jacobian_rate,
 )
 from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
+from spacearm.motion import Motion
+from spacearm.reaction import move
 from spacearm.singularity import SingularityReport, singularity
 from spacearm.task import Task
+from spacearm.view import view
 
 __version__ = version("spacearm")
 
@@ -58,6 +61,7 @@ __all__ = [
     "ModelInfo",
     "ModelWarning",
     "MomentumMatrix",
+    "Motion",
     "NoSolutionError",
     "SingularityReport",
     "SpaceArm",
@@ -75,5 +79,7 @@ __all__ = [
     "generalized_jacobian_rate",
     "load",
     "momentum_matrix",
+    "move",
     "singularity",
+    "view",
 ]

@@ -12,12 +12,15 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm import urdf
-from spacearm.arrays import Array
+from spacearm.arrays import LARGEST, Array
 from spacearm.catalogue import find
-from spacearm.configuration import Configuration, configure
-from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.configuration import Configuration, configure, sound_pose
+from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
 from spacearm.task import Task
 from spacearm.tree import Joint, Tree
+
+MOST_JOINTS = 200
+"""Movable joints that a model may have."""
 
 
 def load(
@@ -50,12 +53,8 @@ def load(
         ConfigurationError: tip, task or locked name something that does not exist.
     """
     info = find(model)
-    if info is not None:
-        tip = tip or info.tip
-        task = task or (info.task if not locked else None)
-        check = check or info.check
     path = info.path if info else Path(model)
-    tree = urdf.read(path, check or "error")
+    tree = urdf.read(path, check or (info.check if info else "error"))
     return SpaceArm.of(_lock(tree, locked or {}), path, tip=tip, task=task)
 
 
@@ -67,8 +66,8 @@ class SpaceArm:
         name: The robot's name.
         path: Where its URDF was read.
         tree: Links and joints as read, locked joints frozen.
-        model: pin.Model with a free-flyer root. All its joints have one number each, the
-            unlimited ones too; joints that mimic another are separate joints here.
+        model: pin.Model with a free-flyer root, not to be edited. All its joints have one number
+            each, the unlimited ones too; joints that mimic another are separate joints here.
         tip: Name of the tip link.
         tip_frame: Index of its frame in the model.
         task: The twist rows that count.
@@ -92,6 +91,7 @@ class SpaceArm:
     offsets: Array
     lower: Array
     upper: Array
+    _asked: Task | None
     _spare: list[pin.Data] = field(default_factory=list)
 
     @classmethod
@@ -107,11 +107,14 @@ class SpaceArm:
         leading = tree.leading()
         if not leading:
             raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
+        if len(tree.coupling()[0]) > MOST_JOINTS:
+            raise UnsupportedError(
+                f"{path}: {len(tree.coupling()[0])} movable joints, and Pinocchio's memory grows "
+                f"with their cube; lock all but {MOST_JOINTS}"
+            )
         tip = _tip(tree, path, tip)
-        if task is None:
-            task = _default_task(tree, tip)
-        elif isinstance(task, str):
-            task = Task(task)
+        asked = task if task is None or isinstance(task, Task) else Task(task)
+        task = asked or _default_task(tree, tip)
         if task.mixed and task.length is None:
             task = replace(task, length=_chain_length(tree, tip, path))
         coupling, offsets = tree.coupling()
@@ -129,6 +132,7 @@ class SpaceArm:
             offsets=offsets,
             lower=_read_only([joint.lower for joint in leading]),
             upper=_read_only([joint.upper for joint in leading]),
+            _asked=asked,
         )
 
     @property
@@ -140,6 +144,14 @@ class SpaceArm:
     def mass(self) -> float:
         """Total mass M [kg]."""
         return float(sum(inertia.mass for inertia in self.model.inertias))
+
+    @property
+    def sigma_unit(self) -> str:
+        """Unit of the singular values of the task Jacobian: task rows per joint rate."""
+        sliding = {self.tree.joints[name].kind == "prismatic" for name in self.joint_names}
+        rate = "(rad or m)" if len(sliding) == 2 else "m" if True in sliding else "rad"
+        row = "1" if self.task.mixed else "rad" if min(self.task.indices) >= 3 else "m"
+        return f"{row}/{rate}"
 
     def at(self, q: npt.ArrayLike, base: pin.SE3 | None = None) -> Configuration:
         """The configuration at joint positions q, inside the joint limits or not.
@@ -190,7 +202,7 @@ class SpaceArm:
             base_mass: Mass of the spacecraft (with all that is fixed to it) [kg]; its CM stays.
             base_inertia: (3, 3) inertia of the spacecraft about its CM, spacecraft axes [kg m^2].
             mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
-            tip: Link whose frame is the tip.
+            tip: Link whose frame is the tip; a task that was not asked for is chosen anew.
             task: The twist rows that count.
 
         Raises:
@@ -200,8 +212,10 @@ class SpaceArm:
         if base_mass is not None or base_inertia is not None:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
-            tree = tree.with_mount(_movable(tree, self.tip)[0], mount)
-        return SpaceArm.of(tree, self.path, tip=tip or self.tip, task=task or self.task)
+            tree = tree.with_mount(_movable(tree, self.tip)[0], sound_pose(mount, "mount"))
+        if task is None:
+            task = self.task if tip is None else self._asked
+        return SpaceArm.of(tree, self.path, tip=self.tip if tip is None else tip, task=task)
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": []}
@@ -215,11 +229,18 @@ class SpaceArm:
 
 def _lock(tree: Tree, values: Mapping[str, float]) -> Tree:
     """The tree with joints frozen, once it is sure that they exist and lead."""
+    if not isinstance(values, Mapping):
+        raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
     leading = [joint.name for joint in tree.leading()]
     for name, value in values.items():
+        joint = tree.joints.get(name)
+        if joint and joint.mimic:
+            raise ConfigurationError(
+                f"locked: joint {name!r} mimics {joint.mimic.leader!r}; lock that one"
+            )
         if name not in leading:
             raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
-        if not np.isfinite(value):
+        if not isinstance(value, (int, float, np.number)) or not abs(value) <= LARGEST:
             raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
     return tree.locked(values)
 

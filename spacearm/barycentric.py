@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Result
 from spacearm.configuration import Configuration
 from spacearm.errors import UnsupportedError
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class VirtualManipulator:
+class VirtualManipulator(Result):
     """A chain of constant links from the system CM to the tip.
 
     Vafa & Dubowsky, Int. J. Robot. Res. 9(4), 3-21 (1990), DOI 10.1177/027836499000900401. Its
@@ -54,9 +54,12 @@ class VirtualManipulator:
         end: Array = self.ground + self.links.sum(axis=0)
         return end
 
+    def __repr__(self) -> str:
+        return f"VirtualManipulator({len(self.links)} links, end at {self.end} m)"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Barycentric:
+class Barycentric(Result):
     """The quantities of section II of the paper, at one configuration.
 
     Attributes:
@@ -98,6 +101,9 @@ class Barycentric:
     J22: Array
     T0: Array
     r_cm: Array
+
+    def __repr__(self) -> str:
+        return f"Barycentric(N={len(self.c) - 1}, M={self.M:g} kg, mu={self.mu})"
 
     @property
     def base_rates(self) -> Array:
@@ -218,17 +224,19 @@ class _Chain:
         arm, model = cfg.arm, cfg.arm.model
         self.N = N = model.njoints - 2
         joints = [arm.tree.joints[name] for name in list(model.names)[2:]]
-        for k, joint in enumerate(joints, start=1):
+        if list(model.parents)[2:] != list(range(1, N + 1)):
+            chain = {joint.name for joint in arm.tree.chain(arm.tip)}
+            beside = [joint.name for joint in joints if joint.name not in chain]
+            raise UnsupportedError(
+                f"{arm.name}: joints beside the chain to the tip can move ({', '.join(beside)}); "
+                "the barycentric formulation is for one chain: lock them with locked={...}, or use "
+                "generalized_jacobian"
+            )
+        for joint in joints:
             if joint.kind == "prismatic":
                 raise UnsupportedError(
                     f"{arm.name}: joint {joint.name!r} is prismatic; the barycentric vectors are "
                     "constant for revolute joints only: use generalized_jacobian"
-                )
-            if model.parents[k + 1] != k:
-                raise UnsupportedError(
-                    f"{arm.name}: joint {joint.name!r} starts a side branch; the barycentric "
-                    "formulation is for one chain: lock the joints beside the chain to the tip "
-                    "with locked={...}, or use generalized_jacobian"
                 )
         bodies, frame = model.inertias[1:], model.frames[arm.tip_frame]
         angles = arm.all_joints(cfg.q)

@@ -6,9 +6,10 @@ import json
 import os
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 from spacearm import urdf
+from spacearm.arrays import plain
 from spacearm.errors import ModelError, unknown
 
 
@@ -36,6 +37,10 @@ class ModelInfo(NamedTuple):
     path: Path
     check: urdf.Check
 
+    def to_dict(self) -> dict[str, Any]:
+        """All fields as plain data."""
+        return {name: plain(value) for name, value in self._asdict().items()}
+
 
 def catalogue() -> tuple[ModelInfo, ...]:
     """The models that `load` knows by name."""
@@ -48,12 +53,16 @@ def find(model: str | os.PathLike[str]) -> ModelInfo | None:
     Raises:
         ModelError: `model` is neither.
     """
-    if not isinstance(model, str) or os.sep in model or Path(model).suffix or Path(model).is_file():
-        return None
     models = _read()
-    if model not in models:
-        raise ModelError(f"{unknown('model', model, models)}; or give the path of a .urdf file")
-    return models[model]
+    if isinstance(model, str) and model in models:
+        return models[model]
+    try:
+        path = Path(model)
+        if path.is_file() or (path.suffix and path.stem not in models) or len(path.parts) > 1:
+            return None
+    except (TypeError, ValueError, OSError):
+        pass  # no path at all
+    raise ModelError(f"{unknown('model', model, models)}; or give the path of a .urdf file")
 
 
 def folder() -> Path:

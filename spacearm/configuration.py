@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class Configuration:
     """A posture q and a spacecraft pose, with the two matrices that everything follows from.
 
     Made by `SpaceArm.at`; that it exists means that its kinematics have run. Nothing in it
-    changes: q and the matrices are read-only copies.
+    changes: arrays are read-only, `base` and `tip` are copies.
 
     The base columns of `A` and `J` act on the spacecraft's twist in spacecraft axes, as
     Pinocchio has them; products such as J_b A_b^-1 do not depend on that choice.
@@ -33,8 +33,6 @@ class Configuration:
     Attributes:
         arm: The arm.
         q: (n,) joint angles [rad] or displacements [m].
-        base: Pose of the spacecraft frame in the inertial frame.
-        tip: Pose of the tip frame in the inertial frame.
         com: (3,) system centre of mass in the inertial frame [m].
         A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
             system CM], inertial axes.
@@ -43,16 +41,33 @@ class Configuration:
 
     arm: SpaceArm
     q: Array
-    base: pin.SE3
-    tip: pin.SE3
     com: Array
     A: Array
     J: Array
+    _base: pin.SE3
+    _tip: pin.SE3
+
+    @property
+    def base(self) -> pin.SE3:
+        """Pose of the spacecraft frame in the inertial frame."""
+        return self._base.copy()
+
+    @property
+    def tip(self) -> pin.SE3:
+        """Pose of the tip frame in the inertial frame."""
+        return self._tip.copy()
 
     @property
     def full(self) -> Array:
         """(nq,) configuration of the Pinocchio model: [x y z, qx qy qz qw, joints]."""
-        return np.concatenate((pin.SE3ToXYZQUAT(self.base), self.arm.all_joints(self.q)))
+        return np.concatenate((pin.SE3ToXYZQUAT(self._base), self.arm.all_joints(self.q)))
+
+    @property
+    def full_at_origin(self) -> Array:
+        """(nq,) the same with the spacecraft at the origin, where no digits are lost to orbits."""
+        full = self.full
+        full[:3] = 0.0
+        return full
 
     def __repr__(self) -> str:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
@@ -63,22 +78,23 @@ class Configuration:
 def configure(arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None) -> Configuration:
     """Runs the kinematics of `arm` at q with the spacecraft at `base`."""
     q = joint_vector(arm, q, "q")
-    base = pin.SE3.Identity() if base is None else _sound_pose(base)
+    base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
     model, frame = arm.model, arm.tip_frame
-    full = np.empty(model.nq)
-    full[:7] = pin.SE3ToXYZQUAT(base)
+    full = np.zeros(model.nq)  # at the origin: far from it, as in orbit, digits would be lost
+    full[3:7] = pin.SE3ToXYZQUAT(base)[3:]
     full[7:] = arm.all_joints(q)
 
     data = arm.borrow()
     A = arm.project(pin.computeCentroidalMap(model, data, full))
     J = arm.project(pin.computeFrameJacobian(model, data, full, frame, LWA))
-    com = np.array(data.com[0])
+    com = data.com[0] + base.translation
     tip = pin.updateFramePlacement(model, data, frame).copy()
+    tip.translation += base.translation
     arm.give_back(data)
 
     for array in (q, com, A, J):
         array.flags.writeable = False
-    return Configuration(arm, q, base, tip, com, A, J)
+    return Configuration(arm, q, com, A, J, base, tip)
 
 
 def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
@@ -92,25 +108,28 @@ def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
             f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "
             f"of: {', '.join(arm.joint_names)}"
         )
-    if not np.isfinite(vector).all():
-        worst = int(np.flatnonzero(~np.isfinite(vector))[0])
+    sound = np.abs(vector) <= LARGEST
+    if not sound.all():
+        worst = int(np.flatnonzero(~sound)[0])
         raise ConfigurationError(
-            f"{what} of joint {arm.joint_names[worst]!r} is {vector[worst]}; give a finite number"
+            f"{what} of joint {arm.joint_names[worst]!r} is {vector[worst]:g}; give a finite "
+            f"number up to {LARGEST:g}"
         )
     return vector
 
 
-def _sound_pose(base: pin.SE3) -> pin.SE3:
-    if not isinstance(base, pin.SE3):
+def sound_pose(pose: pin.SE3, what: str) -> pin.SE3:
+    """A checked copy of a pose, its rotation orthonormal to rounding."""
+    if not isinstance(pose, pin.SE3):
+        raise ConfigurationError(f"{what} is a {type(pose).__name__}; give it as pin.SE3(R, p)")
+    R, p = pose.rotation, pose.translation
+    if not (np.isfinite(R).all() and np.abs(p).max() <= LARGEST):
         raise ConfigurationError(
-            f"base is a {type(base).__name__}; give the spacecraft pose as pin.SE3(R, p)"
+            f"{what} holds NaN, infinity or a position over {LARGEST:g} m; give a finite pose"
         )
-    R, p = base.rotation, base.translation
-    if not (np.isfinite(R).all() and np.isfinite(p).all()):
-        raise ConfigurationError("base holds NaN or infinity; give a finite rotation and position")
     if np.abs(R.T @ R - np.eye(3)).max() > 1e-9 or np.linalg.det(R) < 0.0:
         raise ConfigurationError(
-            "base.rotation is not a rotation matrix (R^T R = 1, det R = 1, to 1e-9); "
+            f"{what}.rotation is not a rotation matrix (R^T R = 1, det R = 1, to 1e-9); "
             "build it from a unit quaternion or with pin.rpy.rpyToMatrix"
         )
     return pin.SE3(pin.Quaternion(R).normalized(), p)

@@ -43,4 +43,5 @@ def unknown(kind: str, name: object, valid: Iterable[str]) -> str:
     nearest = sorted(
         valid, key=lambda v: -SequenceMatcher(None, str(name).lower(), v.lower()).ratio()
     )
-    return f"unknown {kind} {str(name)!r}; valid, nearest first: {', '.join(nearest) or 'none'}"
+    shown = repr(str(name)[:60])
+    return f"unknown {kind} {shown}; valid, nearest first: {', '.join(nearest) or 'none'}"

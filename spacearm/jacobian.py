@@ -106,7 +106,7 @@ def generalized_jacobian_rate(
 
 def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:
     """(n, 6, 6 + n) each: dA/dq_j and dJ/dq_j, as the rates at dq = e_j with the base at rest."""
-    arm, full = cfg.arm, cfg.full
+    arm, full = cfg.arm, cfg.full_at_origin
     dA, dJ = np.empty((2, arm.n, 6, 6 + arm.n))
     data = arm.borrow()
     for j, dq in enumerate(np.eye(arm.n)):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.configuration import Configuration, joint_vector
 from spacearm.errors import ConfigurationError
 
@@ -23,6 +23,10 @@ class MomentumMatrix(NamedTuple):
     base: Array
     joints: Array
 
+    def to_dict(self) -> dict[str, Any]:
+        """Both blocks as nested lists."""
+        return {name: plain(block) for name, block in self._asdict().items()}
+
 
 def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     """The centroidal momentum matrix split in its base and joint blocks.
@@ -36,7 +40,9 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     """
     R = cfg.base.rotation
     A = cfg.A
-    return MomentumMatrix(np.hstack((A[:, :3] @ R.T, A[:, 3:6] @ R.T)), A[:, 6:])
+    base = np.hstack((A[:, :3] @ R.T, A[:, 3:6] @ R.T))
+    base.flags.writeable = False
+    return MomentumMatrix(base, A[:, 6:])
 
 
 def base_velocity(
@@ -66,7 +72,10 @@ def base_velocity(
 
 def momentum_vector(momentum: npt.ArrayLike | None) -> Array:
     """A checked (6,) momentum; zero if None."""
-    h = np.zeros(6) if momentum is None else np.array(momentum, dtype=np.float64)
+    try:
+        h = np.zeros(6) if momentum is None else np.array(momentum, dtype=np.float64)
+    except (TypeError, ValueError):
+        h = np.empty(0)
     if h.shape != (6,) or not np.isfinite(h).all():
         raise ConfigurationError(
             f"momentum must be 6 finite numbers [linear; angular about the CM]; got {momentum!r}"

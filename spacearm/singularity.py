@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Result
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError
 from spacearm.jacobian import (
@@ -28,7 +28,7 @@ the paper has it) be recognised; give `singularity` another one where more digit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SingularityReport:
+class SingularityReport(Result):
     """What a posture allows the tip to do.
 
     Directions are given in the task's rows: along the task axes, linear rows divided by `length`
@@ -71,13 +71,6 @@ class SingularityReport:
     axes: Array
     length: float | None
     tolerance: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """All fields, arrays as nested lists."""
-        return {
-            name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in asdict(self).items()
-        }
 
     def __repr__(self) -> str:
         k, n = self.jacobian.shape

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 import warnings
 from pathlib import Path
 from typing import NoReturn
@@ -10,9 +12,10 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.arrays import Array
+from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ModelError, ModelWarning
 
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -28,7 +31,10 @@ class Source:
 
     def warn(self, message: str) -> None:
         """Gives the `ModelWarning` that names this file."""
-        warnings.warn(f"{self.path}: {message}", ModelWarning, stacklevel=2)
+        depth = 2
+        while sys._getframe(depth - 1).f_globals.get("__name__", "").startswith("spacearm"):
+            depth += 1
+        warnings.warn(f"{self.path}: {message}", ModelWarning, stacklevel=depth)
 
     def robot(self) -> etree._Element:
         """The root element of a file that is XML, is a URDF and plays no tricks."""
@@ -36,8 +42,9 @@ class Source:
             text = self.path.read_bytes()
         except FileNotFoundError:
             self.fail("no such file", "check the path")
-        except OSError as error:
-            self.fail(f"cannot be read ({error.strerror})", "give the path of a URDF file")
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or error
+            self.fail(f"cannot be read ({why})", "give the path of a URDF file")
         parser = etree.XMLParser(
             resolve_entities=False,
             no_network=True,
@@ -80,14 +87,22 @@ class Source:
         text = element.get(attribute, default)
         if text is None:
             self.fail(f"{describe(element)} has no {attribute}", f"add {attribute}='...'")
-        try:
-            values = np.array([float(word) for word in text.split()])
-        except ValueError:
-            values = np.array([])
-        if len(values) != count or not np.isfinite(values).all():
+        words = text.split()
+        values = np.array([float(word) for word in words if NUMBER.fullmatch(word)])
+        if len(values) != count or len(words) != count or not (np.abs(values) <= LARGEST).all():
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-            self.fail(f"{describe(element)} has {attribute}={text!r}", f"give {wanted}")
+            self.fail(
+                f"{describe(element)} has {attribute}={text[:60]!r}",
+                f"give {wanted} up to {LARGEST:g}",
+            )
         return values
+
+    def child(self, element: etree._Element, tag: str) -> etree._Element | None:
+        """The child with this tag, or None; there may be only one."""
+        children = element.findall(tag)
+        if len(children) > 1:
+            self.fail(f"{describe(element)} has {len(children)} <{tag}>", "keep one")
+        return children[0] if children else None
 
     def number(self, element: etree._Element, attribute: str, default: str | None = None) -> float:
         """One finite number from an attribute."""
@@ -95,7 +110,7 @@ class Source:
 
     def pose(self, element: etree._Element) -> pin.SE3:
         """The pose in a child <origin xyz rpy>; the identity if there is none (URDF's default)."""
-        origin = element.find("origin")
+        origin = self.child(element, "origin")
         if origin is None:
             return pin.SE3.Identity()
         rpy = self.numbers(origin, "rpy", 3, "0 0 0")

@@ -41,6 +41,11 @@ class Task:
             raise ConfigurationError(
                 f"task length is {self.length}; give a positive length in metres"
             )
+        if self.length is not None and not self.mixed:
+            raise ConfigurationError(
+                f"task {self.names!r} has rows of one kind only: a length of {self.length} m "
+                "would scale nothing; leave it out"
+            )
         if not self.rows or len(set(self.rows)) != len(self.rows):
             raise ConfigurationError(
                 f"task {self.names!r} must name at least one row and none twice; "
@@ -78,11 +83,6 @@ class Task:
         """(k, 1) factors of the rows: 1 / length for the linear rows of a mixed task, else 1."""
         linear = np.array(self.indices)[:, None] < 3
         return np.where(linear & self.mixed, 1.0 / (self.length or 1.0), 1.0)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the singular values of the task Jacobian of a revolute arm."""
-        return "1/rad" if self.mixed or min(self.indices) >= 3 else "m/rad"
 
     def axes(self, R: Array) -> Array:
         """The task axes at the spacecraft attitude R.

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ModelError
 
 ROOT_JOINT = "root_joint"
@@ -36,7 +36,9 @@ class Inertial(NamedTuple):
 
     def spatial(self) -> pin.Inertia:
         """The same as a Pinocchio spatial inertia in the link frame."""
-        return self.origin.act(pin.Inertia(self.mass, np.zeros(3), self.inertia))
+        inertia = pin.Inertia.Zero()
+        inertia.mass, inertia.inertia = self.mass, self.inertia
+        return self.origin.act(inertia)
 
     def fault(self) -> str | None:
         """Why no rigid body can have this inertia, or None if one can."""
@@ -218,24 +220,24 @@ class Tree:
         """The tree with another mass [kg] or inertia about its CM [kg m^2] of the spacecraft."""
         lump = self.lumps()[self.root]
         body = self.pinocchio().inertias[1]
-        spacecraft = Inertial(
-            body.mass if mass is None else float(mass),
-            pin.SE3(np.eye(3), body.lever),
-            body.inertia if inertia is None else np.array(inertia, dtype=np.float64),
-        )
-        I = spacecraft.inertia
-        if I.shape != (3, 3) or not np.allclose(I, I.T):  # NaN is unequal to itself
+        try:
+            m = float(body.mass if mass is None else mass)
+            I = np.array(body.inertia if inertia is None else inertia, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ModelError(f"base_mass and base_inertia must be numbers: {error}") from None
+        if I.shape != (3, 3) or not (np.abs(I) <= LARGEST).all() or not np.allclose(I, I.T):
             raise ModelError(f"base_inertia must be a symmetric (3, 3) matrix; got {inertia!r}")
-        if not 0.0 < spacecraft.mass < math.inf:
-            raise ModelError(f"base_mass is {spacecraft.mass:g} kg; give a positive mass")
+        if not 0.0 < m <= LARGEST:
+            raise ModelError(f"base_mass is {m:g} kg; give a positive mass up to {LARGEST:g} kg")
+        spacecraft = Inertial(m, pin.SE3(np.eye(3), body.lever), I)
         if fault := spacecraft.fault():
             raise ModelError(f"the spacecraft {fault}; give a base_inertia that a body can have")
         links = {name: None if name in lump else part for name, part in self.links.items()}
-        return replace(self, links=links | {self.root: spacecraft})
+        return replace(self, links={**links, self.root: spacecraft})
 
     def with_mount(self, joint: Joint, mount: pin.SE3) -> Tree:
         """The tree with a joint moved to a pose in the spacecraft frame."""
-        moved = replace(joint, parent=self.root, origin=mount.copy())
+        moved = replace(joint, parent=self.root, origin=mount)
         return replace(self, joints={**self.joints, joint.name: moved})
 
     def pinocchio(self) -> pin.Model:

@@ -7,6 +7,7 @@ that names file, element, value and remedy; what deserves a look gives a `ModelW
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 from collections.abc import Collection, Mapping
@@ -23,6 +24,7 @@ from spacearm.tree import ROOT_JOINT, Inertial, Joint, Mimic, Tree
 Check = Literal["error", "warn", "accept"]
 CHECKS = ("error", "warn", "accept")
 
+UNLIMITED = (None, "", "inf", "Inf", "INF", "infinity")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
@@ -61,10 +63,10 @@ def read(path: str | os.PathLike[str], check: Check = "error") -> Tree:
 
 
 def _inertial(source: Source, link: etree._Element) -> Inertial | None:
-    element = link.find("inertial")
+    element = source.child(link, "inertial")
     if element is None:
         return None
-    mass, inertia = element.find("mass"), element.find("inertia")
+    mass, inertia = source.child(element, "mass"), source.child(element, "inertia")
     if mass is None or inertia is None:
         missing = "mass" if mass is None else "inertia"
         source.fail(f"{describe(element)} has no <{missing}>", f"add <{missing} .../>")
@@ -88,7 +90,7 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
     if kind not in KINDS:
         source.fail(f"joint {name!r} has type {kind!r}", f"use one of {', '.join(KINDS)}")
     parent, child = (_end(source, element, end, links) for end in ("parent", "child"))
-    axis = element.find("axis")
+    axis = source.child(element, "axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else source.numbers(axis, "xyz", 3)
     length = float(np.linalg.norm(direction))
     if kind != "fixed":
@@ -102,7 +104,7 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
 
 
 def _end(source: Source, joint: etree._Element, end: str, links: Collection[str]) -> str:
-    element = joint.find(end)
+    element = source.child(joint, end)
     link = "" if element is None else element.get("link", "")
     if link not in links:
         source.fail(
@@ -113,11 +115,11 @@ def _end(source: Source, joint: etree._Element, end: str, links: Collection[str]
 
 def _limits(source: Source, joint: etree._Element) -> tuple[float, float, float, float]:
     """Lower, upper, velocity, effort; of lower and upper a missing one is 0, as URDF has it."""
-    limit = joint.find("limit")
+    limit = source.child(joint, "limit")
     if limit is None or joint.get("type") == "fixed":
         return -math.inf, math.inf, math.inf, math.inf
     velocity, effort = (
-        source.number(limit, name) if limit.get(name) else math.inf
+        source.number(limit, name) if limit.get(name) not in UNLIMITED else math.inf
         for name in ("velocity", "effort")
     )
     if min(velocity, effort) < 0.0:
@@ -130,13 +132,14 @@ def _limits(source: Source, joint: etree._Element) -> tuple[float, float, float,
     lower, upper = source.number(limit, "lower", "0"), source.number(limit, "upper", "0")
     if lower > upper:
         source.fail(
-            f"{describe(limit)} is reversed (lower {lower:g}, upper {upper:g})", "exchange the two"
+            f"{describe(limit)} is reversed (lower {lower:g}, upper {upper:g})",
+            "exchange the two (a missing one counts as 0)",
         )
     return lower, upper, velocity, effort
 
 
 def _mimic(source: Source, joint: etree._Element) -> Mimic | None:
-    mimic = joint.find("mimic")
+    mimic = source.child(joint, "mimic")
     if mimic is None or joint.get("type") == "fixed":
         return None
     multiplier, offset = (
@@ -192,20 +195,21 @@ def _check_mimics(source: Source, joints: Mapping[str, Joint]) -> None:
 
 def _check_masses(source: Source, tree: Tree, check: Check) -> None:
     """Every body has mass, and an inertia that some rigid body could have."""
-    faults = [
-        f"link {link!r} {fault}"
-        for link, inertial in tree.links.items()
-        if inertial and (fault := inertial.fault())
-    ]
     for leader, lump in tree.lumps().items():
         if not any(inertial.mass for link in lump if (inertial := tree.links[link])):
             what = "the spacecraft" if leader == tree.root else "movable link"
-            faults.append(f"{what} {leader!r} has no mass (its <inertial> is zero or missing)")
-    for fault in faults:
-        if check == "error":
-            source.fail(fault, 'correct it, or load with check="warn" to accept it as it is')
-        if check == "warn":
-            source.warn(fault)
+            source.fail(
+                f"{what} {leader!r} has no mass (its <inertial> is zero or missing)",
+                "give it a mass and an inertia, or join it to its parent by a fixed joint",
+            )
+    for link, inertial in tree.links.items():
+        fault = inertial.fault() if inertial else None
+        if fault and check == "error":
+            source.fail(
+                f"link {link!r} {fault}", 'correct it, or load with check="warn" to accept it'
+            )
+        if fault and check == "warn":
+            source.warn(f"link {link!r} {fault}")
 
 
 def _warn_of_missing_limits(source: Source, joints: Mapping[str, Joint]) -> None:
@@ -217,13 +221,22 @@ def _warn_of_missing_limits(source: Source, joints: Mapping[str, Joint]) -> None
 
 def _warn_of_missing_meshes(source: Source, robot: etree._Element) -> None:
     files = sorted({mesh.get("filename", "") for mesh in robot.iter("mesh")})
-    if missing := [file for file in files if find_mesh(file, source.path) is None]:
-        source.warn(f"meshes not found (physics is not affected): {', '.join(missing)}")
+    if missing := [file[:80] for file in files if find_mesh(file, source.path) is None]:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        some = ", ".join(missing[:3]) + more
+        source.warn(f"meshes not found (physics is not affected): {some}")
 
 
 def find_mesh(filename: str, urdf: Path) -> Path | None:
     """The file that a <mesh filename> means: relative to the URDF or to one of its parents."""
     from yourdfpy.urdf import filename_handler_magic  # imports trimesh: only where meshes are
 
-    found = Path(filename_handler_magic(filename, str(urdf.resolve().parent)))
-    return found if found.is_file() else None
+    logger = logging.getLogger("yourdfpy.urdf")
+    before, logger.disabled = logger.disabled, True  # a missing file is reported here, not there
+    try:
+        found = Path(filename_handler_magic(filename, str(urdf.resolve().parent)))
+        return found if found.is_file() else None
+    except (OSError, TypeError, ValueError):
+        return None  # no file can have that name
+    finally:
+        logger.disabled = before

@@ -1,12 +1,14 @@
 """Loading: tip, task, locked joints, branches, mimic joints, roots, replacing."""
 
 import copy
+import json
 import pickle
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from arms import (
+    LIMIT,
     frame,
     joint,
     link,
@@ -189,6 +191,78 @@ def test_replace_gives_a_new_arm_and_leaves_the_old():
 def test_replace_refuses_impossible_spacecraft(change, message):
     with pytest.raises(sa.ModelError, match=message):
         sa.load("planar2").replace(**change)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mount": np.eye(4)}, "mount is a ndarray; give it as pin.SE3"),
+        ({"mount": pin.SE3(2 * np.eye(3), np.zeros(3))}, "mount.rotation is not a rotation"),
+        ({"mount": pin.SE3(np.eye(3), np.full(3, np.nan))}, "mount holds NaN"),
+        ({"task": 3}, "task is 3; name its rows"),
+        ({"task": ""}, "must name at least one row"),
+        ({"task": sa.Task("x y", None), "tip": ""}, "unknown link ''"),
+    ],
+)
+def test_replace_refuses_what_is_no_mount_task_or_tip(change, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.load("planar2").replace(**change)
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        ({"joint_1": "a"}, "joint 'joint_1' at a"),
+        (["joint_1"], r"locked is \['joint_1'\]; give {joint: value}"),
+    ],
+)
+def test_locked_is_checked(locked, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.load("planar2", locked=locked)
+
+
+def test_locking_a_follower_names_its_leader():
+    inside = f'{LIMIT}<mimic joint="elbow"/>'
+    text = robot(BUS, ARM, ELBOW, link("hand"), joint("wrist", "arm", "hand", inside=inside))
+    with pytest.raises(sa.ConfigurationError, match="'wrist' mimics 'elbow'; lock that one"):
+        load_text(text, locked={"wrist": 0.0})
+
+
+def test_another_tip_gets_a_task_and_a_length_of_its_own():
+    arm = sa.load("mda6")
+    assert sa.load("mda6", tip="link_3").task.names == "position"
+    assert arm.replace(tip="link_3").task.names == "position"
+    asked = sa.load("mda6", task="pose")
+    inner = asked.replace(tip="link_3").task
+    assert inner == sa.load("mda6", tip="link_3", task="pose").task
+    assert inner.length < asked.task.length
+    assert arm.replace(base_mass=900.0).task == arm.task
+
+
+def test_units_of_singular_values():
+    assert sa.load("planar2").sigma_unit == "m/rad"
+    assert sa.load("mda6").sigma_unit == "1/rad"
+    assert sa.load("mda6", task="orientation").sigma_unit == "rad/rad"
+    sliding = load_text(robot(*two_links(kind="prismatic")), task="z")
+    assert sliding.sigma_unit == "m/m"
+    both = load_text(robot(BUS, ARM, ELBOW, link("h"), joint("w", "arm", "h", "prismatic")))
+    assert both.sigma_unit == "m/(rad or m)"
+
+
+def test_results_are_read_only_and_turn_into_plain_data():
+    cfg = sa.load("planar2").at([0.1, 0.2])
+    report, b = sa.singularity(cfg), sa.barycentric(cfg)
+    for array in (report.sigma, report.lost, b.D, b.virtual_manipulator.links):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        sa.momentum_matrix(cfg).base[0] = 0.0
+    for result in (report, b, b.virtual_manipulator, sa.momentum_matrix(cfg), sa.catalogue()[0]):
+        json.dumps(result.to_dict())
+        assert "object at 0x" not in repr(result)
+    cfg.base.translation = np.ones(3)
+    cfg.tip.translation = np.ones(3)
+    assert not cfg.base.translation.any()
 
 
 def test_arms_and_configurations_travel_between_processes():

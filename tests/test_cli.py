@@ -4,10 +4,11 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from arms import joint, link, robot, two_links
+from arms import frame, joint, link, robot, two_links
 
 import spacearm as sa
 
@@ -109,8 +110,11 @@ def test_help_and_version():
         (("query", "planar2", "1", "--lock", "joint_2"), "give JOINT=VALUE"),
         (("query", "planar2", "1", "2", "--base", "free"), "free"),
         (("query", "planar2", "1", "2", "--tolerance", "2"), "tolerance is 2"),
+        (("query", "planar2", "1", "2", "--tolerance", "x"), "--tolerance"),
+        (("query", "planar2", "1", "2", "--length", "3"), "would scale nothing"),
+        (("query", "planar2", "1", "2", "--tip", ""), "unknown link ''"),
         (("query", "planar2", "1", "2", "--check", "no"), "unknown check 'no'"),
-        (("query",), "model"),
+        (("query",), "MODEL"),
         (("dance",), "dance"),
     ],
 )  # fmt: skip
@@ -141,6 +145,55 @@ def test_markup_in_names_is_printed_as_it_is(tmp_path):
         run = spacearm(*words)
         assert run.returncode == 0, run.stderr
         assert "[bold]j" in run.stdout
+
+
+def test_nothing_is_cut_off_in_a_narrow_terminal_or_a_pipe():
+    for columns in ("30", "200"):
+        run = spacearm("query", "mda6", "--deg", 0, 60, -100, -50, 0, 0, COLUMNS=columns)
+        assert "…" not in run.stdout
+        assert "-0.003313" in run.stdout
+
+
+def test_names_that_look_like_emoji_stay(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(link(":smile:", 50.0), link("a"), joint("j", ":smile:", "a")))
+    assert ":smile:" in spacearm("info", path).stdout
+
+
+def test_a_terminal_without_the_letters_and_a_full_disk():
+    run = spacearm("info", "mda6", "--deg", PYTHONIOENCODING="ascii")
+    assert run.returncode == 0
+    assert "mda6" in run.stdout
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "spacearm", "models"]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert run.returncode == 1
+    assert run.stderr.startswith("spacearm: error: cannot write the output")
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_locks_and_lengths_count_when_the_arm_is_loaded(tmp_path):
+    path = tmp_path / "two.urdf"
+    other = (link("other"), joint("elbow_2", "bus", "other"))
+    path.write_text(robot(*two_links(), *other))
+    assert answer("query", path, "0.1", "--lock", "elbow_2=0")["joints"] == ["elbow"]
+    task = ("--tip", "arm", "--task", "pose", "--length", "1")
+    assert answer("query", path, "0", "0", *task)["length"] == 1.0
+
+
+def test_help_keeps_its_units():
+    assert "[rad] or [m]" in spacearm("query", "--help").stdout
+
+
+def test_the_body_is_named_by_its_mass_not_by_a_massless_root(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(frame("world"), joint("weld", "world", "bus", "fixed"), *two_links()))
+    assert [body["link"] for body in answer("info", path)["bodies"]] == ["bus", "arm"]
+
+
+def test_a_value_at_its_limit_is_inside():
+    for words in (("planar2", 180, -180), ("mda6", 0, 60, -170, 0, 0, 180)):
+        assert "outside" not in spacearm("query", "--deg", *words).stdout
 
 
 def test_a_value_outside_its_limits_is_marked():

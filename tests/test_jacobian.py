@@ -115,6 +115,20 @@ def test_attitude_control_and_a_fixed_base_do_what_they_say(cfg):
     assert np.allclose(held @ dq, np.concatenate((v_0, np.zeros(3))), atol=1e-12)
 
 
+def test_in_orbit_as_at_the_origin():
+    """Thousands of kilometres from the origin no digit of a derivative may be lost."""
+    here = random_configuration(sa.load("chaser7"), 7)
+    orbit = pin.SE3(here.base.rotation, np.array([4e6, -5e6, 2e6]))
+    there = here.arm.at(here.q, orbit)
+    assert np.array_equal(sa.generalized_jacobian(there), sa.generalized_jacobian(here))
+    assert np.array_equal(
+        sa.generalized_jacobian_derivative(there), sa.generalized_jacobian_derivative(here)
+    )
+    assert np.array_equal(sa.singularity(there).gradient, sa.singularity(here).gradient)
+    offset = here.tip.translation - here.base.translation
+    assert np.allclose(there.tip.translation - orbit.translation, offset, atol=1e-8)
+
+
 def test_unknown_mode_lists_the_valid_ones():
     cfg = random_configuration(sa.load("planar2"), 0)
     with pytest.raises(sa.ConfigurationError, match="free-floating, "):

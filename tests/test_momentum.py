@@ -71,6 +71,8 @@ def test_given_momentum_is_kept():
         ([1.0, np.nan], None, "dq of joint 'joint_2' is nan"),
         ([1.0, 2.0], [1, 2, 3], "6 finite numbers"),
         ([1.0, 2.0], [np.inf] * 6, "6 finite numbers"),
+        ([1.0, 2.0], "abc", "6 finite numbers"),
+        ([1e308, 2.0], None, r"dq of joint 'joint_1' is 1e\+308"),
     ],
 )
 def test_bad_rates_and_momenta_are_named(dq, momentum, message):

@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def python(executable, *words, **options):
-    run = subprocess.run(
-        [executable, *map(str, words)], capture_output=True, text=True, check=False, **options
-    )
+    env = options.pop("env", {k: v for k, v in os.environ.items() if k != "PYTHONPATH"})
+    command = [executable, *map(str, words)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=env, **options)
     assert run.returncode == 0, run.stderr
     return run
 
@@ -26,12 +26,13 @@ def wheel_python(tmp_path_factory):
     folder = tmp_path_factory.mktemp("elsewhere")
     python(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
     (wheel,) = folder.glob("spacearm-*.whl")
-    venv.create(folder / "env", with_pip=False, symlinks=True)
+    venv.create(folder / "env", with_pip=True, symlinks=True)
     executable = folder / "env" / "bin" / "python"
     (site,) = (folder / "env" / "lib").glob("python*/site-packages")
     ours = [path for path in sys.path if path.startswith(sys.prefix) and "site-packages" in path]
     (site / "dependencies.pth").write_text("\n".join(ours))
-    python(sys.executable, "-m", "zipfile", "-e", wheel, site)
+    install = ("-m", "pip", "install", "--quiet", "--no-index", "--no-deps", wheel)
+    python(executable, *install, cwd=folder)
     return executable, folder
 
 
@@ -40,8 +41,9 @@ def test_the_wheel_works_elsewhere(wheel_python):
     code = "import spacearm as sa; print(sa.__file__); print(sa.load('planar2'), sa.load('mda6'))"
     run = python(executable, "-c", code, cwd=folder)
     assert run.stdout.startswith(str(folder))
-    words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")
-    assert "dynamic singularity" in python(executable, *words, cwd=folder).stdout
+    words = ("query", "planar2", "--deg", "-65", "-11.41")
+    run = python(executable.parent / "spacearm", *words, cwd=folder)
+    assert "dynamic singularity" in run.stdout
 
 
 def test_the_wheel_is_complete(wheel_python):

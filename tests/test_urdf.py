@@ -89,7 +89,39 @@ BAD = {
         robot(*two_links()).replace('ixy="0.0"', "", 1),
         "has no ixy; add ixy=",
     ),
-    "an inertia without mass": (robot(BUS, link("arm", 0.0), ELBOW), "inertia but a mass of 0 kg"),
+    "an inertia without mass": (
+        robot(BUS, link("arm", 0.0), ELBOW),
+        "movable link 'arm' has no mass",
+    ),
+    "an inertia without mass on a fixed link": (
+        robot(BUS, ARM, ELBOW, link("tool", 0.0), joint("bolt", "arm", "tool", "fixed")),
+        "'tool' has an inertia but a mass of 0 kg",
+    ),
+    "a length that would overflow": (
+        robot(*two_links(axis=(0, 0, 1e200))),
+        r"<axis> of joint 'elbow'.*3 finite numbers up to 1e\+12",
+    ),
+    "a mass that would overflow": (robot(link("bus", 1e100), ARM, ELBOW), r"value='1e\+100'"),
+    "digits that are not plain": (
+        robot(*two_links()).replace('value="50.0"', 'value="5_0"'),
+        "value='5_0'; give a finite number",
+    ),
+    "two inertials": (
+        robot(BUS.replace("</link>", "<inertial/></link>"), ARM, ELBOW),
+        "link 'bus' .line 3. has 2 <inertial>; keep one",
+    ),
+    "two parents in one joint": (
+        robot(BUS, ARM, ELBOW.replace("<child", '<parent link="arm"/><child')),
+        "joint 'elbow' .line 5. has 2 <parent>; keep one",
+    ),
+    "more joints than memory": (
+        robot(
+            BUS,
+            *(link(f"l{i}") for i in range(201)),
+            *(joint(f"j{i}", f"l{i - 1}" if i else "bus", f"l{i}") for i in range(201)),
+        ),
+        "201 movable joints",
+    ),
     "an inertia that is not positive definite": (
         robot(BUS, link("arm", inertia=np.diag([1.0, 1.0, -0.1])), ELBOW),
         "'arm' has an inertia that is not positive definite .principal moments -0.1, 1, 1.*check=",
@@ -119,7 +151,7 @@ def test_bad_urdf_is_refused_with_file_element_and_remedy(case, tmp_path):
     text, message = BAD[case]
     path = tmp_path / "bad.urdf"
     path.write_text(text)
-    with pytest.raises(sa.ModelError, match=message) as error:
+    with pytest.raises((sa.ModelError, sa.UnsupportedError), match=message) as error:
         sa.load(path)
     assert str(error.value).startswith(str(path))
     assert "; " in str(error.value)
@@ -161,8 +193,14 @@ def test_impossible_inertias_load_with_a_warning_when_asked():
     with pytest.warns(sa.ModelWarning, match="breaks the triangle inequality"):
         arm = load_text(text, check="warn")
     assert np.allclose(arm.model.inertias[2].inertia, FLAT)
+    assert load_text(text, check="accept").n == 1
     with pytest.raises(sa.ModelError, match="unknown check 'off'"):
         load_text(text, check="off")
+    negative = robot(BUS, link("arm", inertia=np.diag([1.0, 1.0, -0.1])), ELBOW)
+    with pytest.warns(sa.ModelWarning, match="not positive definite"):
+        assert np.isfinite(sa.singularity(load_text(negative, check="warn").at([0.3])).sigma).all()
+    with pytest.raises(sa.ModelError, match="movable link 'arm' has no mass"):
+        load_text(robot(BUS, frame("arm"), ELBOW), check="warn")
 
 
 @pytest.mark.parametrize("inside", ["", '<limit effort="1" velocity="2"/>'])
@@ -179,12 +217,19 @@ def test_continuous_joints_have_one_number_and_no_limits():
 
 
 @pytest.mark.parametrize(
-    "filename", ["package://nowhere/meshes/a.stl", "a.stl", "file:///no/a.dae"]
+    "filename",
+    [
+        "package://nowhere/meshes/a.stl",
+        "of_no_robot.stl",
+        "file:///no/a.dae",
+        "package://",
+        "a" * 5000,
+    ],
 )
 def test_missing_meshes_do_not_stop_physics(filename):
     mesh = f'<visual><geometry><mesh filename="{filename}"/></geometry></visual>'
     text = robot(BUS, link("arm", inside=mesh), ELBOW)
-    with pytest.warns(sa.ModelWarning, match="meshes not found.*a\\."):
+    with pytest.warns(sa.ModelWarning, match="meshes not found"):
         arm = load_text(text)
     assert arm.n == 1
 
@@ -213,6 +258,22 @@ def test_latin_1_text_is_read_as_declared(tmp_path):
     text = robot(*two_links()).replace('"1.0"?>', '"1.0" encoding="iso-8859-1"?>')
     path.write_bytes(text.replace("elbow", "coudé").encode("latin-1"))
     assert sa.load(path).joint_names == ("coudé",)
+
+
+def test_warnings_point_at_the_line_that_loads():
+    with pytest.warns(sa.ModelWarning) as caught:
+        load_text(robot(*two_links(inside="")))
+    assert caught[0].filename.endswith("arms.py")
+
+
+def test_a_path_that_no_file_can_have():
+    for path in ("a" * 5000 + ".urdf", "nul\0.urdf"):
+        with pytest.raises(sa.ModelError, match=r"unknown model|cannot be read"):
+            sa.load(path)
+    with pytest.raises(sa.ModelError, match="unknown model 'None'"):
+        sa.load(None)
+    with pytest.raises(sa.ModelError, match=r"unknown model 'planar2.urdf'.*: planar2"):
+        sa.load("planar2.urdf")
 
 
 def test_a_link_and_a_joint_may_share_a_name():

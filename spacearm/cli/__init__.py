@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 import warnings
 from typing import Annotated
@@ -10,13 +12,14 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm import __version__
-from spacearm.cli import models, query
+from spacearm.cli import models, query, view
 from spacearm.errors import SpaceArmError
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 app.command()(models.models)
 app.command(context_settings={"ignore_unknown_options": True})(models.info)
 app.command(context_settings={"ignore_unknown_options": True})(query.query)
+app.command(context_settings={"ignore_unknown_options": True})(view.view)
 
 
 @app.callback(invoke_without_command=True)
@@ -34,11 +37,21 @@ def options(
 def main() -> None:
     """Runs the command line: bad input ends with one line on stderr and exit code 2."""
     warnings.showwarning = _show_warning
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without ° is no reason to stop
     try:
-        sys.exit(app(standalone_mode=False))
+        code = app(standalone_mode=False)
+        sys.stdout.flush()
     except (SpaceArmError, TyperException) as error:
-        print(f"spacearm: error: {_one_line(error)}", file=sys.stderr)
+        message = error.format_message() if isinstance(error, TyperException) else error
+        print(f"spacearm: error: {_one_line(message)}", file=sys.stderr)
         sys.exit(2)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes at exit
+        if not isinstance(error, BrokenPipeError):
+            print(f"spacearm: error: cannot write the output: {error}", file=sys.stderr)
+        sys.exit(1)
+    sys.exit(code)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -27,7 +27,7 @@ from spacearm.cli.output import heading, joint_value, number, out, print_json, t
 def models(as_json: AsJson = False) -> None:
     """Lists the models that travel with spacearm."""
     if as_json:
-        return print_json([{**info._asdict(), "path": str(info.path)} for info in catalogue()])
+        return print_json([info.to_dict() for info in catalogue()])
     rows = table("name", "n", "tip", "task", "what it is", "source")
     for info in catalogue():
         rows.add_row(info.name, str(info.n), info.tip, info.task, info.summary, info.source)
@@ -81,10 +81,14 @@ def info(
 
 
 def _bodies(arm: SpaceArm) -> dict[str, pin.Inertia]:
-    """The rigid bodies by the link that leads each: the spacecraft, then one a joint."""
+    """The rigid bodies by their links that have mass: the spacecraft, then one a joint."""
     joints = list(arm.model.names)[2:]
-    links = [arm.tree.root, *(arm.tree.joints[name].child for name in joints)]
-    return dict(zip(links, list(arm.model.inertias)[1:], strict=True))
+    leaders = [arm.tree.root, *(arm.tree.joints[name].child for name in joints)]
+    lumps = arm.tree.lumps()
+    names = [
+        " + ".join(link for link in lumps[leader] if arm.tree.links[link]) for leader in leaders
+    ]
+    return dict(zip(names, list(arm.model.inertias)[1:], strict=True))
 
 
 def _system_cm(arm: SpaceArm) -> Any:

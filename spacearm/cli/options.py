@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Annotated, cast
 
 import numpy as np
+import pinocchio as pin
 import typer
 
 from spacearm.arm import SpaceArm, load
 from spacearm.arrays import Array
+from spacearm.catalogue import find
 from spacearm.errors import ConfigurationError
 from spacearm.task import Task
-from spacearm.urdf import Check
+from spacearm.tree import Joint
+from spacearm.urdf import Check, read
 
 ModelName = Annotated[
     str, typer.Argument(metavar="MODEL", help="Catalogue name (spacearm models) or URDF file.")
@@ -35,6 +39,10 @@ Checked = Annotated[
     ),
 ]
 Degrees = Annotated[bool, typer.Option("--deg", help="Angles are in degrees.")]
+Attitude = Annotated[
+    tuple[float, float, float],
+    typer.Option(help="Spacecraft roll, pitch, yaw.", metavar="R P Y"),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
 
 
@@ -48,14 +56,16 @@ def arm_from(
     deg: bool,
 ) -> SpaceArm:
     """The arm that the shared options describe."""
-    checked = cast("Check | None", check)
-    arm = load(model, tip=tip, task=task, check=checked)
-    if lock:
-        locked = {name: _si(arm, name, value, deg) for name, value in map(_locked, lock)}
-        arm = load(model, tip=tip, task=task, locked=locked, check=checked)
-    if length is not None:
-        arm = arm.replace(task=Task(arm.task.names, length))
-    return arm
+    locked = dict(map(_locked, lock or []))
+    if deg and locked:
+        info = find(model)
+        with warnings.catch_warnings():  # they come when the arm is loaded
+            warnings.simplefilter("ignore")
+            joints = read(info.path if info else model, "accept").joints
+        locked = {name: _si(joints.get(name), value, deg) for name, value in locked.items()}
+    wanted = None if task is None else Task(task, length)
+    arm = load(model, tip=tip, task=wanted, locked=locked, check=cast("Check | None", check))
+    return arm if wanted or length is None else arm.replace(task=Task(arm.task.names, length))
 
 
 def joint_values(arm: SpaceArm, words: list[str], deg: bool) -> Array:
@@ -66,13 +76,21 @@ def joint_values(arm: SpaceArm, words: list[str], deg: bool) -> Array:
             f"{len(values)} joint values given; {arm.name} needs {arm.n}: "
             f"{', '.join(arm.joint_names)}"
         )
-    return np.array([_si(arm, *pair, deg) for pair in zip(arm.joint_names, values, strict=True)])
+    joints = [arm.tree.joints[name] for name in arm.joint_names]
+    return np.array([_si(joint, q, deg) for joint, q in zip(joints, values, strict=True)])
 
 
-def _si(arm: SpaceArm, joint: str, value: float, deg: bool) -> float:
-    """The value in radians, or in metres for joints that slide; unknown joints pass."""
-    known = arm.tree.joints.get(joint)
-    return float(np.radians(value)) if deg and known and known.kind != "prismatic" else value
+def spacecraft_pose(attitude: tuple[float, float, float], deg: bool) -> pin.SE3:
+    """The spacecraft at the origin with this roll, pitch and yaw."""
+    rpy = np.radians(attitude) if deg else np.array(attitude)
+    if not np.isfinite(rpy).all():
+        raise ConfigurationError(f"--attitude is {attitude}; give three finite angles")
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), np.zeros(3))
+
+
+def _si(joint: Joint | None, value: float, deg: bool) -> float:
+    """The value in radians, or in metres for joints that slide."""
+    return float(np.radians(value)) if deg and joint and joint.kind != "prismatic" else value
 
 
 def _locked(text: str) -> tuple[str, float]:

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
-out = Console(highlight=False, markup=False)
+WIDE = 1000
+"""Columns of a file or a pipe: nothing is folded there."""
+
+out = Console(
+    highlight=False, markup=False, emoji=False, width=None if sys.stdout.isatty() else WIDE
+)
 
 
 def table(*columns: str) -> Table:
     """An empty table in the style of all tables."""
-    result = Table(*columns, box=None, pad_edge=False)
+    result = Table(*(Column(name, overflow="fold") for name in columns), box=None, pad_edge=False)
     result.show_header = any(columns)
     return result
 
@@ -37,6 +43,11 @@ def vector(values: npt.ArrayLike | Sequence[float], digits: int = 5) -> str:
     array = np.asarray(values, dtype=np.float64)
     noise = 1e-14 * np.abs(array).max(initial=0.0)
     return "(" + ", ".join(number(x if abs(x) > noise else 0.0, digits) for x in array) + ")"
+
+
+def component(value: float) -> str:
+    """A component of a unit vector; rounding prints as 0."""
+    return number(value if abs(value) > 1e-12 else 0.0, 4)
 
 
 def joint_value(value: float, kind: str, deg: bool) -> str:

@@ -6,12 +6,12 @@ from enum import Enum
 from typing import Annotated, Any
 
 import numpy as np
-import pinocchio as pin
 import typer
 from rich.text import Text
 
 from spacearm.cli.options import (
     AsJson,
+    Attitude,
     Checked,
     Degrees,
     Length,
@@ -21,13 +21,24 @@ from spacearm.cli.options import (
     Tip,
     arm_from,
     joint_values,
+    spacecraft_pose,
 )
-from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
+from spacearm.cli.output import (
+    component,
+    heading,
+    joint_value,
+    number,
+    out,
+    print_json,
+    table,
+    vector,
+)
 from spacearm.configuration import Configuration
-from spacearm.errors import ConfigurationError
 from spacearm.jacobian import BaseMode
 from spacearm.singularity import RANK_TOLERANCE, SingularityReport, singularity
 
+ROUNDING = 1e-9
+"""By what a value that was entered in degrees may miss its limit [rad]."""
 STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
@@ -44,10 +55,7 @@ def query(
     q: Annotated[
         list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
     ] = None,
-    attitude: Annotated[
-        tuple[float, float, float],
-        typer.Option(help="Spacecraft roll, pitch, yaw.", metavar="R P Y"),
-    ] = (0.0, 0.0, 0.0),
+    attitude: Attitude = (0.0, 0.0, 0.0),
     base: Annotated[Spacecraft, typer.Option(help="What the spacecraft does.")] = Spacecraft.FREE,
     tolerance: Annotated[
         float, typer.Option(help="Share of the largest singular value that counts as zero.")
@@ -62,11 +70,7 @@ def query(
 ) -> None:
     """Reports whether a configuration is singular, what is lost and what is left."""
     arm = arm_from(model, tip, task, length, lock, check, deg)
-    rpy = np.radians(attitude) if deg else np.array(attitude)
-    if not np.isfinite(rpy).all():
-        raise ConfigurationError(f"--attitude is {vector(rpy)}; give three finite angles")
-    pose = pin.SE3(pin.rpy.rpyToMatrix(rpy), np.zeros(3))
-    cfg = arm.at(joint_values(arm, q or [], deg), pose)
+    cfg = arm.at(joint_values(arm, q or [], deg), spacecraft_pose(attitude, deg))
     mode: BaseMode = base.value
     report = singularity(cfg, base=mode, tolerance=tolerance)
     if as_json:
@@ -84,7 +88,7 @@ def _answer(cfg: Configuration, report: SingularityReport, mode: BaseMode) -> di
         "tip": {"position": cfg.tip.translation, "rotation": cfg.tip.rotation},
         "cm": cfg.com,
         "radius": _radius(cfg),
-        "task": {"rows": cfg.arm.task.rows, "unit": cfg.arm.task.unit},
+        "task": {"rows": cfg.arm.task.rows, "unit": cfg.arm.sigma_unit},
         **report.to_dict(),
     }
 
@@ -104,7 +108,8 @@ def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: b
     joints = table("joint", "q", "dsigma_min/dq", "")
     for name, q, slope in zip(arm.joint_names, cfg.q, report.gradient, strict=True):
         joint = arm.tree.joints[name]
-        outside = "" if joint.lower <= q <= joint.upper else "outside its limits"
+        inside = joint.lower - ROUNDING <= q <= joint.upper + ROUNDING
+        outside = "" if inside else "outside its limits"
         joints.add_row(name, joint_value(q, joint.kind, deg), number(slope, 4), outside)
     out.print(joints)
 
@@ -112,7 +117,7 @@ def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: b
     facts = table("", "")
     facts.add_row("position, inertial frame", f"{vector(cfg.tip.translation)} m")
     facts.add_row("distance R from the system CM", f"{number(_radius(cfg))} m")
-    facts.add_row("sigma_min", f"{number(report.sigma_min)} {task.unit}")
+    facts.add_row("sigma_min", f"{number(report.sigma_min)} {arm.sigma_unit}")
     facts.add_row("condition", number(report.condition))
     facts.add_row("manipulability", number(report.manipulability))
     if report.determinant is not None:
@@ -122,18 +127,17 @@ def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: b
     out.print(facts)
 
     inertial = np.allclose(report.axes, np.eye(3))
-    heading(
-        f"Directions, {'inertial' if inertial else 'task'} axes, singular values in {task.unit}"
-    )
+    axes = "inertial" if inertial else "task"
+    heading(f"Directions, {axes} axes, singular values in {arm.sigma_unit}")
     directions = table("", "sigma", *task.rows)
     for i, direction in enumerate(np.hstack((report.available, report.lost)).T):
         label, style = ("available", "green") if i < report.rank else ("lost", "red")
-        components = (number(x, 4) for x in direction)
+        components = (component(x) for x in direction)
         directions.add_row(label, number(report.sigma[i], 4), *components, style=style)
     out.print(directions)
     if report.still.size:
         heading("Joint motions that leave the tip at rest")
         still = table(*arm.joint_names)
         for motion in report.still.T:
-            still.add_row(*(number(x, 4) for x in motion))
+            still.add_row(*(component(x) for x in motion))
         out.print(still)

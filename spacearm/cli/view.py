@@ -1,0 +1,75 @@
+"""spacearm view: a configuration in the browser, in a file, as a picture."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from spacearm.cli.options import (
+    Attitude,
+    Checked,
+    Degrees,
+    Length,
+    Lock,
+    ModelName,
+    TaskRows,
+    Tip,
+    arm_from,
+    joint_values,
+    spacecraft_pose,
+)
+from spacearm.cli.output import out
+from spacearm.view import view as show
+
+
+def view(
+    model: ModelName,
+    q: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; zeros if none."),
+    ] = None,
+    attitude: Attitude = (0.0, 0.0, 0.0),
+    port: Annotated[
+        int | None, typer.Option(help="Port of the page; the first free from 7400 on if none.")
+    ] = None,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Serve the page, do not open a browser.")
+    ] = False,
+    save: Annotated[
+        Path | None, typer.Option(help="Write one self-contained page and end.", metavar="HTML")
+    ] = None,
+    png: Annotated[
+        Path | None, typer.Option(help="Write a picture and end.", metavar="PNG")
+    ] = None,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
+) -> None:
+    """Shows a configuration in the browser, with sliders; Ctrl-C ends it."""
+    arm = arm_from(model, tip, task, length, lock, check, deg)
+    start = joint_values(arm, q, deg) if q else np.clip(0.0, arm.lower, arm.upper)
+    viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
+    if save:
+        out.print(f"wrote {viewer.save(save)}")
+    if png:
+        out.print(f"wrote {viewer.png(png)}")
+    if save or png:
+        return
+    if no_open:
+        viewer.serve(port)
+    else:
+        viewer.open(port)
+    out.print(f"{arm.name}: {viewer.url}  (Ctrl-C ends)")
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        out.print()
+    finally:
+        viewer.close()

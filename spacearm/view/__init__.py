@@ -1,0 +1,65 @@
+"""View: configurations and motions in a browser, in notebooks, in files and pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arm import SpaceArm
+from spacearm.motion import Motion
+
+if TYPE_CHECKING:
+    from spacearm.view.viewer import Viewer
+
+
+def view(
+    thing: SpaceArm | Motion,
+    q: npt.ArrayLike | None = None,
+    *,
+    base: pin.SE3 | None = None,
+    port: int | None = None,
+    open: bool | None = None,  # noqa: A002 - the word for it
+) -> Viewer:
+    """Shows an arm, with sliders, or plays a motion.
+
+    In a script or a terminal the page opens in the browser, served on 127.0.0.1 only, until
+    `Viewer.close` or the end of the program. In a notebook, as the last line of a cell, the scene
+    stands in the notebook and stays there when it is opened elsewhere.
+
+    Args:
+        thing: An arm, or an object with `arm`, `t`, `q` and `base` (see `Motion`).
+        q: (n,) joint positions to start from; zeros (or the nearest limits) if None.
+        base: Pose of the spacecraft; the identity if None.
+        port: Port of the page; the first free one from 7400 on if None.
+        open: Whether to serve the page and open the browser; if None, unless in a notebook.
+
+    Returns:
+        A `Viewer`: `.url`, `.show`, `.shells`, `.save`, `.png`, `.close`.
+
+    Raises:
+        ConfigurationError: q, base or the motion has the wrong shape or is not finite.
+        SpaceArmError: The port is in use.
+    """
+    from spacearm.view.viewer import Viewer
+
+    if isinstance(thing, SpaceArm):
+        start = np.clip(0.0, thing.lower, thing.upper) if q is None else q
+        viewer = Viewer(thing.at(start, base))
+    else:
+        motion = Motion.of(thing)
+        viewer = Viewer(motion.at(float(motion.t[0])), motion)
+    if open or (open is None and not _in_notebook()):
+        viewer.open(port)
+    return viewer
+
+
+def _in_notebook() -> bool:
+    """Whether an IPython kernel runs this code."""
+    import sys
+
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    return shell is not None and hasattr(shell, "kernel")

@@ -1,0 +1,57 @@
+"""Recorder: turns drawings at successive times into one meshcat animation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+FRAMES_PER_SECOND = 30
+TYPES = {"position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool"}
+
+
+class Recorder:
+    """Takes drawing commands instead of the window and keeps what moves, frame by frame."""
+
+    def __init__(self) -> None:
+        self.frame = 0
+        self._tracks: dict[str, dict[str, list[dict[str, Any]]]] = {}
+
+    def __call__(self, content: dict[str, Any]) -> None:
+        """Records a lowered set_transform or set_property command at the current frame."""
+        if content["type"] == "set_property":
+            self._key(content["path"], content["property"], content["value"])
+        elif content["type"] == "set_transform":
+            matrix = np.array(content["matrix"]).reshape(4, 4).T
+            scale = np.linalg.norm(matrix[:3, :3], axis=0)
+            self._key(content["path"], "position", matrix[:3, 3].tolist())
+            self._key(content["path"], "scale", scale.tolist())
+            quaternion = pin.Quaternion(matrix[:3, :3] / scale).normalized().coeffs()
+            self._key(content["path"], "quaternion", quaternion.tolist())
+
+    def _key(self, path: str, name: str, value: Any) -> None:
+        keys = self._tracks.setdefault(path, {}).setdefault(name, [])
+        keys.append({"time": self.frame, "value": value})
+
+    def lower(self) -> dict[str, Any]:
+        """The animation as a meshcat command."""
+        return {
+            "type": "set_animation",
+            "path": "",
+            "options": {"play": False, "repetitions": 1},
+            "animations": [
+                {
+                    "path": path,
+                    "clip": {
+                        "fps": FRAMES_PER_SECOND,
+                        "name": "motion",
+                        "tracks": [
+                            {"name": f".{name}", "type": TYPES[name], "keys": keys}
+                            for name, keys in tracks.items()
+                        ],
+                    },
+                }
+                for path, tracks in self._tracks.items()
+            ],
+        }

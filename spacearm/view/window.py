@@ -1,0 +1,99 @@
+"""Window: a meshcat scene kept in this process, for any number of browsers and for files.
+
+`meshcat.Visualizer` talks to it as it talks to meshcat's own window; there is no second process
+and no ZeroMQ socket, so that nothing can hang, and one port serves everything.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import umsgpack
+from meshcat.servers.tree import SceneTree, find_node, walk
+from meshcat.servers.zmqserver import VIEWER_ROOT
+
+VIEWER_SCRIPT = Path(VIEWER_ROOT) / "main.min.js"
+PAGE = Path(__file__).parent / "page"
+
+
+class Window:
+    """Keeps every drawing command that still matters and passes each on to the listeners.
+
+    Attributes:
+        listeners: Called with every command, packed.
+        recorder: If set, takes the commands instead of the window.
+    """
+
+    def __init__(self) -> None:
+        self._tree = SceneTree()
+        self._lock = threading.RLock()
+        self.listeners: list[Callable[[bytes], None]] = []
+        self.recorder: Callable[[dict[str, Any]], None] | None = None
+
+    def send(self, command: Any) -> None:
+        """Takes a meshcat command: set_object, set_transform, set_property, ..., delete."""
+        content = command.lower()
+        if self.recorder:
+            self.recorder(content)
+            return
+        kind, path = content["type"], [part for part in content["path"].split("/") if part]
+        data = umsgpack.packb(content)
+        with self._lock:
+            if kind == "delete":
+                find_node(self._tree, path[:-1]).pop(path[-1], None)
+            else:
+                node = find_node(self._tree, path)
+                if kind == "set_property":
+                    node.properties = [p for p in node.properties if p[0] != content["property"]]
+                    node.properties.append((content["property"], data))
+                else:
+                    setattr(node, kind.removeprefix("set_"), data)
+            for listener in self.listeners:
+                listener(data)
+
+    def commands(self) -> list[bytes]:
+        """The commands that draw the scene as it is now."""
+        with self._lock:
+            return list(self._commands())
+
+    def _commands(self) -> Iterator[bytes]:
+        for node in walk(self._tree):
+            if node.object is not None:
+                yield node.object
+            for _, data in node.properties:
+                yield data
+            if node.transform is not None:
+                yield node.transform
+        for node in walk(self._tree):  # once all objects are there
+            if node.animation is not None:
+                yield node.animation
+
+    def static_html(self, title: str, about: dict[str, Any]) -> str:
+        """One page that shows the scene by itself: no server, no network.
+
+        Args:
+            title: Title of the page.
+            about: What the page's script needs: layers, and the time of the animation if any.
+        """
+        commands = [base64.b64encode(data).decode() for data in self.commands()]
+        parts = {
+            "TITLE": title.replace("&", "&amp;").replace("<", "&lt;"),
+            "STYLE": (PAGE / "page.css").read_text(encoding="utf-8"),
+            "VIEWER": VIEWER_SCRIPT.read_text(encoding="utf-8"),
+            "ABOUT": _script_json(about),
+            "COMMANDS": _script_json(commands),
+            "SCENE": (PAGE / "scene.js").read_text(encoding="utf-8").replace("export ", ""),
+        }
+        page = (PAGE / "saved.html").read_text(encoding="utf-8")
+        pieces = page.split("%%")
+        return "".join(parts.get(piece, piece) for piece in pieces)
+
+
+def _script_json(value: Any) -> str:
+    """JSON that may stand inside a <script> element."""
+    return json.dumps(value).replace("</", "<\\/")
