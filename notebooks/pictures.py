@@ -1,13 +1,21 @@
-"""Draws the pictures of README.md anew:  python notebooks/pictures.py  (needs matplotlib)."""
+"""Draws the pictures of README.md anew.
+
+    python notebooks/pictures.py
+
+Needs `pip install -e '.[plot,test]'` and chromium.
+.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import which
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pinocchio as pin
 from matplotlib.patches import Polygon
+from playwright.sync_api import sync_playwright
 
 import spacearm as sa
 
@@ -81,6 +89,23 @@ def singular_posture() -> None:
     figure.savefig(FOLDER / "singular_posture.png", dpi=110)
 
 
+def browser_view() -> None:
+    """The page of `spacearm view planar2 --deg -65 -11.41 --attitude 0 0 40`."""
+    attitude = pin.SE3(pin.utils.rotate("z", np.radians(40)), np.zeros(3))
+    viewer = sa.view(sa.load("planar2"), np.radians([-65, -11.41]), base=attitude, open=False)
+    with sync_playwright() as playwright:
+        options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=which("chromium"), args=options)
+        page = browser.new_page(viewport={"width": 1366, "height": 820})
+        page.goto(viewer.serve())
+        page.wait_for_selector("body[data-ready=yes]", state="attached")
+        page.wait_for_timeout(1500)
+        page.screenshot(path=FOLDER / "view.png")
+        browser.close()
+    viewer.close()
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     singular_posture()
+    browser_view()

@@ -348,7 +348,7 @@ def test_layers_and_shells(viewer):
     viewer.shells([0.351, 2.287])
     viewer.layer("shells", False)
     assert recorded(viewer, "shells") is False
-    assert viewer.refresh()["hidden"] == ["shells"]
+    assert viewer.readout()["hidden"] == ["shells"]
     with pytest.raises(sa.ConfigurationError, match="unknown layer 'shell'"):
         viewer.layer("shell", True)
     with pytest.raises(sa.ConfigurationError, match="shell radius is -1"):

@@ -22,7 +22,7 @@ from spacearm.view.window import PAGE, VIEWER_SCRIPT, Window
 LOOPBACK = "127.0.0.1"
 FIRST_PORT, LAST_PORT = 7400, 7500
 LARGEST_MESSAGE = 100_000
-PAUSE = 0.005
+PAUSE = 0.001
 """Seconds in which messages are gathered before the scene is drawn once for all of them."""
 
 
@@ -34,8 +34,11 @@ class Panel(Protocol):
     def handle(self, message: object) -> None:
         """Does what a message asks, or raises a SpaceArmError."""
 
-    def refresh(self) -> dict[str, Any]:
-        """Draws the state as it is now and returns its readout."""
+    def readout(self) -> dict[str, Any]:
+        """What the panel shows of the state as it is now."""
+
+    def draw(self) -> None:
+        """Draws the state as it is now."""
 
     def about(self) -> dict[str, Any]:
         """What the page needs once."""
@@ -97,9 +100,9 @@ class Server:
 
     def opened(self, browser: _Socket) -> None:
         """Sends a new browser everything."""
+        self._panel.draw()
         self._browsers.add(browser)
-        readout = self._panel.refresh()
-        browser.tell({"about": self._panel.about(), "readout": readout})
+        browser.tell({"about": self._panel.about(), "readout": self._panel.readout()})
         for data in self._panel.window.commands():
             browser.draw(data)
         browser.tell({"complete": True})
@@ -125,9 +128,10 @@ class Server:
 
     def _flush(self) -> None:
         self._stale = False
-        readout = self._panel.refresh()
+        readout = self._panel.readout()
         for browser in list(self._browsers):
-            browser.tell({"readout": readout})
+            browser.tell({"readout": readout})  # before the drawing, which takes a browser longer
+        self._panel.draw()
 
     def _draw(self, data: bytes) -> None:
         for browser in list(self._browsers):

@@ -50,7 +50,7 @@ class Viewer:
         self._hidden: set[str] = set()
         self._time = float(motion.t[0]) if motion else 0.0
         self._scene.aim(cfg)
-        self.refresh()
+        self.draw()
         if motion:
             self._draw_trace(motion)
 
@@ -84,7 +84,7 @@ class Viewer:
         if self._server:
             self._server.refresh()
         else:
-            self.refresh()
+            self.draw()
 
     # --- the panel (see server.Panel) -------------------------------------------------------
 
@@ -99,12 +99,15 @@ class Viewer:
             else:
                 self.session.handle(message)
 
-    def refresh(self) -> dict[str, Any]:
-        """Draws the configuration and returns what the panel shows of it."""
+    def readout(self) -> dict[str, Any]:
+        """What the panel shows of the configuration."""
+        with self._lock:
+            return {**self.session.readout(), "hidden": sorted(self._hidden), "t": self._time}
+
+    def draw(self) -> None:
+        """Draws the configuration."""
         with self._lock:
             self._scene.draw(self.session.cfg, self.session.report)
-            readout = self.session.readout()
-        return {**readout, "hidden": sorted(self._hidden), "t": self._time}
 
     def about(self) -> dict[str, Any]:
         """What the page needs once."""
@@ -144,9 +147,9 @@ class Viewer:
     def html(self) -> str:
         """One self-contained page with the scene as it is now, or with the whole motion."""
         with self._lock:
-            readout = self.refresh()
+            self.draw()
             span = self._animate(self._motion) if self._motion else None
-            about = {"layers": LAYERS, "hidden": readout["hidden"], "motion": span}
+            about = {"layers": LAYERS, "hidden": sorted(self._hidden), "motion": span}
             return self.window.static_html(f"{self.session.arm.name} - spacearm", about)
 
     def save(self, path: str | os.PathLike[str]) -> Path:

@@ -119,7 +119,11 @@ byId("copy").addEventListener("click", async () => {
 
 /* --- what comes back --- */
 
-const digits = (x, n = 4) => (x === null ? "∞" : Number(x.toPrecision(n)).toString());
+function digits(x, n = 4) {
+  if (x === null) return "∞";
+  const plain = x === 0 || (Math.abs(x) >= 1e-3 && Math.abs(x) < 1e6);
+  return plain ? Number(x.toPrecision(n)).toString() : x.toExponential(2);
+}
 
 function show(state) {
   setKind(state.kind === "regular" ? "regular" : `${state.kind} singularity`, state.kind);
