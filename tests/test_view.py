@@ -28,6 +28,9 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     from spacearm.view.shapes import shapes
 
 
+BOX = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
+
+
 @pytest.fixture
 def session():
     arm = sa.load("planar2")
@@ -283,8 +286,11 @@ def test_every_link_is_drawn_even_without_visuals(tmp_path):
         )
     )
     arm = sa.load(path)
-    assert {shape.link for shape in shapes(arm)} == {"bus", "arm", "hand"}
-    assert "BoxGeometry" in str(sa.view(arm, open=False).window.commands())
+    with pytest.warns(sa.ModelWarning, match="no visuals for bus, arm, hand") as caught:
+        assert {shape.link for shape in shapes(arm)} == {"bus", "arm", "hand"}
+    assert len(caught) == 1
+    with pytest.warns(sa.ModelWarning):
+        assert "BoxGeometry" in str(sa.view(arm, open=False).window.commands())
 
 
 @pytest.mark.parametrize(
@@ -295,9 +301,9 @@ def test_meshes_that_cannot_be_had_give_one_warning_and_a_scene(tmp_path, name, 
     if content:
         (tmp_path / name.rpartition("/")[2]).write_bytes(content)
     mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
-    bus, _, elbow = two_links()
+    _, _, elbow = two_links()
     path = tmp_path / "r.urdf"
-    path.write_text(robot(bus, link("arm", inside=mesh), elbow))
+    path.write_text(robot(link("bus", 50.0, inside=BOX), link("arm", inside=mesh), elbow))
     with pytest.warns(sa.ModelWarning, match=message) as caught:
         viewer = sa.view(sa.load(path), open=False)
     assert len([w for w in caught if issubclass(w.category, sa.ModelWarning)]) == 1
@@ -311,7 +317,8 @@ def test_meshes_are_drawn(tmp_path):
     bus, _, elbow = two_links()
     path = tmp_path / "r.urdf"
     path.write_text(robot(bus, link("arm", inside=mesh), elbow))
-    (shape,) = [s for s in shapes(sa.load(path)) if s.link == "arm"]
+    with pytest.warns(sa.ModelWarning, match="no visuals for bus"):
+        (shape,) = [s for s in shapes(sa.load(path)) if s.link == "arm"]
     assert len(shape.geometry.faces) == 12
     assert np.allclose(shape.pose, np.diag([2, 1, 1, 1]))
 
@@ -319,7 +326,8 @@ def test_meshes_are_drawn(tmp_path):
 def test_prismatic_and_branched_arms_have_a_scene(tmp_path):
     path = tmp_path / "r.urdf"
     path.write_text(robot(*two_links(kind="prismatic"), link("p"), joint("wing", "bus", "p")))
-    viewer = sa.view(sa.load(path, tip="arm"), open=False)
+    with pytest.warns(sa.ModelWarning, match="no visuals"):
+        viewer = sa.view(sa.load(path, tip="arm"), open=False)
     viewer.show([0.2, 0.3])
     assert viewer.session.cfg.q[0] == 0.2
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any, NamedTuple
 
 import meshcat.geometry as g
@@ -13,7 +12,6 @@ from lxml import etree
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
-from spacearm.errors import ModelWarning
 from spacearm.source import Source
 from spacearm.urdf import find_mesh
 
@@ -42,19 +40,22 @@ def shapes(arm: SpaceArm) -> list[Shape]:
     source = Source(arm.path)
     robot = source.robot()
     colors = {m.get("name"): _color(source, m, {}) for m in robot.findall("material")}
+    visuals = {n: e.findall("visual") for n, e in source.named(robot, "link").items()}
     drawn: list[Shape] = []
-    for name, link in source.named(robot, "link").items():
-        for visual in link.findall("visual"):
-            drawn += _visual(source, arm, name, visual, colors)
+    for link, elements in visuals.items():
+        for visual in elements:
+            drawn += _visual(source, link, visual, colors)
     seen = {shape.link for shape in drawn}
-    for leader, lump in arm.tree.lumps().items():
-        if not seen & set(lump):
-            drawn += _plain_body(arm, leader, lump)
+    bare = {leader: lump for leader, lump in arm.tree.lumps().items() if not seen & set(lump)}
+    for leader, lump in bare.items():
+        drawn += _plain_body(arm, leader, lump)
+    if without := [leader for leader, lump in bare.items() if not any(visuals[n] for n in lump)]:
+        source.warn(f"no visuals for {', '.join(without)}: drawn as plain bodies")
     return drawn
 
 
 def _visual(
-    source: Source, arm: SpaceArm, link: str, visual: etree._Element, colors: dict[Any, Any]
+    source: Source, link: str, visual: etree._Element, colors: dict[Any, Any]
 ) -> list[Shape]:
     pose = source.pose(visual).homogeneous
     material = visual.find("material")
@@ -70,19 +71,18 @@ def _visual(
         return [Shape(link, pose @ Y_TO_Z, g.Cylinder(length, radius), color)]
     if element is not None and kind == "mesh":
         scale = np.append(source.numbers(element, "scale", 3, "1 1 1"), 1.0)
-        if (geometry := _mesh(arm, element.get("filename", ""))) is not None:
+        if (geometry := _mesh(source, element.get("filename", ""))) is not None:
             return [Shape(link, pose * scale, geometry, color)]
     else:
-        warnings.warn(f"{arm.path}: link {link!r} has a visual without a known geometry",
-                      ModelWarning, stacklevel=2)  # fmt: skip
+        source.warn(f"link {link!r} has a visual without a known geometry")
     return []
 
 
-def _mesh(arm: SpaceArm, filename: str) -> Any:
+def _mesh(source: Source, filename: str) -> Any:
     """Triangles of a mesh file, or None with one warning if it cannot be had."""
     import trimesh  # only where meshes are
 
-    path = find_mesh(filename, arm.path)
+    path = find_mesh(filename, source.path)
     if path is None:
         return None  # `load` has warned
     try:
@@ -92,8 +92,7 @@ def _mesh(arm: SpaceArm, filename: str) -> Any:
         problem = "no triangles in it"
     except Exception as error:  # whatever a reader makes of a broken file
         problem = str(error)
-    message = f"{arm.path}: mesh {filename!r} cannot be read ({problem}); it is not drawn"
-    warnings.warn(message, ModelWarning, stacklevel=2)
+    source.warn(f"mesh {filename!r} cannot be read ({problem}): not drawn")
     return None
 
 
