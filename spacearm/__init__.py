@@ -29,6 +29,7 @@ from importlib.metadata import version
 from spacearm.arm import SpaceArm, load
 from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
 from spacearm.catalogue import ModelInfo, catalogue
+from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
 from spacearm.errors import (
     ConfigurationError,
@@ -38,6 +39,7 @@ from spacearm.errors import (
     SpaceArmError,
     UnsupportedError,
 )
+from spacearm.found_set import FoundSet
 from spacearm.jacobian import (
     fixed_base_jacobian,
     generalized_jacobian,
@@ -46,8 +48,12 @@ from spacearm.jacobian import (
 )
 from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
 from spacearm.motion import Motion
+from spacearm.polynomial import TrigPolynomial
 from spacearm.reaction import move
+from spacearm.singular_map import SingularMap, singular_map
+from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity import SingularityReport, singularity
+from spacearm.singularity_polynomial import singularity_polynomial
 from spacearm.task import Task
 from spacearm.view import view
 
@@ -55,18 +61,23 @@ __version__ = version("spacearm")
 
 __all__ = [
     "Barycentric",
+    "Certificate",
     "Configuration",
     "ConfigurationError",
+    "FoundSet",
     "ModelError",
     "ModelInfo",
     "ModelWarning",
     "MomentumMatrix",
     "Motion",
     "NoSolutionError",
+    "SingularMap",
+    "SingularSet",
     "SingularityReport",
     "SpaceArm",
     "SpaceArmError",
     "Task",
+    "TrigPolynomial",
     "UnsupportedError",
     "VirtualManipulator",
     "__version__",
@@ -80,6 +91,9 @@ __all__ = [
     "load",
     "momentum_matrix",
     "move",
+    "singular_map",
+    "singular_set",
     "singularity",
+    "singularity_polynomial",
     "view",
 ]

@@ -59,7 +59,7 @@ def test_the_wheel_is_complete(wheel_python):
 def test_import_is_light():
     run = python(sys.executable, "-X", "importtime", "-c", "import spacearm")
     imported = set(re.findall(r"\|\s+(\S+)$", run.stderr, re.MULTILINE))
-    heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "yourdfpy", "scipy"}
+    heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "yourdfpy", "skimage"}
     assert not heavy & imported
 
 

@@ -12,7 +12,7 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm import __version__
-from spacearm.cli import models, query, view
+from spacearm.cli import maps, models, query, view
 from spacearm.errors import SpaceArmError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -20,6 +20,7 @@ app.command()(models.models)
 app.command(context_settings={"ignore_unknown_options": True})(models.info)
 app.command(context_settings={"ignore_unknown_options": True})(query.query)
 app.command(context_settings={"ignore_unknown_options": True})(view.view)
+app.command("map", context_settings={"ignore_unknown_options": True})(maps.map_)
 
 
 @app.callback(invoke_without_command=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Annotated, cast
 
 import numpy as np
@@ -56,7 +57,7 @@ def arm_from(
     deg: bool,
 ) -> SpaceArm:
     """The arm that the shared options describe."""
-    locked = dict(map(_locked, lock or []))
+    locked = assignments("--lock", lock)
     if deg and locked:
         info = find(model)
         with warnings.catch_warnings():  # they come when the arm is loaded
@@ -68,7 +69,16 @@ def arm_from(
     return arm if wanted or length is None else arm.replace(task=Task(arm.task.names, length))
 
 
-def joint_values(arm: SpaceArm, words: list[str], deg: bool) -> Array:
+def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
+    """JOINT=VALUE, as often as given."""
+    pairs = [text.rpartition("=") for text in texts or []]
+    for (name, _, _), text in zip(pairs, texts or [], strict=True):
+        if not name:
+            raise ConfigurationError(f"{option} {text!r}: give JOINT=VALUE")
+    return {name: _number(value) for name, _, value in pairs}
+
+
+def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Array:
     """Joint values from the command line, in radians and metres."""
     values = [_number(word) for word in words]
     if len(values) != arm.n:
@@ -93,16 +103,9 @@ def _si(joint: Joint | None, value: float, deg: bool) -> float:
     return float(np.radians(value)) if deg and joint and joint.kind != "prismatic" else value
 
 
-def _locked(text: str) -> tuple[str, float]:
-    name, separator, value = text.rpartition("=")
-    if not separator:
-        raise ConfigurationError(f"--lock {text!r}: give JOINT=VALUE")
-    return name, _number(value)
-
-
-def _number(word: str) -> float:
+def _number(word: str | float) -> float:
     try:
         return float(word)
     except ValueError:
-        kind = "option" if word.startswith("--") else "number"
+        kind = "option" if str(word).startswith("--") else "number"
         raise ConfigurationError(f"{word!r} is no {kind} of this command; see --help") from None

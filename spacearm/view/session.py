@@ -15,8 +15,9 @@ import pinocchio as pin
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.reaction import move
+from spacearm.singular_set import singular_set
 from spacearm.singularity import SingularityReport, singularity
 
 MODES = ("posture", "free-floating")
@@ -42,6 +43,7 @@ class Session:
             "attitude": self._attitude,
             "mode": self._mode,
             "home": lambda _: self._home(),
+            "nearest": lambda _: self._nearest(),
             "random": lambda _: self.go(self._rng.uniform(*self.range)),
         }
         self.show(cfg)
@@ -113,6 +115,13 @@ class Session:
             self.show(self.arm.at(q))
         else:
             self.go(q)
+
+    def _nearest(self) -> None:
+        """The nearest singular configuration in joint space, inside the limits or not."""
+        try:
+            self.go(singular_set(self.arm).nearest(self.cfg.q)[0])
+        except (UnsupportedError, NoSolutionError) as error:
+            raise ConfigurationError(str(error)) from None
 
     def about(self) -> dict[str, Any]:
         """What the panel needs once."""

@@ -20,6 +20,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError, SpaceArmError, unknown
+from spacearm.files import write
 from spacearm.motion import Motion
 from spacearm.singularity import singularity
 from spacearm.view.recorder import FRAMES_PER_SECOND, Recorder
@@ -154,7 +155,7 @@ class Viewer:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes `html` to a file, whole or not at all."""
-        return _write(Path(path), self.html().encode("utf-8"))
+        return write(Path(path), self.html().encode("utf-8"))
 
     def png(
         self, path: str | os.PathLike[str], size: tuple[int, int] = (1200, 800), scale: int = 1
@@ -186,7 +187,7 @@ class Viewer:
             run = subprocess.run(command, capture_output=True, timeout=120, check=False)
             if not picture.is_file():
                 raise SpaceArmError(f"{browser} drew nothing: {run.stderr.decode()[-300:]}")
-            return _write(Path(path), picture.read_bytes())
+            return write(Path(path), picture.read_bytes())
 
     def _repr_html_(self) -> str:
         """The scene inside a notebook: by itself, so that it stays."""
@@ -227,15 +228,3 @@ HEADLESS = (
     "--disable-sync", "--disable-component-update", "--hide-scrollbars",
     "--virtual-time-budget=4000",
 )  # fmt: skip
-
-
-def _write(path: Path, content: bytes) -> Path:
-    """Writes beside the target and renames, so that no half file is ever there."""
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, delete=False) as file:
-            file.write(content)
-        Path(file.name).chmod(0o644)
-        Path(file.name).replace(path)
-    except OSError as error:
-        raise SpaceArmError(f"{path} cannot be written: {error.strerror}") from None
-    return path

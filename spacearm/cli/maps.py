@@ -1,0 +1,101 @@
+"""spacearm map: where in joint space an arm is singular."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from spacearm.cli.options import (
+    AsJson,
+    Checked,
+    Degrees,
+    Length,
+    Lock,
+    ModelName,
+    TaskRows,
+    Tip,
+    arm_from,
+    assignments,
+    joint_values,
+)
+from spacearm.cli.output import out, print_json
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.files import write
+from spacearm.singular_map import SingularMap, singular_map
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def map_(
+    model: ModelName,
+    joints: Annotated[
+        tuple[str, str] | None,
+        typer.Option(help="The two joints; the first two that matter if none.", metavar="A B"),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(help="Where another joint stands; may be repeated.", metavar="JOINT=VALUE"),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Picture: PNG, SVG or PDF by its suffix.")
+    ] = None,
+    npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy file.")] = None,
+    points: Annotated[int, typer.Option(help="Grid points in each joint.", min=3, max=2001)] = 181,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
+    as_json: AsJson = False,
+) -> None:
+    """Maps sigma_min over two joints, with the exact singular curves on top."""
+    if output and output.suffix.lower() not in PICTURES:
+        raise ConfigurationError(f"--output {output}: {unknown('suffix', output.suffix, PICTURES)}")
+    arm = arm_from(model, tip, task, length, lock, check, deg)
+    fixed = assignments("--fix", fix)
+    for name in fixed:
+        if name not in arm.joint_names:
+            raise ConfigurationError(f"--fix: {unknown('joint', name, arm.joint_names)}")
+    q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
+    result = singular_map(arm, joints, q, points)
+    if npz:
+        _write_npz(npz, result)
+    if output or not (as_json or npz):
+        _write_picture(output or Path(f"{arm.name}_map.png"), result, quiet=as_json)
+    if as_json:
+        curves = None if result.curves is None else [curve.tolist() for curve in result.curves]
+        print_json({**result.to_dict(), "curves": curves})
+
+
+def _write_picture(path: Path, result: SingularMap, quiet: bool) -> None:
+    from io import BytesIO
+
+    from spacearm.plot import draw_map  # imports matplotlib
+
+    buffer = BytesIO()
+    draw_map(result).savefig(buffer, format=path.suffix[1:].lower(), metadata={})
+    write(path, buffer.getvalue())
+    if not quiet:
+        number = "no exact curves" if result.curves is None else f"{len(result.curves)} curves"
+        out.print(f"wrote {path}: {result.joints[0]} x {result.joints[1]}, {number}")
+
+
+def _write_npz(path: Path, result: SingularMap) -> None:
+    from io import BytesIO
+
+    buffer = BytesIO()
+    arrays: dict[str, Any] = {
+        "joints": np.array(result.joints),
+        "held_joints": np.array(list(result.held)),
+        "held": np.array(list(result.held.values())),
+        "angles": result.angles,
+        "sigma_min": result.sigma_min,
+    }
+    arrays |= {f"curve_{i}": curve for i, curve in enumerate(result.curves or [])}
+    np.savez(buffer, **arrays)
+    write(path, buffer.getvalue())
+    out.print(f"wrote {path}")

@@ -1,0 +1,28 @@
+"""Files: written beside their place and renamed, so that no half file is ever there."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from spacearm.errors import SpaceArmError
+
+
+def write(path: Path, content: bytes) -> Path:
+    """Writes a file, whole or not at all.
+
+    Raises:
+        SpaceArmError: It cannot be written.
+    """
+    beside: Path | None = None
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
+            beside = Path(file.name)
+            file.write(content)
+        beside.chmod(0o644)
+        beside.replace(path)
+    except OSError as error:
+        if beside:
+            beside.unlink(missing_ok=True)
+        raise SpaceArmError(f"{path} cannot be written: {error.strerror}") from None
+    return path

@@ -1,0 +1,116 @@
+"""The singularity polynomial of an arm.
+
+S(q) = det [A_b A_q; J_b J_q] (task rows) = det(A_b) det(J*_task) has no division in it: it is a
+trigonometric polynomial of low degree in each joint, and vanishes exactly where the task Jacobian
+is singular, since det(A_b) = M^3 det(D) never does. The degrees found are those of the form that
+is rooted at the tip: for a full pose of six joints degree_j <= 6 - j, so that the last joint (and
+the last body's inertia) does not matter and the fifth is eliminated in closed form.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from spacearm.arm import SpaceArm
+from spacearm.arrays import Array
+from spacearm.configuration import Configuration
+from spacearm.errors import UnsupportedError
+from spacearm.jacobian import generalized_jacobian
+from spacearm.polynomial import TrigPolynomial
+
+NEVER = 1e-9
+"""A task whose condition is worse than this everywhere is one that the arm can never do."""
+
+
+@lru_cache(maxsize=16)
+def singularity_polynomial(arm: SpaceArm) -> TrigPolynomial:
+    """S(q), which vanishes exactly where the task Jacobian is singular, up to a constant factor.
+
+    For planar arms only the angular momentum about the normal of the plane couples, and the scalar
+    inertia about it takes the place of det(D); then S is equation (41) of Papadopoulos &
+    Dubowsky (1993), DOI 10.1115/1.2897406. Linear rows of mixed tasks are divided by the task's
+    length, which is a constant factor.
+
+    Args:
+        arm: An arm with as many joints as its task has rows, all of them turning.
+
+    Returns:
+        Polynomial of the n joint angles, in the order of q.
+
+    Raises:
+        UnsupportedError: The arm is redundant (lock a joint or add task rows), has prismatic
+            joints, or can never do the task.
+    """
+    _check_square(arm)
+    rng = np.random.default_rng(0)
+    probes = [arm.at(q) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))]
+    normal = _plane_normal(arm, probes)
+    sigma = np.linalg.svd([_task_jacobian(cfg) for cfg in probes], compute_uv=False)
+    if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
+        raise UnsupportedError(
+            f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose "
+            "rows that the arm can move along"
+        )
+
+    def S(Q: Array) -> Array:
+        cfgs = [arm.at(q) for q in Q]
+        I = np.array([cfg.A[3:, 3:6] for cfg in cfgs])  # D in spacecraft axes at zero attitude
+        inertia = np.linalg.det(I) if normal is None else I[:, normal, normal]
+        values: Array = inertia * np.linalg.det([_task_jacobian(cfg) for cfg in cfgs])
+        return values
+
+    return TrigPolynomial.fit(S, arm.n, rng=rng)
+
+
+@lru_cache(maxsize=16)
+def radius_squared(arm: SpaceArm) -> TrigPolynomial:
+    """R^2, the squared distance of the tip from the system CM, equation (43) [m^2]."""
+
+    def sampler(Q: Array) -> Array:
+        cfgs = [arm.at(q) for q in Q]
+        return np.array([((cfg.tip.translation - cfg.com) ** 2).sum() for cfg in cfgs])
+
+    return TrigPolynomial.fit(sampler, arm.n)
+
+
+def _task_jacobian(cfg: Configuration) -> Array:
+    return cfg.arm.task.jacobian(generalized_jacobian(cfg), cfg.base.rotation)
+
+
+def _check_square(arm: SpaceArm) -> None:
+    k, n = arm.task.k, arm.n
+    sliding = [j for j in arm.joint_names if arm.tree.joints[j].kind == "prismatic"]
+    if sliding:
+        raise UnsupportedError(
+            f"{arm.name}: joints {', '.join(sliding)} slide, and S is no trigonometric polynomial "
+            "in them; lock them with locked={...}"
+        )
+    if arm.coupling is not None:
+        raise UnsupportedError(
+            f"{arm.name}: joints that mimic others make S a polynomial of multiples of the angles; "
+            "lock their leaders with locked={...}"
+        )
+    if n > k:
+        raise UnsupportedError(
+            f"{arm.name}: {n} joints for {k} task rows ({arm.task.names}): the arm is redundant "
+            f"and has no determinant; lock {n - k} joint(s), for instance "
+            f"locked={{{arm.joint_names[-1]!r}: 0.0}}, or take a task with {n} rows"
+        )
+    if n < k:
+        raise UnsupportedError(
+            f"{arm.name}: {n} joints for {k} task rows ({arm.task.names}): the arm can never do "
+            f"this task; take one with {n} rows"
+        )
+
+
+def _plane_normal(arm: SpaceArm, probes: list[Configuration]) -> int | None:
+    """The axis of a planar arm whose motion stays in the plane, inertia products included."""
+    normal = arm.tree.plane_normal()
+    if normal is None:
+        return None
+    across = [i for i in range(3) if i != normal]
+    A = np.array([cfg.A[3:] for cfg in probes])
+    leaks = np.abs(A[:, across, 6:]).max() + np.abs(A[:, across, 3 + normal]).max()
+    return normal if leaks <= 1e-12 * np.abs(A).max() else None
