@@ -2,7 +2,7 @@
 
     python notebooks/pictures.py
 
-Needs `pip install -e '.[plot,test]'` and chromium.
+Needs `pip install -e '.[test]'` and chromium.
 .
 """
 
@@ -18,6 +18,7 @@ from matplotlib.patches import Polygon
 from playwright.sync_api import sync_playwright
 
 import spacearm as sa
+from spacearm.plot import draw_map, style
 
 FOLDER = Path(__file__).parent / "pictures"
 BLUE, RED, GREY, GOLD = "#0072b2", "#d55e00", "#5b6470", "#d9b25f"  # Okabe and Ito: safe for all
@@ -109,3 +110,5 @@ if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     singular_posture()
     browser_view()
+    with style():
+        draw_map(sa.singular_map(sa.load("planar2"))).savefig(FOLDER / "map_planar2.png")

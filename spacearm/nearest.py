@@ -56,13 +56,13 @@ def _best(S: TrigPolynomial, x: Array) -> Array | None:
     if not len(found):
         return None
     found = found[np.argsort(np.linalg.norm(found, axis=1))[:16]]
-    polished = [_stationary(S, x, offset) for offset in found]
+    polished = [stationary(S, x, offset) for offset in found]
     sound = [p for p in [*polished, found[0]] if p is not None]
     best: Array = min(sound, key=lambda p: float(np.linalg.norm(p)))
     return best
 
 
-def _stationary(S: TrigPolynomial, x: Array, offset: Array) -> Array | None:
+def stationary(S: TrigPolynomial, x: Array, offset: Array) -> Array | None:
     """Newton's method for: offset + lambda grad S = 0, S = 0."""
     n = S.n
     g = S.gradient(x + offset)
@@ -92,7 +92,7 @@ def _branch_and_bound(S: TrigPolynomial, x: Array, best: Array | None) -> Array 
         centres = centres[distance < bound - GAP]
         centres = centres[S.sign(x + centres, np.full_like(centres, half)) == 0]
         nearest = centres[np.argsort(np.linalg.norm(centres, axis=1))[:4]]
-        for point in (_stationary(S, x, start) for start in nearest):
+        for point in (stationary(S, x, start) for start in nearest):
             if point is not None and np.linalg.norm(point) < bound:
                 best, bound = point, float(np.linalg.norm(point))
     return best

@@ -71,6 +71,34 @@ def test_every_public_name_is_there_and_documented():
         assert name == "__version__" or thing.__doc__, name
 
 
+def blocks(language):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+@pytest.mark.parametrize("number", range(len(blocks("python"))))
+def test_python_in_the_readme_runs(number, tmp_path):
+    python(sys.executable, "-W", "error", "-c", blocks("python")[number], cwd=tmp_path)
+
+
+def test_commands_in_the_readme_exist():
+    """Every spacearm command of README is one, and its options are too."""
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    commands = [line.split("#")[0].split() for line in lines if line.startswith("spacearm ")]
+    assert len(commands) > 5
+    for words in commands:
+        usage = python(sys.executable, "-m", "spacearm", words[1], "--help").stdout
+        for word in words:
+            assert not word.startswith("--") or word in usage, f"{words}: {word}"
+
+
+def test_what_the_readme_answers_is_what_the_command_says():
+    words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")
+    said = [line.rstrip() for line in python(sys.executable, *words).stdout.splitlines()]
+    (shown,) = [block for block in blocks("text") if block.startswith("planar2, free-floating")]
+    assert shown.splitlines() == said
+
+
 def test_output_survives_a_plain_ascii_terminal():
     env = os.environ | {"PYTHONIOENCODING": "ascii:backslashreplace", "NO_COLOR": "1"}
     words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")

@@ -69,6 +69,19 @@ def test_home_random_and_attitude(session):
     assert session.readout()["kind"] == "kinematic"
 
 
+def test_the_nearest_singularity_is_one_click_away(session):
+    session.handle({"do": "nearest"})
+    assert session.readout()["kind"] != "regular"
+    assert session.readout()["sigma_min"] < 1e-10
+    redundant = sa.load("chaser7")
+    other = Session(redundant, redundant.at(np.full(7, 0.3)))
+    other.handle({"do": "nearest"})
+    assert other.report.sigma_min < 1e-9
+    never = sa.load("planar2", task="z rx")
+    with pytest.raises(sa.ConfigurationError, match="singular at every configuration"):
+        Session(never, never.at([0.1, 0.2])).handle({"do": "nearest"})
+
+
 def test_readout_is_the_report_and_the_code_is_the_configuration(session):
     session.handle({"do": "attitude", "rpy": [0.1, 0.2, 0.3]})
     readout, report = session.readout(), sa.singularity(session.cfg)
