@@ -15,6 +15,8 @@ Array: TypeAlias = npt.NDArray[np.floating[Any]]
 LARGEST = 1e12
 """No length, mass, inertia or joint position of a spacecraft is larger in SI units; what is, is a
 slip, and would overflow."""
+LEAST_MASS = 1e-12
+"""No body is lighter [kg]; Pinocchio divides by masses and takes those below rounding for that."""
 
 
 def plain(value: Any) -> Any:

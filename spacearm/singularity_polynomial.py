@@ -47,18 +47,23 @@ def singularity_polynomial(arm: SpaceArm) -> TrigPolynomial:
     rng = np.random.default_rng(0)
     probes = [arm.at(q) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))]
     normal = _plane_normal(arm, probes)
-    sigma = np.linalg.svd([_task_jacobian(cfg) for cfg in probes], compute_uv=False)
+    jacobians = np.array([_task_jacobian(cfg) for cfg in probes])
+    sigma = np.linalg.svd(jacobians, compute_uv=False)
     if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
         raise UnsupportedError(
             f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose "
             "rows that the arm can move along"
         )
 
+    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes)  # neither tiny nor huge arms
+    J_unit = np.abs(jacobians).max()  # may leave the range of floating-point numbers
+
     def S(Q: Array) -> Array:
         cfgs = [arm.at(q) for q in Q]
-        I = np.array([cfg.A[3:, 3:6] for cfg in cfgs])  # D in spacecraft axes at zero attitude
-        inertia = np.linalg.det(I) if normal is None else I[:, normal, normal]
-        values: Array = inertia * np.linalg.det([_task_jacobian(cfg) for cfg in cfgs])
+        D = np.array([cfg.A[3:, 3:6] for cfg in cfgs]) / D_unit
+        inertia = np.linalg.det(D) if normal is None else D[:, normal, normal]
+        J = np.array([_task_jacobian(cfg) for cfg in cfgs]) / J_unit
+        values: Array = inertia * np.linalg.det(J)
         return values
 
     return TrigPolynomial.fit(S, arm.n, rng=rng)

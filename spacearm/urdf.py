@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 from lxml import etree
 
+from spacearm.arrays import LEAST_MASS
 from spacearm.errors import ModelError, unknown
 from spacearm.source import Source, describe
 from spacearm.tree import ROOT_JOINT, Inertial, Joint, Mimic, Tree
@@ -71,8 +72,8 @@ def _inertial(source: Source, link: etree._Element) -> Inertial | None:
         missing = "mass" if mass is None else "inertia"
         source.fail(f"{describe(element)} has no <{missing}>", f"add <{missing} .../>")
     m = source.number(mass, "value")
-    if m < 0.0:
-        source.fail(f"{describe(mass)} is {m:g} kg", "give a positive mass")
+    if m < 0.0 or 0.0 < m < LEAST_MASS:
+        source.fail(f"{describe(mass)} is {m:g} kg", f"give a mass of at least {LEAST_MASS:g} kg")
     xx, xy, xz, yy, yz, zz = (
         source.number(inertia, name) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )

@@ -58,6 +58,9 @@ def test_the_command_writes_pictures_and_numbers(tmp_path):
         assert held["joint_4"] == pytest.approx(np.radians(-50))
         assert data["sigma_min"].shape == (5, 5)
         assert "curve_0" in data
+    numbered = ("--fix", "q4=-50", "--fix", "q5=20", "--joints", "q2", "q3")
+    run = spacearm("map", "mda6", "--deg", *numbered, "--points", 5, "--json")
+    assert json.loads(run.stdout)["held"]["joint_4"] == pytest.approx(np.radians(-50))
     run = spacearm("map", "planar2", "--points", 5, "--json")
     answer = json.loads(run.stdout)
     assert len(answer["curves"]) == 2
@@ -68,7 +71,8 @@ def test_the_command_writes_pictures_and_numbers(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--fix", "elbow=1"), "--fix: unknown joint 'elbow'"),
+        (("--fix", "elbow=1"), "unknown joint 'elbow'"),
+        (("--fix", "q3=1"), "unknown joint 'q3'"),
         (("--fix", "joint_1"), "give JOINT=VALUE"),
         (("--output", "map.bmp"), "unknown suffix '.bmp'"),
         (("--output", "/nowhere/map.png"), "cannot be written"),

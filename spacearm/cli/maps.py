@@ -19,6 +19,7 @@ from spacearm.cli.options import (
     Tip,
     arm_from,
     assignments,
+    joint_name,
     joint_values,
 )
 from spacearm.cli.output import out, print_json
@@ -33,7 +34,10 @@ def map_(
     model: ModelName,
     joints: Annotated[
         tuple[str, str] | None,
-        typer.Option(help="The two joints; the first two that matter if none.", metavar="A B"),
+        typer.Option(
+            help="The two joints, by name or as q1 q2; the first two that matter if none.",
+            metavar="A B",
+        ),
     ] = None,
     fix: Annotated[
         list[str] | None,
@@ -57,9 +61,9 @@ def map_(
         raise ConfigurationError(f"--output {output}: {unknown('suffix', output.suffix, PICTURES)}")
     arm = arm_from(model, tip, task, length, lock, check, deg)
     fixed = assignments("--fix", fix)
-    for name in fixed:
-        if name not in arm.joint_names:
-            raise ConfigurationError(f"--fix: {unknown('joint', name, arm.joint_names)}")
+    fixed = {joint_name(arm, name): value for name, value in fixed.items()}
+    if joints:
+        joints = joint_name(arm, joints[0]), joint_name(arm, joints[1])
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result = singular_map(arm, joints, q, points)
     if npz:
