@@ -54,6 +54,8 @@ def certify(S: TrigPolynomial, path: Array) -> Certificate:
 
 PIECES = 32
 """Intervals that a segment is cut into at first."""
+NARROW = 1e-3
+"""Intervals with a sign change are halved, so that the first root is found, down to this width."""
 
 
 def _first_root(S: TrigPolynomial, start: Array, end: Array) -> tuple[float | None, float]:
@@ -75,21 +77,16 @@ def _first_root(S: TrigPolynomial, start: Array, end: Array) -> tuple[float | No
         low, high, left, right = waiting.pop()
         if abs(left) <= zero:
             return float(low), margin
-        if left * right < 0.0 and high - low < 1e-3:
+        if left * right < 0.0 and high - low < NARROW:
             return float(brentq(g, low, high, xtol=1e-15, rtol=1e-15)), margin
         t, h = (low + high) / 2.0, (high - low) / 2.0
         point = start + t * step
         value, slope = float(S(point)), float(S.gradient(point) @ step)
         margin = min(margin, abs(value) / S.scale)
-        if left * right > 0.0 and abs(value) > abs(slope) * h + 0.5 * B * h * h + zero:
-            continue
-        if abs(value) <= zero or h < 1e-9:
-            if left * right < 0.0:
-                return float(brentq(g, low, high, xtol=1e-15, rtol=1e-15)), margin
-            if abs(value) <= zero:
-                return float(t), margin
-            continue
-        waiting += [(t, high, value, right), (low, t, left, value)]
+        if abs(value) <= zero:
+            return float(t), margin
+        if abs(value) <= abs(slope) * h + 0.5 * B * h * h + zero / 2.0:
+            waiting += [(t, high, value, right), (low, t, left, value)]
     if abs(at_edges[-1]) <= zero:
         return 1.0, margin
     return None, margin
