@@ -226,6 +226,24 @@ def test_a_thousand_rapid_messages_end_in_the_last_state(viewer):
     assert time.perf_counter() - start < 20
 
 
+def test_the_readout_comes_before_the_drawing(viewer):
+    """A browser draws for longer than it shows numbers: these must not wait."""
+    url = viewer.serve()
+
+    async def kinds():
+        ws = await tornado.websocket.websocket_connect(url.replace("http", "ws") + "socket")
+        while "complete" not in str(await ws.read_message()):
+            pass
+        await ws.write_message('{"do": "joint", "index": 0, "value": 0.5}')
+        first, second = [await asyncio.wait_for(ws.read_message(), 10) for _ in range(2)]
+        await ended(ws)
+        return first, second
+
+    first, second = asyncio.run(kinds())
+    assert json.loads(first)["readout"]["q"][0] == 0.5
+    assert isinstance(second, bytes)
+
+
 def test_two_tabs_see_the_same(viewer):
     url = viewer.serve()
 

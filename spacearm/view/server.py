@@ -194,9 +194,11 @@ class _Socket(_OwnHostOnly, tornado.websocket.WebSocketHandler):
 
     def _send(self, data: str | bytes, binary: bool) -> None:
         try:
-            self.write_message(data, binary)
+            sent = self.write_message(data, binary)
         except tornado.websocket.WebSocketClosedError:
             self._server.closed(self)
+        else:
+            sent.add_done_callback(lambda future: future.exception())  # a tab closed while it came
 
 
 def _listen(port: int | None) -> socket.socket:
