@@ -28,6 +28,7 @@ from importlib.metadata import version
 
 from spacearm.arm import SpaceArm, load
 from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
+from spacearm.batch import evaluate, generalized_jacobians
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
@@ -84,10 +85,12 @@ __all__ = [
     "barycentric",
     "base_velocity",
     "catalogue",
+    "evaluate",
     "fixed_base_jacobian",
     "generalized_jacobian",
     "generalized_jacobian_derivative",
     "generalized_jacobian_rate",
+    "generalized_jacobians",
     "load",
     "momentum_matrix",
     "move",

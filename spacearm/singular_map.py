@@ -10,9 +10,9 @@ import numpy.typing as npt
 from spacearm import level_set
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array, Result
+from spacearm.batch import evaluate
 from spacearm.configuration import joint_vector
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.jacobian import generalized_jacobian
 from spacearm.singular_set import SingularSet, singular_set
 
 
@@ -71,8 +71,7 @@ def singular_map(
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)
-    J = np.array([arm.task.jacobian(generalized_jacobian(arm.at(q)), np.eye(3)) for q in Q])
-    sigma = np.linalg.svd(J, compute_uv=False)[:, -1].reshape(points, points)
+    sigma = evaluate(arm, Q, ["sigma_min"])["sigma_min"].reshape(points, points)
     curves = None if exact is None else _curves(exact, centre, a, b)
     held = {n: float(x) for n, x in zip(arm.joint_names, centre, strict=True) if n not in names}
     return SingularMap(arm.name, (names[0], names[1]), held, angles, sigma, arm.sigma_unit, curves)
