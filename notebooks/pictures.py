@@ -18,7 +18,7 @@ from matplotlib.patches import Polygon
 from playwright.sync_api import sync_playwright
 
 import spacearm as sa
-from spacearm.plot import draw_map, style
+from spacearm.plot import draw_map, draw_workspace, style
 
 FOLDER = Path(__file__).parent / "pictures"
 BLUE, RED, GREY, GOLD = "#0072b2", "#d55e00", "#5b6470", "#d9b25f"  # Okabe and Ito: safe for all
@@ -112,3 +112,5 @@ if __name__ == "__main__":
     browser_view()
     with style():
         draw_map(sa.singular_map(sa.load("planar2"))).savefig(FOLDER / "map_planar2.png")
+        figure = draw_workspace(sa.workspace(sa.load("planar2")))
+        figure.savefig(FOLDER / "workspace_planar2.png", dpi=110)

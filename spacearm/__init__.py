@@ -26,6 +26,7 @@ symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & D
 
 from importlib.metadata import version
 
+from spacearm import design
 from spacearm.arm import SpaceArm, load
 from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
 from spacearm.batch import evaluate, generalized_jacobians
@@ -51,12 +52,15 @@ from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
 from spacearm.motion import Motion
 from spacearm.polynomial import TrigPolynomial
 from spacearm.reaction import move
+from spacearm.regions import Region
+from spacearm.risk import RiskProfile, risk_profile
 from spacearm.singular_map import SingularMap, singular_map
 from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity import SingularityReport, singularity
 from spacearm.singularity_polynomial import singularity_polynomial
 from spacearm.task import Task
 from spacearm.view import view
+from spacearm.workspace import Workspace, workspace
 
 __version__ = version("spacearm")
 
@@ -72,6 +76,8 @@ __all__ = [
     "MomentumMatrix",
     "Motion",
     "NoSolutionError",
+    "Region",
+    "RiskProfile",
     "SingularMap",
     "SingularSet",
     "SingularityReport",
@@ -81,10 +87,12 @@ __all__ = [
     "TrigPolynomial",
     "UnsupportedError",
     "VirtualManipulator",
+    "Workspace",
     "__version__",
     "barycentric",
     "base_velocity",
     "catalogue",
+    "design",
     "evaluate",
     "fixed_base_jacobian",
     "generalized_jacobian",
@@ -94,9 +102,11 @@ __all__ = [
     "load",
     "momentum_matrix",
     "move",
+    "risk_profile",
     "singular_map",
     "singular_set",
     "singularity",
     "singularity_polynomial",
     "view",
+    "workspace",
 ]

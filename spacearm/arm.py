@@ -153,6 +153,12 @@ class SpaceArm:
         row = "1" if self.task.mixed else "rad" if min(self.task.indices) >= 3 else "m"
         return f"{row}/{rate}"
 
+    @property
+    def mount(self) -> pin.SE3:
+        """Pose of the first joint on the way to the tip, in the spacecraft frame."""
+        name = _movable(self.tree, self.tip)[0].name
+        return self.model.jointPlacements[self.model.getJointId(name)].copy()
+
     def at(self, q: npt.ArrayLike, base: pin.SE3 | None = None) -> Configuration:
         """The configuration at joint positions q, inside the joint limits or not.
 
@@ -193,6 +199,8 @@ class SpaceArm:
         base_mass: float | None = None,
         base_inertia: npt.ArrayLike | None = None,
         mount: pin.SE3 | None = None,
+        link_mass: Mapping[str, float] | None = None,
+        payload: float | None = None,
         tip: str | None = None,
         task: str | Task | None = None,
     ) -> SpaceArm:
@@ -202,6 +210,8 @@ class SpaceArm:
             base_mass: Mass of the spacecraft (with all that is fixed to it) [kg]; its CM stays.
             base_inertia: (3, 3) inertia of the spacecraft about its CM, spacecraft axes [kg m^2].
             mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
+            link_mass: Masses of links [kg]; their inertias grow in proportion.
+            payload: A point mass held at the tip [kg].
             tip: Link whose frame is the tip; a task that was not asked for is chosen anew.
             task: The twist rows that count.
 
@@ -213,6 +223,10 @@ class SpaceArm:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
             tree = tree.with_mount(_movable(tree, self.tip)[0], sound_pose(mount, "mount"))
+        for link, mass in (link_mass or {}).items():
+            tree = tree.with_mass(link, mass)
+        if payload is not None:
+            tree = tree.with_payload(self.tip if tip is None else tip, payload)
         if task is None:
             task = self.task if tip is None else self._asked
         return SpaceArm.of(tree, self.path, tip=self.tip if tip is None else tip, task=task)

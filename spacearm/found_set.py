@@ -16,7 +16,7 @@ from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.configuration import joint_vector
 from spacearm.errors import NoSolutionError
-from spacearm.jacobian import generalized_jacobian, generalized_jacobian_derivative
+from spacearm.jacobian import BaseMode, generalized_jacobian, generalized_jacobian_derivative
 from spacearm.line import wrap
 
 LOST = 1e-10
@@ -32,10 +32,12 @@ class FoundSet:
 
     Attributes:
         arm: The arm.
+        base: What the spacecraft does.
         complete: False: other singular configurations may exist beside those found.
     """
 
     arm: SpaceArm
+    base: BaseMode = "free-floating"
     complete: bool = False
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
@@ -50,7 +52,7 @@ class FoundSet:
         for _ in range(20 * m + 100):
             if len(found) == m:
                 break
-            q = lose_rank(self.arm, self._random(rng))
+            q = lose_rank(self.arm, self._random(rng), self.base)
             if q is not None:
                 found.append(q)
         if len(found) < m:
@@ -72,7 +74,9 @@ class FoundSet:
         rng = np.random.default_rng(0)
         spread = np.append(0.0, np.geomspace(0.05, np.pi, STARTS - 1))[:, None]
         starts = centre + spread * rng.uniform(-1.0, 1.0, (STARTS, self.arm.n))
-        ends = [end for start in starts if (end := lose_rank(self.arm, start)) is not None]
+        ends = [
+            end for start in starts if (end := lose_rank(self.arm, start, self.base)) is not None
+        ]
         if not ends:
             raise NoSolutionError(f"{self.arm.name}: no singular configuration found")
         offsets = np.array([self._offset(end - centre) for end in ends])
@@ -93,19 +97,19 @@ class FoundSet:
         return rng.uniform(low, np.maximum(low, high))
 
 
-def lose_rank(arm: SpaceArm, q: Array) -> Array | None:
+def lose_rank(arm: SpaceArm, q: Array, base: BaseMode) -> Array | None:
     """A singular configuration near q (n,) by the Gauss-Newton method, or None."""
     for _ in range(STEPS):
         cfg = arm.at(q)
         R = cfg.base.rotation
-        U, sigma, VT = np.linalg.svd(arm.task.jacobian(generalized_jacobian(cfg), R))
+        U, sigma, VT = np.linalg.svd(arm.task.jacobian(generalized_jacobian(cfg, base), R))
         k = len(U)
         if sigma[-1] <= LOST * sigma[0]:
             return q
         u, V = U[:, -1], VT[k - 1 :].T
         residual = np.zeros(V.shape[1])
         residual[0] = sigma[-1]
-        dJ = arm.task.jacobian(generalized_jacobian_derivative(cfg), R)
+        dJ = arm.task.jacobian(generalized_jacobian_derivative(cfg, base), R)
         slope = np.einsum("a,jan,nr->rj", u, dJ, V)
         step = -np.linalg.lstsq(slope, residual, rcond=1e-9)[0]
         q = q + step * min(1.0, 0.3 / max(float(np.linalg.norm(step)), 1e-300))

@@ -162,18 +162,29 @@ def extreme(
     F: TrigPolynomial, S: TrigPolynomial, start: Array, better: Callable[[float, float], bool]
 ) -> Array:
     """A stationary point of F on S = 0 near `start`, if it is better than `start`; else `start`."""
-    x, g = start, S.gradient(start)
-    multiplier = -float(F.gradient(start) @ g) / max(float(g @ g), 1e-300)
-    for _ in range(40):
-        g = S.gradient(x)
-        H = F.hessian(x) + multiplier * S.hessian(x)
-        residual = np.append(F.gradient(x) + multiplier * g, S(x))
-        matrix = np.block([[H, g[:, None]], [g[None], np.zeros((1, 1))]])
-        step = np.linalg.lstsq(matrix, -residual, rcond=None)[0]
-        size = float(np.linalg.norm(step[:-1]))
-        x = x + step[:-1] * min(1.0, 0.1 / max(size, 1e-300))
-        multiplier += float(step[-1])
-        if size < 1e-14:
-            break
+    x = stationary(F, S, start)
     on_set = abs(S(x)) <= NOISE * S.scale
     return x if on_set and better(F(x), F(start)) else start
+
+
+def stationary(F: TrigPolynomial, S: TrigPolynomial | None, start: Array) -> Array:
+    """Where the gradient of F along S = 0 (all of it if S is None) vanishes, by Newton's method."""
+    x, n = start, len(start)
+    multiplier = 0.0
+    if S is not None:
+        g = S.gradient(start)
+        multiplier = -float(F.gradient(start) @ g) / max(float(g @ g), 1e-300)
+    for _ in range(40):
+        matrix, residual = F.hessian(x), F.gradient(x)
+        if S is not None:
+            g = S.gradient(x)
+            matrix = matrix + multiplier * S.hessian(x)
+            matrix = np.block([[matrix, g[:, None]], [g[None], np.zeros((1, 1))]])
+            residual = np.append(residual + multiplier * g, S(x))
+        step = np.linalg.lstsq(matrix, -residual, rcond=None)[0]
+        size = float(np.linalg.norm(step[:n]))
+        x = x + step[:n] * min(1.0, 0.1 / max(size, 1e-300))
+        multiplier += float(step[n]) if S is not None else 0.0
+        if size < 1e-14:
+            break
+    return x

@@ -23,9 +23,10 @@ from spacearm.certificate import Certificate, certify
 from spacearm.configuration import joint_vector
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.found_set import FoundSet
+from spacearm.jacobian import BaseMode
 from spacearm.nearest import nearest_root
 from spacearm.polynomial import Roots, TrigPolynomial
-from spacearm.singularity_polynomial import radius_squared, singularity_polynomial
+from spacearm.singularity_polynomial import distances, radius_squared, singularity_polynomial
 
 TURNS = 24
 """Values of a joint that S does not depend on from which extremes of R are sought."""
@@ -45,8 +46,13 @@ class Component(NamedTuple):
     at: Array
 
 
-def singular_set(arm: SpaceArm) -> SingularSet | FoundSet:
+def singular_set(arm: SpaceArm, base: BaseMode = "free-floating") -> SingularSet | FoundSet:
     """The singular configurations of an arm.
+
+    Args:
+        arm: The arm.
+        base: What the spacecraft does; see `generalized_jacobian`. Attitude-controlled and fixed
+            ones leave the kinematic singularities only.
 
     Returns:
         The whole set, exactly, for an arm with as many turning joints as task rows. For redundant
@@ -58,8 +64,8 @@ def singular_set(arm: SpaceArm) -> SingularSet | FoundSet:
     """
     turning = all(arm.tree.joints[name].kind != "prismatic" for name in arm.joint_names)
     if arm.n >= arm.task.k and not (arm.n == arm.task.k and turning and arm.coupling is None):
-        return FoundSet(arm)
-    return SingularSet(arm, singularity_polynomial(arm))
+        return FoundSet(arm, base)
+    return SingularSet(arm, singularity_polynomial(arm, base), base)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,11 +75,13 @@ class SingularSet:
     Attributes:
         arm: The arm.
         S: The singularity polynomial.
+        base: What the spacecraft does.
         complete: True: every singular configuration is in the set.
     """
 
     arm: SpaceArm
     S: TrigPolynomial
+    base: BaseMode = "free-floating"
     complete: bool = True
 
     @cached_property
@@ -184,7 +192,10 @@ class SingularSet:
         Raises:
             UnsupportedError: The set has more than two dimensions.
         """
-        if self.dimension == 1:
+        if self.dimension == 0:
+            angles = self.roots(np.zeros(self.S.n)).angles
+            pieces = [self._embed(np.array([[angle]])) for angle in angles]
+        elif self.dimension == 1:
             pieces = self.curves()
         else:
             mesh = self.surface()
@@ -207,7 +218,7 @@ class SingularSet:
 
     def _component(self, points: Array) -> Component:
         """The range of R over a component, over the joints that do not matter to S too."""
-        R2 = radius_squared(self.arm)
+        R2 = radius_squared(self.arm, self.base)
         free = [j for j in range(self.S.n) if j not in self.relevant]
         starts = points
         for j in free:
@@ -219,7 +230,7 @@ class SingularSet:
             for pick, better in ((np.argmin, operator.lt), (np.argmax, operator.gt))
         )
         at = np.array([low, high])
-        return Component(points, np.sqrt(np.maximum(R2(at), 0.0)), at)
+        return Component(points, distances(self.arm, at, self.base), at)
 
     def _needs_dimension(self, dimension: int) -> None:
         if self.dimension != dimension:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.errors import ModelError
 
 ROOT_JOINT = "root_joint"
@@ -234,6 +234,31 @@ class Tree:
             raise ModelError(f"the spacecraft {fault}; give a base_inertia that a body can have")
         links = {name: None if name in lump else part for name, part in self.links.items()}
         return replace(self, links={**links, self.root: spacecraft})
+
+    def with_mass(self, link: str, mass: float) -> Tree:
+        """The tree with another mass of a link [kg], its inertia in proportion."""
+        part = self.links.get(link)
+        if part is None:
+            raise ModelError(f"link {link!r} has no mass; name one of: {', '.join(self.bodies())}")
+        if not LEAST_MASS <= mass <= LARGEST:
+            raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
+        scaled = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
+        return replace(self, links={**self.links, link: scaled})
+
+    def with_payload(self, link: str, mass: float) -> Tree:
+        """The tree with a point mass [kg] at the origin of a link."""
+        if not 0.0 <= mass <= LARGEST:
+            raise ModelError(f"payload is {mass:g} kg; give zero or a positive mass")
+        if mass < LEAST_MASS:
+            return self
+        part, load = self.links[link], pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
+        whole = load if part is None else part.spatial() + load
+        placed = Inertial(whole.mass, pin.SE3(np.eye(3), whole.lever), whole.inertia)
+        return replace(self, links={**self.links, link: placed})
+
+    def bodies(self) -> list[str]:
+        """The links that have mass."""
+        return [name for name, part in self.links.items() if part is not None]
 
     def with_mount(self, joint: Joint, mount: pin.SE3) -> Tree:
         """The tree with a joint moved to a pose in the spacecraft frame."""

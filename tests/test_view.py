@@ -17,6 +17,7 @@ import pinocchio as pin
 import pytest
 import tornado.httpclient
 import tornado.websocket
+import umsgpack
 from arms import frame, joint, link, robot, two_links
 
 import spacearm as sa
@@ -303,6 +304,20 @@ def test_ctrl_c_ends_the_command_and_leaves_nothing():
 
 
 # --- what is drawn --------------------------------------------------------------------------
+
+
+def test_a_workspace_shows_its_shells():
+    result = sa.workspace(sa.load("planar2"))
+    viewer = sa.view(result, open=False)
+    assert viewer.session.cfg.arm is result.arm
+    commands = [umsgpack.unpackb(command) for command in viewer.window.commands()]
+    radii = [
+        geometry["radius"]
+        for command in commands
+        if command["type"] == "set_object" and "shells" in command["path"]
+        for geometry in command["object"]["geometries"]
+    ]
+    np.testing.assert_allclose(sorted(radii), result.pdw.ravel())
 
 
 def test_every_link_is_drawn_even_without_visuals(tmp_path):

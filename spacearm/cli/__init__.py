@@ -12,7 +12,7 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm import __version__
-from spacearm.cli import maps, models, query, view
+from spacearm.cli import design, maps, models, query, view, workspace
 from spacearm.errors import SpaceArmError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -21,6 +21,8 @@ app.command(context_settings={"ignore_unknown_options": True})(models.info)
 app.command(context_settings={"ignore_unknown_options": True})(query.query)
 app.command(context_settings={"ignore_unknown_options": True})(view.view)
 app.command("map", context_settings={"ignore_unknown_options": True})(maps.map_)
+app.command("workspace", context_settings={"ignore_unknown_options": True})(workspace.workspace_)
+app.command(context_settings={"ignore_unknown_options": True})(design.design)
 
 
 @app.callback(invoke_without_command=True)

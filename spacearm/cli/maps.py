@@ -15,6 +15,7 @@ from spacearm.cli.options import (
     Length,
     Lock,
     ModelName,
+    Picture,
     TaskRows,
     Tip,
     arm_from,
@@ -22,12 +23,9 @@ from spacearm.cli.options import (
     joint_name,
     joint_values,
 )
-from spacearm.cli.output import out, print_json
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.cli.output import check_picture, out, print_json, write_picture
 from spacearm.files import write
 from spacearm.singular_map import SingularMap, singular_map
-
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def map_(
@@ -43,9 +41,7 @@ def map_(
         list[str] | None,
         typer.Option(help="Where another joint stands; may be repeated.", metavar="JOINT=VALUE"),
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option(help="Picture: PNG, SVG or PDF by its suffix.")
-    ] = None,
+    output: Picture = None,
     npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy file.")] = None,
     points: Annotated[int, typer.Option(help="Grid points in each joint.", min=3, max=2001)] = 181,
     tip: Tip = None,
@@ -57,8 +53,7 @@ def map_(
     as_json: AsJson = False,
 ) -> None:
     """Maps sigma_min over two joints, with the exact singular curves on top."""
-    if output and output.suffix.lower() not in PICTURES:
-        raise ConfigurationError(f"--output {output}: {unknown('suffix', output.suffix, PICTURES)}")
+    check_picture(output)
     arm = arm_from(model, tip, task, length, lock, check, deg)
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}
@@ -76,13 +71,9 @@ def map_(
 
 
 def _write_picture(path: Path, result: SingularMap, quiet: bool) -> None:
-    from io import BytesIO
-
     from spacearm.plot import draw_map  # imports matplotlib
 
-    buffer = BytesIO()
-    draw_map(result).savefig(buffer, format=path.suffix[1:].lower(), metadata={})
-    write(path, buffer.getvalue())
+    write_picture(path, draw_map(result))
     if not quiet:
         number = "no exact curves" if result.curves is None else f"{len(result.curves)} curves"
         out.print(f"wrote {path}: {result.joints[0]} x {result.joints[1]}, {number}")

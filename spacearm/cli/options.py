@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
 from typing import Annotated, cast
 
 import numpy as np
@@ -43,6 +45,20 @@ Degrees = Annotated[bool, typer.Option("--deg", help="Angles are in degrees.")]
 Attitude = Annotated[
     tuple[float, float, float],
     typer.Option(help="Spacecraft roll, pitch, yaw.", metavar="R P Y"),
+]
+
+
+class Spacecraft(str, Enum):
+    """What the spacecraft does."""
+
+    FREE = "free-floating"
+    CONTROLLED = "attitude-controlled"
+    FIXED = "fixed"
+
+
+SpacecraftMode = Annotated[Spacecraft, typer.Option("--base", help="What the spacecraft does.")]
+Picture = Annotated[
+    Path | None, typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
 

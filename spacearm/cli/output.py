@@ -6,12 +6,20 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 from rich.table import Column, Table
+
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.files import write
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WIDE = 1000
 """Columns of a file or a pipe: nothing is folded there."""
@@ -19,6 +27,23 @@ WIDE = 1000
 out = Console(
     highlight=False, markup=False, emoji=False, width=None if sys.stdout.isatty() else WIDE
 )
+
+err = Console(highlight=False, markup=False, emoji=False, stderr=True)
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def check_picture(path: Path | None) -> None:
+    """Refuses pictures of kinds that cannot be written, before anything is computed."""
+    if path and path.suffix.lower() not in PICTURES:
+        raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
+
+
+def write_picture(path: Path, figure: Figure) -> None:
+    """Writes a figure, whole or not at all."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format=path.suffix[1:].lower(), metadata={})
+    write(path, buffer.getvalue())
 
 
 def table(*columns: str) -> Table:

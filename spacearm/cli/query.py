@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,6 +16,8 @@ from spacearm.cli.options import (
     Length,
     Lock,
     ModelName,
+    Spacecraft,
+    SpacecraftMode,
     TaskRows,
     Tip,
     arm_from,
@@ -42,21 +43,13 @@ ROUNDING = 1e-9
 STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
-class Spacecraft(str, Enum):
-    """What the spacecraft does."""
-
-    FREE = "free-floating"
-    CONTROLLED = "attitude-controlled"
-    FIXED = "fixed"
-
-
 def query(
     model: ModelName,
     q: Annotated[
         list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
     ] = None,
     attitude: Attitude = (0.0, 0.0, 0.0),
-    base: Annotated[Spacecraft, typer.Option(help="What the spacecraft does.")] = Spacecraft.FREE,
+    base: SpacecraftMode = Spacecraft.FREE,
     tolerance: Annotated[
         float, typer.Option(help="Share of the largest singular value that counts as zero.")
     ] = RANK_TOLERANCE,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -24,6 +24,9 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import out
 from spacearm.view import view as show
+
+if TYPE_CHECKING:
+    from spacearm.view.viewer import Viewer
 
 
 def view(
@@ -62,12 +65,17 @@ def view(
         out.print(f"wrote {viewer.png(png)}")
     if save or png:
         return
-    if no_open:
-        viewer.serve(port)
-    else:
-        viewer.open(port)
-    out.print(f"{arm.name}: {viewer.url}  (Ctrl-C ends)")
-    try:
+    serve_until_interrupted(viewer, port, no_open)
+
+
+def serve_until_interrupted(viewer: Viewer, port: int | None = None, no_open: bool = False) -> None:
+    """Serves the page, opens it in the browser unless told not to, and waits for Ctrl-C."""
+    try:  # an interrupt may come at any moment
+        if no_open:
+            viewer.serve(port)
+        else:
+            viewer.open(port)
+        out.print(f"{viewer.session.cfg.arm.name}: {viewer.url}  (Ctrl-C ends)")
         threading.Event().wait()
     except KeyboardInterrupt:
         out.print()

@@ -10,27 +10,29 @@ import pinocchio as pin
 
 from spacearm.arm import SpaceArm
 from spacearm.motion import Motion
+from spacearm.workspace import Workspace
 
 if TYPE_CHECKING:
     from spacearm.view.viewer import Viewer
 
 
 def view(
-    thing: SpaceArm | Motion,
+    thing: SpaceArm | Motion | Workspace,
     q: npt.ArrayLike | None = None,
     *,
     base: pin.SE3 | None = None,
     port: int | None = None,
     open: bool | None = None,  # noqa: A002 - the word for it
 ) -> Viewer:
-    """Shows an arm, with sliders, or plays a motion.
+    """Shows an arm, with sliders, or plays a motion, or shows the shells of a workspace.
 
     In a script or a terminal the page opens in the browser, served on 127.0.0.1 only, until
     `Viewer.close` or the end of the program. In a notebook, as the last line of a cell, the scene
     stands in the notebook and stays there when it is opened elsewhere.
 
     Args:
-        thing: An arm, or an object with `arm`, `t`, `q` and `base` (see `Motion`).
+        thing: An arm, an object with `arm`, `t`, `q` and `base` (see `Motion`), or a workspace,
+            whose path dependent shells are drawn about the system CM.
         q: (n,) joint positions to start from; zeros (or the nearest limits) if None.
         base: Pose of the spacecraft; the identity if None.
         port: Port of the page; the first free one from 7400 on if None.
@@ -45,7 +47,10 @@ def view(
     """
     from spacearm.view.viewer import Viewer
 
-    if isinstance(thing, SpaceArm):
+    if isinstance(thing, Workspace):
+        viewer = view(thing.arm, q, base=base, open=False)
+        viewer.shells([R for R in np.unique(thing.pdw) if R > 0.0] or [thing.reachable[0, 1]])
+    elif isinstance(thing, SpaceArm):
         start = np.clip(0.0, thing.lower, thing.upper) if q is None else q
         viewer = Viewer(thing.at(start, base))
     else:

@@ -1,0 +1,127 @@
+"""Risk: how likely singularities are at each distance of the tip from the system CM.
+
+Position shells of spatial arms tend to swallow everything (Calzolari, Lampariello & Giordano 2020,
+"Singularity maps of space robots and their application to gradient-based trajectory planning"): a
+point belongs to the path dependent workspace as soon as one of the configurations that reach it is
+singular. The profile tells what share of them is near a singularity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from spacearm.arm import SpaceArm
+from spacearm.arrays import Array, Result
+from spacearm.batch import evaluate
+from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.jacobian import BaseMode
+from spacearm.singularity_polynomial import singularity_polynomial
+
+TENTH = 0.1
+"""Share of the median of sigma_min that counts as near a singularity unless a bound is given."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RiskProfile(Result):
+    """The share of configurations near a singularity, over the distance of the tip from the CM.
+
+    Configurations are uniform in joint space (within the joint limits if these count).
+
+    Attributes:
+        edges: (bins + 1,) edges of the distance classes [m].
+        count: (bins,) configurations in each class.
+        share: (bins,) share of them near a singularity; NaN where there are none.
+        error: (bins,) standard error of the share.
+        measure: "sigma_min" or "distance".
+        bound: Up to which value of the measure counts as near.
+        unit: Its unit.
+    """
+
+    edges: Array
+    count: Array
+    share: Array
+    error: Array
+    measure: str
+    bound: float
+    unit: str
+
+    @property
+    def radius(self) -> Array:
+        """(bins,) middles of the classes [m]."""
+        return 0.5 * (self.edges[:-1] + self.edges[1:])
+
+    def __repr__(self) -> str:
+        peak = int(np.nanargmax(self.share))
+        return (
+            f"RiskProfile({self.measure} <= {self.bound:.3g} {self.unit}: "
+            f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m)"
+        )
+
+
+def risk_profile(
+    arm: SpaceArm,
+    *,
+    base: BaseMode = "free-floating",
+    limits: bool = False,
+    sigma_min: float | None = None,
+    distance: float | None = None,
+    bins: int = 40,
+    samples: int = 200_000,
+    seed: int = 0,
+) -> RiskProfile:
+    """How likely a singularity is near, for each distance of the tip from the system CM.
+
+    Args:
+        arm: Any arm.
+        base: "free-floating"; others are not supported.
+        limits: Whether configurations are drawn within the joint limits or from the full turn.
+            Sliding joints are always drawn within theirs.
+        sigma_min: Near means a least singular value up to this; a tenth of its median if None.
+        distance: Near means a joint distance to the singular set up to this [rad], to first order
+            |S| / |grad S|: for arms that have a singularity polynomial; instead of sigma_min.
+        bins: Number of distance classes.
+        samples: Number of configurations.
+        seed: Of the sample.
+
+    Raises:
+        ConfigurationError: bins, samples or both bounds do not make sense.
+        UnsupportedError: The arm has a sliding joint without limits, no polynomial where `distance`
+            is asked for, or the spacecraft does not float.
+    """
+    if base != "free-floating":
+        raise UnsupportedError(f"risk profiles are for free-floating spacecraft; base is {base!r}")
+    if bins < 1 or samples < bins or (sigma_min is not None and distance is not None):
+        raise ConfigurationError(
+            f"bins is {bins}, samples {samples}; give at least one bin, a sample for each, and "
+            "only one of sigma_min and distance"
+        )
+    Q = _uniform(arm, limits, samples, np.random.default_rng(seed))
+    values = evaluate(arm, Q, ("sigma_min", "radius"))
+    if distance is None:
+        measure, unit, value = "sigma_min", arm.sigma_unit, values["sigma_min"]
+        bound = TENTH * float(np.median(value)) if sigma_min is None else sigma_min
+    else:
+        S = singularity_polynomial(arm)
+        slope = np.linalg.norm(S.gradient(Q), axis=1)
+        value = np.abs(S(Q)) / np.maximum(slope, 1e-300)
+        measure, unit, bound = "distance", "rad", distance
+    R = values["radius"]
+    edges = np.linspace(R.min(), R.max(), bins + 1)
+    count = np.histogram(R, edges)[0].astype(np.float64)
+    near = np.histogram(R[value <= bound], edges)[0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = near / count
+        error = np.sqrt(share * (1.0 - share) / count)
+    return RiskProfile(edges, count, share, error, measure, bound, unit)
+
+
+def _uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
+    sliding = np.array([arm.tree.joints[name].kind == "prismatic" for name in arm.joint_names])
+    for name, slides, low, high in zip(arm.joint_names, sliding, arm.lower, arm.upper, strict=True):
+        if slides and not np.isfinite(high - low):
+            raise UnsupportedError(f"{arm.name}: joint {name!r} slides without limits; lock it")
+    kept = sliding | (limits & (arm.upper - arm.lower < 2.0 * np.pi))
+    low, high = np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
+    return rng.uniform(low, high, (m, arm.n))
