@@ -53,7 +53,7 @@ from spacearm.motion import Motion
 from spacearm.polynomial import TrigPolynomial
 from spacearm.reaction import move
 from spacearm.regions import Region
-from spacearm.risk import RiskProfile, risk_profile
+from spacearm.risk import PoseRisk, RiskProfile, pose_risk, risk_profile
 from spacearm.singular_map import SingularMap, singular_map
 from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity import SingularityReport, singularity
@@ -76,6 +76,7 @@ __all__ = [
     "MomentumMatrix",
     "Motion",
     "NoSolutionError",
+    "PoseRisk",
     "Region",
     "RiskProfile",
     "SingularMap",
@@ -102,6 +103,7 @@ __all__ = [
     "load",
     "momentum_matrix",
     "move",
+    "pose_risk",
     "risk_profile",
     "singular_map",
     "singular_set",

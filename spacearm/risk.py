@@ -9,8 +9,10 @@ singular. The profile tells what share of them is near a singularity.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array, Result
@@ -101,7 +103,7 @@ def risk_profile(
     values = evaluate(arm, Q, ("sigma_min", "radius"))
     if distance is None:
         measure, unit, value = "sigma_min", arm.sigma_unit, values["sigma_min"]
-        bound = TENTH * float(np.median(value)) if sigma_min is None else sigma_min
+        bound = _bound(value, sigma_min)
     else:
         S = singularity_polynomial(arm)
         slope = np.linalg.norm(S.gradient(Q), axis=1)
@@ -115,6 +117,72 @@ def risk_profile(
         share = near / count
         error = np.sqrt(share * (1.0 - share) / count)
     return RiskProfile(edges, count, share, error, measure, bound, unit)
+
+
+class PoseRisk(NamedTuple):
+    """The share of configurations near a singularity for sampled tip poses.
+
+    The spacecraft's attitude is free, so that a tip pose counts by where the system CM lies as seen
+    from the tip: poses that agree in that are reached by the same configurations.
+
+    Attributes:
+        centre: (m, 3) the system CM in tip axes, for each pose [m].
+        share: (m,) share of the configurations that nearly reach the pose which are near a
+            singularity.
+        within: (m,) how far their system CM is from `centre`, at most [m].
+        bound: Up to which sigma_min counts as near.
+    """
+
+    centre: Array
+    share: Array
+    within: Array
+    bound: float
+
+
+def pose_risk(
+    arm: SpaceArm,
+    *,
+    limits: bool = False,
+    sigma_min: float | None = None,
+    poses: int = 200,
+    neighbours: int = 100,
+    samples: int = 20_000,
+    seed: int = 0,
+) -> PoseRisk:
+    """How likely a singularity is near, for tip poses that uniform configurations lead to.
+
+    Args:
+        arm: Any arm.
+        limits: As in `risk_profile`.
+        sigma_min: As in `risk_profile`.
+        poses: Number of tip poses.
+        neighbours: Configurations for each: those that come nearest to the pose.
+        samples: Configurations they are taken from.
+        seed: Of the sample.
+
+    Raises:
+        ConfigurationError: There are fewer samples than poses or neighbours.
+    """
+    if not 1 <= max(poses, neighbours) <= samples:
+        raise ConfigurationError(
+            f"{poses} poses with {neighbours} neighbours out of {samples} samples; give at least "
+            "one of each and no fewer samples"
+        )
+    Q = _uniform(arm, limits, samples, np.random.default_rng(seed))
+    value = evaluate(arm, Q, ["sigma_min"])["sigma_min"]
+    bound = _bound(value, sigma_min)
+    cfgs = (arm.at(q) for q in Q)
+    centres = np.array([cfg.tip.actInv(cfg.com) for cfg in cfgs])
+    distance: Any
+    near: Any
+    distance, near = KDTree(centres).query(centres[:poses], k=neighbours)
+    distance, near = distance.reshape(poses, -1), near.reshape(poses, -1)
+    share = (value[near] <= bound).mean(axis=1)
+    return PoseRisk(centres[:poses], share, distance[:, -1], bound)
+
+
+def _bound(sigma_min: Array, asked: float | None) -> float:
+    return TENTH * float(np.median(sigma_min)) if asked is None else asked
 
 
 def _uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:

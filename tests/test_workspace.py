@@ -360,6 +360,30 @@ def test_risk_takes_every_arm():
     np.testing.assert_array_equal(profile.share, again.share)
 
 
+def test_poses_of_near_singular_configurations_are_risky():
+    """planar2: a pose is reached by few configurations, so that its own tells its risk."""
+    arm = sa.load("planar2")
+    found = sa.pose_risk(arm, poses=400, neighbours=20, sigma_min=0.1)
+    assert ((found.share >= 0) & (found.share <= 1)).all()
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (20_000, 2))[:400]
+    own = sa.evaluate(arm, Q, ["sigma_min"])["sigma_min"]
+    cfgs = [arm.at(q) for q in Q]
+    np.testing.assert_allclose(found.centre, [c.tip.actInv(c.com) for c in cfgs], atol=1e-12)
+    assert found.share[own < 0.05].mean() > 0.6
+    assert found.share[own > 0.2].mean() < 0.1
+
+
+def test_poses_of_all_configurations_give_the_whole_share():
+    """With all configurations as neighbours of each pose, each share is that of all."""
+    arm = sa.load("planar2")
+    found = sa.pose_risk(arm, poses=3, neighbours=500, samples=500, sigma_min=0.3)
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (500, 2))
+    share = (sa.evaluate(arm, Q, ["sigma_min"])["sigma_min"] <= 0.3).mean()
+    np.testing.assert_allclose(found.share, share)
+    with pytest.raises(sa.ConfigurationError, match="fewer samples"):
+        sa.pose_risk(arm, poses=10, samples=5)
+
+
 @pytest.mark.parametrize(
     ("options", "error"),
     [
