@@ -139,8 +139,10 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
     regions = (("path independent", result.piw, GREEN), ("path dependent", result.pdw, ORANGE))
     for label, radii, color in regions:
         for low, high in radii:
-            width = max(high - low, 1e-3 * outer)
-            axes.add_patch(Annulus((0, 0), high, min(width, high), facecolor=color, alpha=0.45))
+            width = max(high - low, 1e-3 * outer)  # a shell may be a circle
+            shape = Annulus((0, 0), high, width) if width < high else Circle((0, 0), high)
+            shape.set(facecolor=color, alpha=0.45)
+            axes.add_patch(shape)
         if len(radii):
             low, high = radii[np.argmax(radii[:, 1] - radii[:, 0])]
             at = 0.5 * (low + high)
