@@ -33,6 +33,13 @@ from spacearm.batch import evaluate, generalized_jacobians
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
+from spacearm.dynamics import (
+    Dynamics,
+    forward_dynamics,
+    generalized_inertia,
+    inverse_dynamics,
+    kinetic_energy,
+)
 from spacearm.errors import (
     ConfigurationError,
     ModelError,
@@ -69,6 +76,7 @@ __all__ = [
     "Certificate",
     "Configuration",
     "ConfigurationError",
+    "Dynamics",
     "FoundSet",
     "ModelError",
     "ModelInfo",
@@ -96,10 +104,14 @@ __all__ = [
     "design",
     "evaluate",
     "fixed_base_jacobian",
+    "forward_dynamics",
+    "generalized_inertia",
     "generalized_jacobian",
     "generalized_jacobian_derivative",
     "generalized_jacobian_rate",
     "generalized_jacobians",
+    "inverse_dynamics",
+    "kinetic_energy",
     "load",
     "momentum_matrix",
     "move",

@@ -269,6 +269,7 @@ class Tree:
         """The Pinocchio model, with a free-flyer root and one body frame for every link."""
         model = pin.Model()
         model.name = self.name
+        model.gravity = pin.Motion.Zero()
         root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), ROOT_JOINT)
         home = {self.root: (root, pin.SE3.Identity())}
         for joint in self.depth_first():
