@@ -33,6 +33,7 @@ from spacearm.batch import evaluate, generalized_jacobians
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
+from spacearm.control import Controller, JointPD, TransposedJacobian
 from spacearm.dynamics import (
     Dynamics,
     forward_dynamics,
@@ -61,11 +62,13 @@ from spacearm.polynomial import TrigPolynomial
 from spacearm.reaction import move
 from spacearm.regions import Region
 from spacearm.risk import PoseRisk, RiskProfile, pose_risk, risk_profile
+from spacearm.simulation import simulate
 from spacearm.singular_map import SingularMap, singular_map
 from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity import SingularityReport, singularity
 from spacearm.singularity_polynomial import singularity_polynomial
 from spacearm.task import Task
+from spacearm.trajectory import Event, Trajectory
 from spacearm.view import view
 from spacearm.workspace import Workspace, workspace
 
@@ -76,8 +79,11 @@ __all__ = [
     "Certificate",
     "Configuration",
     "ConfigurationError",
+    "Controller",
     "Dynamics",
+    "Event",
     "FoundSet",
+    "JointPD",
     "ModelError",
     "ModelInfo",
     "ModelWarning",
@@ -93,6 +99,8 @@ __all__ = [
     "SpaceArm",
     "SpaceArmError",
     "Task",
+    "Trajectory",
+    "TransposedJacobian",
     "TrigPolynomial",
     "UnsupportedError",
     "VirtualManipulator",
@@ -117,6 +125,7 @@ __all__ = [
     "move",
     "pose_risk",
     "risk_profile",
+    "simulate",
     "singular_map",
     "singular_set",
     "singularity",

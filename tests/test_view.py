@@ -296,7 +296,7 @@ def test_ctrl_c_ends_the_command_and_leaves_nothing():
     assert f"http://127.0.0.1:{port}/" in run.stdout.readline()
     assert get(f"http://127.0.0.1:{port}/") == 200
     run.send_signal(signal.SIGINT)
-    _, errors = run.communicate(timeout=10)
+    _, errors = run.communicate(timeout=60)
     assert run.returncode == 0
     assert errors == ""
     with pytest.raises(ConnectionRefusedError):

@@ -1,0 +1,200 @@
+"""Trajectory: a motion of a floating arm in time, with all that was computed on the way."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arm import SpaceArm
+from spacearm.arrays import Array, Result
+from spacearm.configuration import Configuration
+from spacearm.dynamics import kinetic_energy, spacecraft_twist
+from spacearm.errors import ConfigurationError
+from spacearm.files import write
+from spacearm.jacobian import BaseMode, generalized_jacobian
+from spacearm.momentum import momentum_matrix
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+UNITS = {
+    "t": "s", "q": "rad or m", "dq": "rad/s or m/s", "base": "m, quaternion xyzw",
+    "tip": "m, quaternion xyzw", "torque": "N m or N", "momentum": "kg m/s, kg m^2/s",
+    "energy": "J", "work": "J", "sigma_min": "as in sa.singularity",
+}  # fmt: skip
+COLUMNS = {
+    "q": "joint", "dq": "joint", "torque": "joint", "base": "pose", "tip": "pose",
+    "momentum": "component",
+}  # fmt: skip
+
+
+class Event(NamedTuple):
+    """Something that happened on the way.
+
+    Attributes:
+        t: When [s].
+        kind: "singularity", "joint limit" or "target".
+        q: (n,) joint positions then.
+        detail: More about it: the joint, the measure.
+    """
+
+    t: float
+    kind: str
+    q: Array
+    detail: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Result):
+    """A motion in time; it plays in `sa.view`.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft did.
+        t: (m,) times [s].
+        q: (m, n) joint positions [rad] or [m].
+        dq: (m, n) joint rates [rad/s] or [m/s].
+        base: (m, 7) poses of the spacecraft: position [m], quaternion xyzw, inertial frame.
+        tip: (m, 7) poses of the tip, likewise.
+        torque: (m, n) joint torques [N m] or forces [N].
+        momentum: (m, 6) [linear [kg m/s]; angular about the system CM [kg m^2/s]], inertial axes.
+        energy: (m,) kinetic energy [J].
+        work: (m,) work of the torques since the start [J].
+        sigma_min: (m,) least singular value of the task Jacobian.
+        events: What happened on the way.
+        ended: Why it ended: "duration", the kind of the event that stopped it, or a fault.
+    """
+
+    arm: SpaceArm
+    mode: BaseMode
+    t: Array
+    q: Array
+    dq: Array
+    base: Array
+    tip: Array
+    torque: Array
+    momentum: Array
+    energy: Array
+    work: Array
+    sigma_min: Array
+    events: tuple[Event, ...]
+    ended: str
+
+    @classmethod
+    def of(
+        cls,
+        start: Configuration,
+        mode: BaseMode,
+        t: Array,
+        rows: Sequence[tuple[Configuration, Array, Array, Array, float]],
+        events: tuple[Event, ...],
+        ended: str,
+    ) -> Trajectory:
+        """From (configuration, rates, torques, momentum, work) at each time."""
+        momentum, energy, sigma_min = [], [], []
+        for cfg, dq, _, h, _ in rows:
+            matrix = momentum_matrix(cfg)
+            momentum.append(matrix.base @ spacecraft_twist(cfg, dq, mode, h) + matrix.joints @ dq)
+            energy.append(kinetic_energy(cfg, dq, base=mode, momentum=h))
+            J = cfg.arm.task.jacobian(generalized_jacobian(cfg, mode), cfg.base.rotation)
+            sigma = np.linalg.svd(J, compute_uv=False)
+            sigma_min.append(sigma[-1] if len(J) <= cfg.arm.n else 0.0)
+        cfgs = [row[0] for row in rows]
+        return cls(
+            arm=start.arm,
+            mode=mode,
+            t=t,
+            q=np.array([cfg.q for cfg in cfgs]),
+            dq=np.array([row[1] for row in rows]),
+            base=np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]),
+            tip=np.array([pin.SE3ToXYZQUAT(cfg.tip) for cfg in cfgs]),
+            torque=np.array([row[2] for row in rows]),
+            momentum=np.array(momentum),
+            energy=np.array(energy),
+            work=np.array([row[4] for row in rows]),
+            sigma_min=np.array(sigma_min),
+            events=events,
+            ended=ended,
+        )
+
+    @property
+    def imbalance(self) -> float:
+        """Largest difference of energy and work, over the energies that came and went."""
+        turnover = self.energy.max() + np.abs(np.diff(self.work)).sum()
+        off = np.abs(self.energy - self.energy[0] - self.work).max()
+        return float(off / turnover) if turnover > 0.0 else 0.0
+
+    def at(self, index: int) -> Configuration:
+        """The configuration of one time."""
+        return self.arm.at(self.q[index], pin.XYZQUATToSE3(self.base[index]))
+
+    def to_xarray(self) -> xr.Dataset:
+        """All arrays, labelled, with units in their attributes."""
+        import xarray as xr
+
+        data = {}
+        for name in (name for name in UNITS if name != "t"):
+            dims = ("t", COLUMNS[name]) if name in COLUMNS else ("t",)
+            data[name] = (dims, getattr(self, name), {"unit": UNITS[name]})
+        labels = {"t": self.t, "joint": list(self.arm.joint_names)}
+        attrs = {"arm": self.arm.name, "mode": self.mode, "ended": self.ended}
+        return xr.Dataset(data, coords=labels, attrs=attrs)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes all arrays and events to a NumPy file; the arm is not in it."""
+        buffer = io.BytesIO()
+        arrays = {name: getattr(self, name) for name in UNITS}
+        events = {
+            "event_t": np.array([event.t for event in self.events]),
+            "event_q": np.array([event.q for event in self.events]).reshape(-1, self.arm.n),
+            "event_kind": np.array([event.kind for event in self.events], dtype=str),
+            "event_detail": np.array([event.detail for event in self.events], dtype=str),
+        }
+        words = {"mode": np.array(self.mode), "ended": np.array(self.ended)}
+        joints = {"joints": np.array(self.arm.joint_names)}
+        np.savez(buffer, allow_pickle=False, **arrays, **events, **words, **joints)
+        write(Path(path), buffer.getvalue())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], arm: SpaceArm) -> Trajectory:
+        """Reads what `save` wrote, for the same arm.
+
+        Raises:
+            ConfigurationError: The file is no trajectory, or one of an arm with other joints.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                data = dict(file)
+            names = tuple(map(str, data["joints"]))
+            kinds = zip(
+                data["event_t"],
+                data["event_kind"],
+                data["event_q"],
+                data["event_detail"],
+                strict=True,
+            )
+            events = tuple(Event(float(t), str(k), q, str(d)) for t, k, q, d in kinds)
+            mode: BaseMode = str(data["mode"])  # type: ignore[assignment]
+            arrays = {name: data[name] for name in UNITS}
+        except (OSError, ValueError, KeyError) as error:
+            raise ConfigurationError(f"{path} is no saved trajectory: {error}") from None
+        if names != arm.joint_names:
+            raise ConfigurationError(
+                f"{path} is a trajectory of joints {', '.join(names)}; {arm.name} has "
+                f"{', '.join(arm.joint_names)}"
+            )
+        return cls(arm=arm, mode=mode, events=events, ended=str(data["ended"]), **arrays)
+
+    def __repr__(self) -> str:
+        first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""
+        return (
+            f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
+            f"ended by {self.ended}{first})"
+        )

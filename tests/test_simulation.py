@@ -1,0 +1,268 @@
+"""Simulation and control: the paper's figures 5 and 6, conservation laws, an independent route."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import spacearm as sa
+
+TARGET = np.array([1.5, 1.5])
+
+
+def at_the_cm(arm, q, attitude):
+    """The spacecraft's pose that puts the system CM at the origin."""
+    R = pin.exp3(np.array([0.0, 0.0, np.radians(attitude)]))
+    return pin.SE3(R, -arm.at(q, pin.SE3(R, np.zeros(3))).com)
+
+
+@pytest.fixture(scope="module")
+def figure_5():
+    arm = sa.load("planar2")
+    q = np.radians([-57.936, 60.337])
+    law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
+    return sa.simulate(arm, q, law, 200.0, base=at_the_cm(arm, q, 21.0))
+
+
+def push(seed, n, size=2.0):
+    """Vigorous smooth torques."""
+    rng = np.random.default_rng(seed)
+    a, w, phase = rng.normal(size=(3, 5, n))
+
+    def controller(t, *_):
+        return size * (a * np.sin(3 * w * t + phase)).sum(axis=0)
+
+    return controller
+
+
+def nothing(*state):
+    return np.zeros_like(state[-1])
+
+
+# --- the paper ------------------------------------------------------------------------------
+
+
+def test_figure_5_meets_a_singularity(figure_5):
+    np.testing.assert_allclose(figure_5.tip[0, :2], (2.0, 0.0), atol=1e-4)
+    first = figure_5.events[0]
+    assert first.kind == "singularity"
+    assert first.t == pytest.approx(4.889, abs=0.005)
+    np.testing.assert_allclose(np.degrees(first.q), (75.71, 11.26), atol=0.01)
+    i = np.searchsorted(figure_5.t, first.t)
+    np.testing.assert_allclose(figure_5.tip[i, :2], (1.575, 1.169), atol=0.02)
+    assert sa.singularity(figure_5.arm.at(first.q)).sigma_min < 1e-9
+
+
+def test_figure_6_never_arrives(figure_5):
+    np.testing.assert_allclose(figure_5.tip[-1, :2], (1.394, 1.255), atol=0.01)
+    miss = np.linalg.norm(figure_5.tip[:, :2] - TARGET, axis=1)
+    assert miss.min() > 0.25
+    assert figure_5.ended == "duration"
+    assert sum(event.kind == "singularity" for event in figure_5.events) > 10  # about singular ones
+
+
+def test_a_run_can_end_at_the_first_singularity(figure_5):
+    law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
+    start = figure_5.at(0)
+    found = sa.simulate(start.arm, start.q, law, 200.0, base=start.base, stop=["singularity"])
+    assert found.ended == "singularity"
+    assert found.t[-1] == pytest.approx(4.889, abs=0.005)
+    assert found.sigma_min[-1] < 1e-8
+
+
+def test_a_target_in_the_path_independent_workspace_is_reached():
+    arm = sa.load("planar2")
+    q = np.radians([-57.936, 60.337])
+    law = sa.TransposedJacobian(target=(0.0, 1.0), kp=5, kd=15)
+    far = sa.simulate(arm, q, law, 400.0, base=at_the_cm(arm, q, 21.0), stop=["target"])
+    assert sa.workspace(arm).regions((0.0, 1.0)).kind == "path independent"
+    assert far.ended == "target"
+    np.testing.assert_allclose(far.tip[-1, :2], (0, 1), atol=1.1e-3)
+
+
+# --- conservation ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["planar2", "chaser7"])
+def test_momentum_and_energy_under_vigorous_torques(name):
+    arm = sa.load(name)
+    run = sa.simulate(arm, np.full(arm.n, 0.3), push(0, arm.n), 20.0, events=())
+    assert np.abs(run.momentum).max() < 1e-10 * arm.mass
+    assert np.abs(run.dq).max() > 0.1
+    assert run.imbalance < 1e-8
+    assert np.abs(np.linalg.norm(run.base[:, 3:], axis=1) - 1).max() < 1e-14
+
+
+def test_an_initial_momentum_is_kept_as_a_vector():
+    arm = sa.load("chaser7")
+    h = np.array([3.0, -1.0, 2.0, 0.5, 4.0, -2.0])
+    run = sa.simulate(arm, np.zeros(7), push(1, 7), 10.0, momentum=h, events=())
+    np.testing.assert_allclose(run.momentum, np.tile(h, (len(run.t), 1)), atol=1e-10)
+    com = np.array([run.at(i).com for i in (0, -1)])
+    np.testing.assert_allclose(com[1] - com[0], h[:3] / arm.mass * run.t[-1], atol=1e-9)
+
+
+def test_at_rest_without_torques_nothing_moves():
+    arm = sa.load("ets7")
+    run = sa.simulate(arm, np.full(6, 0.4), nothing, 50.0)
+    assert not run.dq.any()
+    np.testing.assert_allclose(run.base, np.tile(run.base[0], (len(run.t), 1)), atol=1e-14)
+
+
+def test_time_reversal_returns_to_the_start():
+    arm = sa.load("planar3")
+    h = np.array([0, 0, 0, 0, 0, 1.0])
+    q0, dq0 = np.array([0.2, 0.5, -0.4]), np.array([0.3, -0.2, 0.1])
+    there = sa.simulate(arm, q0, nothing, 5.0, dq0=dq0, momentum=h, rtol=1e-11, atol=1e-12)
+    end = there.at(-1)
+    back = sa.simulate(
+        arm, end.q, nothing, 5.0, base=end.base, dq0=-there.dq[-1], momentum=-h,
+        rtol=1e-11, atol=1e-12,
+    )  # fmt: skip
+    np.testing.assert_allclose(back.q[-1], q0, atol=1e-8)
+    np.testing.assert_allclose(back.dq[-1], -dq0, atol=1e-8)
+    np.testing.assert_allclose(back.base[-1], there.base[0], atol=1e-8)
+
+
+def test_the_full_system_by_aba_moves_the_same_way():
+    """All 6 + n coordinates integrated by Pinocchio's own algorithm, no momentum assumed."""
+    arm, torque = sa.load("chaser7"), push(2, 7)
+    model, data = arm.model, arm.model.createData()
+    q0, n = np.linspace(-0.5, 0.5, 7), 7
+    run = sa.simulate(arm, q0, torque, 3.0, rtol=1e-11, atol=1e-12, events=())
+
+    def rate(t, y):
+        full, v = y[: model.nq], y[model.nq :]
+        R = pin.Quaternion(full[3:7] / np.linalg.norm(full[3:7])).matrix()
+        x, s, w = full[3:6], full[6], v[3:6]
+        turning = 0.5 * np.append(s * w + np.cross(x, w), -x @ w)
+        unit = np.concatenate((full[:3], full[3:7] / np.linalg.norm(full[3:7]), full[7:]))
+        tau = np.concatenate((np.zeros(6), torque(t, None, v[6:])))
+        return np.concatenate((R @ v[:3], turning, v[6:], pin.aba(model, data, unit, v, tau)))
+
+    start = np.concatenate((np.zeros(6), [1.0], q0, np.zeros(6 + n)))
+    full = solve_ivp(rate, (0, 3.0), start, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(run.q[-1], full[7 : 7 + n], atol=1e-8)
+    np.testing.assert_allclose(run.dq[-1], full[-n:], atol=1e-8)
+    np.testing.assert_allclose(run.base[-1, :3], full[:3], atol=1e-8)
+    assert abs(run.base[-1, 3:] @ full[3:7]) == pytest.approx(np.linalg.norm(full[3:7]), abs=1e-8)
+
+
+def test_a_controlled_attitude_stays_and_a_fixed_spacecraft_too():
+    arm = sa.load("mda6")
+    base = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([1.0, 2.0, 3.0]))
+    q0 = np.array([0.1, 0.5, -0.8, 0.3, 0.2, 0.1])
+    for mode in ("attitude-controlled", "fixed"):
+        run = sa.simulate(arm, q0, push(3, 6, 20.0), 5.0, base=base, mode=mode, events=())
+        assert np.ptp(np.abs(run.base[:, 3:]), axis=0).max() < 1e-12
+        moved = np.ptp(run.base[:, :3], axis=0).max()
+        assert (moved > 1e-4) == (mode == "attitude-controlled")
+        assert run.imbalance < 1e-8
+        if mode == "attitude-controlled":
+            assert np.abs(run.momentum[:, :3]).max() < 1e-9 * arm.mass
+
+
+def test_a_heavy_spacecraft_moves_its_arm_like_a_fixed_one():
+    arm = sa.load("planar2")
+    q0, torque = np.array([0.3, 0.7]), push(4, 2)
+    fixed = sa.simulate(arm, q0, torque, 4.0, mode="fixed")
+    off = []
+    for factor in (1e3, 1e5):
+        body = arm.model.inertias[1]
+        heavy = arm.replace(base_mass=factor * body.mass, base_inertia=factor * body.inertia)
+        off.append(np.abs(sa.simulate(heavy, q0, torque, 4.0).q[-1] - fixed.q[-1]).max())
+    assert off[0] / off[1] == pytest.approx(100, rel=0.1)
+
+
+# --- events, files, controllers -------------------------------------------------------------
+
+
+def test_joint_limits_are_noted():
+    arm = sa.load("planar2")
+    run = sa.simulate(arm, np.zeros(2), lambda *_: np.array([0.0, 1.0]), 60.0, stop=["joint limit"])
+    assert run.ended == "joint limit"
+    assert run.events[-1].detail == "joint_2"
+    assert abs(run.q[-1, 1]) == pytest.approx(np.pi, abs=1e-6)
+
+
+def test_joint_pd_settles_and_targets_may_move():
+    arm = sa.load("planar3")
+    goal = np.array([-0.3, 0.4, 0.2])
+    run = sa.simulate(arm, np.zeros(3), sa.JointPD(goal, kp=2, kd=4), 60.0, events=())
+    np.testing.assert_allclose(run.q[-1], goal, atol=1e-3)
+    law = sa.JointPD(lambda t: np.full(3, 0.01 * t), kp=20, kd=10)
+    late = sa.simulate(arm, np.zeros(3), law, 20.0, events=())
+    np.testing.assert_allclose(late.dq[-1], 0.01, atol=1e-3)
+
+
+def test_a_pose_target():
+    arm = sa.load("planar3", task="x y rz")
+    q0 = np.array([0.3, 0.9, -0.7])
+    goal = arm.at(q0).tip * pin.SE3(pin.exp3(np.array([0, 0, 0.05])), np.array([0.03, -0.02, 0]))
+    law = sa.TransposedJacobian(goal, kp=[5, 5, 2], kd=[10, 10, 4])
+    run = sa.simulate(arm, q0, law, 120.0, events=["target"], stop=["target"], reach=5e-3)
+    assert run.ended == "target"
+    with pytest.raises(sa.ConfigurationError, match=r"pin\.SE3"):
+        sa.TransposedJacobian((1.0, 2.0), 1, 1)(0.0, arm.at(q0), np.zeros(3))
+
+
+def test_a_trajectory_is_saved_and_loaded(figure_5, tmp_path):
+    path = tmp_path / "run.npz"
+    figure_5.save(path)
+    again = sa.Trajectory.load(path, figure_5.arm)
+    for name in ("t", "q", "dq", "base", "tip", "torque", "momentum", "energy", "sigma_min"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(figure_5, name))
+    assert [e.t for e in again.events] == [e.t for e in figure_5.events]
+    assert again.ended == figure_5.ended
+    with pytest.raises(sa.ConfigurationError, match="joint_3"):
+        sa.Trajectory.load(path, sa.load("planar3"))
+    path.write_bytes(b"nothing")
+    with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
+        sa.Trajectory.load(path, figure_5.arm)
+
+
+def test_a_trajectory_as_labelled_arrays(figure_5):
+    data = figure_5.to_xarray()
+    assert data["q"].dims == ("t", "joint")
+    assert data["q"].sel(joint="joint_2").values[0] == figure_5.q[0, 1]
+    assert data["torque"].attrs["unit"] == "N m or N"
+    assert "first singularity at 4.889 s" in repr(figure_5)
+
+
+@pytest.mark.parametrize(
+    ("controller", "message"),
+    [
+        (lambda *_: np.zeros(3), r"the controller's torque has shape \(3,\)"),
+        (lambda t, *_: np.full(2, np.nan if t > 1 else 0.1), r"at t = .*joint_1.*nan"),
+    ],
+)
+def test_a_controller_that_fails_leaves_the_trajectory_so_far(controller, message):
+    with pytest.raises(sa.NoSolutionError, match=message) as caught:
+        sa.simulate(sa.load("planar2"), [0.1, 0.2], controller, 5.0)
+    if caught.value.best is not None:
+        assert 0.1 < caught.value.best.t[-1] <= 1.5
+        assert np.isfinite(caught.value.best.q).all()
+
+
+def test_a_step_that_collapses_is_an_error():
+    law = sa.JointPD((0.5, 0.5), kp=1e22, kd=1e20)
+    with pytest.raises(sa.NoSolutionError, match=r"step|stiff"):
+        sa.simulate(sa.load("planar2"), [0.1, 0.2], law, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"duration": 0.0}, "duration is 0.0"),
+        ({"duration": np.inf}, "duration is inf"),
+        ({"events": ["crash"]}, "'crash'"),
+        ({"dt": 99.0}, "dt is 99"),
+        ({"mode": "free"}, "free-floating"),
+        ({"mode": "fixed", "momentum": np.ones(6)}, "fixed spacecraft"),
+        ({"dq0": [1.0]}, "dq0"),
+    ],
+)
+def test_bad_input(options, message):
+    options = {"duration": 1.0} | options
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.simulate(sa.load("planar2"), [0.1, 0.2], nothing, **options)
