@@ -33,7 +33,7 @@ from spacearm.batch import evaluate, generalized_jacobians
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
-from spacearm.control import Controller, JointPD, TransposedJacobian
+from spacearm.control import JointPD, TransposedJacobian
 from spacearm.dynamics import (
     Dynamics,
     forward_dynamics,
@@ -79,7 +79,6 @@ __all__ = [
     "Certificate",
     "Configuration",
     "ConfigurationError",
-    "Controller",
     "Dynamics",
     "Event",
     "FoundSet",
