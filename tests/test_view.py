@@ -291,7 +291,12 @@ def test_ctrl_c_ends_the_command_and_leaves_nothing():
         port = probe.getsockname()[1]
     command = [sys.executable, "-u", "-m", "spacearm", "view", "planar2", "--no-open", "--port"]
     run = subprocess.Popen(
-        [*command, str(port)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*command, str(port)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # children of a script's background jobs are born deaf to Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert f"http://127.0.0.1:{port}/" in run.stdout.readline()
     assert get(f"http://127.0.0.1:{port}/") == 200
