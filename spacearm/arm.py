@@ -15,9 +15,10 @@ from spacearm import urdf
 from spacearm.arrays import LARGEST, Array
 from spacearm.catalogue import find
 from spacearm.configuration import Configuration, configure, sound_pose
+from spacearm.defaults import chain_length, choose_tip, default_task, movable
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
 from spacearm.task import Task
-from spacearm.tree import Joint, Tree
+from spacearm.tree import Tree
 
 MOST_JOINTS = 200
 """Movable joints that a model may have."""
@@ -112,11 +113,11 @@ class SpaceArm:
                 f"{path}: {len(tree.coupling()[0])} movable joints, and Pinocchio's memory grows "
                 f"with their cube; lock all but {MOST_JOINTS}"
             )
-        tip = _tip(tree, path, tip)
+        tip = choose_tip(tree, path, tip)
         asked = task if task is None or isinstance(task, Task) else Task(task)
-        task = asked or _default_task(tree, tip)
+        task = asked or default_task(tree, tip)
         if task.mixed and task.length is None:
-            task = replace(task, length=_chain_length(tree, tip, path))
+            task = replace(task, length=chain_length(tree, tip, path))
         coupling, offsets = tree.coupling()
         model = tree.pinocchio()
         return cls(
@@ -156,7 +157,7 @@ class SpaceArm:
     @property
     def mount(self) -> pin.SE3:
         """Pose of the first joint on the way to the tip, in the spacecraft frame."""
-        name = _movable(self.tree, self.tip)[0].name
+        name = movable(self.tree, self.tip)[0].name
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
     def at(self, q: npt.ArrayLike, base: pin.SE3 | None = None) -> Configuration:
@@ -222,7 +223,7 @@ class SpaceArm:
         if base_mass is not None or base_inertia is not None:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
-            tree = tree.with_mount(_movable(tree, self.tip)[0], sound_pose(mount, "mount"))
+            tree = tree.with_mount(movable(tree, self.tip)[0], sound_pose(mount, "mount"))
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
         if payload is not None:
@@ -257,52 +258,6 @@ def _lock(tree: Tree, values: Mapping[str, float]) -> Tree:
         if not isinstance(value, (int, float, np.number)) or not abs(value) <= LARGEST:
             raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
     return tree.locked(values)
-
-
-def _movable(tree: Tree, tip: str) -> list[Joint]:
-    return [joint for joint in tree.chain(tip) if joint.movable]
-
-
-def _tip(tree: Tree, path: Path, tip: str | None) -> str:
-    """The link asked for, or the leaf that is farthest along the longest chain."""
-    if tip is None:
-        depth = {leaf: (len(_movable(tree, leaf)), len(tree.chain(leaf))) for leaf in tree.leaves()}
-        candidates = [leaf for leaf in depth if depth[leaf] == max(depth.values())]
-        if len(candidates) > 1:
-            raise ModelError(
-                f"{path}: {len(candidates)} links could be the tip: {', '.join(candidates)}; "
-                "choose one with tip="
-            )
-        tip = candidates[0]
-    if tip not in tree.links:
-        raise ConfigurationError(f"tip: {unknown('link', tip, tree.links)}")
-    if not _movable(tree, tip):
-        raise ConfigurationError(
-            f"tip {tip!r} is part of the spacecraft; choose a link behind a movable joint: "
-            f"{', '.join(link for link in tree.links if _movable(tree, link))}"
-        )
-    return tip
-
-
-def _default_task(tree: Tree, tip: str) -> Task:
-    n = sum(joint.mimic is None for joint in _movable(tree, tip))
-    if (normal := tree.plane_normal()) is not None:
-        x, y = (axis for i, axis in enumerate("xyz") if i != normal)
-        return Task(f"{x} {y} r{'xyz'[normal]}" if n >= 3 else f"{x} {y}")
-    return Task("pose" if n >= 6 else "position")
-
-
-def _chain_length(tree: Tree, tip: str, path: Path) -> float:
-    """Sum of the distances between successive joints [m], from the first joint to the tip."""
-    chain = tree.chain(tip)
-    first = chain.index(_movable(tree, tip)[0])
-    length = sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])
-    if length == 0.0:
-        raise ModelError(
-            f"{path}: the joints and the tip {tip!r} are in one point, so that the arm has no "
-            "length to scale a mixed task with; give one: task=Task('pose', length=...)"
-        )
-    return length
 
 
 def _read_only(values: list[float]) -> Array:

@@ -76,6 +76,10 @@ def evaluate(
     for name in (*quantities, *(out or ())):
         if name not in QUANTITIES:
             raise ConfigurationError(unknown("quantity", name, QUANTITIES))
+    if extra := set(out or ()) - set(quantities):
+        raise ConfigurationError(
+            f"out has arrays for {', '.join(sorted(extra))}, which quantities does not name"
+        )
     Q = _configurations(arm, Q)
     m = len(Q)
     given = {name: _checked(array, (m,), f"out[{name!r}]") for name, array in (out or {}).items()}

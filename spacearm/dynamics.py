@@ -6,8 +6,8 @@ dv_b is eliminated and the *reduced form*
 
     H*(q) ddq + c*(q, dq) = tau,   H* = M_qq - M_qb M_bb^-1 M_bq = M_qq - A_q^T I_c^-1 A_q
 
-is left, I_c = diag(M 1, D): the generalized inertia tensor of Umetani & Yoshida (1989),
-DOI 10.1109/70.34766, and Papadopoulos & Dubowsky (1991), DOI 10.1109/70.105383.
+is left, I_c = diag(M 1, D): the inertia that the joints feel, as in Papadopoulos & Dubowsky, On the
+nature of control algorithms for free-floating space manipulators (IEEE Trans. Robot. Autom., 1991).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.jacobian import BaseMode
 from spacearm.polynomial import Sampler, TrigPolynomial
-from spacearm.shells import Box
+from spacearm.shells import Box, merged
 from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity_polynomial import tip_from_centre
 
@@ -130,14 +130,8 @@ def free_radii(reach: Reach, low: float, high: float, critical: list[float] | No
     free = [reach.everywhere(float(R)) for R in middles]
     if critical is None:
         edges = _sharpened(reach, edges, middles, free, SHARPNESS * high)
-    spans = [(a, b) for a, b, yes in zip(edges, edges[1:], free, strict=False) if yes]
-    union: list[list[float]] = []
-    for a, b in spans:
-        if union and a <= union[-1][1]:
-            union[-1][1] = b
-        else:
-            union.append([a, b])
-    return np.array(union, dtype=np.float64).reshape(-1, 2)
+    spans = np.stack((edges[:-1], edges[1:]), axis=1)
+    return merged(list(spans[free]))
 
 
 def _sharpened(reach: Reach, edges: Array, middles: Array, free: list[bool], width: float) -> Array:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 BLUE, RED, GREEN, ORANGE, GREY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#5b6470"
 """Okabe and Ito's colours."""
-STYLE = {
+STYLE: Any = {  # matplotlib's names of settings are no plain text to its stubs
     "figure.dpi": 110,
     "savefig.dpi": 160,
     "font.size": 11,
@@ -38,7 +38,7 @@ STYLE = {
 @contextmanager
 def style() -> Iterator[None]:
     """The style of the project, for as long as the context lasts."""
-    with mpl.rc_context(STYLE):  # type: ignore[arg-type]
+    with mpl.rc_context(STYLE):
         yield
 
 

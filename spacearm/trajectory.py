@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -181,7 +181,7 @@ class Trajectory(Result):
                 strict=True,
             )
             events = tuple(Event(float(t), str(k), q, str(d)) for t, k, q, d in kinds)
-            mode: BaseMode = str(data["mode"])  # type: ignore[assignment]
+            mode = {name: name for name in get_args(BaseMode)}[str(data["mode"])]
             arrays = {name: data[name] for name in UNITS}
         except (OSError, ValueError, KeyError) as error:
             raise ConfigurationError(f"{path} is no saved trajectory: {error}") from None

@@ -64,7 +64,7 @@ class Workspace(Result):
         shells: A shell for each piece of the singular set that was told apart.
         reachable_at: (2, n) configurations of the least and the largest distance.
         kind: "certified" or "found".
-        gap: By how much a singular configuration may still lie outside the shells [m]: proven if
+        gap: By how much R may still lie outside `reachable` or the shells [m]: proven if
             certified, else NaN.
         effort: Number of singular configurations that were sampled; 0 if certified.
     """
@@ -183,8 +183,9 @@ def workspace(
     reach = [shell_about(arm, base, None, points, box, 0)]
     certified = arm.n <= MOST_CERTIFIED
     if certified:
-        reach, _ = prove(arm, base, None, reach, box, TOLERANCE)
+        reach, reach_gap = prove(arm, base, None, reach, box, TOLERANCE)
         shells, gap = prove(arm, base, found.S, exact_shells(found, box), box, TOLERANCE)
+        gap = max(gap, reach_gap)
     else:
         shells, gap = found_shells(found, box, effort, rng), float("nan")
     reachable = merged([shell.R for shell in reach])

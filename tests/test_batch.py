@@ -307,6 +307,7 @@ def test_an_error_in_progress_stops_the_work(rng):
         ((np.zeros((4, 2)),), {"out": {"det": np.empty(3)}}, r"out\['det'\].*\(4,\)"),
         ((np.zeros((4, 2)),), {"out": {"det": np.empty(4, int)}}, "int64"),
         ((np.zeros((4, 2)),), {"out": {"dot": np.empty(4)}}, "'dot'.*det"),
+        ((np.zeros((4, 2)), ["det"]), {"out": {"radius": np.empty(4)}}, "radius.*not name"),
         ((np.zeros((4, 2)),), {"threads": 0}, "threads is 0"),
         ((np.zeros((4, 2)),), {"device": "gpu"}, "'gpu'.*cuda"),
     ],

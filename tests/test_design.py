@@ -1,5 +1,9 @@
 """Design sweeps: physics, labels, interruption."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -65,6 +69,47 @@ def test_the_best_mount_is_nearest_the_spacecraft_s_cm():
     assert best.workspace.fraction > sa.workspace(ARM).fraction
     assert isinstance(best.mount, pin.SE3)
     assert best.tried >= 10
+
+
+def run(*arguments, cwd):
+    command = [sys.executable, "-m", "spacearm", "design", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    "ranges", [("--base-inertia", "1:20:3", "--mount-x", "0:0.5:2"), ("--mount-x", "0:0.5:2")]
+)
+def test_command_prints_and_draws(ranges, tmp_path):
+    done = run("planar2", *ranges, "--output", "d.svg", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "100.00%" in done.stdout  # mounted at the spacecraft's CM
+    assert "35.92%" in done.stdout
+    assert "<svg" in (tmp_path / "d.svg").read_text()
+
+
+def test_command_as_json(tmp_path):
+    done = run("planar2", "--link-mass", "link_1=4:8:2", "--json", cwd=tmp_path)
+    data = json.loads(done.stdout)
+    assert data["coords"]["mass:link_1"]["data"] == [4.0, 8.0]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("planar2",), "nothing to vary"),
+        (("planar2", "--mount-x", "a:b"), "mount_x is 'a:b'"),
+        (("planar2", "--mount-x", "0:1:0"), "LOW:HIGH:COUNT"),
+        (("planar2", "--mount-x", "0:1", "--output", "d.gif"), "gif"),
+        (("planar2", "--base-mass=-3"), "positive"),
+    ],
+)
+def test_bad_commands(arguments, message, tmp_path):
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -6,5 +6,6 @@ kernel becomes a vector instruction on a processor; on a graphics card, where ev
 configuration, there is one lane.
 
 `lanes` holds what a lane is made of, `floating` the equations of the floating arm,
-`singular_values` those of its Jacobian, `cpu` the loop over blocks of lanes.
+`singular_values` what a Jacobian is brought to, `measures` what is asked of it, `cpu` the loop over
+blocks of lanes, `cuda` the same for threads of a graphics card.
 """

@@ -250,8 +250,13 @@ def column(b: Bodies, w: Work, i: int) -> None:
             )
             r = cross(u, (r_E[0] - a[0], r_E[1] - a[1], r_E[2] - a[2]))
             J22 = (reaches * u[0], reaches * u[1], reaches * u[2])
+        J12 = (
+            reaches * r[0] - per_M * p[0],
+            reaches * r[1] - per_M * p[1],
+            reaches * r[2] - per_M * p[2],
+        )
         X = solve(w.L, l, D_q)
         J11_X = cross(X, r_E)
         for x in range(3):
-            J[x, l] += reaches * r[x] - per_M * p[x] - J11_X[x]
+            J[x, l] += J12[x] - J11_X[x]
             J[3 + x, l] += J22[x] - X[x]

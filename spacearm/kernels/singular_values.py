@@ -19,7 +19,7 @@ import numpy as np
 from spacearm.kernels.lanes import Lanes, Record, record, step
 
 MOST_SHIFTS = 60
-"""Convergence is cubic: 7 shifts is the most that was seen."""
+"""Convergence is cubic; this only bounds the loop."""
 ROUNDING = 2.0**-52
 
 
