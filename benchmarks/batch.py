@@ -7,7 +7,7 @@ Prints microseconds a configuration and ratios for the least singular value and 
 with numpy's svd; adam (jax, compiled, vectorised), MuJoCo and Drake where they are installed; and
 Pinocchio in C++ (`pinocchio.cpp` beside this file, where g++ and Eigen are found; it computes the
 determinant of J J^T, which is less). Then floating-point operations a second beside a matrix
-product's, and the scaling from one thread to two.
+product's, the scaling from one thread to two, and what the first call costs.
 
     python benchmarks/batch.py memory
 
@@ -296,10 +296,25 @@ def memory(folder: Path, m: int = 100_000_000, block: int = 1_000_000) -> None:
     print(f"{m:,} configurations in {seconds:.0f} s, largest resident memory {peak / 1e6:.0f} MB")
 
 
+def first_call(cache: Path) -> None:
+    """The first batch of a machine, which compiles, and that of a later process, which does not."""
+    code = (
+        "import time, numpy, spacearm as sa; arm = sa.load('chaser7'); Q = numpy.zeros((100, 7));"
+        "start = time.perf_counter(); sa.evaluate(arm, Q); print(time.perf_counter() - start)"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    seconds = [
+        float(subprocess.check_output([sys.executable, "-c", code], env=environment))
+        for _ in range(2)
+    ]
+    print(f"first batch on a machine {seconds[0]:.1f} s, in a later process {seconds[1]:.1f} s")
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         if sys.argv[1:] == ["memory"]:
             memory(Path(folder))
         else:
+            first_call(Path(folder) / "cache")
             for name in ("chaser7", "mda6"):
                 compare(name, Path(folder))

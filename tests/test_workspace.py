@@ -3,7 +3,9 @@
 import itertools
 import json
 import math
+import os
 import re
+import signal
 import subprocess
 import sys
 
@@ -14,6 +16,7 @@ from arms import frame, joint, link, load_text, random_inertia, robot, seeds
 from hypothesis import given, settings
 
 import spacearm as sa
+from spacearm import plot
 from spacearm.extremes import enclose
 from spacearm.shells import merged
 from spacearm.singularity_polynomial import radius_squared
@@ -397,6 +400,22 @@ def test_bad_risk(options, error):
         sa.risk_profile(sa.load("planar2"), **options)
 
 
+# --- pictures -------------------------------------------------------------------------------
+
+
+def test_pictures_are_labelled(planar2):
+    spatial = sa.workspace(sa.load("mda6"), effort=2_000)
+    profile = planar2.profile(samples=2_000)
+    rings = plot.draw_workspace(planar2, np.array([[2.0, 0.0], [1.5, 1.5]]))
+    texts = {text.get_text() for text in rings.axes[0].texts}
+    assert {"path dependent", "path independent", "tip path", "0.3511", "2.287"} <= texts
+    cut, curve = plot.draw_workspace(spatial, profile=profile).axes
+    assert cut.get_zlabel() == "z [m]"
+    for axes in (curve, plot.draw_profile(profile).axes[0]):
+        assert "[m]" in axes.get_xlabel()
+        assert "[%]" in axes.get_ylabel()
+
+
 # --- the command line -----------------------------------------------------------------------
 
 
@@ -414,6 +433,26 @@ def test_command_prints_and_draws(tmp_path):
     assert (
         "tip path" in (tmp_path / "w.svg").read_text() or (tmp_path / "w.svg").stat().st_size > 9e3
     )
+
+
+def test_command_shows_the_shells_in_the_browser(tmp_path):
+    command = [sys.executable, "-u", "-m", "spacearm", "workspace", "planar2", "--view"]
+    shown = subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"BROWSER": "true"},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    for line in shown.stdout:
+        if "http://127.0.0.1:" in line:
+            break
+    shown.send_signal(signal.SIGINT)
+    _, errors = shown.communicate(timeout=60)
+    assert shown.returncode == 0
+    assert errors == ""
 
 
 def test_command_as_json(tmp_path):
