@@ -106,10 +106,33 @@ def browser_view() -> None:
     viewer.close()
 
 
+def simulation() -> None:
+    """Figures 5 and 6: the transposed Jacobian law meets a singularity and never arrives."""
+    arm, q = sa.load("planar2"), np.radians([-57.936, 60.337])
+    base = arm.at(q, pin.SE3(pin.utils.rotate("z", np.radians(21)), np.zeros(3)))
+    law = sa.TransposedJacobian(target=(1.5, 1.5), kp=5, kd=15)
+    run = sa.simulate(arm, q, law, 200.0, base=base.centred(np.zeros(3)).base)
+    run.plot((1.5, 1.5)).savefig(FOLDER / "simulation_planar2.png", dpi=110)
+
+
+def figure_7() -> None:
+    """To C, nine times round a square, then to the target."""
+    arm, q, C = sa.load("planar2"), np.radians([-57.936, 60.337]), np.array([1.0, 0.0])
+    start = arm.at(q, pin.SE3(pin.utils.rotate("z", np.radians(20.94)), np.zeros(3)))
+    square = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+    path = [C, *(9 * square), square[0], C, (1.5, 1.5)]
+    base = start.centred(np.zeros(3)).base
+    run = sa.follow(arm, q, path, base=base, limits=False)
+    figure = draw_workspace(sa.workspace(arm), run.tip[:, :2])
+    figure.savefig(FOLDER / "figure_7.png", dpi=110)
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     singular_posture()
     browser_view()
+    simulation()
+    figure_7()
     with style():
         draw_map(sa.singular_map(sa.load("planar2"))).savefig(FOLDER / "map_planar2.png")
         figure = draw_workspace(sa.workspace(sa.load("planar2")))

@@ -33,7 +33,13 @@ from spacearm.batch import evaluate, generalized_jacobians
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
-from spacearm.control import JointPD, TransposedJacobian
+from spacearm.control import (
+    DampedLeastSquares,
+    JointPD,
+    Reactionless,
+    ResolvedRate,
+    TransposedJacobian,
+)
 from spacearm.dynamics import (
     Dynamics,
     forward_dynamics,
@@ -49,6 +55,8 @@ from spacearm.errors import (
     SpaceArmError,
     UnsupportedError,
 )
+from spacearm.events import Event
+from spacearm.following import Followed, follow
 from spacearm.found_set import FoundSet
 from spacearm.jacobian import (
     fixed_base_jacobian,
@@ -68,7 +76,7 @@ from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity import SingularityReport, singularity
 from spacearm.singularity_polynomial import singularity_polynomial
 from spacearm.task import Task
-from spacearm.trajectory import Event, Trajectory
+from spacearm.trajectory import Trajectory
 from spacearm.view import view
 from spacearm.workspace import Workspace, workspace
 
@@ -79,8 +87,10 @@ __all__ = [
     "Certificate",
     "Configuration",
     "ConfigurationError",
+    "DampedLeastSquares",
     "Dynamics",
     "Event",
+    "Followed",
     "FoundSet",
     "JointPD",
     "ModelError",
@@ -90,7 +100,9 @@ __all__ = [
     "Motion",
     "NoSolutionError",
     "PoseRisk",
+    "Reactionless",
     "Region",
+    "ResolvedRate",
     "RiskProfile",
     "SingularMap",
     "SingularSet",
@@ -111,6 +123,7 @@ __all__ = [
     "design",
     "evaluate",
     "fixed_base_jacobian",
+    "follow",
     "forward_dynamics",
     "generalized_inertia",
     "generalized_jacobian",

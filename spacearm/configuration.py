@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,6 +69,14 @@ class Configuration:
         full[:3] = 0.0
         return full
 
+    def centred(self, com: Array) -> Configuration:
+        """The same posture and attitude, the spacecraft placed so that the system CM is at com."""
+        by = com - self.com
+        poses = pin.SE3(self._base), pin.SE3(self._tip)
+        for pose in poses:
+            pose.translation += by
+        return replace(self, com=self.com + by, _base=poses[0], _tip=poses[1])
+
     def __repr__(self) -> str:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
         q = np.array2string(self.q, precision=6, separator=", ")
@@ -76,9 +84,13 @@ class Configuration:
 
 
 def configure(arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None) -> Configuration:
-    """Runs the kinematics of `arm` at q with the spacecraft at `base`."""
-    q = joint_vector(arm, q, "q")
+    """The configuration of `arm` at q with the spacecraft at `base`, both checked."""
     base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
+    return kinematics(arm, joint_vector(arm, q, "q"), base)
+
+
+def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
+    """The configuration at (n,) numbers and a pose that are known to be sound, which it keeps."""
     model, frame = arm.model, arm.tip_frame
     full = np.zeros(model.nq)  # at the origin: far from it, as in orbit, digits would be lost
     full[3:7] = pin.SE3ToXYZQUAT(base)[3:]

@@ -18,11 +18,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.linalg.lapack import dgesv, dposv
 
 from spacearm.arrays import Array
 from spacearm.configuration import LWA, Configuration, joint_vector
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.jacobian import FREE_TWIST, BaseMode
+from spacearm.jacobian import BaseMode, free_components
 from spacearm.momentum import momentum_vector
 
 Wrenches = Mapping[str, npt.ArrayLike]
@@ -40,19 +41,21 @@ class Dynamics(NamedTuple):
         reaction: (6,) wrench on the spacecraft that holds what is held, [force [N]; torque [N m]]
             at the origin of its frame, inertial axes: the torque that wheels or jets must give to
             an attitude-controlled one; zero where nothing is held.
+        twist: (6,) twist of the spacecraft now, inertial axes.
     """
 
     ddq: Array
     tau: Array
     base: Array
     reaction: Array
+    twist: Array
 
 
 def generalized_inertia(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
     """(n, n) H*, the inertia that the joints feel; see the module's docstring."""
-    f = _free(base)
+    f = free_components(base)
     M = _mass_matrix(cfg)
-    H: Array = M[6:, 6:] - M[6:, :f] @ np.linalg.solve(M[:f, :f], M[:f, 6:])
+    H: Array = M[6:, 6:] - M[6:, :f] @ _solve(M[:f, :f], M[:f, 6:])
     return 0.5 * (H + H.T)
 
 
@@ -79,13 +82,14 @@ def forward_dynamics(
     Raises:
         ConfigurationError: An argument has the wrong shape, is not finite or names no link.
     """
-    f = _free(base)
+    f = free_components(base)
     tau = joint_vector(cfg.arm, tau, "tau")
-    M, c = _terms(cfg, dq, base, momentum, wrenches)
-    H = M[6:, 6:] - M[6:, :f] @ np.linalg.solve(M[:f, :f], M[:f, 6:])
-    c_star = c[6:] - M[6:, :f] @ np.linalg.solve(M[:f, :f], c[:f])
-    ddq = np.linalg.solve(H, tau - c_star)
-    return _dynamics(cfg, ddq, M, c, f, dq, base, momentum)
+    v = _velocity(cfg, dq, base, momentum)
+    M, c = _mass_matrix(cfg), _bias(cfg, v, wrenches)
+    X = _eliminated(M, c, f)
+    H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
+    c_star = c[6:] - M[6:, :f] @ X[:, -1]
+    return _dynamics(cfg, v, M, c, X, _solve(H, tau - c_star))
 
 
 def inverse_dynamics(
@@ -108,8 +112,9 @@ def inverse_dynamics(
         wrenches: As in `forward_dynamics`.
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
-    M, c = _terms(cfg, dq, base, momentum, wrenches)
-    return _dynamics(cfg, ddq, M, c, _free(base), dq, base, momentum)
+    v = _velocity(cfg, dq, base, momentum)
+    M, c = _mass_matrix(cfg), _bias(cfg, v, wrenches)
+    return _dynamics(cfg, v, M, c, _eliminated(M, c, free_components(base)), ddq)
 
 
 def kinetic_energy(
@@ -134,26 +139,20 @@ def spacecraft_twist(
     return _turned(cfg, _velocity(cfg, dq, base, momentum)[:6])
 
 
-def _free(base: str) -> int:
-    if base not in FREE_TWIST:
-        raise ConfigurationError(unknown("base", base, FREE_TWIST))
-    return FREE_TWIST[base]
-
-
-def _turned(cfg: Configuration, twist: Array) -> Array:
-    """A twist or wrench at the spacecraft's origin from its axes into inertial ones."""
-    turned: Array = (cfg.base.rotation @ twist.reshape(2, 3).T).T.ravel()
-    return turned
+def _turned(cfg: Configuration, twists: Array) -> Array:
+    """(..., 6) twists or wrenches at the spacecraft's origin from its axes into inertial ones."""
+    turned: Array = twists.reshape(-1, 3) @ cfg.base.rotation.T
+    return turned.reshape(twists.shape)
 
 
 def _velocity(
     cfg: Configuration, dq: npt.ArrayLike, base: BaseMode, momentum: npt.ArrayLike | None
 ) -> Array:
     """(6 + n,) the spacecraft's twist in its own axes, as momentum demands, and the joint rates."""
-    f, dq = _free(base), joint_vector(cfg.arm, dq, "dq")
+    f, dq = free_components(base), joint_vector(cfg.arm, dq, "dq")
     v = np.concatenate((np.zeros(6), dq))
     h = momentum_vector(momentum) - cfg.A[:, 6:] @ dq
-    v[:f] = np.linalg.solve(cfg.A[:f, :f], h[:f])
+    v[:f] = dgesv(cfg.A[:f, :f], h[:f])[2] if f else 0.0
     return v
 
 
@@ -161,26 +160,19 @@ def _mass_matrix(cfg: Configuration) -> Array:
     """(6 + n, 6 + n) M."""
     arm = cfg.arm
     data = arm.borrow()
-    M = np.array(pin.crba(arm.model, data, cfg.full_at_origin))
+    upper = np.triu(pin.crba(arm.model, data, cfg.full_at_origin))
     arm.give_back(data)
-    M = np.triu(M) + np.triu(M, 1).T
+    M = upper + upper.T
+    np.fill_diagonal(M, upper.diagonal())
     return M if arm.coupling is None else arm.project(arm.project(M).T)
 
 
-def _terms(
-    cfg: Configuration,
-    dq: npt.ArrayLike,
-    base: BaseMode,
-    momentum: npt.ArrayLike | None,
-    wrenches: Wrenches | None,
-) -> tuple[Array, Array]:
-    """M and c, external wrenches included, of M (dv_b, ddq) + c = (reaction, tau)."""
+def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
+    """(6 + n,) c, external wrenches included, of M (dv_b, ddq) + c = (reaction, tau)."""
     arm = cfg.arm
-    v = _velocity(cfg, dq, base, momentum)
     full = np.concatenate((v[:6], arm.all_rates(v[6:])))
-    still = np.zeros_like(full)
     data = arm.borrow()
-    c = np.array(pin.rnea(arm.model, data, cfg.full_at_origin, full, still))
+    c = np.array(pin.rnea(arm.model, data, cfg.full_at_origin, full, np.zeros_like(full)))
     c = c if arm.coupling is None else arm.project(c[None])[0]
     for link, values in (wrenches or {}).items():
         if link not in arm.tree.links:
@@ -192,24 +184,27 @@ def _terms(
         J = pin.computeFrameJacobian(arm.model, data, cfg.full_at_origin, frame, LWA)
         c = c - arm.project(J).T @ wrench
     arm.give_back(data)
-    return _mass_matrix(cfg), c
+    return c
 
 
-def _dynamics(
-    cfg: Configuration,
-    ddq: Array,
-    M: Array,
-    c: Array,
-    f: int,
-    dq: npt.ArrayLike,
-    base: BaseMode,
-    momentum: npt.ArrayLike | None,
-) -> Dynamics:
+def _eliminated(M: Array, c: Array, f: int) -> Array:
+    """(f, n + 1) X = M_bb^-1 [M_bq, c_b], with which dv_b = -X (ddq, 1)."""
+    return _solve(M[:f, :f], np.column_stack((M[:f, 6:], c[:f])))
+
+
+def _solve(M: Array, b: Array) -> Array:
+    """M^-1 b of a symmetric positive definite M, by Cholesky's factors."""
+    x: Array = dposv(M, b)[1] if len(M) else b
+    return x
+
+
+def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: Array) -> Dynamics:
     """All of the motion once the joint accelerations are known."""
+    f = len(X)
     a = np.concatenate((np.zeros(6), ddq))
-    a[:f] = -np.linalg.solve(M[:f, :f], M[:f, 6:] @ ddq + c[:f])
+    a[:f] = -X @ np.append(ddq, 1.0)
     force = M @ a + c
     force[:f] = 0.0
-    v = _velocity(cfg, dq, base, momentum)
-    a[:3] += np.cross(v[3:6], v[:3])  # from spatial to classical acceleration
-    return Dynamics(ddq, force[6:], _turned(cfg, a[:6]), _turned(cfg, force[:6]))
+    a[:3] += pin.skew(v[3:6]) @ v[:3]  # from spatial to classical acceleration
+    base, reaction, twist = _turned(cfg, np.array((a[:6], force[:6], v[:6])))
+    return Dynamics(ddq, force[6:], base, reaction, twist)

@@ -25,7 +25,6 @@ from spacearm.momentum import base_velocity
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
 
 FREE_TWIST = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}
-"""How many components of the spacecraft's twist [linear; angular] momentum decides."""
 
 
 def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
@@ -48,7 +47,7 @@ def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -
     Raises:
         ConfigurationError: `base` is none of the three.
     """
-    f = _free(base)
+    f = free_components(base)
     A, J = cfg.A, cfg.J
     J_star: Array = J[:, 6:] - J[:, :f] @ np.linalg.solve(A[:f, :f], A[:f, 6:])
     return J_star
@@ -72,7 +71,7 @@ def generalized_jacobian_derivative(cfg: Configuration, base: BaseMode = "free-f
     Returns:
         (n, 6, n): entry j is the partial derivative of J* with respect to q_j.
     """
-    f = _free(base)
+    f = free_components(base)
     A, J = cfg.A, cfg.J
     dA, dJ = _partial_derivatives(cfg)
     X = np.linalg.solve(A[:f, :f], A[:f, 6:])
@@ -119,7 +118,8 @@ def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:
     return dA, dJ
 
 
-def _free(base: str) -> int:
+def free_components(base: str) -> int:
+    """How many components of the spacecraft's twist [linear; angular] momentum decides."""
     if base not in FREE_TWIST:
         raise ConfigurationError(unknown("base", base, FREE_TWIST))
     return FREE_TWIST[base]

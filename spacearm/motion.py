@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +12,26 @@ from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError
+
+
+class Playable(Protocol):
+    """What can be played: trajectories, followed paths, motions, whatever made them."""
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm."""
+
+    @property
+    def t(self) -> Any:
+        """(m,) times, growing [s]."""
+
+    @property
+    def q(self) -> Any:
+        """(m, n) joint positions [rad] or [m]."""
+
+    @property
+    def base(self) -> Any:
+        """(m, 7) or m pin.SE3: spacecraft poses."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 BLUE, RED, GREEN, ORANGE, GREY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#5b6470"
+COLOURS = (BLUE, ORANGE, GREEN, RED, "#cc79a7", "#56b4e9", GREY)
 """Okabe and Ito's colours."""
 STYLE: Any = {  # matplotlib's names of settings are no plain text to its stubs
     "figure.dpi": 110,

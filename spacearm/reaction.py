@@ -44,11 +44,18 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
             _attitude_rate(arm.at(cfg.q + (step + s) / steps * dq), dq / steps) for s in GAUSS
         )
         T = T @ pin.exp3((w1 + w2) / 2.0 + math.sqrt(3.0) / 12.0 * np.cross(w1, w2))
-    turned = arm.at(cfg.q + dq, pin.SE3(pin.Quaternion(T).normalized().matrix(), np.zeros(3)))
-    return arm.at(turned.q, pin.SE3(turned.base.rotation, cfg.com - turned.com))
+    attitude = pin.Quaternion(T).normalized().matrix()
+    return arm.at(cfg.q + dq, pin.SE3(attitude, np.zeros(3))).centred(cfg.com)
 
 
 GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
+
+
+def quaternion_rate(quaternion: Array, w: Array) -> Array:
+    """(4,) rate of the attitude as a quaternion xyzw under w in inertial axes, equation (36)."""
+    e, n = quaternion[:3], quaternion[3]
+    rate: Array = 0.5 * np.append(n * w - pin.skew(e) @ w, -e @ w)
+    return rate
 
 
 def _attitude_rate(cfg: Configuration, dq: Array) -> Array:

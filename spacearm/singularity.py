@@ -125,6 +125,13 @@ def singularity(
     )
 
 
+def singular_values(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+    """(k,) singular values of the task Jacobian, largest first: `sigma` of the report alone."""
+    J = cfg.arm.task.jacobian(generalized_jacobian(cfg, base), cfg.base.rotation)
+    sigma = np.linalg.svd(J, compute_uv=False)
+    return np.append(sigma, np.zeros(len(J) - len(sigma)))
+
+
 def _svd(J: Array) -> tuple[Array, Array, Array]:
     """J = U diag(sigma) V^T with U (k, k), V (n, n) and sigma (k,), padded by zeros."""
     U, sigma, VT = np.linalg.svd(J)

@@ -7,9 +7,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arm import SpaceArm
@@ -17,12 +18,15 @@ from spacearm.arrays import Array, Result
 from spacearm.configuration import Configuration
 from spacearm.dynamics import kinetic_energy, spacecraft_twist
 from spacearm.errors import ConfigurationError
+from spacearm.events import Event
 from spacearm.files import write
-from spacearm.jacobian import BaseMode, generalized_jacobian
+from spacearm.jacobian import BaseMode, free_components
 from spacearm.momentum import momentum_matrix
+from spacearm.singularity import singular_values
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 UNITS = {
     "t": "s", "q": "rad or m", "dq": "rad/s or m/s", "base": "m, quaternion xyzw",
@@ -33,22 +37,6 @@ COLUMNS = {
     "q": "joint", "dq": "joint", "torque": "joint", "base": "pose", "tip": "pose",
     "momentum": "component",
 }  # fmt: skip
-
-
-class Event(NamedTuple):
-    """Something that happened on the way.
-
-    Attributes:
-        t: When [s].
-        kind: "singularity", "joint limit" or "target".
-        q: (n,) joint positions then.
-        detail: More about it: the joint, the measure.
-    """
-
-    t: float
-    kind: str
-    q: Array
-    detail: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,9 +55,10 @@ class Trajectory(Result):
         momentum: (m, 6) [linear [kg m/s]; angular about the system CM [kg m^2/s]], inertial axes.
         energy: (m,) kinetic energy [J].
         work: (m,) work of the torques since the start [J].
+        exchanged: Work that they did and took back in all [J].
         sigma_min: (m,) least singular value of the task Jacobian.
         events: What happened on the way.
-        ended: Why it ended: "duration", the kind of the event that stopped it, or a fault.
+        ended: Why it ended: "duration", the kind of the event that stopped it, or what failed.
     """
 
     arm: SpaceArm
@@ -83,6 +72,7 @@ class Trajectory(Result):
     momentum: Array
     energy: Array
     work: Array
+    exchanged: float
     sigma_min: Array
     events: tuple[Event, ...]
     ended: str
@@ -94,6 +84,7 @@ class Trajectory(Result):
         mode: BaseMode,
         t: Array,
         rows: Sequence[tuple[Configuration, Array, Array, Array, float]],
+        exchanged: float,
         events: tuple[Event, ...],
         ended: str,
     ) -> Trajectory:
@@ -103,9 +94,7 @@ class Trajectory(Result):
             matrix = momentum_matrix(cfg)
             momentum.append(matrix.base @ spacecraft_twist(cfg, dq, mode, h) + matrix.joints @ dq)
             energy.append(kinetic_energy(cfg, dq, base=mode, momentum=h))
-            J = cfg.arm.task.jacobian(generalized_jacobian(cfg, mode), cfg.base.rotation)
-            sigma = np.linalg.svd(J, compute_uv=False)
-            sigma_min.append(sigma[-1] if len(J) <= cfg.arm.n else 0.0)
+            sigma_min.append(singular_values(cfg, mode)[-1])
         cfgs = [row[0] for row in rows]
         return cls(
             arm=start.arm,
@@ -119,6 +108,7 @@ class Trajectory(Result):
             momentum=np.array(momentum),
             energy=np.array(energy),
             work=np.array([row[4] for row in rows]),
+            exchanged=exchanged,
             sigma_min=np.array(sigma_min),
             events=events,
             ended=ended,
@@ -127,9 +117,18 @@ class Trajectory(Result):
     @property
     def imbalance(self) -> float:
         """Largest difference of energy and work, over the energies that came and went."""
-        turnover = self.energy.max() + np.abs(np.diff(self.work)).sum()
+        turnover = self.energy.max() + self.exchanged
         off = np.abs(self.energy - self.energy[0] - self.work).max()
         return float(off / turnover) if turnover > 0.0 else 0.0
+
+    @property
+    def drift(self) -> float:
+        """Largest change of the momentum that is kept, over what the joints alone brought."""
+        f = free_components(self.mode)
+        brought = [momentum_matrix(self.at(i)).joints[:f] @ dq for i, dq in enumerate(self.dq)]
+        change = np.abs(self.momentum[:, :f] - self.momentum[0, :f]).max(initial=0.0)
+        most = np.abs([*brought, self.momentum[0, :f]]).max(initial=0.0)
+        return float(change / most) if most > 0.0 else 0.0
 
     def at(self, index: int) -> Configuration:
         """The configuration of one time."""
@@ -147,6 +146,19 @@ class Trajectory(Result):
         attrs = {"arm": self.arm.name, "mode": self.mode, "ended": self.ended}
         return xr.Dataset(data, coords=labels, attrs=attrs)
 
+    def plot(self, target: npt.ArrayLike | None = None) -> Figure:
+        """Tip path, attitude, joints and sigma_min, as figures 5 and 6 of the paper show them.
+
+        Args:
+            target: (2,) or (3,) a point to mark on the tip path [m].
+
+        Returns:
+            A matplotlib figure; `figure.savefig(path)` writes it, notebooks show it.
+        """
+        from spacearm.plot_motion import draw_motion  # imports matplotlib
+
+        return draw_motion(self, None if target is None else np.asarray(target))
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes all arrays and events to a NumPy file; the arm is not in it."""
         buffer = io.BytesIO()
@@ -157,7 +169,7 @@ class Trajectory(Result):
             "event_kind": np.array([event.kind for event in self.events], dtype=str),
             "event_detail": np.array([event.detail for event in self.events], dtype=str),
         }
-        words = {"mode": np.array(self.mode), "ended": np.array(self.ended)}
+        words = {name: np.array(getattr(self, name)) for name in ("mode", "ended", "exchanged")}
         joints = {"joints": np.array(self.arm.joint_names)}
         np.savez(buffer, allow_pickle=False, **arrays, **events, **words, **joints)
         write(Path(path), buffer.getvalue())
@@ -182,6 +194,7 @@ class Trajectory(Result):
             )
             events = tuple(Event(float(t), str(k), q, str(d)) for t, k, q, d in kinds)
             mode = {name: name for name in get_args(BaseMode)}[str(data["mode"])]
+            exchanged = float(data["exchanged"])
             arrays = {name: data[name] for name in UNITS}
         except (OSError, ValueError, KeyError) as error:
             raise ConfigurationError(f"{path} is no saved trajectory: {error}") from None
@@ -190,7 +203,8 @@ class Trajectory(Result):
                 f"{path} is a trajectory of joints {', '.join(names)}; {arm.name} has "
                 f"{', '.join(arm.joint_names)}"
             )
-        return cls(arm=arm, mode=mode, events=events, ended=str(data["ended"]), **arrays)
+        ended = str(data["ended"])
+        return cls(arm=arm, mode=mode, events=events, ended=ended, exchanged=exchanged, **arrays)
 
     def __repr__(self) -> str:
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""

@@ -12,7 +12,8 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm import __version__
-from spacearm.cli import design, maps, models, query, view, workspace
+from spacearm.cli import design, maps, models, query, simulate, view, workspace
+from spacearm.cli.options import join_numbers
 from spacearm.errors import SpaceArmError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -23,6 +24,8 @@ app.command(context_settings={"ignore_unknown_options": True})(view.view)
 app.command("map", context_settings={"ignore_unknown_options": True})(maps.map_)
 app.command("workspace", context_settings={"ignore_unknown_options": True})(workspace.workspace_)
 app.command(context_settings={"ignore_unknown_options": True})(design.design)
+
+app.command("simulate", context_settings={"ignore_unknown_options": True})(simulate.simulate_)
 
 
 @app.callback(invoke_without_command=True)
@@ -43,7 +46,7 @@ def main() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without ° is no reason to stop
     try:
-        code = app(standalone_mode=False)
+        code = app(join_numbers(sys.argv[1:]), standalone_mode=False)
         sys.stdout.flush()
     except (SpaceArmError, TyperException) as error:
         message = error.format_message() if isinstance(error, TyperException) else error

@@ -75,7 +75,7 @@ def design(
     grid = {name: _values(name, text) for name, text in named.items() if text is not None}
     if not grid:
         raise ConfigurationError("nothing to vary; give --base-inertia 1:20, --mount-x 0:0.8, ...")
-    with Progress(console=err, transient=True) as bar:
+    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
         task_id = bar.add_task("designs", total=None)
         result = sweep(
             arm,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Sequence
 from enum import Enum
@@ -122,6 +123,58 @@ def spacecraft_pose(attitude: tuple[float, float, float], deg: bool) -> pin.SE3:
     if not np.isfinite(rpy).all():
         raise ConfigurationError(f"--attitude is {attitude}; give three finite angles")
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), np.zeros(3))
+
+
+def spacecraft_about_cm(
+    arm: SpaceArm, q: Array, attitude: tuple[float, float, float], deg: bool
+) -> pin.SE3:
+    """The spacecraft with this attitude, the system CM at the origin."""
+    return arm.at(q, spacecraft_pose(attitude, deg)).centred(np.zeros(3)).base
+
+
+def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.SE3:
+    """A point, or a pose whose turns are roll, pitch and yaw, from the task's rows."""
+    values, rows = numbers(option, text), arm.task.indices
+    if len(values) != len(rows):
+        raise ConfigurationError(
+            f"{option} has {len(values)} numbers; the task of {arm.name} takes {len(rows)}: "
+            f"{' '.join(arm.task.rows)}"
+        )
+    if max(rows) < 3:
+        return values
+    full = np.zeros(6)
+    full[rows] = values
+    rpy = np.radians(full[3:]) if deg else full[3:]
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), full[:3])
+
+
+def numbers(option: str, text: str) -> Array:
+    """Finite numbers with spaces or commas between them."""
+    values = [_number(word) for word in text.replace(",", " ").split()]
+    if not values or not np.isfinite(values).all():
+        raise ConfigurationError(f"{option} is {text!r}; give finite numbers")
+    return np.array(values)
+
+
+def join_numbers(words: Sequence[str]) -> list[str]:
+    """The command line with the numbers after `VECTORS` joined to one word each."""
+    joined: list[str] = []
+    vector = False
+    for word in words:
+        if vector and NUMBER.fullmatch(word):
+            if joined[-1] in VECTORS:
+                joined.append(word)
+            else:
+                joined[-1] += f" {word}"
+        else:
+            joined.append(word)
+            vector = word in VECTORS
+    return joined
+
+
+VECTORS = ("--start", "--target", "--goal", "--kp", "--kd")
+"""Options that take as many numbers as the arm needs."""
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def _si(joint: Joint | None, value: float, deg: bool) -> float:

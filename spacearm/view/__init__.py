@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arm import SpaceArm
-from spacearm.motion import Motion
+from spacearm.motion import Motion, Playable
 from spacearm.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def view(
-    thing: SpaceArm | Motion | Workspace,
+    thing: SpaceArm | Playable | Workspace,
     q: npt.ArrayLike | None = None,
     *,
     base: pin.SE3 | None = None,

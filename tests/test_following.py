@@ -1,0 +1,182 @@
+"""Following: the story of figure 7, singularities that stop, closed forms, bad input."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import spacearm as sa
+
+E, A, B, C = (2.0, 0.0), np.radians([-57.936, 60.337]), (1.5, 1.5), np.array([1.0, 0.0])
+
+
+def at_the_cm(arm, q, attitude):
+    """The spacecraft's pose that puts the system CM at the origin."""
+    R = pin.exp3(np.array([0.0, 0.0, np.radians(attitude)]))
+    return pin.SE3(R, -arm.at(q, pin.SE3(R, np.zeros(3))).com)
+
+
+def attitude(run):
+    return np.degrees(pin.log3(run.at(-1).base.rotation)[2])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return sa.load("planar2")
+
+
+@pytest.fixture(scope="module")
+def to_c(arm):
+    return sa.follow(arm, A, [C], base=at_the_cm(arm, A, 20.94))
+
+
+# --- figure 7 -------------------------------------------------------------------------------
+
+
+def test_the_direct_line_stops_at_a_singularity(arm):
+    run = sa.follow(arm, A, [B], base=at_the_cm(arm, A, 21.0))
+    assert run.ended == "singularity"
+    assert "singular after 1.193 of 1.581 m" in run.reason
+    assert run.sigma_min[-1] < 1e-12
+    assert abs(sa.singularity_polynomial(arm)(run.q[-1])) < 1e-9
+    line = run.tip[:, :2] - E
+    towards = np.subtract(B, E) / np.linalg.norm(np.subtract(B, E))
+    assert np.abs(line[:, 0] * towards[1] - line[:, 1] * towards[0]).max() < 1e-4  # E is rounded
+
+
+def test_to_c(to_c):
+    assert to_c.arrived
+    assert attitude(to_c) == pytest.approx(39.6, abs=0.05)
+    np.testing.assert_allclose(np.degrees(to_c.q[-1]), (-134.2, 134.4), atol=0.05)
+    np.testing.assert_allclose(to_c.tip[-1, :2], C, atol=1e-9)
+
+
+def test_nine_turns_about_c_and_then_to_b(arm, to_c):
+    corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+    start = to_c.at(-1)
+    turns = sa.follow(arm, start.q, [*(9 * corners), corners[0], C], base=start.base, limits=False)
+    assert attitude(turns) == pytest.approx(73.1, abs=0.05)
+    end = turns.at(-1)
+    arrived = sa.follow(arm, end.q, [B], base=end.base, limits=False)
+    assert arrived.arrived
+    np.testing.assert_allclose(arrived.tip[-1, :2], B, atol=1e-9)
+
+
+def test_from_the_printed_attitude_to_b(arm):
+    """The paper's end, 21.29 and (7.57, 41.90), has its own tip 1.9 mm off B; hence 0.35 deg."""
+    q = np.radians([-160.95, 117.3])
+    run = sa.follow(arm, q, [C, B], base=at_the_cm(arm, q, 73.6))
+    assert run.arrived
+    assert attitude(run) == pytest.approx(21.29, abs=0.2)
+    np.testing.assert_allclose(np.degrees(run.q[-1]), (7.57, 41.90), atol=0.35)
+    printed = arm.at(np.radians([7.57, 41.90]), at_the_cm(arm, np.radians([7.57, 41.90]), 21.29))
+    assert np.linalg.norm(printed.tip.translation[:2] - B) > 1e-3
+
+
+# --- an independent route -------------------------------------------------------------------
+
+
+def test_the_same_motion_by_the_barycentric_jacobian(arm):
+    base = at_the_cm(arm, A, 20.94)
+    run = sa.follow(arm, A, [C], base=base)
+
+    def rate(_, y):
+        cfg = arm.at(y[:2], pin.SE3(pin.exp3(np.array([0, 0, y[2]])), np.zeros(3)))
+        dq = np.linalg.solve(sa.barycentric(cfg).generalized_jacobian()[:2], C - tip)
+        return np.append(dq, sa.base_velocity(cfg, dq)[5])
+
+    tip = arm.at(A, base).tip.translation[:2]
+    y = solve_ivp(rate, (0, 1), [*A, np.radians(20.94)], rtol=1e-11, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(run.q[-1], y[:2], atol=1e-8)
+    assert attitude(run) == pytest.approx(np.degrees(y[2]), abs=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled", "fixed"])
+def test_there_and_back_returns_a_square_task_to_its_joints(mode):
+    """Along one line and back the path encloses nothing."""
+    arm = sa.load("mda6")
+    q = np.array([0.0, 1.0, -1.7, -0.9, 0.5, 0.0])
+    home = arm.at(q).tip
+    away = pin.SE3(pin.exp3(np.array([0.1, 0.2, -0.1])) @ home.rotation, home.translation + 0.1)
+    run = sa.follow(arm, q, [away, home], mode=mode)
+    assert run.arrived
+    np.testing.assert_allclose(run.q[-1], q, atol=1e-7)
+    half = np.abs(run.s - run.length / 2).argmin()
+    np.testing.assert_allclose(run.at(half).tip.translation, away.translation, atol=0.02)
+    if mode != "free-floating":
+        np.testing.assert_allclose(run.base[:, 3:], run.base[:1, 3:].repeat(len(run.t), 0))
+
+
+def test_a_path_that_is_a_function(arm, to_c):
+    def circle(s):
+        return C + 0.2 * np.array([np.cos(s / 0.2), -np.sin(s / 0.2)])
+
+    start = to_c.at(-1)
+    run = sa.follow(arm, start.q, circle, length=0.4 * np.pi, base=start.base, speed=0.2)
+    assert run.arrived
+    assert run.length == pytest.approx(0.2 + 0.4 * np.pi)
+    np.testing.assert_allclose(run.t, run.s / 0.2)
+    np.testing.assert_allclose(np.linalg.norm(run.tip[run.s > 0.2, :2] - C, axis=1), 0.2, atol=1e-7)
+    turned = pin.log3(run.at(-1).base.rotation @ run.at(np.sum(run.s < 0.2)).base.rotation.T)
+    assert np.degrees(np.linalg.norm(turned)) > 1.0  # a closed path turns the spacecraft
+
+
+def test_a_redundant_arm_and_the_momentum_of_its_motion():
+    arm = sa.load("chaser7", task="position")
+    q = np.array([0.3, 0.8, -0.4, 1.1, 0.2, 0.6, 0.1])
+    goal = arm.at(q).tip.translation + np.array([0.2, -0.1, 0.1])
+    run = sa.follow(arm, q, [goal])
+    assert run.arrived
+    np.testing.assert_allclose(run.tip[-1, :3], goal, atol=1e-9)
+    com = np.array([run.at(i).com for i in range(len(run.t))])
+    np.testing.assert_allclose(com, com[:1].repeat(len(com), 0), atol=1e-12)
+    moved = run.at(0)
+    for i in range(1, len(run.t)):
+        moved = sa.move(moved, run.q[i])
+    np.testing.assert_allclose(moved.base.homogeneous, run.at(-1).base.homogeneous, atol=1e-5)
+
+
+def test_joint_limits_stop(arm, to_c):
+    start = to_c.at(-1)
+    corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+    run = sa.follow(arm, start.q, 9 * corners, base=start.base)
+    assert run.ended == "joint limit"
+    assert "'joint_1' reaches its limit" in run.reason
+    assert run.q[-1, 0] == pytest.approx(arm.lower[0], abs=1e-9)
+
+
+def test_a_motion_plays(to_c):
+    motion = sa.Motion.of(to_c)
+    np.testing.assert_allclose(motion.at(motion.t[-1]).tip.translation[:2], C, atol=1e-9)
+
+
+# --- bad input ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("q0", "path", "options", "message"),
+    [
+        (A, [(1.0, 0.0, 0.0)], {}, "2 finite numbers"),
+        (A, [], {}, "give corners"),
+        (A, 3.0, {}, "give corners"),
+        (A, lambda s: (s, 0.0), {}, "length is None"),
+        (A, [(1.0, 0.0)], {"length": 1.0}, "polyline"),
+        (A, [(1.0, 0.0)], {"speed": 0.0}, "speed is 0"),
+        (A, [(1.0, 0.0)], {"mode": "free"}, "free-floating"),
+        ((0.0, 0.0), [(1.0, 0.0)], {}, "q0 is singular"),
+        ((4.0, 1.0), [(1.0, 0.0)], {}, "limits=False"),
+    ],
+)
+def test_bad_input(arm, q0, path, options, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.follow(arm, q0, path, **options)
+
+
+def test_nothing_to_follow(arm):
+    with pytest.raises(sa.ConfigurationError, match="nothing to follow"):
+        sa.follow(arm, A, [arm.at(A).tip.translation[:2]])
+
+
+def test_a_task_with_more_rows_than_joints():
+    with pytest.raises(sa.UnsupportedError, match="3 rows"):
+        sa.follow(sa.load("planar2", task="x y rz"), A, [pin.SE3.Identity()])

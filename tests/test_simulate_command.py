@@ -1,0 +1,96 @@
+"""The command `spacearm simulate`, from outside."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import spacearm as sa
+from spacearm.cli.options import join_numbers
+
+FIGURE_5 = ["planar2", "--deg", "--start", -57.936, 60.337, "--attitude", 0, 0, 21]
+FIGURE_5 += ["--target", 1.5, 1.5]
+
+
+def run(*words, cwd):
+    command = [sys.executable, "-m", "spacearm", "simulate", *map(str, words)]
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, timeout=120, check=False
+    )
+
+
+def test_figures_5_and_6(tmp_path):
+    done = run(*FIGURE_5, "--duration", 200, "--save", "run.npz", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "singularity  4.8894" in done.stdout
+    assert "(1.3944, 1.2554, 0) m" in done.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["planar2_simulation.png", "run.npz"]
+    kept = sa.Trajectory.load(tmp_path / "run.npz", sa.load("planar2"))
+    np.testing.assert_allclose(kept.tip[0, :2], (2, 0), atol=1e-4)
+    figure = kept.plot((1.5, 1.5))
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "sigma_min\n[m/rad]"]
+    assert {"start", "singular", "target"} <= {text.get_text() for text in figure.axes[0].texts}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "planar2 --start 0.3 0.8 --target 1.2 0.9 --controller resolved",
+        "planar2 --start 0.3 0.8 --target 1.2 0.9 --controller damped",
+        "planar3 --start 0.3 0.8 -0.5 --target 1.2 0.9 1.0 --kp 5 5 2 --kd 10 10 4",
+        "planar3 --start 0.3 0.8 -0.5 --target 1.2,0.9 --controller reactionless --task x,y",
+        "chaser7 --start 0 1 0 1 0 1 0 --target 0 .9 0 .8 0 .7 0 --controller joints",
+        "planar2 --start 0.3 0.8 --target 1.2 0.9 --earthbound --base attitude-controlled",
+    ],
+)
+def test_every_law_as_json(tmp_path, words):
+    done = run(*words.split(), "--duration", 2, "--json", "--output", "motion.svg", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    data = json.loads(done.stdout)
+    assert data["ended"] == "duration"
+    assert data["t"] == 2.0
+    assert data["energy_imbalance"] < 1e-4
+    assert (tmp_path / "motion.svg").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--start", "0.1", "--target", "1", "1"), "1 joint values given"),
+        (("--start", "0.1 x", "--target", "1", "1"), "'x' is no number"),
+        (("--start", "0.1", "0.2", "--target", "1"), "takes 2: x y"),
+        (("--start", "0.1", "0.2", "--target", "9", "9"), "sa.workspace"),
+        (("--start", "0.1", "0.2", "--target", "1", "1", "--kp", "nan"), "--kp is 'nan'"),
+        (("--start", "0.1", "0.2", "--target", "1", "1", "--kp", "1 2 3"), "kp"),
+        (("--start", "0.1", "0.2", "--target", "1", "1", "--stop", "crash"), "'crash'"),
+        (("--start", "0.1", "0.2", "--target", "1", "1", "--output", "a.gif"), "'.gif'"),
+        (("--target", "1", "1"), "--start"),
+    ],
+)
+def test_bad_input(tmp_path, words, message):
+    done = run("planar2", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_numbers_after_an_option_belong_to_it():
+    words = [
+        "simulate",
+        "planar2",
+        "--start",
+        "-5.2",
+        "1e-3",
+        "--deg",
+        "--target",
+        "1",
+        "--tip",
+        "2",
+    ]
+    assert join_numbers(words) == [
+        "simulate", "planar2", "--start", "-5.2 1e-3", "--deg", "--target", "1", "--tip", "2"
+    ]  # fmt: skip
