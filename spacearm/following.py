@@ -8,10 +8,8 @@ derivative; as a curve in (q, s) it is smooth there. It is therefore integrated 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,13 +23,11 @@ from spacearm.dynamics import spacecraft_twist
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.events import NEAR, Lookout, Watch
 from spacearm.events import limits as joint_limits
-from spacearm.goal import Goal, goal_pose, twist_between
+from spacearm.goal import twist_between
 from spacearm.jacobian import BaseMode, generalized_jacobian
+from spacearm.path import Path, Segment, segments
 from spacearm.reaction import quaternion_rate
 from spacearm.singularity import singular_values
-
-Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
-"""The corners of a polyline, or a function of path length [m]."""
 
 RETURN = 10.0
 """How fast the tip comes back to its path from rounding errors [1/m]."""
@@ -41,8 +37,6 @@ SPACING = 0.02
 """Largest distance between outputs along the curve in (q, s) [rad], [m]."""
 SINGULAR = 1e-9
 """Share of the largest singular value below which a start is singular."""
-DIFFERENCE = 1e-6
-"""Half the length over which the direction of a path is taken [m]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -139,16 +133,16 @@ def follow(
             f"q0 of joint {arm.joint_names[worst]!r} is {cfg.q[worst]:.6g}, its limits are "
             f"{arm.lower[worst]:.6g} and {arm.upper[worst]:.6g}; limits=False ignores them"
         )
-    segments = _segments(cfg, path, length)
-    whole = sum(segment.length for segment in segments)
+    pieces = segments(cfg, path, length)
+    whole = sum(piece.length for piece in pieces)
     states, ended, detail = [_state(cfg, 0.0)], "arrived", ""
     behind = 0.0
-    for segment in segments:
-        walk = _Walk(cfg, segment, mode, limits)
+    for piece in pieces:
+        walk = _Walk(cfg, piece, mode, limits)
         y, ended, detail = walk.integrate()
         y[:, -1] += behind
         states.append(y)
-        behind += segment.length
+        behind += piece.length
         cfg = walk.configuration(y[-1])
         if ended != "arrived":
             break
@@ -170,82 +164,10 @@ def follow(
     )
 
 
-class _Segment(NamedTuple):
-    """A smooth piece of path.
-
-    Attributes:
-        length: Its length [m].
-        pose: The tip pose at a length along it; what the task leaves open does not matter.
-        twist: (6,) the derivative of the pose with respect to that length.
-    """
-
-    length: float
-    pose: Callable[[float], pin.SE3]
-    twist: Callable[[float], Array]
-
-
-def _segments(cfg: Configuration, path: Path, length: float | None) -> list[_Segment]:
-    """The path in smooth pieces, from where the tip is."""
-    if callable(path):
-        if length is None or not (np.isfinite(length) and length > 0.0):
-            raise ConfigurationError(
-                f"length is {length}; give the length of a path that is a function, above 0 [m]"
-            )
-        return [*_line(cfg, cfg.tip, goal_pose(cfg, path(0.0))), _curve(cfg, path, length)]
-    if length is not None:
-        raise ConfigurationError(f"length is {length}; a polyline has its own, leave it out")
-    try:
-        corners = [goal_pose(cfg, corner) for corner in path]
-    except TypeError:
-        corners = []
-    if not corners:
-        raise ConfigurationError(f"path is {path!r}; give corners, or a function of path length")
-    poses = [cfg.tip, *corners]
-    pieces = [_line(cfg, *pair) for pair in pairwise(poses)]
-    found = [segment for piece in pieces for segment in piece]
-    if not found:
-        raise ConfigurationError("path ends where the tip is; there is nothing to follow")
-    return found
-
-
-def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[_Segment]:
-    """A straight line with a constant angular velocity, nothing if it has no length.
-
-    Turns count by the task's length [m/rad], 1 m/rad where it has none.
-    """
-    task = cfg.arm.task
-    whole = twist_between(start, end)
-    rows = whole[task.indices]
-    linear = np.array(task.indices) < 3
-    length = float(np.linalg.norm(np.where(linear, rows, rows * (task.length or 1.0))))
-    if length < 1e-12:
-        return []
-    twist = whole / length
-
-    def pose(s: float) -> pin.SE3:
-        turned = pin.exp3(s * twist[3:]) @ start.rotation
-        return pin.SE3(turned, start.translation + s * twist[:3])
-
-    return [_Segment(length, pose, lambda _: twist)]
-
-
-def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> _Segment:
-    """A path given as a function of its length, its direction by differences."""
-
-    def pose(s: float) -> pin.SE3:
-        return goal_pose(cfg, path(s))
-
-    def twist(s: float) -> Array:
-        low, high = max(s - DIFFERENCE, 0.0), min(s + DIFFERENCE, length)
-        return twist_between(pose(low), pose(high)) / (high - low)
-
-    return _Segment(length, pose, twist)
-
-
 class _Walk:
     """One segment of path and the curve in (q, attitude, s) that follows it."""
 
-    def __init__(self, cfg: Configuration, segment: _Segment, mode: BaseMode, limits: bool) -> None:
+    def __init__(self, cfg: Configuration, segment: Segment, mode: BaseMode, limits: bool) -> None:
         self.start, self.segment, self.mode, self.limits = cfg, segment, mode, limits
         self.arm = cfg.arm
         self.square = self.arm.task.k == self.arm.n
