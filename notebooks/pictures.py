@@ -19,6 +19,7 @@ from playwright.sync_api import sync_playwright
 
 import spacearm as sa
 from spacearm.plot import draw_map, draw_workspace, style
+from spacearm.plot_motion import draw_motion
 
 FOLDER = Path(__file__).parent / "pictures"
 BLUE, RED, GREY, GOLD = "#0072b2", "#d55e00", "#5b6470", "#d9b25f"  # Okabe and Ito: safe for all
@@ -127,12 +128,22 @@ def figure_7() -> None:
     figure.savefig(FOLDER / "figure_7.png", dpi=110)
 
 
+def plan() -> None:
+    """The open problem: from the start of figure 5 to its target, and arrive."""
+    arm, q = sa.load("planar2"), np.radians([-57.936, 60.337])
+    start = arm.at(q, pin.SE3(pin.utils.rotate("z", np.radians(21)), np.zeros(3)))
+    found = sa.plan(arm, q, (1.5, 1.5), base=start.centred(np.zeros(3)).base)
+    figure = draw_motion(found, np.array([1.5, 1.5]), sa.workspace(arm))
+    figure.savefig(FOLDER / "plan_planar2.png", dpi=110)
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     singular_posture()
     browser_view()
     simulation()
     figure_7()
+    plan()
     with style():
         draw_map(sa.singular_map(sa.load("planar2"))).savefig(FOLDER / "map_planar2.png")
         figure = draw_workspace(sa.workspace(sa.load("planar2")))

@@ -66,6 +66,8 @@ from spacearm.jacobian import (
 )
 from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
 from spacearm.motion import Motion
+from spacearm.plan import Attempt, Joints, Plan
+from spacearm.planning import plan
 from spacearm.polynomial import TrigPolynomial
 from spacearm.reaction import move
 from spacearm.regions import Region
@@ -83,6 +85,7 @@ from spacearm.workspace import Workspace, workspace
 __version__ = version("spacearm")
 
 __all__ = [
+    "Attempt",
     "Barycentric",
     "Certificate",
     "Configuration",
@@ -93,12 +96,14 @@ __all__ = [
     "Followed",
     "FoundSet",
     "JointPD",
+    "Joints",
     "ModelError",
     "ModelInfo",
     "ModelWarning",
     "MomentumMatrix",
     "Motion",
     "NoSolutionError",
+    "Plan",
     "PoseRisk",
     "Reactionless",
     "Region",
@@ -135,6 +140,7 @@ __all__ = [
     "load",
     "momentum_matrix",
     "move",
+    "plan",
     "pose_risk",
     "risk_profile",
     "simulate",

@@ -39,8 +39,13 @@ class Certificate(NamedTuple):
 
 def certify(S: TrigPolynomial, path: Array) -> Certificate:
     """Follows the segments between the rows of `path` (m, n) until one meets a root of S."""
-    margin = np.inf
+    values, step = np.asarray(S(path)), np.abs(np.diff(path, axis=0))
+    least = np.minimum(values[:-1] * np.sign(values[1:]), values[1:] * np.sign(values[:-1]))
+    safe = least - np.einsum("mi,ij,mj->m", step, S.curvature, step) / 8.0  # off the chord
+    margin = float(np.append(safe[safe > NOISE * S.scale], np.inf).min()) / S.scale
     for number, (start, end) in enumerate(pairwise(path)):
+        if safe[number] > NOISE * S.scale:
+            continue
         root, least = _first_root(S, start, end)
         margin = min(margin, least)
         if root is not None:

@@ -2,33 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
+from matplotlib.patches import Annulus, Circle
 
 from spacearm.arrays import Array
 from spacearm.following import Followed
+from spacearm.plan import Plan
 from spacearm.plot import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
 from spacearm.trajectory import Trajectory
+from spacearm.workspace import Workspace
 
+Drawn: TypeAlias = Trajectory | Followed | Plan
+
+CLOSE = 0.05
+"""Share of the tip path's extent within which its end needs no name beside the target's."""
 MOST_MARKS = 12
 """Events of a kind that are marked; later ones of a chattering motion are not."""
 
 
-def draw_motion(motion: Trajectory | Followed, target: Array | None = None) -> Figure:
+def draw_motion(
+    motion: Drawn, target: Array | None = None, workspace: Workspace | None = None
+) -> Figure:
     """Draws a motion: tip path (figure 5), attitude and joints (figure 6), nearness to singularity.
 
     Args:
-        motion: From `sa.simulate` or `sa.follow`.
+        motion: From `sa.simulate`, `sa.follow` or `sa.plan`.
         target: (2,) or (3,) a point to mark on the tip path [m].
+        workspace: Of a planar arm, to draw its shells about the system CM.
     """
     with style():
         figure = Figure(figsize=(11.0, 6.4))
         both: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.1])
         left, right = both
-        _draw_path(left, motion, target)
+        _draw_path(left, motion, target, workspace)
         attitude, joints, nearness = right.subplots(3, 1, sharex=True)
         _draw_attitude(attitude, motion)
         _draw_joints(joints, motion)
@@ -44,7 +54,9 @@ def draw_motion(motion: Trajectory | Followed, target: Array | None = None) -> F
         return figure
 
 
-def _draw_path(figure: Any, motion: Trajectory | Followed, target: Array | None) -> None:
+def _draw_path(
+    figure: Any, motion: Drawn, target: Array | None, workspace: Workspace | None
+) -> None:
     normal = motion.arm.tree.plane_normal()
     x = motion.tip[:, :3]
     if normal is None:
@@ -56,9 +68,13 @@ def _draw_path(figure: Any, motion: Trajectory | Followed, target: Array | None)
         labels = [f"{name} [m]" for i, name in enumerate("xyz") if i != normal]
         axes.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", adjustable="datalim")
         axes.grid(alpha=0.3)
+        if workspace is not None:
+            _draw_shells(axes, np.delete(motion.at(0).com, normal), workspace)
     axes.plot(*x.T, color=BLUE, lw=2)
     axes.plot(*x[:1].T, "o", color=BLUE)
-    marks = [("start", x[0], BLUE), ("end", x[-1], BLUE)]
+    marks = [("start", x[0], BLUE)]
+    if target is None or np.linalg.norm(x[-1] - target) > CLOSE * np.ptp(x, axis=0).max():
+        marks.append(("end", x[-1], BLUE))
     first = _singular_times(motion)[:1]
     if first:
         at = np.array([np.interp(first[0], motion.t, column) for column in x.T])
@@ -72,11 +88,41 @@ def _draw_path(figure: Any, motion: Trajectory | Followed, target: Array | None)
             axes.text(*at, f"  {label}", color=color)
         else:
             axes.annotate(label, at, (8, 6), textcoords="offset points", color=color)
+    figure.suptitle(f"{motion.arm.name}, {_story(motion)}", x=0.02, ha="left")
+
+
+def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
+    """The path dependent shells, and the edge of what can be reached."""
+    x, y = map(float, com)
+    outer = float(workspace.reachable[0, 1])
+    axes.add_patch(Circle((x, y), outer, facecolor="none", edgecolor=GREY, lw=1.2))
+    for low, high in workspace.pdw:
+        if high > low:
+            ring = Annulus((x, y), high, high - low) if low > 0.0 else Circle((x, y), high)
+            ring.set(facecolor=ORANGE, alpha=0.3, lw=0)
+            axes.add_patch(ring)
+    low, high = workspace.pdw[-1] if len(workspace.pdw) else (outer, outer)
+    axes.text(
+        x,
+        y - 0.5 * (low + high),
+        "path dependent",
+        ha="center",
+        va="center",
+        fontsize=9,
+        color=GREY,
+    )
+    axes.plot(x, y, "P", color="black", ms=7)
+
+
+def _story(motion: Drawn) -> str:
+    """What kind of motion it is and how it ended."""
+    if isinstance(motion, Plan):
+        return f"{motion.method}: joint travel {motion.length:.3g}, {motion.t[-1]:.3g} s"
     ended = f"{motion.t[-1]:.4g} s" if motion.ended == "duration" else f"ended by {motion.ended}"
-    figure.suptitle(f"{motion.arm.name}, {motion.mode}: {ended}", x=0.02, ha="left")
+    return f"{motion.mode}: {ended}"
 
 
-def _draw_attitude(axes: Any, motion: Trajectory | Followed) -> None:
+def _draw_attitude(axes: Any, motion: Drawn) -> None:
     turns = np.degrees([pin.log3(pin.XYZQUATToSE3(pose).rotation) for pose in motion.base])
     normal = motion.arm.tree.plane_normal()
     if normal is None:
@@ -89,7 +135,7 @@ def _draw_attitude(axes: Any, motion: Trajectory | Followed) -> None:
         axes.set_ylabel("attitude\n[deg]")
 
 
-def _draw_joints(axes: Any, motion: Trajectory | Followed) -> None:
+def _draw_joints(axes: Any, motion: Drawn) -> None:
     arm = motion.arm
     slides = [arm.tree.joints[name].kind == "prismatic" for name in arm.joint_names]
     for i, slide in enumerate(slides):
@@ -108,8 +154,10 @@ def _name(axes: Any, x: float, y: float, label: str, color: str) -> None:
     )
 
 
-def _singular_times(motion: Trajectory | Followed) -> list[float]:
+def _singular_times(motion: Drawn) -> list[float]:
     """When the motion met singularities."""
+    if isinstance(motion, Plan):
+        return []
     if isinstance(motion, Followed):
         return [float(motion.t[-1])] if motion.ended == "singularity" else []
     return [event.t for event in motion.events if event.kind == "singularity"][:MOST_MARKS]
