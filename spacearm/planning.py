@@ -63,9 +63,10 @@ def plan(
     these plans miss: detumble first, or replan at the end.
 
     Methods: "straight", a line of the tip by J*; "attitude first", a joint motion that turns the
-    spacecraft to an attitude from which the line is free (Nanos & Papadopoulos, 2015); "cycles",
-    closed loops in joint space that turn it, then the line; "joint space", the shortest joint curve
-    that arrives. "auto" tries straight and joint space, then the others.
+    spacecraft to an attitude from which the line is free (Nanos & Papadopoulos, 2015); "cycles", a
+    closed loop in joint space that turns it, run through as often as it takes, then a curve to the
+    goal; "joint space", the shortest joint curve that arrives. "auto" tries straight, joint space,
+    cycles and attitude first, in this order.
 
     Args:
         arm: The arm.
