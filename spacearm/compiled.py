@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,8 @@ from spacearm.kernels import cpu
 from spacearm.kernels.floating import BODY, Bodies
 from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.measures import MEASURES
+
+Z = np.array([0.0, 0.0, 1.0])
 
 
 def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
@@ -54,6 +57,32 @@ def jacobians(arm: SpaceArm, q: Array) -> Array:
     return J
 
 
+class Reactions(NamedTuple):
+    """How an arm reacts at m configurations, in spacecraft axes.
+
+    Attributes:
+        J: (m, 6, n) J* [m/rad], [1].
+        A: (m, 3, n) the connection -D^-1 D_q of (33c): the spacecraft turns by A dq.
+        r: (m, 3) the tip from the system CM [m].
+        R: (m, 3, 3) attitude of the tip.
+    """
+
+    J: Array
+    A: Array
+    r: Array
+    R: Array
+
+
+def reactions(arm: SpaceArm, q: Array) -> Reactions:
+    """How the arm reacts at q (n, m)."""
+    m, n = q.shape[1], arm.n
+    at = Reactions(np.empty((m, 6, n)), np.empty((m, 3, n)), np.empty((m, 3)), np.empty((m, 3, 3)))
+    cpu.reactions(*bodies(arm), _all_joints(arm, q), *at)
+    model, frame = arm.model, arm.model.frames[arm.tip_frame]
+    own = arm.tree.joints[model.names[frame.parentJoint]].axis if frame.parentJoint > 1 else Z
+    return at._replace(R=at.R @ (_z_to(own).T @ frame.placement.rotation))
+
+
 @lru_cache(maxsize=64)
 def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
     """The constants of the arm, the body that the tip is fixed to, and where [m], (3,)."""
@@ -85,7 +114,7 @@ def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
 
 def _z_to(axis: Array) -> Array:
     """(3, 3) a rotation that takes z to the axis."""
-    rotation: Array = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
+    rotation: Array = pin.Quaternion.FromTwoVectors(Z, axis).matrix()
     return rotation
 
 

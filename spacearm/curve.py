@@ -154,16 +154,17 @@ class CurveFamily:
         dw = np.einsum("ma,mik->miak", self.basis[:-1], G)
         dw += np.einsum("ma,mik->miak", self.slope, A)
         h, cross = self.h, math.sqrt(3.0) / 12.0 * self.h**2
-        T, dphi = np.eye(3), np.zeros((3, *p.shape))
-        for w1, w2, dw1, dw2 in zip(w[::2], w[1::2], dw[::2], dw[1::2], strict=True):
-            turn = 0.5 * h * (w1 + w2) + cross * np.cross(w1, w2)
-            change = 0.5 * h * (dw1 + dw2)
-            change += cross * np.tensordot(pin.skew(w1), dw2, 1)
-            change -= cross * np.tensordot(pin.skew(w2), dw1, 1)
-            step = pin.exp3(turn)
-            dphi = np.tensordot(step.T, dphi, 1) + np.tensordot(pin.Jexp3(turn), change, 1)
+        w1, w2 = w[::2], w[1::2]
+        dw1, dw2 = (part.reshape(len(part), 3, -1) for part in (dw[::2], dw[1::2]))
+        angles = 0.5 * h * (w1 + w2) + cross * np.cross(w1, w2)
+        changes = 0.5 * h * (dw1 + dw2)
+        T, dphi = np.eye(3), np.zeros((3, p.size))
+        for a, b, da, db, angle, change in zip(w1, w2, dw1, dw2, angles, changes, strict=True):
+            change = change + cross * (pin.skew(a) @ db - pin.skew(b) @ da)
+            step = pin.exp3(angle)
+            dphi = step.T @ dphi + pin.Jexp3(angle) @ change
             T = T @ step
-        return T, dphi
+        return T, dphi.reshape(3, *p.shape)
 
 
 def sines(s: Array, waves: int) -> tuple[Array, Array]:

@@ -34,6 +34,8 @@ CLOSE = 1e-4
 ARRIVED = 1e-8
 """How near the end of a plan is: norm of what is left [m], [rad]."""
 LANDINGS = 6
+LONGEST = 200.0
+"""Curves that grow longer on the way to their end are given up [rad] or [m]."""
 SPACING = 0.02
 """Joint motion between the rows of a plan [rad] or [m]."""
 
@@ -245,6 +247,8 @@ class Steering:
             NoSolutionError: The end cannot be made exact.
         """
         for _ in range(LANDINGS):
+            if (length := self.cost(x)[0] ** 0.5) > LONGEST:
+                raise NoSolutionError(f"a curve grew to {length:.3g} rad")
             motion = walk(self.start, self.rows(x))
             left = self.left(motion[-1])
             if np.linalg.norm(left) <= ARRIVED:

@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,6 +31,8 @@ UNLIMITED = 0.5
 """Rate of joints whose URDF gives no velocity limit [rad/s] or [m/s]."""
 PEAK = 1.875
 """Largest rate of a motion from rest to rest along 10 u^3 - 15 u^4 + 6 u^5, over its mean."""
+CORNER = 0.3
+"""Rows between which the direction changes by more than this are a corner [rad]."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ class Plan(Result):
         clearance: Least sigma_min that was asked for.
         certificate: For square tasks of revolute joints the proof that no singularity is met;
             None for others.
+        apart: Whether it is proven that no bodies meet; None if the URDF has no collision geometry
+            or collisions did not matter.
         length: Joint travel, the sum over all joints [rad] or [m].
         tried: All methods that were tried, in order.
     """
@@ -85,6 +90,7 @@ class Plan(Result):
     sigma_min: Array
     clearance: float
     certificate: Certificate | None
+    apart: bool | None
     length: float
     tried: tuple[Attempt, ...]
 
@@ -95,6 +101,7 @@ class Plan(Result):
         motion: Sequence[Configuration],
         clearance: float,
         tried: Sequence[Attempt],
+        apart: bool | None,
     ) -> Plan:
         """From the configurations along it."""
         arm = motion[0].arm
@@ -109,6 +116,7 @@ class Plan(Result):
             sigma_min=np.array([singular_values(cfg)[-1] for cfg in motion]),
             clearance=clearance,
             certificate=certified(arm, q),
+            apart=apart,
             length=float(np.abs(np.diff(q, axis=0)).sum()),
             tried=tuple(tried),
         )
@@ -160,16 +168,27 @@ def walk(start: Configuration, Q: Array) -> list[Configuration]:
 def times(arm: SpaceArm, q: Array) -> Array:
     """(m,) times at which a motion from rest to rest passes its rows (m, n) [s].
 
-    The slowest joint sets the pace of every segment.
+    The slowest joint sets the pace of every segment; the joints come to rest at corners too.
     """
     velocity = np.array([arm.tree.joints[name].velocity for name in arm.joint_names])
     velocity = np.where(np.isfinite(velocity) & (velocity > 0.0), velocity, UNLIMITED)
-    pace = (np.abs(np.diff(q, axis=0)) / velocity).max(axis=1)
-    along = np.append(0.0, np.cumsum(np.maximum(pace, 1e-12)))
-    u = np.linspace(0.0, 1.0, 2001)
-    shares = np.interp(along / along[-1], u**3 * (10.0 - 15.0 * u + 6.0 * u * u), u)
-    t: Array = PEAK * along[-1] * shares
+    step = np.diff(q, axis=0)
+    pace = np.maximum((np.abs(step) / velocity).max(axis=1), 1e-12)
+    along = np.append(0.0, np.cumsum(pace))
+    way = step / np.maximum(np.linalg.norm(step, axis=1), 1e-300)[:, None]
+    corner = np.linalg.norm(np.diff(way, axis=0), axis=1) > CORNER
+    t = np.zeros(len(q))
+    for first, last in pairwise((0, *(np.flatnonzero(corner) + 1), len(q) - 1)):
+        piece = along[first : last + 1] - along[first]
+        t[first : last + 1] = t[first] + PEAK * piece[-1] * _eased(piece / max(piece[-1], 1e-12))
     return t
+
+
+def _eased(share: Array) -> Array:
+    """(m,) times, from 0 to 1, at which a motion from rest to rest has gone these shares."""
+    u = np.linspace(0.0, 1.0, 2001)
+    eased: Array = np.interp(share, u**3 * (10.0 - 15.0 * u + 6.0 * u * u), u)
+    return eased
 
 
 def certified(arm: SpaceArm, q: Array) -> Certificate | None:

@@ -2,41 +2,43 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
+from spacearm.collisions import Collisions, Contact
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.following import Followed, follow
 from spacearm.goal import miss
+from spacearm.guesses import CLOSE, Guess, Search
+from spacearm.holonomy import landed
 from spacearm.jacobian import generalized_jacobian
-from spacearm.joint_space import ARRIVED, LANDINGS, Steering, Task
-from spacearm.plan import walk
+from spacearm.joint_space import ARRIVED, LANDINGS, SPACING, Steering, Task
+from spacearm.plan import certified, walk
 from spacearm.singularity import singular_values
 
 Motion = list[Configuration]
 
 WAVES = 3
-LOOPS = (1, 2, 4, 8)
-"""How many times a loop is run through."""
-STARTS, CYCLE_STARTS, TURN_STARTS = 20, 12, 4
-"""First guesses of the optimiser, for each number of loops."""
-ENOUGH = 2
-"""Curves of which the shortest is taken."""
-AGAIN = 10.0
-"""How much more clearance is aimed at where it was lost between the samples of a curve."""
-REACHES = 40
-"""Steps by which the tip is brought to a pose."""
-AMPLE = 0.3
-"""Share of the first guesses that aim at ample clearance."""
-TURNS = 24
+WIDTHS = (0.3, 0.6, 1.0, 2.0)
+"""How far curves go about [rad]."""
+HUBS = 8
+"""Places where loops are tried."""
+STARTS = 60
+"""Curves that are no motions yet but may be made ones, over the number of joints."""
+TRIES, ENOUGH = 6, 2
+"""Guesses that are optimised, and motions of which the shortest is taken."""
+TURNS, TURN_STEPS = 72, 24
 """Attitudes about an axis from which the straight line is tried."""
-TRIES = 4
+NEAREST = 4
 """Of the free ones the nearest that are steered to."""
 
 
@@ -50,7 +52,9 @@ class Problem:
         ample: Clearance that is aimed at first.
         seed: Of the first guesses.
         deadline: `time.monotonic` at which the search is given up.
+        collisions: The bodies that must not meet; None if that does not matter.
         best: The best attempt so far that is no solution.
+        note: What a method found out besides.
     """
 
     start: Configuration
@@ -58,7 +62,9 @@ class Problem:
     ample: float
     seed: int
     deadline: float
-    best: Motion | None = field(default=None)
+    collisions: Collisions | None
+    best: Motion | None = None
+    note: str = ""
 
     def checked(self, motion: Motion) -> Motion:
         """A motion that arrives, if it keeps clearance and limits.
@@ -78,7 +84,21 @@ class Problem:
         if over.max() > 1e-9:
             name = self.start.arm.joint_names[int(over.argmax())]
             raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
+        proof = certified(self.start.arm, q)
+        if proof is not None and proof.at is not None:
+            raise NoSolutionError(f"a singularity is met at q = {_numbers(proof.at)}")
+        if (contact := self.contact(q)) is not None:
+            raise NoSolutionError(str(contact))
         return motion
+
+    def contact(self, path: Array) -> Contact | None:
+        """Where bodies meet on straight joint segments (m, n), if they matter."""
+        self.in_time()
+        return self.collisions.contact(path) if self.collisions else None
+
+    def search(self, start: Configuration, task: Task) -> Search:
+        """Guesses for motions from a configuration."""
+        return Search(start, task, WAVES, np.random.default_rng(self.seed))
 
     def in_time(self) -> None:
         """Raises NoSolutionError once the time is up."""
@@ -100,12 +120,17 @@ def straight(problem: Problem) -> Motion:
 
 def joint_space(problem: Problem) -> Motion:
     """The shortest joint curve that arrives, of the first few that are found."""
-    return _steered(problem, problem.task, (0,), STARTS)
+    search = problem.search(problem.start, problem.task)
+    tries = [list(search.direct(width)) for width in WIDTHS]
+    mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
+    free = (guess for guess in mixed if guess.room > problem.task.clearance)
+    apart = _apart(problem, search, free)
+    return _steered(problem, search, apart or mixed[: STARTS // problem.start.arm.n])
 
 
 def cycles(problem: Problem) -> Motion:
     """A closed loop in joint space, run through as often as it takes, and a curve to the goal."""
-    return _steered(problem, problem.task, LOOPS, CYCLE_STARTS)
+    return _turned(problem, problem.task)
 
 
 def attitude_first(problem: Problem) -> Motion:
@@ -114,14 +139,16 @@ def attitude_first(problem: Problem) -> Motion:
     if tip is None or problem.task.attitude is not None:
         raise NoSolutionError("the goal is not only a place of the tip, to which a line could lead")
     free = _free_turns(problem, tip)
-    for _, start in free[:TRIES]:
+    turns = ", ".join(f"{np.degrees(angle):.0f}" for angle, _ in free)
+    for _, start in free[:NEAREST]:
         task = problem.task._replace(tip=None, q=start.q, attitude=start.base.rotation)
         try:
-            there = _steered(problem, task, (0, *LOOPS), TURN_STARTS)
-            return problem.checked(there + _along_line(problem, there[-1], tip)[1:])
+            there = _turned(problem, task)
+            motion = problem.checked(there + _along_line(problem, there[-1], tip)[1:])
         except NoSolutionError:
             continue
-    turns = ", ".join(f"{np.degrees(angle):.0f}" for angle, _ in free)
+        problem.note = f"the line is free after turns of {turns} deg"
+        return motion
     raise NoSolutionError(
         f"the line is free after turns of {turns} deg, which could not be made"
         if free
@@ -129,93 +156,97 @@ def attitude_first(problem: Problem) -> Motion:
     )
 
 
-def _steered(problem: Problem, task: Task, loops: Sequence[int], starts: int) -> Motion:
-    """The shortest of the first few motions that the optimiser finds."""
+def _steered(problem: Problem, search: Search, guesses: Iterable[Guess]) -> Motion:
+    """The shortest of the first few motions that the optimiser makes of guesses.
+
+    Raises:
+        NoSolutionError: There is none.
+    """
     found: list[Motion] = []
-    why = "no curve keeps all constraints"
-    rng, wide = np.random.default_rng(problem.seed), starts * len(loops)
-    for i, number in enumerate(n for _ in range(starts) for n in loops):
+    why = "none of the curves tried keeps all constraints"
+    for guess in guesses:
         problem.in_time()
-        aim = max(task.clearance, problem.ample if i < AMPLE * wide else 0.0)
-        x = None
-        for clearance in (aim, AGAIN * aim):  # the second where it was lost between samples
-            steering = Steering(problem.start, task._replace(clearance=clearance), WAVES, number)
-            guess = _guess(steering, 0.2 + 0.8 * i / wide, rng) if x is None else x
-            x, met = steering.solve(guess)
-            if not met:
-                break
+        aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
+        task = search.task._replace(clearance=max(aim, search.task.clearance))
+        steering = Steering(search.start, task, WAVES, guess.loops)
+        x, met = steering.solve(guess.x)
+        for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
+            if not usable:
+                continue
             try:
-                found.append(problem.checked(steering.arrive(x)))
+                found.append(problem.checked(steering.arrive(unknowns)))
                 break
             except NoSolutionError as error:
                 why = str(error)
         if len(found) == ENOUGH:
             break
     if not found:
-        raise NoSolutionError(f"{why} ({wide} first guesses)", problem.best)
+        raise NoSolutionError(why, problem.best)
     return min(found, key=_travel)
 
 
-def _guess(steering: Steering, width: float, rng: np.random.Generator) -> Array:
-    """A first guess, the wider the farther from the start.
-
-    Its end is where the tip would be right if the spacecraft had turned a little.
-    """
-    start, task, n = steering.start, steering.task, steering.arm.n
-    x = width * rng.normal(size=steering.size)
-    turn = pin.exp3(0.5 * width * rng.normal(size=3) * steering.turning)
-    if task.q is not None:
-        x[:n] = task.q
-        return x
-    low, high = np.maximum(task.lower, start.q - np.pi), np.minimum(task.upper, start.q + np.pi)
-    x[:n] = np.clip(start.q + 2.0 * x[:n], low, high)
-    if task.tip is not None:
-        attitude = start.base.rotation @ turn if task.attitude is None else task.attitude
-        cfg = start.arm.at(x[:n], pin.SE3(attitude, np.zeros(3))).centred(start.com)
-        x[:n] = np.clip(_brought(cfg, task.tip).q, task.lower, task.upper)
-    return x
+def _turned(problem: Problem, task: Task) -> Motion:
+    """Loops where the joints are, or after a straight motion to where loops turn more."""
+    search = problem.search(problem.start, task)
+    why = ""
+    for hub in (problem.start.q, *search.hubs(HUBS)):
+        if problem.contact(np.array([problem.start.q, hub])) is not None:
+            continue
+        there = walk(problem.start, _line(problem.start.q, hub))
+        search = problem.search(there[-1], task)
+        try:
+            guesses = _apart(problem, search, search.looped())
+            return there + _steered(problem, search, guesses)[1:]
+        except NoSolutionError as error:
+            why = why or str(error)
+    raise NoSolutionError(f"{why} ({HUBS} places for loops)", problem.best)
 
 
-def _brought(cfg: Configuration, tip: pin.SE3) -> Configuration:
-    """The tip brought to a pose as near as may be, the attitude held."""
-    rows = cfg.arm.task.indices
-    for _ in range(REACHES):
-        J, left = generalized_jacobian(cfg, "attitude-controlled")[rows], miss(cfg, tip)
-        damping = 1e-3 + 0.1 * min(1.0, float(np.linalg.norm(left)))
-        step = J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(len(rows)), left)
-        step *= min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-12))
-        cfg = cfg.arm.at(cfg.q + step, cfg.base).centred(cfg.com)
-        if np.linalg.norm(left) < 1e-9:
-            break
-    return cfg
+def _apart(problem: Problem, search: Search, guesses: Iterable[Guess]) -> list[Guess]:
+    """The first few guesses in which no bodies meet."""
+    apart = (g for g in guesses if problem.contact(search.points(g)) is None)
+    return list(itertools.islice(apart, TRIES))
+
+
+def _line(start: Array, end: Array) -> Array:
+    """(m, n) rows of a straight motion; only the start where it goes nowhere."""
+    steps = math.ceil(float(np.abs(end - start).sum()) / SPACING)
+    rows: Array = start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
+    return rows
 
 
 def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[float, Configuration]]:
     """Turns [rad] under the tip after which the line is free, the least first."""
-    normal = problem.start.arm.tree.plane_normal()
-    axes = np.eye(3) if normal is None else np.eye(3)[[normal]]
     free = []
-    for angle in np.pi * np.arange(1, TURNS // 2 + 1) / (TURNS // 2):
-        for signed, axis in ((sign * angle, axis) for axis in axes for sign in (1.0, -1.0)):
-            problem.in_time()
-            try:
-                start = _turn_under_tip(problem, signed * axis)
-                problem.checked(_along_line(problem, start, tip))
-            except (NoSolutionError, ConfigurationError):
-                continue
-            free.append((float(signed), start))
+    for angle, start in _turns_under_tip(problem.start):
+        problem.in_time()
+        try:
+            problem.checked(_along_line(problem, start, tip))
+        except (NoSolutionError, ConfigurationError):
+            continue
+        free.append((angle, start))
     return free
 
 
-def _turn_under_tip(problem: Problem, w: Array) -> Configuration:
-    """The spacecraft turned while the tip stays, the joints following step by step."""
-    cfg, tip, steps = problem.start, problem.start.tip, 24
-    for _ in range(steps):
-        turned = pin.SE3(cfg.base.rotation @ pin.exp3(w / steps), np.zeros(3))
-        cfg = _brought(cfg.arm.at(cfg.q, turned).centred(problem.start.com), tip)
-    if np.linalg.norm(miss(cfg, tip)) > 1e-6 or np.abs(cfg.q - problem.start.q).max() > 2 * np.pi:
-        raise NoSolutionError("the tip cannot stay there at this attitude")
-    return cfg
+def _turns_under_tip(start: Configuration) -> list[tuple[float, Configuration]]:
+    """The spacecraft turned [rad] while the tip stays, the joints following step by step."""
+    normal = start.arm.tree.plane_normal()
+    axes = np.eye(3) if normal is None else np.eye(3)[[normal]]
+    angles = np.pi * np.arange(1, TURNS // 2 + 1) / (TURNS // 2)
+    angles = np.column_stack((angles, -angles)).ravel()
+    w = (angles[:, None, None] * axes).reshape(-1, 3)
+    Q, tip = (
+        np.tile(start.q, (len(w), 1)),
+        pin.SE3(start.tip.rotation, start.tip.translation - start.com),
+    )
+    for share in np.arange(1, TURN_STEPS + 1) / TURN_STEPS:
+        T = start.base.rotation @ Rotation.from_rotvec(share * w).as_matrix()
+        Q, off = landed(start.arm, Q, tip, T, 4)
+    there = (off < CLOSE) & (np.abs(Q - start.q).max(axis=1) < 2.0 * np.pi)
+    return [
+        (float(w[i].sum()), start.arm.at(Q[i], pin.SE3(T[i], np.zeros(3))).centred(start.com))
+        for i in np.flatnonzero(there)
+    ]
 
 
 def _travel(motion: Motion) -> float:

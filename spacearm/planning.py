@@ -19,13 +19,14 @@ from spacearm import plan_methods
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.barycentric import barycentric
+from spacearm.collisions import Collisions, collision_geometry
 from spacearm.configuration import Configuration, joint_vector, sound_pose
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.goal import Goal, goal_pose
 from spacearm.joint_space import Task
 from spacearm.plan import Attempt, Joints, Plan
 from spacearm.plan_methods import Motion, Problem
-from spacearm.singularity import singular_values
+from spacearm.singularity import singular_values, singularity
 
 METHODS: dict[str, Callable[[Problem], Motion]] = {
     "straight": plan_methods.straight,
@@ -53,6 +54,7 @@ def plan(
     clearance: float | None = None,
     final_attitude: npt.ArrayLike | pin.SE3 | float | None = None,
     limits: bool = True,
+    collisions: bool = True,
     method: str = "auto",
     seed: int = 0,
     timeout: float = 60.0,
@@ -78,6 +80,8 @@ def plan(
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
         limits: Whether the joint limits count.
+        collisions: Whether the spacecraft and the links must not meet where the URDF has collision
+            geometry; bodies on both sides of one joint may touch, meshes count as convex hulls.
         method: "auto", or one of the four.
         seed: Of the first guesses; the same seed gives the same plan.
         timeout: Time after which the search is given up [s].
@@ -102,7 +106,12 @@ def plan(
         lower=lower,
         upper=upper,
     )
-    problem = Problem(cfg, task, ample, seed, time.monotonic() + timeout)
+    bodies = collision_geometry(arm) if collisions else None
+    if bodies and (contact := bodies.contact(cfg.q[None])) is not None:
+        raise NoSolutionError(f"the start is in collision: {contact}; collisions=False ignores it")
+    if task.q is not None:
+        _check_goal(cfg, task.q, bodies)
+    problem = Problem(cfg, task, ample, seed, time.monotonic() + timeout, bodies)
     tried: list[Attempt] = []
     for name in METHODS if method == "auto" else (method,):
         try:
@@ -111,16 +120,13 @@ def plan(
             tried.append(Attempt(name, False, str(error)))
             problem.best = error.best if isinstance(error.best, list) else problem.best
             continue
-        found = Plan.of(name, motion, task.clearance, tried)
+        found = Plan.of(name, motion, task.clearance, tried, True if bodies else None)
         story = f"joint travel {found.length:.4g}, sigma_min at least {found.sigma_min.min():.3g}"
-        if found.certificate is not None and not found.certificate:
-            tried.append(Attempt(name, False, f"{story}, but a singularity is met between rows"))
-            continue
-        tried.append(Attempt(name, True, story))
+        tried.append(Attempt(name, True, "; ".join(filter(None, (story, problem.note)))))
         return replace(found, tried=tuple(tried))
     stories = "; ".join(f"{name}: {story}" for name, _, story in tried)
-    best = Plan.of("best attempt", problem.best, task.clearance, tried) if problem.best else None
-    raise NoSolutionError(f"{arm.name}: no plan found: {stories}", best)
+    left = problem.best and Plan.of("best attempt", problem.best, task.clearance, tried, None)
+    raise NoSolutionError(f"{arm.name}: no plan found: {stories}", left)
 
 
 def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
@@ -160,6 +166,18 @@ def _reachable(cfg: Configuration, goal: pin.SE3) -> pin.SE3:
             f"farther than {reach:.6g} m; sa.workspace shows where it can be"
         )
     return goal
+
+
+def _check_goal(cfg: Configuration, q: Array, bodies: Collisions | None) -> None:
+    """Raises NoSolutionError where no motion can lead to joint positions q (n,)."""
+    if bodies and (contact := bodies.contact(q[None])) is not None:
+        raise NoSolutionError(f"the goal is in collision: {contact}; collisions=False ignores it")
+    here, there = (singularity(cfg.arm.at(x)).determinant for x in (cfg.q, q))
+    if here is not None and there is not None and here * there <= 0.0:
+        raise NoSolutionError(
+            f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
+            "them meets a singularity; lead the tip there and leave the joints open"
+        )
 
 
 def _attitude(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:

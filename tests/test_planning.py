@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import spacearm as sa
 from spacearm.curve import CurveFamily, sample
 from spacearm.joint_space import Steering, Task
+from spacearm.plan import times
 
 E, B, C = np.radians([-57.936, 60.337]), np.array([1.5, 1.5]), np.array([1.0, 0.0])
 
@@ -75,6 +76,17 @@ def test_times_respect_the_velocity_limits(arm, found):
     assert rates.max() > 0.9 * min(limits)
 
 
+def test_the_joints_come_to_rest_at_corners(arm):
+    corner = np.vstack(
+        (np.linspace([0, 1.0], [0.5, 1.0], 30), np.linspace([0.5, 1.0], [0.5, 2.0], 60))
+    )
+    t = times(arm, corner)
+    rates = np.diff(corner, axis=0) / np.diff(t)[:, None]
+    assert np.abs(rates[28:30]).max() < 0.2 * np.abs(rates).max()
+    assert np.abs(rates).max() <= 1.001 * arm.tree.joints["joint_1"].velocity
+    assert (np.diff(t) > 0.0).all()
+
+
 def test_the_same_seed_gives_the_same_plan(arm, found):
     base = about_cm(arm, E, 0, 0, np.radians(21))
     np.testing.assert_array_equal(sa.plan(arm, E, B, base=base).q, found.q)
@@ -95,6 +107,15 @@ def test_cycles_where_one_curve_is_too_short():
     q, far = np.radians([-134.0, -160.0]), np.array([1.2, 1.15])
     plan = sa.plan(arm, q, far, base=about_cm(arm, q, 0, 0, 2.0), method="cycles", limits=False)
     np.testing.assert_allclose(replay(plan).tip.translation[:2], far, atol=1e-6)
+    assert plan.certificate.free
+
+
+def test_attitude_first_turns_to_where_the_line_is_free(arm):
+    """From E the line to B is free after a turn under the tip; the story names the turns."""
+    base = about_cm(arm, E, 0, 0, np.radians(21))
+    plan = sa.plan(arm, E, B, base=base, method="attitude first", timeout=300)
+    np.testing.assert_allclose(replay(plan).tip.translation[:2], B, atol=1e-6)
+    assert "the line is free after turns of" in plan.tried[0].story
     assert plan.certificate.free
 
 
@@ -194,6 +215,13 @@ def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
 def test_no_solution(arm, start, goal, options, message):
     with pytest.raises(sa.NoSolutionError, match=message):
         sa.plan(arm, start, goal, **options)
+
+
+def test_joints_beyond_a_singularity(arm):
+    beyond = sa.Joints([0.3, -1.2])
+    assert sa.singularity(arm.at(beyond.q)).determinant < 0.0
+    with pytest.raises(sa.NoSolutionError, match="every way between them meets a singularity"):
+        sa.plan(arm, [0.3, 1.2], beyond)
 
 
 def test_the_best_attempt_comes_along(arm):

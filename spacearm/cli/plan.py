@@ -55,6 +55,9 @@ def plan_(
         typer.Option(help="auto, straight, joint space, cycles or attitude first."),
     ] = "auto",
     no_limits: Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")] = False,
+    no_collisions: Annotated[
+        bool, typer.Option("--no-collisions", help="Let bodies meet.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the first guesses.")] = 0,
     timeout: Annotated[float, typer.Option(help="Give up after this time [s].")] = 60.0,
     output: Picture = None,
@@ -76,14 +79,16 @@ def plan_(
     found = plan(
         arm, q0, target, base=spacecraft_about_cm(arm, q0, attitude, deg), clearance=clearance,
         final_attitude=None if final_attitude is None else spacecraft_pose(final_attitude, deg),
-        limits=not no_limits, method=method, seed=seed, timeout=timeout,
+        limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
+        timeout=timeout,
     )  # fmt: skip
     if save:
         found.save(save)
     if as_json:
         print_json({
-            "arm": arm.name, "method": found.method, "length": found.length, "t": found.t,
-            "q": found.q, "base": found.base, "tip": found.tip, "sigma_min": found.sigma_min,
+            "arm": arm.name, "method": found.method, "length": found.length, "apart": found.apart,
+            "t": found.t, "q": found.q, "base": found.base, "tip": found.tip,
+            "sigma_min": found.sigma_min,
             "tried": [attempt._asdict() for attempt in found.tried],
         })  # fmt: skip
     else:
@@ -125,3 +130,5 @@ def _print(found: Plan, deg: bool) -> None:
     out.print(f"sigma_min at least  {worst}")
     if found.certificate is not None:
         out.print(f"no singularity is met: {'proven' if found.certificate else 'NOT proven'}")
+    if found.apart:
+        out.print("no bodies meet: proven")

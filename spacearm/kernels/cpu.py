@@ -91,3 +91,37 @@ def jacobians(b: Bodies, tip: int, E: Numbers, q: Numbers, J: Numbers) -> None:
             for x in range(6):
                 for j in range(n):
                     J[first + l, x, j] = w.J[j, x, l]
+
+
+@kernel
+def reactions(
+    b: Bodies, tip: int, E: Numbers, q: Numbers, J: Numbers, A: Numbers, r: Numbers, R: Numbers
+) -> None:
+    """How m configurations q (N, m) react, all in spacecraft axes.
+
+    Args:
+        b: The arm.
+        tip: Body that the tip is fixed to.
+        E: (3,) the tip in the frame of that body [m].
+        q: (N, m) joint positions [rad] or [m].
+        J: (m, 6, n) takes J*.
+        A: (m, 3, n) takes the connection -D^-1 D_q of (33c): what turns the spacecraft.
+        r: (m, 3) takes the tip from the system CM [m].
+        R: (m, 3, 3) takes the attitude of body `tip`.
+    """
+    m, _, n = J.shape
+    w = work(q.shape[0], n)
+    for first in range(0, m, LANES):
+        fill(w, q, first)
+        generalized_jacobian(b, tip, E, w)
+        for l in range(min(LANES, m - first)):
+            for x in range(3):
+                r[first + l, x] = w.r_E[x, l]
+                for y in range(3):
+                    R[first + l, x, y] = w.body[tip].R[x, y, l]
+                for j in range(n):
+                    J[first + l, x, j] = w.J[j, x, l]
+                    J[first + l, 3 + x, j] = A[first + l, x, j] = w.J[j, 3 + x, l]
+                for i in range(1, len(b)):
+                    if b[i].on_chain and not b[i].slides:
+                        A[first + l, x, b[i].column] -= b[i].gain * w.body[i].R[x, 2, l]

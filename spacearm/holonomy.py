@@ -1,0 +1,84 @@
+"""Many joint curves at once: how far each turns the spacecraft, and where its tip comes to rest.
+
+All of it by compiled kernels, without derivatives along the curves: `curve` has those, for one
+curve at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from spacearm.arm import SpaceArm
+from spacearm.arrays import Array
+
+STRIDE = 0.5
+"""Largest joint motion of one step of Newton's method [rad] or [m]."""
+
+Turns = Callable[[Array], Array]
+"""From ends (K, n) of curves to the attitudes (K, 3, 3) of the spacecraft there."""
+
+
+def turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
+    """(K, 3, 3) how far curves turn the spacecraft, by the Magnus method of `reaction`.
+
+    Args:
+        arm: The arm.
+        Q: (K, 2 g, n) positions at the Gauss points of g equal intervals.
+        rates: (K, 2 g, n) derivatives there, the curve's parameter from 0 to 1.
+    """
+    from spacearm.compiled import reactions  # imports the compiler
+
+    K, points, n = Q.shape
+    A = reactions(arm, Q.reshape(-1, n).T).A.reshape(K, points, 3, n)
+    w = np.einsum("kgij,kgj->kgi", A, rates)
+    w1, w2, h = w[:, ::2], w[:, 1::2], 2.0 / points
+    steps = 0.5 * h * (w1 + w2) + math.sqrt(3.0) / 12.0 * h * h * np.cross(w1, w2)
+    R = Rotation.from_rotvec(steps.reshape(-1, 3)).as_matrix().reshape(K, points // 2, 3, 3)
+    whole = R[:, 0]
+    for i in range(1, points // 2):
+        whole = whole @ R[:, i]
+    return whole
+
+
+def landed(
+    arm: SpaceArm, q: Array, tip: pin.SE3, attitude: Array | Turns, steps: int
+) -> tuple[Array, Array]:
+    """Joint positions that bring the tip to a pose, by damped Newton steps from first guesses.
+
+    Args:
+        arm: The arm.
+        q: (K, n) first guesses.
+        tip: The pose, from the system CM.
+        attitude: (K, 3, 3) attitudes of the spacecraft, held; or how they follow from q: then the
+            spacecraft turns with each step as (33c) has it.
+        steps: How many.
+
+    Returns:
+        (K, n) positions; (K,) how far the tip's task rows are from the pose [m], [rad].
+    """
+    from spacearm.compiled import reactions  # imports the compiler
+
+    rows = arm.task.indices
+    for step in range(steps + 1):
+        T = attitude(q) if callable(attitude) else attitude
+        at, Tt = reactions(arm, q.T), np.swapaxes(T, 1, 2)
+        turn = Rotation.from_matrix(Tt @ tip.rotation @ np.swapaxes(at.R, 1, 2)).as_rotvec()
+        left = np.concatenate((Tt @ tip.translation - at.r, turn), axis=1)[:, rows]
+        miss = np.linalg.norm(left, axis=1)
+        if step == steps:
+            break
+        J = at.J
+        if not callable(attitude):  # the joints' own part: J* without the turning by A dq
+            swept = np.cross(at.r[:, None], np.swapaxes(at.A, 1, 2))
+            J = J + np.concatenate((np.swapaxes(swept, 1, 2), -at.A), axis=1)
+        J = J[:, rows]
+        Jt, damping = np.swapaxes(J, 1, 2), 1e-3 + 0.1 * np.minimum(1.0, miss)
+        square = J @ Jt + (damping**2)[:, None, None] * np.eye(len(rows))
+        dq = (Jt @ np.linalg.solve(square, left[:, :, None]))[:, :, 0]
+        q = q + dq * np.minimum(1.0, STRIDE / np.maximum(np.abs(dq).max(axis=1), 1e-12))[:, None]
+    return q, miss

@@ -1,0 +1,133 @@
+"""Collisions: contacts are found, freedom is proven, and plans keep bodies apart."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import trimesh
+from arms import LIMIT, frame, joint, link, numbers, robot
+from hypothesis import given
+from hypothesis import strategies as st
+
+import spacearm as sa
+from spacearm.collisions import Collisions
+
+ALONG_X = 'rpy="0 1.5707963267948966 0"'
+
+
+def solid(geometry, xyz=(0, 0, 0), extra=""):
+    return (
+        f'<collision><origin xyz="{numbers(xyz)}" {extra}/><geometry>{geometry}</geometry>'
+        "</collision>"
+    )
+
+
+def boxy(folder, hull='<box size="1 1 1"/>', third=False, inside=LIMIT):
+    """Planar arm on a box: cylinders as links, half a metre and more from the box's face."""
+    bar = solid('<cylinder radius="0.05" length="0.7"/>', (0.4, 0, 0), ALONG_X)
+    names = ["l1", "l2", "l3"][: 3 if third else 2]
+    parts = [link("hull", 50.0, inertia=10 * np.eye(3), inside=solid(hull))]
+    parts += [link(name, 5.0, (0.4, 0, 0), 0.5 * np.eye(3), bar) for name in names]
+    parts += [
+        joint(f"j{i}", parent, child, xyz=(0.6 if i == 0 else 0.8, 0, 0), inside=inside)
+        for i, (parent, child) in enumerate(zip(["hull", *names], names, strict=False))
+    ]
+    parts += [frame("tip"), joint("jt", names[-1], "tip", "fixed", (0.8, 0, 0))]
+    path = folder / "boxy.urdf"
+    path.write_text(robot(*parts))
+    return sa.load(path)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return boxy(tmp_path_factory.mktemp("boxy"))
+
+
+@pytest.fixture(scope="module")
+def bodies(arm):
+    return Collisions(arm)
+
+
+def test_a_distance_in_closed_form(bodies):
+    """Only the outer link may meet the hull; stretched, its bar begins 0.95 m from the face."""
+    np.testing.assert_allclose(bodies.distances(np.zeros(2)), [0.95], atol=1e-6)
+
+
+def test_bodies_without_geometry_never_meet():
+    free = Collisions(sa.load("planar2"))
+    assert not free
+    assert free.contact(np.zeros((1, 2))) is None
+
+
+@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=3))
+def test_contact_or_proof_as_dense_sampling_has_it(bodies, path):
+    path = np.array(path)
+    dense = [a + (b - a) * s for a, b in pairwise(path) for s in np.linspace(0, 1, 60)]
+    least = min(bodies.distances(q).min() for q in (*path, *dense))
+    contact = bodies.contact(path)
+    if least <= 0.0:
+        assert contact is not None
+        assert contact.links == ("hull", "l2")
+        assert bodies.distances(contact.q).min() < 2e-3
+    elif least > 0.02:
+        assert contact is None
+
+
+@given(st.integers(0, 10**6))
+def test_no_joint_motion_outruns_its_bound(tmp_path_factory, seed):
+    """|d(q + dq) - d(q)| <= gain |dq|, which the proof rests on."""
+    rng = np.random.default_rng(seed)
+    arm = three(tmp_path_factory)
+    q, dq = rng.uniform(-3, 3, 3), rng.normal(size=3) * 10 ** rng.uniform(-3, 0)
+    change = np.abs(arm.distances(q + dq) - arm.distances(q))
+    assert (change <= arm._gains @ np.abs(dq) + 1e-6).all()
+
+
+def three(tmp_path_factory, kept=[]):  # noqa: B006 - made once
+    if not kept:
+        kept.append(Collisions(boxy(tmp_path_factory.mktemp("three"), third=True)))
+    return kept[0]
+
+
+def test_a_mesh_counts_as_its_convex_hull(tmp_path, bodies):
+    cube = trimesh.creation.box((1000, 1000, 1000))
+    cube.export(tmp_path / "cube.stl")
+    mesh = Collisions(boxy(tmp_path, '<mesh filename="cube.stl" scale="0.001 0.001 0.001"/>'))
+    for q in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
+        expected = bodies.distances(q)
+        if expected > 0.0:
+            np.testing.assert_allclose(mesh.distances(q), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"), [((1.8, 0.9), (0.45, 2.65)), ((0.4, 2.68), (1.54, 1.93))]
+)
+def test_plans_go_around_the_spacecraft(arm, bodies, start, goal):
+    assert bodies.contact(np.array([start, goal])) is not None
+    plan = sa.plan(arm, start, sa.Joints(goal))
+    assert plan.apart
+    np.testing.assert_allclose(plan.q[-1], goal, atol=1e-8)
+    dense = [a + (b - a) * s for a, b in pairwise(plan.q) for s in (0.25, 0.5, 0.75)]
+    assert min(bodies.distances(q).min() for q in (*plan.q, *dense)) > 0.0
+
+
+def test_a_start_in_collision(arm):
+    q = np.array([1.2, 3.0])
+    with pytest.raises(sa.NoSolutionError, match="start is in collision: 'hull' meets 'l2'"):
+        sa.plan(arm, q, sa.Joints([0.5, 0.5]))
+    assert sa.plan(arm, q, sa.Joints([1.1, 2.5]), collisions=False).q[-1] == pytest.approx(
+        [1.1, 2.5]
+    )
+
+
+def test_a_goal_in_collision(arm):
+    with pytest.raises(sa.NoSolutionError, match="goal is in collision: 'hull' meets 'l2'"):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([1.2, 3.0]))
+
+
+@pytest.mark.parametrize("geometry", ["<cone/>", ""])
+def test_a_geometry_of_no_known_kind(tmp_path, geometry):
+    arm = boxy(tmp_path, geometry)
+    with pytest.raises(sa.ModelError, match=r"'hull' has a collision .* collisions=False"):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
