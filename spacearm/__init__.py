@@ -32,6 +32,7 @@ from spacearm.arm_models import ArmInfo, arms
 from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
 from spacearm.batch import evaluate, generalized_jacobians
 from spacearm.bus import Bus
+from spacearm.capture import Capture, capture
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
@@ -61,10 +62,12 @@ from spacearm.events import Event
 from spacearm.following import Followed, follow
 from spacearm.found_set import FoundSet
 from spacearm.jacobian import (
+    PrescribedMotion,
     fixed_base_jacobian,
     generalized_jacobian,
     generalized_jacobian_derivative,
     generalized_jacobian_rate,
+    prescribed_motion,
 )
 from spacearm.loading import load, mount
 from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
@@ -92,6 +95,7 @@ __all__ = [
     "Attempt",
     "Barycentric",
     "Bus",
+    "Capture",
     "Certificate",
     "Configuration",
     "ConfigurationError",
@@ -110,6 +114,7 @@ __all__ = [
     "NoSolutionError",
     "Plan",
     "PoseRisk",
+    "PrescribedMotion",
     "Reactionless",
     "Region",
     "ResolvedRate",
@@ -130,6 +135,7 @@ __all__ = [
     "arms",
     "barycentric",
     "base_velocity",
+    "capture",
     "catalogue",
     "design",
     "evaluate",
@@ -149,6 +155,7 @@ __all__ = [
     "move",
     "plan",
     "pose_risk",
+    "prescribed_motion",
     "risk_profile",
     "simulate",
     "singular_map",

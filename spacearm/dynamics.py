@@ -54,7 +54,7 @@ class Dynamics(NamedTuple):
 def generalized_inertia(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
     """(n, n) H*, the inertia that the joints feel; see the module's docstring."""
     f = free_components(base)
-    M = _mass_matrix(cfg)
+    M = mass_matrix(cfg)
     H: Array = M[6:, 6:] - M[6:, :f] @ _solve(M[:f, :f], M[:f, 6:])
     return 0.5 * (H + H.T)
 
@@ -84,8 +84,8 @@ def forward_dynamics(
     """
     f = free_components(base)
     tau = joint_vector(cfg.arm, tau, "tau")
-    v = _velocity(cfg, dq, base, momentum)
-    M, c = _mass_matrix(cfg), _bias(cfg, v, wrenches)
+    v = generalized_velocity(cfg, dq, base, momentum)
+    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
     X = _eliminated(M, c, f)
     H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
     c_star = c[6:] - M[6:, :f] @ X[:, -1]
@@ -112,8 +112,8 @@ def inverse_dynamics(
         wrenches: As in `forward_dynamics`.
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
-    v = _velocity(cfg, dq, base, momentum)
-    M, c = _mass_matrix(cfg), _bias(cfg, v, wrenches)
+    v = generalized_velocity(cfg, dq, base, momentum)
+    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
     return _dynamics(cfg, v, M, c, _eliminated(M, c, free_components(base)), ddq)
 
 
@@ -125,8 +125,8 @@ def kinetic_energy(
     momentum: npt.ArrayLike | None = None,
 ) -> float:
     """The kinetic energy of all bodies [J]; arguments as in `forward_dynamics`."""
-    v = _velocity(cfg, dq, base, momentum)
-    return float(0.5 * v @ _mass_matrix(cfg) @ v)
+    v = generalized_velocity(cfg, dq, base, momentum)
+    return float(0.5 * v @ mass_matrix(cfg) @ v)
 
 
 def spacecraft_twist(
@@ -136,16 +136,16 @@ def spacecraft_twist(
     momentum: npt.ArrayLike | None = None,
 ) -> Array:
     """(6,) twist of the spacecraft, inertial axes, whatever it does; see `forward_dynamics`."""
-    return _turned(cfg, _velocity(cfg, dq, base, momentum)[:6])
+    return in_inertial_axes(cfg, generalized_velocity(cfg, dq, base, momentum)[:6])
 
 
-def _turned(cfg: Configuration, twists: Array) -> Array:
+def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
     """(..., 6) twists or wrenches at the spacecraft's origin from its axes into inertial ones."""
     turned: Array = twists.reshape(-1, 3) @ cfg.base.rotation.T
     return turned.reshape(twists.shape)
 
 
-def _velocity(
+def generalized_velocity(
     cfg: Configuration, dq: npt.ArrayLike, base: BaseMode, momentum: npt.ArrayLike | None
 ) -> Array:
     """(6 + n,) the spacecraft's twist in its own axes, as momentum demands, and the joint rates."""
@@ -156,7 +156,7 @@ def _velocity(
     return v
 
 
-def _mass_matrix(cfg: Configuration) -> Array:
+def mass_matrix(cfg: Configuration) -> Array:
     """(6 + n, 6 + n) M."""
     arm = cfg.arm
     data = arm.borrow()
@@ -206,5 +206,5 @@ def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: A
     force = M @ a + c
     force[:f] = 0.0
     a[:3] += pin.skew(v[3:6]) @ v[:3]  # from spatial to classical acceleration
-    base, reaction, twist = _turned(cfg, np.array((a[:6], force[:6], v[:6])))
+    base, reaction, twist = in_inertial_axes(cfg, np.array((a[:6], force[:6], v[:6])))
     return Dynamics(ddq, force[6:], base, reaction, twist)

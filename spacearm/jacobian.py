@@ -11,7 +11,8 @@ when it floats, the three linear ones when its attitude is controlled, none when
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.configuration import LWA, Configuration, joint_vector
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.momentum import base_velocity
+from spacearm.momentum import base_velocity, momentum_vector
 
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
 
@@ -61,6 +62,53 @@ def fixed_base_jacobian(cfg: Configuration) -> Array:
         (6, n) Jacobian, rows [linear; angular], inertial axes, for the tip frame's origin.
     """
     return generalized_jacobian(cfg, base="fixed")
+
+
+class PrescribedMotion(NamedTuple):
+    """How the tip moves with some joints while others move as prescribed: J dq + drift.
+
+    Attributes:
+        joints: The other joints, whose rates dq are free, in the model's order.
+        jacobian: (6, m) their J, rows [linear; angular], inertial axes; stacked for several tips.
+        drift: (6,) the tip's twist while they rest, from the prescribed rates and the momentum.
+    """
+
+    joints: tuple[str, ...]
+    jacobian: Array
+    drift: Array
+
+
+def prescribed_motion(
+    cfg: Configuration,
+    rates: Mapping[str, float],
+    *,
+    base: BaseMode = "free-floating",
+    momentum: npt.ArrayLike | None = None,
+) -> PrescribedMotion:
+    """J* of some joints with the rates of the others prescribed, such as a second arm's.
+
+    The columns of J* part in two, and J* dq + J_b A_b^-1 h is the tip's twist with momentum h.
+
+    Args:
+        cfg: The configuration.
+        rates: Rates [rad/s] or [m/s] of the prescribed joints by name; zero for one that rests.
+        base: What the spacecraft does; see `generalized_jacobian`.
+        momentum: (6,) momentum, zero if None; what a held spacecraft takes up is left out.
+
+    Raises:
+        ConfigurationError: A joint does not exist, or a value is not finite.
+    """
+    arm, f = cfg.arm, free_components(base)
+    for name in rates:
+        if name not in arm.joint_names:
+            raise ConfigurationError(f"rates: {unknown('joint', name, arm.joint_names)}")
+    dq = joint_vector(arm, [rates.get(name, 0.0) for name in arm.joint_names], "the rate")
+    J = generalized_jacobian(cfg, base)
+    h = momentum_vector(momentum)[:f]
+    free = [name not in rates for name in arm.joint_names]
+    names = tuple(name for name in arm.joint_names if name not in rates)
+    drift = J @ dq + cfg.J[:, :f] @ np.linalg.solve(cfg.A[:f, :f], h)
+    return PrescribedMotion(names, J[:, free], drift)
 
 
 def generalized_jacobian_derivative(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
