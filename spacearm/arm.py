@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from spacearm.files import write
 from spacearm.parts import Inertial
 from spacearm.task import Task
 from spacearm.tree import Tree
+from spacearm.wheels import Wheel, wheels_of
 from spacearm.writer import document
 
 MOST_JOINTS = 200
@@ -39,6 +40,7 @@ class SpaceArm:
         tips: Names of the tip links, one as a rule.
         tip_frames: Indices of their frames in the model.
         task: The twist rows that count.
+        wheels: Wheels, which are not among the joints; see `at`.
         joint_names: The n movable joints, in the model's order.
         coupling: (model.nv - 6, n) rates of the model's joints per rate of the n, None if they
             are the same (no mimic joint).
@@ -54,6 +56,7 @@ class SpaceArm:
     tips: tuple[str, ...]
     tip_frames: tuple[int, ...]
     task: Task
+    wheels: tuple[Wheel, ...]
     joint_names: tuple[str, ...]
     coupling: Array | None
     offsets: Array
@@ -95,6 +98,7 @@ class SpaceArm:
             tips=tips,
             tip_frames=tuple(model.getFrameId(tip, pin.BODY) for tip in tips),
             task=task,
+            wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
             coupling=None if len(coupling) == len(leading) else coupling,
             offsets=offsets,
@@ -141,17 +145,25 @@ class SpaceArm:
         name = movable(self.tree, self.tip)[0].name
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
-    def at(self, q: npt.ArrayLike, base: pin.SE3 | None = None) -> Configuration:
+    def at(
+        self,
+        q: npt.ArrayLike,
+        base: pin.SE3 | None = None,
+        *,
+        wheels: npt.ArrayLike | None = None,
+    ) -> Configuration:
         """The configuration at joint positions q, inside the joint limits or not.
 
         Args:
             q: (n,) joint angles [rad] or displacements [m].
             base: Pose of the spacecraft frame in the inertial frame; the identity if None.
+            wheels: (w,) angular momentum that each of `wheels` holds by spinning relative to the
+                link that carries it, about its axis [N m s]; zeros if None.
 
         Raises:
-            ConfigurationError: q or base has the wrong shape or is not finite.
+            ConfigurationError: q, base or wheels has the wrong shape or is not finite.
         """
-        return configure(self, q, base)
+        return configure(self, q, base, wheels)
 
     def all_joints(self, q: Array) -> Array:
         """(nv - 6,) positions of all joints of the model, those that mimic another included."""
@@ -186,6 +198,7 @@ class SpaceArm:
         tip: str | Sequence[str] | None = None,
         task: str | Task | None = None,
         locked: Mapping[str, float] | None = None,
+        wheels: Collection[str] = (),
     ) -> SpaceArm:
         """A new arm with some things changed.
 
@@ -199,6 +212,7 @@ class SpaceArm:
                 anew.
             task: The twist rows that count.
             locked: Joints to freeze, with their values [rad] or [m].
+            wheels: Joints that are wheels, not the arm's.
 
         Raises:
             ModelError: No rigid body can have this mass and inertia.
@@ -210,8 +224,7 @@ class SpaceArm:
             tree = tree.with_mount(movable(tree, self.tip)[0], sound_pose(mount, "mount"))
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
-        if locked is not None:
-            tree = tree.locked(locked)
+        tree = tree.locked({} if locked is None else locked).with_wheels(wheels)
         tips = self.tips if tip is None else choose_tips(tree, self.path, tip)
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")

@@ -21,7 +21,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Result
-from spacearm.configuration import LWA, Configuration
+from spacearm.configuration import LWA, Configuration, still_wheels
 from spacearm.dynamics import generalized_velocity, in_inertial_axes, mass_matrix
 from spacearm.errors import ConfigurationError, unknown
 
@@ -101,10 +101,11 @@ def capture(
     Raises:
         ConfigurationError: An argument has the wrong shape or is not finite.
         ModelError: No rigid body can have this mass and inertia.
-        UnsupportedError: The arm has several tips.
+        UnsupportedError: The arm has several tips, or its wheels hold momentum.
     """
     if joints not in get_args(Joints):
         raise ConfigurationError(unknown("joints", joints, get_args(Joints)))
+    still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
     rates = np.zeros(cfg.arm.n) if dq is None else dq
     before = generalized_velocity(cfg, rates, "free-floating", momentum)
     held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, cfg.base)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, UnsupportedError
 
 if TYPE_CHECKING:
     from spacearm.arm import SpaceArm
@@ -33,6 +33,9 @@ class Configuration:
     Attributes:
         arm: The arm.
         q: (n,) joint angles [rad] or displacements [m].
+        wheels: (w,) momentum that each wheel of the arm holds about its axis [N m s].
+        stored: (6,) that momentum of all wheels, [linear (zero); angular], inertial axes: the total
+            is A_b v_b + A_q dq + stored.
         com: (3,) system centre of mass in the inertial frame [m].
         A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
             system CM], inertial axes.
@@ -42,6 +45,8 @@ class Configuration:
 
     arm: SpaceArm
     q: Array
+    wheels: Array
+    stored: Array
     com: Array
     A: Array
     J: Array
@@ -93,10 +98,46 @@ class Configuration:
         return f"Configuration({self.arm.name}, q={q}, base(xyz, xyzw)={base})"
 
 
-def configure(arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None) -> Configuration:
-    """The configuration of `arm` at q with the spacecraft at `base`, both checked."""
+def configure(
+    arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None, wheels: npt.ArrayLike | None
+) -> Configuration:
+    """The configuration of `arm` at q with the spacecraft at `base`, all checked."""
     base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
-    return kinematics(arm, joint_vector(arm, q, "q"), base)
+    cfg = kinematics(arm, joint_vector(arm, q, "q"), base)
+    return cfg if wheels is None else _spinning(cfg, wheels)
+
+
+def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
+    """The configuration with momentum in the wheels."""
+    arm, names = cfg.arm, [wheel.name for wheel in cfg.arm.wheels]
+    try:
+        h = np.array(wheels, dtype=np.float64)
+    except (TypeError, ValueError):
+        h = np.empty((0, 0))
+    if h.shape != (len(names),) or not (np.abs(h) <= LARGEST).all():
+        raise ConfigurationError(
+            f"wheels is {wheels!r}; {arm.name} needs {len(names)} finite numbers [N m s], one for "
+            f"each of: {', '.join(names) or 'no wheel'}"
+        )
+    stored = np.zeros(6)
+    data = arm.borrow()
+    pin.framesForwardKinematics(arm.model, data, cfg.full_at_origin)
+    for wheel, spin in zip(arm.wheels, h, strict=True):
+        stored[3:] += data.oMf[wheel.frame].rotation @ wheel.axis * spin
+    arm.give_back(data)
+    for array in (h, stored):
+        array.flags.writeable = False
+    return replace(cfg, wheels=h, stored=stored)
+
+
+def still_wheels(cfg: Configuration, what: str) -> None:
+    """Refuses wheels that hold momentum.
+
+    Raises:
+        UnsupportedError: They do; `what` says why that is too much.
+    """
+    if cfg.wheels.any():
+        raise UnsupportedError(f"the wheels of {cfg.arm.name} hold momentum, and {what}")
 
 
 def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
@@ -116,9 +157,10 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
         tip.translation += base.translation
     arm.give_back(data)
 
-    for array in (q, com, A, J):
+    wheels, stored = np.zeros(len(arm.wheels)), np.zeros(6)
+    for array in (q, wheels, stored, com, A, J):
         array.flags.writeable = False
-    return Configuration(arm, q, com, A, J, base, tuple(tips))
+    return Configuration(arm, q, wheels, stored, com, A, J, base, tuple(tips))
 
 
 def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:

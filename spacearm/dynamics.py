@@ -79,6 +79,8 @@ def forward_dynamics(
             held takes no part: of an attitude-controlled spacecraft's only the linear one counts.
         wrenches: External wrenches on links (contacts, thrusters).
 
+    Wheels keep their rates relative to the links that carry them, by their motors.
+
     Raises:
         ConfigurationError: An argument has the wrong shape, is not finite or names no link.
     """
@@ -124,7 +126,10 @@ def kinetic_energy(
     base: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> float:
-    """The kinetic energy of all bodies [J]; arguments as in `forward_dynamics`."""
+    """The kinetic energy of all bodies [J], without the spin of wheels.
+
+    Arguments as in `forward_dynamics`.
+    """
     v = generalized_velocity(cfg, dq, base, momentum)
     return float(0.5 * v @ mass_matrix(cfg) @ v)
 
@@ -151,7 +156,7 @@ def generalized_velocity(
     """(6 + n,) the spacecraft's twist in its own axes, as momentum demands, and the joint rates."""
     f, dq = free_components(base), joint_vector(cfg.arm, dq, "dq")
     v = np.concatenate((np.zeros(6), dq))
-    h = momentum_vector(momentum) - cfg.A[:, 6:] @ dq
+    h = momentum_vector(momentum) - cfg.stored - cfg.A[:, 6:] @ dq
     v[:f] = dgesv(cfg.A[:f, :f], h[:f])[2] if f else 0.0
     return v
 
@@ -183,6 +188,10 @@ def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
         frame = arm.model.getFrameId(link, pin.BODY)
         J = pin.computeFrameJacobian(arm.model, data, cfg.full_at_origin, frame, LWA)
         c = c - arm.project(J).T @ wrench
+    for wheel, spin in zip(arm.wheels, cfg.wheels, strict=True):
+        frame, q = wheel.frame, cfg.full_at_origin
+        J = pin.computeFrameJacobian(arm.model, data, q, frame, pin.LOCAL)[3:]
+        c = c + arm.project(J).T @ np.cross(J @ full, spin * wheel.axis)  # the wheel's gyration
     arm.give_back(data)
     return c
 

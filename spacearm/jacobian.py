@@ -104,7 +104,7 @@ def prescribed_motion(
             raise ConfigurationError(f"rates: {unknown('joint', name, arm.joint_names)}")
     dq = joint_vector(arm, [rates.get(name, 0.0) for name in arm.joint_names], "the rate")
     J = generalized_jacobian(cfg, base)
-    h = momentum_vector(momentum)[:f]
+    h = (momentum_vector(momentum) - cfg.stored)[:f]
     free = [name not in rates for name in arm.joint_names]
     names = tuple(name for name in arm.joint_names if name not in rates)
     drift = J @ dq + cfg.J[:, :f] @ np.linalg.solve(cfg.A[:f, :f], h)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import pinocchio as pin
@@ -25,6 +25,7 @@ def load(
     task: str | Task | None = None,
     locked: Mapping[str, float] | None = None,
     check: urdf.Check | None = None,
+    wheels: Collection[str] = (),
 ) -> SpaceArm:
     """Loads a spacecraft with its arm.
 
@@ -43,6 +44,8 @@ def load(
         locked: Joints to freeze, with their values [rad] or [m].
         check: "error", "warn" or "accept": what to do with inertias that no rigid body can
             have. Default: what the catalogue says for its models, "error" for files.
+        wheels: Joints of reaction wheels and other bodies that hold momentum, which are not among
+            the n; `SpaceArm.at` takes their momentum. Joints with a <wheel> in them are so anyway.
 
     Raises:
         ModelError: The model is unknown, cannot be read or is unsound.
@@ -51,7 +54,7 @@ def load(
     info = find(model)
     path = info.path if info else Path(model)
     tree = read(info, check) if info else urdf.read(path, check or "error")
-    return SpaceArm.of(tree.locked(locked or {}), path, tip=tip, task=task)
+    return SpaceArm.of(tree.locked(locked or {}).with_wheels(wheels), path, tip=tip, task=task)
 
 
 def mount(

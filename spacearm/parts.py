@@ -108,7 +108,8 @@ class Joint:
     """A joint between two links; limits are infinite where the URDF gives none.
 
     Attributes:
-        kind: "revolute", "continuous", "prismatic" or "fixed".
+        kind: "revolute", "continuous", "prismatic" or "fixed"; "wheel" for one that turns without
+            limits and is no joint of the arm (see `spacearm.wheels`).
         origin: Pose of the joint frame in the parent link's frame.
         axis: (3,) unit vector in the joint frame.
         lower: Least angle [rad] or displacement [m].
@@ -131,8 +132,8 @@ class Joint:
 
     @property
     def movable(self) -> bool:
-        """Whether the joint can move."""
-        return self.kind != "fixed"
+        """Whether the joint can move and is the arm's."""
+        return self.kind not in ("fixed", "wheel")
 
     @property
     def effort_unit(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 
@@ -143,6 +143,23 @@ class Tree:
             values |= followers
         joints = {
             name: joint.frozen(values[name]) if name in values else joint
+            for name, joint in self.joints.items()
+        }
+        return replace(self, joints=joints)
+
+    def with_wheels(self, names: Collection[str]) -> Tree:
+        """The tree with joints taken as wheels, which are not the arm's.
+
+        Raises:
+            ConfigurationError: One does not exist, slides, or has to do with mimic joints.
+        """
+        led = {joint.mimic.leader for joint in self.joints.values() if joint.mimic}
+        turning = [j.name for j in self.leading() if j.kind != "prismatic" and j.name not in led]
+        for name in names:
+            if name not in turning:
+                raise ConfigurationError(f"wheels: {unknown('turning joint', name, turning)}")
+        joints = {
+            name: replace(joint, kind="wheel") if name in names else joint
             for name, joint in self.joints.items()
         }
         return replace(self, joints=joints)

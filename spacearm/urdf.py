@@ -102,6 +102,10 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
     if kind not in KINDS:
         source.fail(f"joint {name!r} has type {kind!r}", f"use one of {', '.join(KINDS)}")
     parent, child = (_end(source, element, end, links) for end in ("parent", "child"))
+    if source.child(element, "wheel") is not None:
+        if kind not in ("revolute", "continuous"):
+            source.fail(f"joint {name!r} of type {kind!r} is a <wheel>", "make it continuous")
+        kind = "wheel"
     axis = source.child(element, "axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else source.numbers(axis, "xyz", 3)
     length = float(np.linalg.norm(direction))
@@ -145,7 +149,8 @@ def _limits(source: Source, joint: etree._Element) -> tuple[float, float, float,
             f"{describe(limit)} has velocity {velocity:g} and effort {effort:g}",
             "give positive numbers",
         )
-    if joint.get("type") == "continuous" or not (limit.get("lower") or limit.get("upper")):
+    turns = joint.get("type") == "continuous" or joint.find("wheel") is not None
+    if turns or not (limit.get("lower") or limit.get("upper")):
         return -math.inf, math.inf, velocity, effort
     lower, upper = source.number(limit, "lower", "0"), source.number(limit, "upper", "0")
     if lower > upper:

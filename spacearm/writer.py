@@ -15,7 +15,8 @@ from spacearm.tree import Tree
 def document(tree: Tree, tips: tuple[str, ...]) -> bytes:
     """The URDF of a tree, numbers with all their digits.
 
-    What URDF has no word for is in elements that other readers ignore: <tip link> names the tips.
+    What URDF has no word for is in elements that other readers ignore: <tip link> names the tips,
+    <wheel> in a joint says that it is none of the arm's.
     """
     links = [_link(tree, name) for name in tree.links]
     joints = [_joint(joint) for joint in tree.joints.values()]
@@ -40,7 +41,7 @@ def _inertial(inertial: Inertial) -> etree._Element:
 
 def _joint(joint: Joint) -> etree._Element:
     """<joint>; a turning one without limits is a continuous one."""
-    unlimited = math.isinf(joint.lower) and joint.kind == "revolute"
+    unlimited = math.isinf(joint.lower) and joint.kind in ("revolute", "wheel")
     element = E.joint(
         E.parent(link=joint.parent),
         E.child(link=joint.child),
@@ -48,7 +49,9 @@ def _joint(joint: Joint) -> etree._Element:
         name=joint.name,
         type="continuous" if unlimited else joint.kind,
     )
-    if joint.movable:
+    if joint.kind == "wheel":
+        element.append(E.wheel())
+    if joint.kind != "fixed":
         element.append(E.axis(xyz=text(joint.axis)))
         names = ("lower", "upper", "effort", "velocity")
         limits = {name: getattr(joint, name) for name in names}
