@@ -33,8 +33,8 @@ class SpaceArm:
 
     Attributes:
         name: The robot's name.
-        path: Where its URDF was read.
-        tree: Links and joints as read, locked joints frozen.
+        path: Where its URDF was read; a mere name for arms that `mount` put together.
+        tree: Links and joints, locked joints frozen, with what is drawn of them.
         model: pin.Model with a free-flyer root, not to be edited. All its joints have one number
             each, the unlimited ones too; joints that mimic another are separate joints here.
         tips: Names of the tip links, one as a rule.

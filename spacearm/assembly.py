@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from spacearm import urdf
 from spacearm.arm_models import find_arm
-from spacearm.defaults import choose_tip
+from spacearm.defaults import choose_tips, the_one
 from spacearm.errors import ModelError
 from spacearm.tree import Tree
 
@@ -34,7 +34,7 @@ def bolted(
     path = known.path if known else Path(arm)
     tree = urdf.read(path, check or "error", spacecraft=False)
     tree = tree.locked({**(known.locked if known else {}), **(locked or {})})
-    tip = choose_tip(tree, path, tip or (known.tip if known else None))
+    tip = the_one(choose_tips(tree, path, tip or (known.tip if known else None)), tree.name)
     name = _name(bus, known.name if known else tree.name, name)
     whole = bus.joined(tree.renamed(f"{name}_"), name, bus.root, at)
     frame = Tree(name, name, {name: None}, {})

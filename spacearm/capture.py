@@ -111,11 +111,11 @@ def capture(
     held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, cfg.base)
     M_t = _target(cfg, mass, inertia, com)
     t = _at_tip(cfg, target_twist, com)
-    M = mass_matrix(held)
-    h = mass_matrix(cfg) @ before + cfg.J.T @ M_t @ t
+    M, M_held = mass_matrix(cfg), mass_matrix(held)
+    h = M @ before + cfg.J.T @ M_t @ t
     f = len(h) if joints == "free" else 6
     after = np.zeros_like(h)
-    after[:f] = np.linalg.solve(M[:f, :f], h[:f])
+    after[:f] = np.linalg.solve(M_held[:f, :f], h[:f])
     dv, dt = after - before, cfg.J @ after - t
     return Capture(
         configuration=held,
@@ -123,7 +123,7 @@ def capture(
         dq=after[6:],
         momentum=held.A @ after,
         impulse=-M_t @ dt,
-        lost=float(dv @ mass_matrix(cfg) @ dv + dt @ M_t @ dt) / 2.0,
+        lost=float(dv @ M @ dv + dt @ M_t @ dt) / 2.0,
     )
 
 

@@ -67,7 +67,7 @@ def find(model: str | os.PathLike[str]) -> ModelInfo | None:
     Raises:
         ModelError: `model` is neither.
     """
-    if model in arms_by_name():
+    if isinstance(model, str) and model in arms_by_name():
         raise ModelError(
             f"{model} is an arm without a spacecraft; mount it on one: "
             f"sa.mount({model!r}, sa.Bus(mass=..., size=...))"

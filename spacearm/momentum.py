@@ -15,6 +15,8 @@ from spacearm.errors import ConfigurationError
 class MomentumMatrix(NamedTuple):
     """h = A_b v_b + A_q dq: [linear; angular about the system CM] momentum, inertial axes.
 
+    Wheels that spin add what they hold, `Configuration.stored`.
+
     Attributes:
         base: (6, 6) A_b, acts on the spacecraft's twist in inertial axes [kg, kg m, kg m^2].
         joints: (6, n) A_q, acts on the joint rates.
