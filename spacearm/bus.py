@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ GOLD = "0.83 0.66 0.31 1"
 STEEL = "0.55 0.60 0.66 1"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Bus:
     """A spacecraft bus, to bolt arms to with `mount`.
 
@@ -34,6 +34,7 @@ class Bus:
     """
 
     mass: float
+    _: KW_ONLY
     size: npt.ArrayLike | None = None
     inertia: npt.ArrayLike | None = None
     com: npt.ArrayLike = (0.0, 0.0, 0.0)

@@ -99,7 +99,7 @@ def test_the_written_urdf_is_for_everyone(name, tmp_path):
 
 def test_a_bus_is_a_solid_box_unless_its_inertia_is_given():
     base = sa.mount("vispa", sa.Bus(mass=12, size=(0.1, 0.2, 0.3), com=(0, 0, 0.02)))
-    alone = sa.Bus(mass=12, size=(0.1, 0.2, 0.3), com=(0, 0, 0.02)).tree().links["bus"]
+    alone = sa.Bus(12, size=(0.1, 0.2, 0.3), com=(0, 0, 0.02)).tree().links["bus"]
     assert np.allclose(np.diag(alone.inertia), [0.13, 0.10, 0.05])
     assert np.allclose(alone.origin.translation, [0, 0, 0.02])
     I = np.array([[3.0, 0.2, 0.1], [0.2, 4.0, 0.3], [0.1, 0.3, 5.0]])
