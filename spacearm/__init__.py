@@ -27,9 +27,12 @@ symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & D
 from importlib.metadata import version
 
 from spacearm import design
-from spacearm.arm import SpaceArm, load
+from spacearm.arm import SpaceArm
+from spacearm.arm_models import ArmInfo, arms
 from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
 from spacearm.batch import evaluate, generalized_jacobians
+from spacearm.bus import Bus
+from spacearm.capture import Capture, capture
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
@@ -59,11 +62,14 @@ from spacearm.events import Event
 from spacearm.following import Followed, follow
 from spacearm.found_set import FoundSet
 from spacearm.jacobian import (
+    PrescribedMotion,
     fixed_base_jacobian,
     generalized_jacobian,
     generalized_jacobian_derivative,
     generalized_jacobian_rate,
+    prescribed_motion,
 )
+from spacearm.loading import load, mount
 from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
 from spacearm.motion import Motion
 from spacearm.plan import Attempt, Joints, Plan
@@ -85,8 +91,11 @@ from spacearm.workspace import Workspace, workspace
 __version__ = version("spacearm")
 
 __all__ = [
+    "ArmInfo",
     "Attempt",
     "Barycentric",
+    "Bus",
+    "Capture",
     "Certificate",
     "Configuration",
     "ConfigurationError",
@@ -105,6 +114,7 @@ __all__ = [
     "NoSolutionError",
     "Plan",
     "PoseRisk",
+    "PrescribedMotion",
     "Reactionless",
     "Region",
     "ResolvedRate",
@@ -122,8 +132,10 @@ __all__ = [
     "VirtualManipulator",
     "Workspace",
     "__version__",
+    "arms",
     "barycentric",
     "base_velocity",
+    "capture",
     "catalogue",
     "design",
     "evaluate",
@@ -139,9 +151,11 @@ __all__ = [
     "kinetic_energy",
     "load",
     "momentum_matrix",
+    "mount",
     "move",
     "plan",
     "pose_risk",
+    "prescribed_motion",
     "risk_profile",
     "simulate",
     "singular_map",

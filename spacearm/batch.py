@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import LARGEST, Array
+from spacearm.defaults import the_one
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.jacobian import generalized_jacobian
 
@@ -122,7 +123,9 @@ def generalized_jacobians(
 
     Raises:
         ConfigurationError: Q or `out` has the wrong shape.
+        UnsupportedError: The arm has several tips.
     """
+    the_one(arm.tips, arm.name)
     Q = _configurations(arm, Q)
     m = len(Q)
     J = np.empty((m, 6, arm.n)) if out is None else _checked(out, (m, 6, arm.n), "out")

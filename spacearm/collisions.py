@@ -150,9 +150,9 @@ def collision_geometry(arm: SpaceArm) -> Collisions:
 def _bodies(arm: SpaceArm) -> Iterator[_Body]:
     """The collision geometries of the URDF."""
     source = Source(arm.path)
-    for link, element in source.named(source.robot(), "link").items():
+    for link, look in arm.tree.looks.items():
         frame = arm.model.frames[arm.model.getFrameId(link, pin.BODY)]
-        for collision in element.findall("collision"):
+        for collision in etree.fromstring(look).findall("collision"):
             if (shape := _shape(source, link, collision)) is not None:
                 pose = frame.placement * source.pose(collision)
                 yield _Body(link, frame.parentJoint, pose, shape, _reach(arm, frame, pose, shape))

@@ -54,7 +54,7 @@ class Dynamics(NamedTuple):
 def generalized_inertia(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
     """(n, n) H*, the inertia that the joints feel; see the module's docstring."""
     f = free_components(base)
-    M = _mass_matrix(cfg)
+    M = mass_matrix(cfg)
     H: Array = M[6:, 6:] - M[6:, :f] @ _solve(M[:f, :f], M[:f, 6:])
     return 0.5 * (H + H.T)
 
@@ -79,13 +79,15 @@ def forward_dynamics(
             held takes no part: of an attitude-controlled spacecraft's only the linear one counts.
         wrenches: External wrenches on links (contacts, thrusters).
 
+    Wheels keep their rates relative to the links that carry them, by their motors.
+
     Raises:
         ConfigurationError: An argument has the wrong shape, is not finite or names no link.
     """
     f = free_components(base)
     tau = joint_vector(cfg.arm, tau, "tau")
-    v = _velocity(cfg, dq, base, momentum)
-    M, c = _mass_matrix(cfg), _bias(cfg, v, wrenches)
+    v = generalized_velocity(cfg, dq, base, momentum)
+    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
     X = _eliminated(M, c, f)
     H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
     c_star = c[6:] - M[6:, :f] @ X[:, -1]
@@ -112,8 +114,8 @@ def inverse_dynamics(
         wrenches: As in `forward_dynamics`.
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
-    v = _velocity(cfg, dq, base, momentum)
-    M, c = _mass_matrix(cfg), _bias(cfg, v, wrenches)
+    v = generalized_velocity(cfg, dq, base, momentum)
+    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
     return _dynamics(cfg, v, M, c, _eliminated(M, c, free_components(base)), ddq)
 
 
@@ -124,9 +126,12 @@ def kinetic_energy(
     base: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> float:
-    """The kinetic energy of all bodies [J]; arguments as in `forward_dynamics`."""
-    v = _velocity(cfg, dq, base, momentum)
-    return float(0.5 * v @ _mass_matrix(cfg) @ v)
+    """The kinetic energy of all bodies [J], without the spin of wheels.
+
+    Arguments as in `forward_dynamics`.
+    """
+    v = generalized_velocity(cfg, dq, base, momentum)
+    return float(0.5 * v @ mass_matrix(cfg) @ v)
 
 
 def spacecraft_twist(
@@ -136,27 +141,27 @@ def spacecraft_twist(
     momentum: npt.ArrayLike | None = None,
 ) -> Array:
     """(6,) twist of the spacecraft, inertial axes, whatever it does; see `forward_dynamics`."""
-    return _turned(cfg, _velocity(cfg, dq, base, momentum)[:6])
+    return in_inertial_axes(cfg, generalized_velocity(cfg, dq, base, momentum)[:6])
 
 
-def _turned(cfg: Configuration, twists: Array) -> Array:
+def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
     """(..., 6) twists or wrenches at the spacecraft's origin from its axes into inertial ones."""
     turned: Array = twists.reshape(-1, 3) @ cfg.base.rotation.T
     return turned.reshape(twists.shape)
 
 
-def _velocity(
+def generalized_velocity(
     cfg: Configuration, dq: npt.ArrayLike, base: BaseMode, momentum: npt.ArrayLike | None
 ) -> Array:
     """(6 + n,) the spacecraft's twist in its own axes, as momentum demands, and the joint rates."""
     f, dq = free_components(base), joint_vector(cfg.arm, dq, "dq")
     v = np.concatenate((np.zeros(6), dq))
-    h = momentum_vector(momentum) - cfg.A[:, 6:] @ dq
+    h = momentum_vector(momentum) - cfg.stored - cfg.A[:, 6:] @ dq
     v[:f] = dgesv(cfg.A[:f, :f], h[:f])[2] if f else 0.0
     return v
 
 
-def _mass_matrix(cfg: Configuration) -> Array:
+def mass_matrix(cfg: Configuration) -> Array:
     """(6 + n, 6 + n) M."""
     arm = cfg.arm
     data = arm.borrow()
@@ -183,6 +188,10 @@ def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
         frame = arm.model.getFrameId(link, pin.BODY)
         J = pin.computeFrameJacobian(arm.model, data, cfg.full_at_origin, frame, LWA)
         c = c - arm.project(J).T @ wrench
+    for wheel, spin in zip(arm.wheels, cfg.wheels, strict=True):
+        frame, q = wheel.frame, cfg.full_at_origin
+        J = pin.computeFrameJacobian(arm.model, data, q, frame, pin.LOCAL)[3:]
+        c = c + arm.project(J).T @ np.cross(J @ full, spin * wheel.axis)  # the wheel's gyration
     arm.give_back(data)
     return c
 
@@ -206,5 +215,5 @@ def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: A
     force = M @ a + c
     force[:f] = 0.0
     a[:3] += pin.skew(v[3:6]) @ v[:3]  # from spatial to classical acceleration
-    base, reaction, twist = _turned(cfg, np.array((a[:6], force[:6], v[:6])))
+    base, reaction, twist = in_inertial_axes(cfg, np.array((a[:6], force[:6], v[:6])))
     return Dynamics(ddq, force[6:], base, reaction, twist)

@@ -11,7 +11,8 @@ when it floats, the three linear ones when its attitude is controlled, none when
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.configuration import LWA, Configuration, joint_vector
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.momentum import base_velocity
+from spacearm.momentum import base_velocity, momentum_vector
 
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
 
@@ -42,7 +43,8 @@ def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -
             "fixed" (the earth-bound arm).
 
     Returns:
-        (6, n) J*, rows [linear [m/rad]; angular], inertial axes, for the tip frame's origin.
+        (6, n) J*, rows [linear [m/rad]; angular], inertial axes, for the tip frame's origin. Of
+        several tips (6 tips, n), stacked in the order of `arm.tips`.
 
     Raises:
         ConfigurationError: `base` is none of the three.
@@ -60,6 +62,53 @@ def fixed_base_jacobian(cfg: Configuration) -> Array:
         (6, n) Jacobian, rows [linear; angular], inertial axes, for the tip frame's origin.
     """
     return generalized_jacobian(cfg, base="fixed")
+
+
+class PrescribedMotion(NamedTuple):
+    """How the tip moves with some joints while others move as prescribed: J dq + drift.
+
+    Attributes:
+        joints: The other joints, whose rates dq are free, in the model's order.
+        jacobian: (6, m) their J, rows [linear; angular], inertial axes; stacked for several tips.
+        drift: (6,) the tip's twist while they rest, from the prescribed rates and the momentum.
+    """
+
+    joints: tuple[str, ...]
+    jacobian: Array
+    drift: Array
+
+
+def prescribed_motion(
+    cfg: Configuration,
+    rates: Mapping[str, float],
+    *,
+    base: BaseMode = "free-floating",
+    momentum: npt.ArrayLike | None = None,
+) -> PrescribedMotion:
+    """J* of some joints with the rates of the others prescribed, such as a second arm's.
+
+    The columns of J* part in two, and J* dq + J_b A_b^-1 h is the tip's twist with momentum h.
+
+    Args:
+        cfg: The configuration.
+        rates: Rates [rad/s] or [m/s] of the prescribed joints by name; zero for one that rests.
+        base: What the spacecraft does; see `generalized_jacobian`.
+        momentum: (6,) momentum, zero if None; what a held spacecraft takes up is left out.
+
+    Raises:
+        ConfigurationError: A joint does not exist, or a value is not finite.
+    """
+    arm, f = cfg.arm, free_components(base)
+    for name in rates:
+        if name not in arm.joint_names:
+            raise ConfigurationError(f"rates: {unknown('joint', name, arm.joint_names)}")
+    dq = joint_vector(arm, [rates.get(name, 0.0) for name in arm.joint_names], "the rate")
+    J = generalized_jacobian(cfg, base)
+    h = (momentum_vector(momentum) - cfg.stored)[:f]
+    free = [name not in rates for name in arm.joint_names]
+    names = tuple(name for name in arm.joint_names if name not in rates)
+    drift = J @ dq + cfg.J[:, :f] @ np.linalg.solve(cfg.A[:f, :f], h)
+    return PrescribedMotion(names, J[:, free], drift)
 
 
 def generalized_jacobian_derivative(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
@@ -98,22 +147,25 @@ def generalized_jacobian_rate(
     """
     dq = joint_vector(cfg.arm, dq, "dq")
     w_0 = pin.skew(base_velocity(cfg, dq, momentum)[3:])
-    turning = np.kron(np.eye(2), w_0) @ generalized_jacobian(cfg)
+    turning = np.kron(np.eye(2 * len(cfg.arm.tips)), w_0) @ generalized_jacobian(cfg)
     rate: Array = np.tensordot(dq, generalized_jacobian_derivative(cfg), axes=1) + turning
     return rate
 
 
 def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:
-    """(n, 6, 6 + n) each: dA/dq_j and dJ/dq_j, as the rates at dq = e_j with the base at rest."""
+    """(n, ., 6 + n) each: dA/dq_j and dJ/dq_j, as the rates at dq = e_j with the base at rest."""
     arm, full = cfg.arm, cfg.full_at_origin
-    dA, dJ = np.empty((2, arm.n, 6, 6 + arm.n))
+    dA, dJ = (np.empty((arm.n, *matrix.shape)) for matrix in (cfg.A, cfg.J))
     data = arm.borrow()
     for j, dq in enumerate(np.eye(arm.n)):
         v = np.concatenate((np.zeros(6), arm.all_rates(dq)))
         dA[j] = arm.project(pin.computeCentroidalMapTimeVariation(arm.model, data, full, v))
         pin.computeJointJacobiansTimeVariation(arm.model, data, full, v)
-        rate = pin.getFrameJacobianTimeVariation(arm.model, data, arm.tip_frame, LWA)
-        dJ[j] = arm.project(rate)
+        rates = [
+            pin.getFrameJacobianTimeVariation(arm.model, data, frame, LWA)
+            for frame in arm.tip_frames
+        ]
+        dJ[j] = arm.project(np.vstack(rates))
     arm.give_back(data)
     return dA, dJ
 

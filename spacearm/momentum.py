@@ -15,6 +15,8 @@ from spacearm.errors import ConfigurationError
 class MomentumMatrix(NamedTuple):
     """h = A_b v_b + A_q dq: [linear; angular about the system CM] momentum, inertial axes.
 
+    Wheels that spin add what they hold, `Configuration.stored`.
+
     Attributes:
         base: (6, 6) A_b, acts on the spacecraft's twist in inertial axes [kg, kg m, kg m^2].
         joints: (6, n) A_q, acts on the joint rates.
@@ -48,7 +50,9 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
 def base_velocity(
     cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
 ) -> Array:
-    """The spacecraft's twist that keeps the momentum: v_b = A_b^-1 (h - A_q dq).
+    """The spacecraft's twist that keeps the momentum: v_b = A_b^-1 (h - h_w - A_q dq).
+
+    h_w is what the wheels hold (`Configuration.stored`): h is the momentum of all.
 
     With zero momentum its angular part is equation (33c) of Papadopoulos & Dubowsky (1993),
     w_0 = -D^-1 D_q dq.
@@ -66,7 +70,7 @@ def base_velocity(
         ConfigurationError: dq or momentum has the wrong shape or is not finite.
     """
     A_b, A_q = momentum_matrix(cfg)
-    h = momentum_vector(momentum)
+    h = momentum_vector(momentum) - cfg.stored
     return np.linalg.solve(A_b, h - A_q @ joint_vector(cfg.arm, dq, "dq"))
 
 

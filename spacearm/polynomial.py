@@ -29,6 +29,8 @@ from spacearm.line import Complex, distinct, line_roots, orders
 
 Sampler = Callable[[Array], Array]
 
+MOST_SAMPLES = 10_000_000
+"""Values that a fit may take, so that memory lasts."""
 NOISE = 1e-12
 """Coefficients and values below this share of the scale are rounding."""
 BLOCK = 1 << 21
@@ -99,12 +101,18 @@ class TrigPolynomial:
             rng: For the lines along which degrees are found and the points of the final check.
 
         Raises:
-            UnsupportedError: The function is no trigonometric polynomial up to that degree, or
-                gives values that are not finite.
+            UnsupportedError: The function is no trigonometric polynomial up to that degree, gives
+                values that are not finite, or has too many coefficients.
         """
         rng = rng or np.random.default_rng(0)
         degrees = [_degree(sampler, n, j, highest, noise, rng) for j in range(n)]
         shape = [2 * d + 1 for d in degrees]
+        if math.prod(shape) > MOST_SAMPLES:
+            raise UnsupportedError(
+                f"a trigonometric polynomial of degrees {tuple(degrees)} has "
+                f"{math.prod(shape):.3g} coefficients, of which {MOST_SAMPLES:.0e} at most are "
+                "kept; lock joints"
+            )
         axes = np.meshgrid(*(2.0 * np.pi * np.arange(s) / s for s in shape), indexing="ij")
         values = sampler(np.stack([axis.ravel() for axis in axes], axis=1))
         spectrum = np.fft.fftn(values.reshape(shape)) / math.prod(shape)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.configuration import Configuration, joint_vector
+from spacearm.configuration import Configuration, joint_vector, still_wheels
 
 STEP = 0.05
 """Largest joint motion [rad] or [m] of one step of the integration along a segment."""
@@ -34,7 +34,9 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
 
     Raises:
         ConfigurationError: q has the wrong shape or is not finite.
+        UnsupportedError: The wheels hold momentum.
     """
+    still_wheels(cfg, "the spacecraft then turns with time, not with the joints alone")
     arm = cfg.arm
     dq = joint_vector(arm, q, "q") - cfg.q
     steps = max(1, math.ceil(np.abs(dq).max() / STEP))

@@ -26,6 +26,7 @@ from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration, joint_vector, kinematics
 from spacearm.control import Controller, check_target
+from spacearm.defaults import the_one
 from spacearm.dynamics import forward_dynamics
 from spacearm.errors import ConfigurationError, NoSolutionError, SpaceArmError, unknown
 from spacearm.events import EVENTS, Event, Lookout, Measure, Watch, watches
@@ -93,6 +94,7 @@ def simulate(
 
     Raises:
         ConfigurationError: An argument does not make sense, or the target is out of reach.
+        UnsupportedError: The arm has several tips.
         NoSolutionError: The controller gave no torques, the step collapsed, or the balance of
             energy or momentum is off: carries the trajectory so far, None before the first step.
     """
@@ -103,6 +105,7 @@ def simulate(
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
     if method not in METHODS:
         raise ConfigurationError(unknown("method", method, METHODS))
+    the_one(arm.tips, arm.name)  # whose path the trajectory holds
     system = _System(arm, controller, mode, momentum, arm.at(q0, base))
     if mode != "fixed" and not system.h[:3].any():
         check_target(controller, system.start)

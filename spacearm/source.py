@@ -37,7 +37,7 @@ class Source:
         warnings.warn(f"{self.path}: {message}", ModelWarning, stacklevel=depth)
 
     def robot(self) -> etree._Element:
-        """The root element of a file that is XML, is a URDF and plays no tricks."""
+        """The root element of a file that is XML, is a URDF or a xacro source of one."""
         try:
             text = self.path.read_bytes()
         except FileNotFoundError:
@@ -45,6 +45,18 @@ class Source:
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
             self.fail(f"cannot be read ({why})", "give the path of a URDF file")
+        robot = self._parsed(text)
+        if self._is_xacro(robot):
+            robot = self._parsed(self._expanded(robot.get("name") or self.path.stem))
+        if robot.tag != "robot":
+            self.fail(
+                f"is not a URDF: its root element is <{robot.tag!s}>",
+                "a URDF starts with <robot name='...'>",
+            )
+        return robot
+
+    def _parsed(self, text: bytes) -> etree._Element:
+        """The root element of XML that plays no tricks."""
         parser = etree.XMLParser(
             resolve_entities=False,
             no_network=True,
@@ -53,19 +65,32 @@ class Source:
             remove_pis=True,
         )
         try:
-            robot = etree.fromstring(text, parser)
+            root = etree.fromstring(text, parser)
         except etree.XMLSyntaxError as error:
             self.fail(f"is not XML ({error.msg})", "correct it there")
-        if etree.ElementTree(robot).docinfo.doctype:
+        if etree.ElementTree(root).docinfo.doctype:
             self.fail("declares a DOCTYPE", "remove it: entities are not expanded")
-        if robot.tag != "robot":
+        return root
+
+    def _is_xacro(self, robot: etree._Element) -> bool:
+        tags = (str(element.tag) for element in robot.iter())
+        return self.path.suffix == ".xacro" or any(tag.startswith(XACRO) for tag in tags)
+
+    def _expanded(self, name: str) -> bytes:
+        """The URDF that a xacro source stands for, of a robot of this name."""
+        try:
+            from xacrodoc import XacroDoc, packages
+        except ImportError:
             self.fail(
-                f"is not a URDF: its root element is <{robot.tag!s}>",
-                "a URDF starts with <robot name='...'>",
+                "is a xacro source", "pip install 'spacearm[xacro]', or expand it: xacro FILE"
             )
-        if any(str(element.tag).startswith(XACRO) for element in robot.iter()):
-            self.fail("is a xacro source", "expand it first: xacro FILE > robot.urdf")
-        return robot
+        try:
+            packages.walk_up_from(self.path)
+            file = [str(self.path.resolve())]  # as an include: its own includes are beside it
+            urdf: str = XacroDoc.from_includes(file, name, resolve_packages=False).to_urdf_string()
+        except Exception as error:  # whatever xacro makes of a faulty file
+            self.fail(f"is a xacro source that cannot be expanded ({error})", "correct it there")
+        return urdf.encode()
 
     def named(self, robot: etree._Element, tag: str) -> dict[str, etree._Element]:
         """The children with this tag by their names, which must be there and be unique."""

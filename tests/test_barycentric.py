@@ -28,6 +28,9 @@ def agreement(cfg):
 @pytest.mark.parametrize("info", sa.catalogue(), ids=lambda info: info.name)
 def test_both_routes_agree_on_every_model(info):
     arm = sa.load(info.name)
+    on_the_way = {joint.name for joint in arm.tree.chain(arm.tip)}
+    beside = {name: 0.3 for name in arm.joint_names if name not in on_the_way}
+    arm = arm.replace(locked=beside)  # a second arm: the barycentric route is for one chain
     assert max(agreement(random_configuration(arm, seed)) for seed in range(50)) < 1e-12
 
 

@@ -1,5 +1,6 @@
 """Bad URDFs: each gets an error that names file, element, value and remedy."""
 
+import sys
 import time
 import warnings
 
@@ -24,7 +25,7 @@ BAD = {
     "not URDF": ("<sdf version='1.7'/>", "root element is <sdf>.*a URDF starts with <robot"),
     "xacro": (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
-        "is a xacro source; expand it first",
+        "is a xacro source that cannot be expanded",
     ),
     "no links": ("<robot name='r'/>", "has no links"),
     "a link without name": (robot("<link/>"), "<link> on line 3 has no name"),
@@ -156,6 +157,42 @@ def test_bad_urdf_is_refused_with_file_element_and_remedy(case, tmp_path):
         sa.load(path)
     assert str(error.value).startswith(str(path))
     assert "; " in str(error.value)
+
+
+XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:property name="mass" value="${10 * 5}"/>
+  <xacro:include filename="parts.xacro"/>
+  <xacro:body name="bus" mass="${mass}"/>
+  <xacro:body name="arm" mass="2"/>
+  <joint name="elbow" type="continuous"><parent link="bus"/><child link="arm"/></joint>
+</robot>
+"""
+PARTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:macro name="body" params="name mass"><link name="${name}"><inertial>
+    <mass value="${mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link></xacro:macro>
+</robot>
+"""
+
+
+@pytest.mark.filterwarnings("default")  # the parser of xacro has its own
+@pytest.mark.parametrize("name", ["robot.xacro", "robot.urdf.xacro", "robot.urdf"])
+def test_xacro_sources_are_expanded(name, tmp_path):
+    (tmp_path / "parts.xacro").write_text(PARTS)
+    path = tmp_path / name
+    path.write_text(XACRO)
+    arm = sa.load(path)
+    assert [body.mass for body in list(arm.model.inertias)[1:]] == [50.0, 2.0]
+    assert arm.name == "r"
+    assert sa.mount(path, sa.Bus(mass=9, size=(1, 1, 1)), name="arm").mass == 61.0
+
+
+def test_xacro_sources_say_what_they_take_where_nothing_expands_them(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    path = tmp_path / "robot.xacro"
+    path.write_text(XACRO)
+    with pytest.raises(sa.ModelError, match=r"is a xacro source; pip install 'spacearm\[xacro\]'"):
+        sa.load(path)
 
 
 def test_missing_file_and_folder(tmp_path):
