@@ -76,8 +76,9 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
         for sign in (1.0, -1.0):
             arrow = {"arrowstyle": "-|>", "color": RED, "lw": 2.5}
             axes.annotate("", tip + sign * 0.8 * lost, tip, arrowprops=arrow)
-        low = min((tip + sign * 0.85 * lost for sign in (1.0, -1.0)), key=lambda p: float(p[1]))
-        axes.text(*low, "no motion\nthis way", color=RED, va="top", ha="center")
+        away = np.sign(lost @ (tip - _flat(cfg, cfg.com))) * lost
+        side = "bottom" if away[1] > 0.0 else "top"
+        axes.text(*(tip + 0.85 * away), "no motion\nthis way", color=RED, va=side, ha="center")
 
 
 def draw_virtual_manipulator(axes: Any, cfg: Configuration) -> None:
