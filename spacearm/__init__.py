@@ -27,9 +27,11 @@ symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & D
 from importlib.metadata import version
 
 from spacearm import design
-from spacearm.arm import SpaceArm, load
+from spacearm.arm import SpaceArm
+from spacearm.arm_models import ArmInfo, arms
 from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
 from spacearm.batch import evaluate, generalized_jacobians
+from spacearm.bus import Bus
 from spacearm.catalogue import ModelInfo, catalogue
 from spacearm.certificate import Certificate
 from spacearm.configuration import Configuration
@@ -64,6 +66,7 @@ from spacearm.jacobian import (
     generalized_jacobian_derivative,
     generalized_jacobian_rate,
 )
+from spacearm.loading import load, mount
 from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
 from spacearm.motion import Motion
 from spacearm.plan import Attempt, Joints, Plan
@@ -85,8 +88,10 @@ from spacearm.workspace import Workspace, workspace
 __version__ = version("spacearm")
 
 __all__ = [
+    "ArmInfo",
     "Attempt",
     "Barycentric",
+    "Bus",
     "Certificate",
     "Configuration",
     "ConfigurationError",
@@ -122,6 +127,7 @@ __all__ = [
     "VirtualManipulator",
     "Workspace",
     "__version__",
+    "arms",
     "barycentric",
     "base_velocity",
     "catalogue",
@@ -139,6 +145,7 @@ __all__ = [
     "kinetic_energy",
     "load",
     "momentum_matrix",
+    "mount",
     "move",
     "plan",
     "pose_risk",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,52 +11,19 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm import urdf
-from spacearm.arrays import LARGEST, Array
-from spacearm.catalogue import find
+from spacearm.arrays import Array
+from spacearm.bus import STEEL, body
 from spacearm.configuration import Configuration, configure, sound_pose
-from spacearm.defaults import chain_length, choose_tip, default_task, movable
-from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
+from spacearm.defaults import chain_length, choose_tips, default_task, movable, the_one
+from spacearm.errors import ModelError, UnsupportedError
+from spacearm.files import write
+from spacearm.parts import Inertial
 from spacearm.task import Task
 from spacearm.tree import Tree
+from spacearm.writer import document
 
 MOST_JOINTS = 200
 """Movable joints that a model may have."""
-
-
-def load(
-    model: str | os.PathLike[str],
-    *,
-    tip: str | None = None,
-    task: str | Task | None = None,
-    locked: Mapping[str, float] | None = None,
-    check: urdf.Check | None = None,
-) -> SpaceArm:
-    """Loads a spacecraft with its arm.
-
-    The spacecraft is the URDF's root link with all that fixed joints hold to it; a massless root
-    joined to the real bus is fine. Side branches (solar panels, other arms) are bodies and
-    joints like any other. Joints that mimic another follow it and are not counted in n.
-
-    Args:
-        model: A catalogue name (see `catalogue`) or the path of a URDF.
-        tip: Link whose frame is the tip. Default: the leaf link behind the most movable joints
-            (of several, the one behind the most joints of any kind).
-        task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
-            `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
-            the rotation); otherwise "pose" from 6 joints on, else "position".
-        locked: Joints to freeze, with their values [rad] or [m].
-        check: "error", "warn" or "accept": what to do with inertias that no rigid body can
-            have. Default: what the catalogue says for its models, "error" for files.
-
-    Raises:
-        ModelError: The model is unknown, cannot be read or is unsound.
-        ConfigurationError: tip, task or locked name something that does not exist.
-    """
-    info = find(model)
-    path = info.path if info else Path(model)
-    tree = urdf.read(path, check or (info.check if info else "error"))
-    return SpaceArm.of(_lock(tree, locked or {}), path, tip=tip, task=task)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,8 +36,8 @@ class SpaceArm:
         tree: Links and joints as read, locked joints frozen.
         model: pin.Model with a free-flyer root, not to be edited. All its joints have one number
             each, the unlimited ones too; joints that mimic another are separate joints here.
-        tip: Name of the tip link.
-        tip_frame: Index of its frame in the model.
+        tips: Names of the tip links, one as a rule.
+        tip_frames: Indices of their frames in the model.
         task: The twist rows that count.
         joint_names: The n movable joints, in the model's order.
         coupling: (model.nv - 6, n) rates of the model's joints per rate of the n, None if they
@@ -84,8 +51,8 @@ class SpaceArm:
     path: Path
     tree: Tree
     model: pin.Model
-    tip: str
-    tip_frame: int
+    tips: tuple[str, ...]
+    tip_frames: tuple[int, ...]
     task: Task
     joint_names: tuple[str, ...]
     coupling: Array | None
@@ -101,10 +68,10 @@ class SpaceArm:
         tree: Tree,
         path: Path,
         *,
-        tip: str | None = None,
+        tip: str | Sequence[str] | None = None,
         task: str | Task | None = None,
     ) -> SpaceArm:
-        """The arm in a checked tree; arguments as in `load`."""
+        """The arm in a checked tree; arguments as in `loading.load`."""
         leading = tree.leading()
         if not leading:
             raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
@@ -113,11 +80,11 @@ class SpaceArm:
                 f"{path}: {len(tree.coupling()[0])} movable joints, and Pinocchio's memory grows "
                 f"with their cube; lock all but {MOST_JOINTS}"
             )
-        tip = choose_tip(tree, path, tip)
+        tips = choose_tips(tree, path, tip)
         asked = task if task is None or isinstance(task, Task) else Task(task)
-        task = asked or default_task(tree, tip)
+        task = replace(asked or default_task(tree, tips), tips=len(tips))
         if task.mixed and task.length is None:
-            task = replace(task, length=chain_length(tree, tip, path))
+            task = replace(task, length=max(chain_length(tree, tip, path) for tip in tips))
         coupling, offsets = tree.coupling()
         model = tree.pinocchio()
         return cls(
@@ -125,8 +92,8 @@ class SpaceArm:
             path=path,
             tree=tree,
             model=model,
-            tip=tip,
-            tip_frame=model.getFrameId(tip, pin.BODY),
+            tips=tips,
+            tip_frames=tuple(model.getFrameId(tip, pin.BODY) for tip in tips),
             task=task,
             joint_names=tuple(joint.name for joint in leading),
             coupling=None if len(coupling) == len(leading) else coupling,
@@ -140,6 +107,20 @@ class SpaceArm:
     def n(self) -> int:
         """Number of movable joints."""
         return len(self.joint_names)
+
+    @property
+    def tip(self) -> str:
+        """Name of the tip link.
+
+        Raises:
+            UnsupportedError: There are several; what asks for the tip cannot do with them.
+        """
+        return the_one(self.tips, self.name)
+
+    @property
+    def tip_frame(self) -> int:
+        """Index of the tip's frame in the model; raises as `tip` does."""
+        return self.tip_frames[self.tips.index(self.tip)]
 
     @property
     def mass(self) -> float:
@@ -202,8 +183,9 @@ class SpaceArm:
         mount: pin.SE3 | None = None,
         link_mass: Mapping[str, float] | None = None,
         payload: float | None = None,
-        tip: str | None = None,
+        tip: str | Sequence[str] | None = None,
         task: str | Task | None = None,
+        locked: Mapping[str, float] | None = None,
     ) -> SpaceArm:
         """A new arm with some things changed.
 
@@ -212,9 +194,11 @@ class SpaceArm:
             base_inertia: (3, 3) inertia of the spacecraft about its CM, spacecraft axes [kg m^2].
             mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
             link_mass: Masses of links [kg]; their inertias grow in proportion.
-            payload: A point mass held at the tip [kg].
-            tip: Link whose frame is the tip; a task that was not asked for is chosen anew.
+            payload: A point mass held at the tip [kg]; `grasp` takes bodies.
+            tip: Link whose frame is the tip, or several; a task that was not asked for is chosen
+                anew.
             task: The twist rows that count.
+            locked: Joints to freeze, with their values [rad] or [m].
 
         Raises:
             ModelError: No rigid body can have this mass and inertia.
@@ -226,38 +210,69 @@ class SpaceArm:
             tree = tree.with_mount(movable(tree, self.tip)[0], sound_pose(mount, "mount"))
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
-        if payload is not None:
-            tree = tree.with_payload(self.tip if tip is None else tip, payload)
+        if locked is not None:
+            tree = tree.locked(locked)
+        tips = self.tips if tip is None else choose_tips(tree, self.path, tip)
+        if payload:
+            rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
+            tree = _holding(tree, the_one(tips, self.name), rigid)
         if task is None:
             task = self.task if tip is None else self._asked
-        return SpaceArm.of(tree, self.path, tip=self.tip if tip is None else tip, task=task)
+        return SpaceArm.of(tree, self.path, tip=tips, task=task)
+
+    def grasp(
+        self,
+        mass: float,
+        inertia: npt.ArrayLike | None = None,
+        com: npt.ArrayLike = (0.0, 0.0, 0.0),
+    ) -> SpaceArm:
+        """The arm holding a body at its tip, such as a captured satellite.
+
+        The tip stays where it is on the arm; see `capture` for how the body is taken.
+
+        Args:
+            mass: Mass of the body [kg].
+            inertia: (3, 3) its inertia about its own CM, tip axes [kg m^2]; a point mass if None.
+            com: (3,) its CM in the tip frame [m].
+
+        Raises:
+            ModelError: No rigid body can have this mass and inertia.
+            UnsupportedError: The arm has several tips.
+        """
+        I = np.zeros((3, 3)) if inertia is None else inertia
+        rigid = Inertial.of(mass, I, com, body="the payload")
+        tree = _holding(self.tree, self.tip, rigid)
+        return SpaceArm.of(tree, self.path, tip=self.tips, task=self.task)
+
+    def to_urdf(self, path: str | os.PathLike[str]) -> Path:
+        """Writes spacecraft and arm as one URDF, which `load` reads to the same numbers.
+
+        Masses, poses and limits are those of this arm, locked joints are fixed ones; visuals and
+        collision bodies are the sources', their mesh files by absolute names. <tip> elements,
+        which other readers ignore, name the tip.
+
+        Returns:
+            The path.
+
+        Raises:
+            SpaceArmError: The file cannot be written.
+        """
+        return write(Path(path), document(self.tree, self.tips))
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": []}
 
     def __repr__(self) -> str:
         return (
-            f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, tip {self.tip!r}, "
-            f"task {self.task.names!r})"
+            f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, "
+            f"tip {', '.join(map(repr, self.tips))}, task {self.task.names!r})"
         )
 
 
-def _lock(tree: Tree, values: Mapping[str, float]) -> Tree:
-    """The tree with joints frozen, once it is sure that they exist and lead."""
-    if not isinstance(values, Mapping):
-        raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
-    leading = [joint.name for joint in tree.leading()]
-    for name, value in values.items():
-        joint = tree.joints.get(name)
-        if joint and joint.mimic:
-            raise ConfigurationError(
-                f"locked: joint {name!r} mimics {joint.mimic.leader!r}; lock that one"
-            )
-        if name not in leading:
-            raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
-        if not isinstance(value, (int, float, np.number)) or not abs(value) <= LARGEST:
-            raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
-    return tree.locked(values)
+def _holding(tree: Tree, link: str, rigid: Inertial) -> Tree:
+    """The tree with a body fixed to a link, as a link "payload" of its own."""
+    name = tree.free_name("payload")
+    return tree.joined(body(name, rigid, None, STEEL), name, link, pin.SE3.Identity())
 
 
 def _read_only(values: list[float]) -> Array:

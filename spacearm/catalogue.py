@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
+import numpy as np
+import pinocchio as pin
+
 from spacearm import urdf
+from spacearm.arm_models import arms_by_name, named
 from spacearm.arrays import plain
-from spacearm.errors import ModelError, unknown
+from spacearm.assembly import bolted
+from spacearm.bus import Bus
+from spacearm.errors import ModelError
+from spacearm.files import models_folder
+from spacearm.tree import Tree
+
+CATALOGUE = "catalogue.json"
 
 
 class ModelInfo(NamedTuple):
@@ -23,9 +34,11 @@ class ModelInfo(NamedTuple):
         n: Number of movable joints.
         tip: Tip link.
         task: Default task.
-        path: Its URDF.
+        path: Its URDF; for a model that is put together the catalogue's file, with its recipe.
         check: How `load` treats its inertias: "error", or "accept" where the published data has
             faults, which the URDF names.
+        recipe: The bus and the arms that a model is put together from, as `Bus` and `mount` take
+            them; None for a URDF.
     """
 
     name: str
@@ -36,6 +49,7 @@ class ModelInfo(NamedTuple):
     task: str
     path: Path
     check: urdf.Check
+    recipe: dict[str, Any] | None
 
     def to_dict(self) -> dict[str, Any]:
         """All fields as plain data."""
@@ -53,32 +67,32 @@ def find(model: str | os.PathLike[str]) -> ModelInfo | None:
     Raises:
         ModelError: `model` is neither.
     """
-    models = _read()
-    if isinstance(model, str) and model in models:
-        return models[model]
-    try:
-        path = Path(model)
-        if path.is_file() or (path.suffix and path.stem not in models) or len(path.parts) > 1:
-            return None
-    except (TypeError, ValueError, OSError):
-        pass  # no path at all
-    raise ModelError(f"{unknown('model', model, models)}; or give the path of a .urdf file")
+    if model in arms_by_name():
+        raise ModelError(
+            f"{model} is an arm without a spacecraft; mount it on one: "
+            f"sa.mount({model!r}, sa.Bus(mass=..., size=...))"
+        )
+    return named("model", model, _read())
 
 
-def folder() -> Path:
-    """Where the models are: in the installed package, or beside it in a source tree."""
-    package = Path(__file__).resolve().parent
-    installed = package / "models"
-    return installed if installed.is_dir() else package.parent / "models"
+def read(info: ModelInfo, check: urdf.Check | None = None) -> Tree:
+    """The links and joints of a model, read or put together."""
+    if info.recipe is None:
+        return urdf.read(info.path, check or info.check)
+    tree = Bus(**info.recipe["bus"]).tree()
+    for arm in info.recipe["arms"]:
+        at = pin.SE3(np.eye(3), np.array(arm["xyz"]))
+        tree = bolted(tree, arm["arm"], at, name=arm["name"], check=check or info.check)
+    return replace(tree, name=info.name, tips=(info.tip,))
 
 
 @cache
 def _read() -> dict[str, ModelInfo]:
-    entries = json.loads((folder() / "catalogue.json").read_text(encoding="utf-8"))
+    entries = json.loads((models_folder() / CATALOGUE).read_text(encoding="utf-8"))
     return {name: _info(name, entry) for name, entry in entries.items()}
 
 
-def _info(name: str, entry: dict[str, str | int]) -> ModelInfo:
+def _info(name: str, entry: dict[str, Any]) -> ModelInfo:
     return ModelInfo(
         name=name,
         summary=str(entry["summary"]),
@@ -86,6 +100,7 @@ def _info(name: str, entry: dict[str, str | int]) -> ModelInfo:
         n=int(entry["n"]),
         tip=str(entry["tip"]),
         task=str(entry["task"]),
-        path=folder() / str(entry["file"]),
+        path=models_folder() / str(entry.get("file", CATALOGUE)),
         check=cast("urdf.Check", entry.get("check", "error")),
+        recipe=entry.get("recipe"),
     )

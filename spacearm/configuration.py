@@ -36,7 +36,8 @@ class Configuration:
         com: (3,) system centre of mass in the inertial frame [m].
         A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
             system CM], inertial axes.
-        J: (6, 6 + n) Jacobian [J_b J_q] of the tip, rows [linear; angular], inertial axes.
+        J: (6, 6 + n) Jacobian [J_b J_q] of the tip, rows [linear; angular], inertial axes; of
+            several tips (6 tips, 6 + n), stacked.
     """
 
     arm: SpaceArm
@@ -45,7 +46,7 @@ class Configuration:
     A: Array
     J: Array
     _base: pin.SE3
-    _tip: pin.SE3
+    _tips: tuple[pin.SE3, ...]
 
     @property
     def base(self) -> pin.SE3:
@@ -54,8 +55,17 @@ class Configuration:
 
     @property
     def tip(self) -> pin.SE3:
-        """Pose of the tip frame in the inertial frame."""
-        return self._tip.copy()
+        """Pose of the tip frame in the inertial frame.
+
+        Raises:
+            UnsupportedError: The arm has several tips; see `tips`.
+        """
+        return self._tips[self.arm.tips.index(self.arm.tip)].copy()
+
+    @property
+    def tips(self) -> tuple[pin.SE3, ...]:
+        """Poses of the frames of all tips in the inertial frame."""
+        return tuple(tip.copy() for tip in self._tips)
 
     @property
     def full(self) -> Array:
@@ -72,10 +82,10 @@ class Configuration:
     def centred(self, com: Array) -> Configuration:
         """The same posture and attitude, the spacecraft placed so that the system CM is at com."""
         by = com - self.com
-        poses = pin.SE3(self._base), pin.SE3(self._tip)
-        for pose in poses:
+        base, *tips = (pin.SE3(pose) for pose in (self._base, *self._tips))
+        for pose in (base, *tips):
             pose.translation += by
-        return replace(self, com=self.com + by, _base=poses[0], _tip=poses[1])
+        return replace(self, com=self.com + by, _base=base, _tips=tuple(tips))
 
     def __repr__(self) -> str:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
@@ -91,22 +101,24 @@ def configure(arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None) -> Configur
 
 def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
     """The configuration at (n,) numbers and a pose that are known to be sound, which it keeps."""
-    model, frame = arm.model, arm.tip_frame
+    model = arm.model
     full = np.zeros(model.nq)  # at the origin: far from it, as in orbit, digits would be lost
     full[3:7] = pin.SE3ToXYZQUAT(base)[3:]
     full[7:] = arm.all_joints(q)
 
     data = arm.borrow()
     A = arm.project(pin.computeCentroidalMap(model, data, full))
-    J = arm.project(pin.computeFrameJacobian(model, data, full, frame, LWA))
+    frames = [pin.computeFrameJacobian(model, data, full, frame, LWA) for frame in arm.tip_frames]
+    J = arm.project(frames[0] if len(frames) == 1 else np.vstack(frames))
     com = data.com[0] + base.translation
-    tip = pin.updateFramePlacement(model, data, frame).copy()
-    tip.translation += base.translation
+    tips = [pin.updateFramePlacement(model, data, frame).copy() for frame in arm.tip_frames]
+    for tip in tips:
+        tip.translation += base.translation
     arm.give_back(data)
 
     for array in (q, com, A, J):
         array.flags.writeable = False
-    return Configuration(arm, q, com, A, J, base, tip)
+    return Configuration(arm, q, com, A, J, base, tuple(tips))
 
 
 def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:

@@ -1,4 +1,4 @@
-"""Files: written beside their place and renamed, so that no half file is ever there."""
+"""Files: written beside their place and renamed, so that no half file is ever there; models."""
 
 from __future__ import annotations
 
@@ -6,6 +6,13 @@ import tempfile
 from pathlib import Path
 
 from spacearm.errors import SpaceArmError
+
+
+def models_folder() -> Path:
+    """Where the models are: in the installed package, or beside it in a source tree."""
+    package = Path(__file__).resolve().parent
+    installed = package / "models"
+    return installed if installed.is_dir() else package.parent / "models"
 
 
 def write(path: Path, content: bytes) -> Path:

@@ -42,7 +42,8 @@ def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -
             "fixed" (the earth-bound arm).
 
     Returns:
-        (6, n) J*, rows [linear [m/rad]; angular], inertial axes, for the tip frame's origin.
+        (6, n) J*, rows [linear [m/rad]; angular], inertial axes, for the tip frame's origin. Of
+        several tips (6 tips, n), stacked in the order of `arm.tips`.
 
     Raises:
         ConfigurationError: `base` is none of the three.
@@ -98,22 +99,25 @@ def generalized_jacobian_rate(
     """
     dq = joint_vector(cfg.arm, dq, "dq")
     w_0 = pin.skew(base_velocity(cfg, dq, momentum)[3:])
-    turning = np.kron(np.eye(2), w_0) @ generalized_jacobian(cfg)
+    turning = np.kron(np.eye(2 * len(cfg.arm.tips)), w_0) @ generalized_jacobian(cfg)
     rate: Array = np.tensordot(dq, generalized_jacobian_derivative(cfg), axes=1) + turning
     return rate
 
 
 def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:
-    """(n, 6, 6 + n) each: dA/dq_j and dJ/dq_j, as the rates at dq = e_j with the base at rest."""
+    """(n, ., 6 + n) each: dA/dq_j and dJ/dq_j, as the rates at dq = e_j with the base at rest."""
     arm, full = cfg.arm, cfg.full_at_origin
-    dA, dJ = np.empty((2, arm.n, 6, 6 + arm.n))
+    dA, dJ = (np.empty((arm.n, *matrix.shape)) for matrix in (cfg.A, cfg.J))
     data = arm.borrow()
     for j, dq in enumerate(np.eye(arm.n)):
         v = np.concatenate((np.zeros(6), arm.all_rates(dq)))
         dA[j] = arm.project(pin.computeCentroidalMapTimeVariation(arm.model, data, full, v))
         pin.computeJointJacobiansTimeVariation(arm.model, data, full, v)
-        rate = pin.getFrameJacobianTimeVariation(arm.model, data, arm.tip_frame, LWA)
-        dJ[j] = arm.project(rate)
+        rates = [
+            pin.getFrameJacobianTimeVariation(arm.model, data, frame, LWA)
+            for frame in arm.tip_frames
+        ]
+        dJ[j] = arm.project(np.vstack(rates))
     arm.give_back(data)
     return dA, dJ
 

@@ -29,10 +29,13 @@ class Task:
         length: Length [m] that divides the linear rows when linear and angular rows are both
             present; None where there is nothing to scale (or, before an arm is loaded with the
             task, to take the arm's own: the length of its chain from the first joint to the tip).
+        tips: How many tips the rows are asked of; their rows are stacked, all of the first tip
+            first. An arm that is loaded with the task sets it.
     """
 
     names: str
     length: float | None = None
+    tips: int = 1
 
     def __post_init__(self) -> None:
         if not isinstance(self.names, str):
@@ -65,23 +68,23 @@ class Task:
 
     @cached_property
     def indices(self) -> list[int]:
-        """The rows by number, in a twist [linear; angular]."""
-        return [ROWS.index(row) for row in self.rows]
+        """The rows by number, in the twists [linear; angular] of all tips, stacked."""
+        return [6 * tip + ROWS.index(row) for tip in range(self.tips) for row in self.rows]
 
     @property
     def k(self) -> int:
-        """Number of rows."""
-        return len(self.rows)
+        """Number of rows, those of all tips."""
+        return len(self.rows) * self.tips
 
     @property
     def mixed(self) -> bool:
         """Whether linear and angular rows are both present."""
-        return len({index // 3 for index in self.indices}) == 2
+        return len({index % 6 // 3 for index in self.indices}) == 2
 
     @cached_property
     def scale(self) -> Array:
         """(k, 1) factors of the rows: 1 / length for the linear rows of a mixed task, else 1."""
-        linear = np.array(self.indices)[:, None] < 3
+        linear = np.array(self.indices)[:, None] % 6 < 3
         return np.where(linear & self.mixed, 1.0 / (self.length or 1.0), 1.0)
 
     def axes(self, R: Array) -> Array:
@@ -113,7 +116,7 @@ class Task:
 
     def _singled_out(self, kind: int) -> int | None:
         """The axis that the linear (kind 0) or angular (kind 3) rows are, or are normal to."""
-        present = {index - kind for index in self.indices if index // 3 == kind // 3}
+        present = {index % 3 for index in self.indices if index % 6 // 3 == kind // 3}
         if len(present) == 1:
             return present.pop()
         return ({0, 1, 2} - present).pop() if len(present) == 2 else None
@@ -122,12 +125,13 @@ class Task:
         """The task's rows of a Jacobian, along the task axes, scaled.
 
         Args:
-            J: (..., 6, n) Jacobian, rows [linear; angular], inertial axes.
+            J: (..., 6, n) Jacobian, rows [linear; angular], inertial axes; (..., 6 tips, n) for
+                several tips, stacked.
             R: (3, 3) spacecraft attitude.
 
         Returns:
             (..., k, n) task Jacobian; linear rows in [m], or divided by `length` if mixed.
         """
         axes = self.axes(R)
-        turned = axes.T @ J.reshape(*J.shape[:-2], 2, 3, J.shape[-1])
+        turned = axes.T @ J.reshape(*J.shape[:-2], 2 * self.tips, 3, J.shape[-1])
         return self.scale * turned.reshape(J.shape)[..., self.indices, :]

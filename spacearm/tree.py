@@ -2,121 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from itertools import chain, count
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
-from spacearm.errors import ModelError
+from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.looks import renamed
+from spacearm.parts import Inertial, Joint
 
 ROOT_JOINT = "root_joint"
 """Name of the spacecraft's free motion in the Pinocchio model, as Pinocchio itself has it."""
-
-TRIANGLE_TOLERANCE = 1e-6
-"""By what share of the largest principal moment rounded data may miss the triangle inequality."""
-
-
-class Inertial(NamedTuple):
-    """Mass properties of one link.
-
-    Attributes:
-        mass: Mass [kg].
-        origin: Pose of the inertial frame, whose origin is the CM, in the link frame.
-        inertia: (3, 3) inertia about the CM in the axes of the inertial frame [kg m^2].
-    """
-
-    mass: float
-    origin: pin.SE3
-    inertia: Array
-
-    def spatial(self) -> pin.Inertia:
-        """The same as a Pinocchio spatial inertia in the link frame."""
-        inertia = pin.Inertia.Zero()
-        inertia.mass, inertia.inertia = self.mass, self.inertia
-        return self.origin.act(inertia)
-
-    def fault(self) -> str | None:
-        """Why no rigid body can have this inertia, or None if one can."""
-        if self.mass == 0.0 and not self.inertia.any():
-            return None
-        if self.mass <= 0.0:
-            return f"has an inertia but a mass of {self.mass:g} kg"
-        small, middle, large = np.linalg.eigvalsh(self.inertia)
-        moments = f"principal moments {small:.6g}, {middle:.6g}, {large:.6g} kg m^2"
-        if small <= 0.0:
-            return f"has an inertia that is not positive definite ({moments})"
-        if large - small - middle > TRIANGLE_TOLERANCE * large:
-            return f"has an inertia that breaks the triangle inequality ({moments})"
-        return None
-
-
-class Mimic(NamedTuple):
-    """The joint follows another: q = multiplier * q_leader + offset."""
-
-    leader: str
-    multiplier: float
-    offset: float
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """A joint between two links; limits are infinite where the URDF gives none.
-
-    Attributes:
-        kind: "revolute", "continuous", "prismatic" or "fixed".
-        origin: Pose of the joint frame in the parent link's frame.
-        axis: (3,) unit vector in the joint frame.
-        lower: Least angle [rad] or displacement [m].
-        upper: Largest angle [rad] or displacement [m].
-        velocity: Largest rate [rad/s] or [m/s].
-        effort: Largest torque [N m] or force [N].
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    origin: pin.SE3
-    axis: Array
-    lower: float = -math.inf
-    upper: float = math.inf
-    velocity: float = math.inf
-    effort: float = math.inf
-    mimic: Mimic | None = None
-
-    @property
-    def movable(self) -> bool:
-        """Whether the joint can move."""
-        return self.kind != "fixed"
-
-    @property
-    def effort_unit(self) -> str:
-        """Unit of the effort limit."""
-        return "N" if self.kind == "prismatic" else "N m"
-
-    def motion(self, value: float) -> pin.SE3:
-        """Displacement of the child link at `value` [rad] or [m], in the joint frame."""
-        if self.kind == "prismatic":
-            return pin.SE3(np.eye(3), self.axis * value)
-        return pin.SE3(pin.exp3(self.axis * value), np.zeros(3))
-
-    def frozen(self, value: float) -> Joint:
-        """The joint welded at `value` [rad] or [m]."""
-        return replace(self, kind="fixed", origin=self.origin * self.motion(value), mimic=None)
-
-    def pinocchio(self) -> pin.JointModel:
-        """The matching Pinocchio joint; the unlimited ones too have one number each."""
-        names = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
-        letter = "P" if self.kind == "prismatic" else "R"
-        if name := names.get(tuple(self.axis)):
-            return getattr(pin, f"JointModel{letter}{name}")()
-        kind = "Prismatic" if self.kind == "prismatic" else "Revolute"
-        return getattr(pin, f"JointModel{kind}Unaligned")(self.axis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +28,16 @@ class Tree:
         root: The root link: the spacecraft, or a frame fixed to it.
         links: Inertial of every link; None for a frame without mass.
         joints: Every joint, by name.
+        looks: What is drawn of a link, where something is; see `spacearm.looks`.
+        tips: Tip links that the URDF names itself; none as a rule.
     """
 
     name: str
     root: str
     links: Mapping[str, Inertial | None]
     joints: Mapping[str, Joint]
+    looks: Mapping[str, bytes] = field(default_factory=dict)
+    tips: tuple[str, ...] = ()
 
     def depth_first(self) -> list[Joint]:
         """All joints, parents before children, siblings by name: Pinocchio's own URDF order."""
@@ -171,8 +75,65 @@ class Tree:
             lumps.setdefault(first, []).append(link)
         return lumps
 
+    def has(self, name: str) -> bool:
+        """Whether a link or joint has this name, or a name that starts with it and "_" or "."."""
+        start = (f"{name}_", f"{name}.")
+        return any(n == name or n.startswith(start) for n in (*self.links, *self.joints))
+
+    def free_name(self, name: str) -> str:
+        """The name, with the first number from 2 on that makes it free if it is not."""
+        numbered = chain((name,), (f"{name}_{i}" for i in count(2)))
+        return next(free for free in numbered if not self.has(free))
+
+    def renamed(self, prefix: str) -> Tree:
+        """The tree with `prefix` before every name of a link and a joint."""
+        joints = [joint.renamed(prefix) for joint in self.joints.values()]
+        return Tree(
+            name=self.name,
+            root=prefix + self.root,
+            links={prefix + name: part for name, part in self.links.items()},
+            joints={joint.name: joint for joint in joints},
+            looks={prefix + name: renamed(look, prefix) for name, look in self.looks.items()},
+            tips=tuple(prefix + tip for tip in self.tips),
+        )
+
+    def joined(self, other: Tree, name: str, parent: str, at: pin.SE3) -> Tree:
+        """Both trees as one: `other` with its root fixed to link `parent` at a pose there.
+
+        Raises:
+            ModelError: A name would be there twice.
+        """
+        bolt = Joint(name, "fixed", parent, other.root, at, np.array([1.0, 0.0, 0.0]))
+        added = {**other.joints, name: bolt}
+        twice = [*(self.links.keys() & other.links), *(self.joints.keys() & added)]
+        if twice:
+            raise ModelError(f"{self.name} has {', '.join(sorted(twice))} already; rename one")
+        return replace(
+            self,
+            links={**self.links, **other.links},
+            joints={**self.joints, **added},
+            looks={**self.looks, **other.looks},
+        )
+
     def locked(self, values: Mapping[str, float]) -> Tree:
-        """The tree with joints frozen at `values`; joints that mimic one freeze with it."""
+        """The tree with joints frozen at `values`; joints that mimic one freeze with it.
+
+        Raises:
+            ConfigurationError: A joint does not exist, follows another, or the value is no number.
+        """
+        if not isinstance(values, Mapping):
+            raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
+        leading = [joint.name for joint in self.leading()]
+        for name, value in values.items():
+            joint = self.joints.get(name)
+            if joint and joint.mimic:
+                raise ConfigurationError(
+                    f"locked: joint {name!r} mimics {joint.mimic.leader!r}; lock that one"
+                )
+            if name not in leading:
+                raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
+            if not isinstance(value, (int, float, np.number)) or not abs(value) <= LARGEST:
+                raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
         values = dict(values)
         while followers := {
             joint.name: joint.mimic.multiplier * values[joint.mimic.leader] + joint.mimic.offset
@@ -220,18 +181,13 @@ class Tree:
         """The tree with another mass [kg] or inertia about its CM [kg m^2] of the spacecraft."""
         lump = self.lumps()[self.root]
         body = self.pinocchio().inertias[1]
-        try:
-            m = float(body.mass if mass is None else mass)
-            I = np.array(body.inertia if inertia is None else inertia, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise ModelError(f"base_mass and base_inertia must be numbers: {error}") from None
-        if I.shape != (3, 3) or not (np.abs(I) <= LARGEST).all() or not np.allclose(I, I.T):
-            raise ModelError(f"base_inertia must be a symmetric (3, 3) matrix; got {inertia!r}")
-        if not 0.0 < m <= LARGEST:
-            raise ModelError(f"base_mass is {m:g} kg; give a positive mass up to {LARGEST:g} kg")
-        spacecraft = Inertial(m, pin.SE3(np.eye(3), body.lever), I)
-        if fault := spacecraft.fault():
-            raise ModelError(f"the spacecraft {fault}; give a base_inertia that a body can have")
+        spacecraft = Inertial.of(
+            body.mass if mass is None else mass,
+            body.inertia if inertia is None else inertia,
+            body.lever,
+            body="the spacecraft",
+            prefix="base_",
+        )
         links = {name: None if name in lump else part for name, part in self.links.items()}
         return replace(self, links={**links, self.root: spacecraft})
 
@@ -244,17 +200,6 @@ class Tree:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
         scaled = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
         return replace(self, links={**self.links, link: scaled})
-
-    def with_payload(self, link: str, mass: float) -> Tree:
-        """The tree with a point mass [kg] at the origin of a link."""
-        if not 0.0 <= mass <= LARGEST:
-            raise ModelError(f"payload is {mass:g} kg; give zero or a positive mass")
-        if mass < LEAST_MASS:
-            return self
-        part, load = self.links[link], pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
-        whole = load if part is None else part.spatial() + load
-        placed = Inertial(whole.mass, pin.SE3(np.eye(3), whole.lever), whole.inertia)
-        return replace(self, links={**self.links, link: placed})
 
     def bodies(self) -> list[str]:
         """The links that have mass."""

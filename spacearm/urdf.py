@@ -1,8 +1,9 @@
 """Reads a URDF and checks it, so that what reaches Pinocchio is sound.
 
-Only what physics needs is taken (links with their inertials, joints): visuals and extensions
-cannot spoil a computation. Nothing is repaired in silence: what is wrong raises a `ModelError`
-that names file, element, value and remedy; what deserves a look gives a `ModelWarning`.
+Only what physics needs is understood here (links with their inertials, joints): what is drawn is
+kept as it stands, and extensions are left out, so that neither can spoil a computation. Nothing is
+repaired in silence: what is wrong raises a `ModelError` that names file, element, value and remedy;
+what deserves a look gives a `ModelWarning`.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from lxml import etree
 
 from spacearm.arrays import LEAST_MASS
 from spacearm.errors import ModelError, unknown
+from spacearm.looks import look_of
+from spacearm.parts import Inertial, Joint, Mimic
 from spacearm.source import Source, describe
-from spacearm.tree import ROOT_JOINT, Inertial, Joint, Mimic, Tree
+from spacearm.tree import ROOT_JOINT, Tree
 
 Check = Literal["error", "warn", "accept"]
 CHECKS = ("error", "warn", "accept")
@@ -29,13 +32,15 @@ UNLIMITED = (None, "", "inf", "Inf", "INF", "infinity")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
-def read(path: str | os.PathLike[str], check: Check = "error") -> Tree:
+def read(path: str | os.PathLike[str], check: Check = "error", *, spacecraft: bool = True) -> Tree:
     """Reads and checks a URDF.
 
     Args:
         path: The file.
         check: What to do where no rigid body can have an inertia that the file gives: "error",
             or "warn" or "accept" to load published data that has such a fault.
+        spacecraft: Whether the root link is a spacecraft, which has mass; that of an arm without
+            one may be a mere frame.
 
     Raises:
         ModelError: The file cannot be used; the message names file, element, value and remedy.
@@ -53,10 +58,16 @@ def read(path: str | os.PathLike[str], check: Check = "error") -> Tree:
         source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
     joints = {name: _joint(source, e, links) for name, e in source.named(robot, "joint").items()}
     _check_mimics(source, joints)
-    tree = Tree(robot.get("name") or source.path.stem, _root(source, links, joints), links, joints)
-    _check_masses(source, tree, check)
+    tree = Tree(
+        name=robot.get("name") or source.path.stem,
+        root=_root(source, links, joints),
+        links=links,
+        joints=joints,
+        looks=_looks(source, robot),
+        tips=tuple(_named_link(source, tip, links) for tip in robot.findall("tip")),
+    )
+    _check_masses(source, tree, check, spacecraft)
     _warn_of_missing_limits(source, joints)
-    _warn_of_missing_meshes(source, robot)
     return tree
 
 
@@ -106,11 +117,17 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
 
 def _end(source: Source, joint: etree._Element, end: str, links: Collection[str]) -> str:
     element = source.child(joint, end)
-    link = "" if element is None else element.get("link", "")
+    if element is None:
+        source.fail(f"joint {joint.get('name')!r} has no <{end}>", f"add <{end} link='...'/>")
+    return _named_link(source, element, links)
+
+
+def _named_link(source: Source, element: etree._Element, links: Collection[str]) -> str:
+    link = element.get("link", "")
     if link not in links:
-        source.fail(
-            f"{end} of joint {joint.get('name')!r}: {unknown('link', link, links)}", "name one"
-        )
+        joint = element.getparent()
+        owner = "" if joint is None or joint.tag != "joint" else f" of joint {joint.get('name')!r}"
+        source.fail(f"{element.tag!s}{owner}: {unknown('link', link, links)}", "name one")
     return link
 
 
@@ -194,17 +211,21 @@ def _check_mimics(source: Source, joints: Mapping[str, Joint]) -> None:
             mimic = joints[mimic.leader].mimic
 
 
-def _check_masses(source: Source, tree: Tree, check: Check) -> None:
+def _check_masses(source: Source, tree: Tree, check: Check, spacecraft: bool) -> None:
     """Every body has mass, and an inertia that some rigid body could have."""
+    held: set[str] = set()  # point masses on bodies, which need no inertia of their own
     for leader, lump in tree.lumps().items():
-        if not any(inertial.mass for link in lump if (inertial := tree.links[link])):
+        parts = {link: part for link in lump if (part := tree.links[link]) and part.mass}
+        points = {link for link, part in parts.items() if part.point}
+        held |= points if len(points) < len(parts) else set()
+        if not parts and (spacecraft or leader != tree.root):
             what = "the spacecraft" if leader == tree.root else "movable link"
             source.fail(
                 f"{what} {leader!r} has no mass (its <inertial> is zero or missing)",
                 "give it a mass and an inertia, or join it to its parent by a fixed joint",
             )
     for link, inertial in tree.links.items():
-        fault = inertial.fault() if inertial else None
+        fault = inertial.fault() if inertial and link not in held else None
         if fault and check == "error":
             source.fail(
                 f"link {link!r} {fault}", 'correct it, or load with check="warn" to accept it'
@@ -220,12 +241,22 @@ def _warn_of_missing_limits(source: Source, joints: Mapping[str, Joint]) -> None
         source.warn(f"no limits on {', '.join(free)}: taken as unlimited")
 
 
-def _warn_of_missing_meshes(source: Source, robot: etree._Element) -> None:
-    files = sorted({mesh.get("filename", "") for mesh in robot.iter("mesh")})
-    if missing := [file[:80] for file in files if find_mesh(file, source.path) is None]:
+def _looks(source: Source, robot: etree._Element) -> dict[str, bytes]:
+    """What is drawn of each link; meshes that are not there get one warning."""
+    materials = {material.get("name"): material for material in robot.findall("material")}
+    found: dict[str, Path | None] = {}
+
+    def place(file: str) -> str:
+        if file not in found:
+            found[file] = find_mesh(file, source.path)
+        return str(found[file] or file)
+
+    looks = {e.get("name", ""): look_of(e, materials, place) for e in robot.findall("link")}
+    if missing := sorted(file[:80] for file, path in found.items() if path is None):
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
         some = ", ".join(missing[:3]) + more
         source.warn(f"meshes not found (physics is not affected): {some}")
+    return {name: look for name, look in looks.items() if look is not None}
 
 
 def find_mesh(filename: str, urdf: Path) -> Path | None:

@@ -9,6 +9,7 @@ import pinocchio as pin
 from rich.text import Text
 
 from spacearm.arm import SpaceArm
+from spacearm.arm_models import arms
 from spacearm.catalogue import catalogue
 from spacearm.cli.options import (
     AsJson,
@@ -22,16 +23,31 @@ from spacearm.cli.options import (
     arm_from,
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
+from spacearm.loading import load
 
 
 def models(as_json: AsJson = False) -> None:
-    """Lists the models that travel with spacearm."""
+    """Lists the models that travel with spacearm, and the arms to mount on a bus of one's own."""
     if as_json:
-        return print_json([info.to_dict() for info in catalogue()])
-    rows = table("name", "n", "tip", "task", "what it is", "source")
+        return print_json([{**info.to_dict(), **_masses(info.name)} for info in catalogue()])
+    rows = table("name", "n", "tip", "task", "spacecraft", "arm", "what it is", "source")
     for info in catalogue():
-        rows.add_row(info.name, str(info.n), info.tip, info.task, info.summary, info.source)
+        spacecraft, arm = (f"{number(mass)} kg" for mass in _masses(info.name).values())
+        facts = (info.name, str(info.n), info.tip, info.task, spacecraft, arm)
+        rows.add_row(*facts, info.summary, info.source)
     out.print(rows)
+    heading("Arms for sa.mount")
+    rows = table("name", "tip", "what it is", "source")
+    for arm_info in arms():
+        rows.add_row(arm_info.name, arm_info.tip, arm_info.summary, arm_info.source)
+    out.print(rows)
+
+
+def _masses(name: str) -> dict[str, float]:
+    """Masses of the spacecraft with all that is fixed to it, and of what moves on it [kg]."""
+    arm = load(name)
+    spacecraft = float(arm.model.inertias[1].mass)
+    return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
 
 
 def info(

@@ -13,13 +13,15 @@ import numpy as np
 import pinocchio as pin
 import typer
 
-from spacearm.arm import SpaceArm, load
+from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
-from spacearm.catalogue import find
+from spacearm.catalogue import find, read
 from spacearm.errors import ConfigurationError, unknown
+from spacearm.loading import load
+from spacearm.parts import Joint
 from spacearm.task import Task
-from spacearm.tree import Joint
-from spacearm.urdf import Check, read
+from spacearm.urdf import Check
+from spacearm.urdf import read as read_urdf
 
 ModelName = Annotated[
     str, typer.Argument(metavar="MODEL", help="Catalogue name (spacearm models) or URDF file.")
@@ -79,7 +81,7 @@ def arm_from(
         info = find(model)
         with warnings.catch_warnings():  # they come when the arm is loaded
             warnings.simplefilter("ignore")
-            joints = read(info.path if info else model, "accept").joints
+            joints = (read(info) if info else read_urdf(model, "accept")).joints
         locked = {name: _si(joints.get(name), value, deg) for name, value in locked.items()}
     wanted = None if task is None else Task(task, length)
     arm = load(model, tip=tip, task=wanted, locked=locked, check=cast("Check | None", check))

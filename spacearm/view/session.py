@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
+from spacearm.catalogue import catalogue
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.reaction import move
@@ -159,10 +160,13 @@ class Session:
         """The configuration as Python code."""
         cfg = self.cfg
         pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
-        source = self.arm.name if self.arm.path.stem == self.arm.name else str(self.arm.path)
+        known = {info.name for info in catalogue()}
+        source = self.arm.name if self.arm.name in known else str(self.arm.path)
+        written = "" if self.arm.name in known or self.arm.path.is_file() else "  # by arm.to_urdf"
         return (
             "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
-            f"arm = sa.load({source!r}, tip={self.arm.tip!r}, task={self.arm.task.names!r})\n"
+            f"arm = sa.load({source!r}, tip={self.arm.tip!r}, task={self.arm.task.names!r})"
+            f"{written}\n"
             f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
             f"cfg = arm.at({cfg.q.tolist()!r}, base)\n"
         )

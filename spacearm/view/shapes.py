@@ -12,6 +12,7 @@ from lxml import etree
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
+from spacearm.parts import solid_box
 from spacearm.source import Source
 from spacearm.urdf import find_mesh
 
@@ -38,28 +39,25 @@ class Shape(NamedTuple):
 def shapes(arm: SpaceArm) -> list[Shape]:
     """The visuals of the arm's URDF, and a drawn body for each rigid body that has none."""
     source = Source(arm.path)
-    robot = source.robot()
-    colors = {m.get("name"): _color(source, m, {}) for m in robot.findall("material")}
-    visuals = {n: e.findall("visual") for n, e in source.named(robot, "link").items()}
+    looks = {name: etree.fromstring(look) for name, look in arm.tree.looks.items()}
+    visuals = {name: look.findall("visual") for name, look in looks.items()}
     drawn: list[Shape] = []
     for link, elements in visuals.items():
         for visual in elements:
-            drawn += _visual(source, link, visual, colors)
+            drawn += _visual(source, link, visual)
     seen = {shape.link for shape in drawn}
     bare = {leader: lump for leader, lump in arm.tree.lumps().items() if not seen & set(lump)}
     for leader, lump in bare.items():
         drawn += _plain_body(arm, leader, lump)
-    if without := [leader for leader, lump in bare.items() if not any(visuals[n] for n in lump)]:
+    if without := [leader for leader, lump in bare.items() if not any(map(visuals.get, lump))]:
         source.warn(f"no visuals for {', '.join(without)}: drawn as plain bodies")
     return drawn
 
 
-def _visual(
-    source: Source, link: str, visual: etree._Element, colors: dict[Any, Any]
-) -> list[Shape]:
+def _visual(source: Source, link: str, visual: etree._Element) -> list[Shape]:
     pose = source.pose(visual).homogeneous
     material = visual.find("material")
-    color = GREY if material is None else _color(source, material, colors)
+    color = GREY if material is None else _color(source, material)
     element = visual.find("geometry/*")
     kind = "" if element is None else element.tag
     if element is not None and kind == "box":
@@ -96,11 +94,9 @@ def _mesh(source: Source, filename: str) -> Any:
     return None
 
 
-def _color(source: Source, material: etree._Element, known: dict[Any, Any]) -> tuple[float, ...]:
+def _color(source: Source, material: etree._Element) -> tuple[float, ...]:
     color = material.find("color")
-    if color is None:
-        return tuple(known.get(material.get("name"), GREY))
-    return tuple(float(x) for x in source.numbers(color, "rgba", 4))
+    return GREY if color is None else tuple(float(x) for x in source.numbers(color, "rgba", 4))
 
 
 def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[Shape]:
@@ -108,7 +104,9 @@ def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[Shape]:
     frame = arm.model.frames[arm.model.getFrameId(leader, pin.BODY)]
     inertia = arm.model.inertias[frame.parentJoint]
     if leader == arm.tree.root:
-        return [Shape(leader, *_inertia_box(inertia), GREY)]
+        axes, edges = solid_box(inertia.mass, inertia.inertia)
+        pose = pin.SE3(axes, inertia.lever).homogeneous
+        return [Shape(leader, pose, g.Box(list(edges)), GREY)]
     size = _size(arm)
     ends = [
         _within(arm, leader, joint.parent) * joint.origin
@@ -128,16 +126,6 @@ def _within(arm: SpaceArm, leader: str, link: str) -> pin.SE3:
     frames = arm.model.frames
     a, b = (frames[arm.model.getFrameId(name, pin.BODY)].placement for name in (leader, link))
     return a.inverse() * b
-
-
-def _inertia_box(inertia: pin.Inertia) -> tuple[Array, Any]:
-    """The solid box that has this mass and inertia."""
-    moments, axes = np.linalg.eigh(inertia.inertia)
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 0] *= -1.0
-    squares = 6.0 * (moments.sum() - 2.0 * moments) / inertia.mass
-    lengths = np.sqrt(np.maximum(squares, 1e-6 * squares.max()))
-    return pin.SE3(axes, inertia.lever).homogeneous, g.Box(list(lengths))
 
 
 def _bar(end: Array) -> Array:
