@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,6 +45,8 @@ STYLE: Any = {  # matplotlib's names of settings are no plain text to its stubs
 }
 PIXELS_PER_INCH = 90
 """Size of figures in notebooks."""
+TITLE = 54
+"""Characters in a line of a title."""
 
 
 @contextmanager
@@ -107,8 +110,11 @@ def draw_map(result: SingularMap) -> Figure:
             xlabel=f"{result.joints[0]} [deg]", ylabel=f"{result.joints[1]} [deg]",
         )  # fmt: skip
         what = "sigma_min" if result.curves is None else "singular set (red)"
-        held = ", ".join(f"{name} {np.degrees(x):.4g}" for name, x in result.held.items() if x)
-        axes.set_title(f"{result.arm}: {what}" + (f"\n{held} deg, others 0" if held else ""))
+        held = ", ".join(
+            f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
+        )
+        where = "\n" + textwrap.fill(f"{held} deg, others 0", TITLE) if held else ""
+        axes.set_title(f"{result.arm}: {what}{where}")
         return figure
 
 
