@@ -1,97 +1,70 @@
 """Draws the pictures of README.md anew.
 
-    python notebooks/pictures.py
+    python notebooks/pictures.py                  # all of them
+    python notebooks/pictures.py figure_7 plan    # some
 
-Needs `pip install -e '.[test]'` and chromium.
-.
+Needs `pip install -e '.[test]'`, and chromium for the picture of the browser view.
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from shutil import which
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pinocchio as pin
-from matplotlib.patches import Polygon
+from matplotlib.figure import Figure
 from playwright.sync_api import sync_playwright
 
 import spacearm as sa
-from spacearm.plot import draw_map, draw_workspace, style
+from spacearm.plot import BLUE, RED, draw_map, draw_workspace, style
 from spacearm.plot_motion import draw_motion
+from spacearm.plot_posture import draw_posture, draw_velocities
 
 FOLDER = Path(__file__).parent / "pictures"
-BLUE, RED, GREY, GOLD = "#0072b2", "#d55e00", "#5b6470", "#d9b25f"  # Okabe and Ito: safe for all
+START = np.radians([-57.936, 60.337])
+"""The posture of figure 5 of the paper, with the tip at (2, 0) m."""
+TARGET = np.array([1.5, 1.5])
 
 
-def draw_planar2(axes: plt.Axes, cfg: sa.Configuration, label: str) -> None:
-    """The posture, the velocities that unit joint rates give to the tip, and what is lost."""
-    report = sa.singularity(cfg)
-    T = cfg.base.homogeneous
-    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    axes.add_patch(
-        Polygon(corners @ T[:2, :2].T + T[:2, 3], facecolor=GOLD, edgecolor=GREY, alpha=0.9)
-    )
-    elbows = [cfg.base.act(np.array([0.5, 0.0, 0.0]))]
-    elbows.append(cfg.arm.replace(tip="link_2").at(cfg.q, cfg.base).tip.translation)
-    elbows.append(cfg.tip.translation)
-    joints = np.array(elbows)[:, :2]
-    axes.plot(*joints.T, "-o", color=GREY, lw=5, ms=9, mfc="white", mec=GREY)
-    axes.plot(*cfg.com[:2], marker="P", ms=9, color="black", ls="none")
-    axes.annotate("system CM", cfg.com[:2], (0, -18), textcoords="offset points", ha="center")
-    tip, scale = joints[-1], 0.75
-    circle = np.array([np.cos(t := np.linspace(0, 2 * np.pi, 200)), np.sin(t)])
-    ellipse = tip[:, None] + scale * report.jacobian @ circle
-    axes.plot(*ellipse, color=BLUE, lw=2)
-    if report.lost.size:
-        for sign in (1, -1):
-            axes.annotate(
-                "",
-                tip + sign * 0.8 * report.lost[:, 0],
-                tip,
-                arrowprops={"arrowstyle": "-|>", "color": RED, "lw": 2.5},
-            )
-        low = min((tip + sign * 0.85 * report.lost[:, 0] for sign in (1, -1)), key=lambda p: p[1])
-        axes.text(*low, "no motion\nthis way", color=RED, va="top", ha="center")
-    axes.set_title(label, loc="left", fontsize=11)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
+def start(attitude: float) -> pin.SE3:
+    """The spacecraft at the start of figures 5 and 7, the system CM at the origin."""
+    turned = pin.SE3(pin.utils.rotate("z", np.radians(attitude)), np.zeros(3))
+    return sa.load("planar2").at(START, turned).centred(np.zeros(3)).base
 
 
-def singular_posture() -> None:
+def singular_posture() -> Figure:
     """Figure 3 of the paper beside a posture a few degrees of arc away, and where both lie."""
     arm = sa.load("planar2")
     attitude = pin.SE3(pin.utils.rotate("z", np.radians(40)), np.zeros(3))
     singular, regular = np.radians([-65, -11.41]), np.radians([-65, -75])
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4.6), layout="constrained")
-    draw_planar2(left, arm.at(regular, attitude), "Regular: the tip moves every way")
-    draw_planar2(middle, arm.at(singular, attitude), "Dynamic singularity: one way is lost")
-    left.set_ylabel("y [m]")
-    for axes in (left, middle):
-        axes.set(xlim=(-0.9, 3.1), ylim=(-1.9, 1.5))
+    for axes, q, title in (
+        (left, regular, "Regular: the tip moves every way"),
+        (middle, singular, "Dynamic singularity: one way is lost"),
+    ):
+        draw_posture(axes, arm.at(q, attitude))
+        draw_velocities(axes, arm.at(q, attitude))
+        axes.set(xlim=(-0.9, 3.1), ylim=(-1.9, 1.5), title=title)
     left.text(1.15, -1.78, "tip velocities for unit joint rates", color=BLUE, ha="center")
 
-    grid = np.radians(np.linspace(-180, 180, 181))
-    sigma = np.array([
-        [sa.singularity(arm.at([q1, q2])).sigma_min for q1 in grid] for q2 in grid
-    ])  # fmt: skip
-    degrees = np.degrees(grid)
-    image = right.pcolormesh(
-        degrees, degrees, np.log10(sigma.clip(1e-3)), cmap="cividis", rasterized=True
-    )
+    slice_ = sa.singular_map(arm)
+    degrees = np.degrees(slice_.angles)
+    sigma = np.log10(slice_.sigma_min.T.clip(1e-3))
+    image = right.pcolormesh(degrees, degrees, sigma, cmap="cividis", rasterized=True)
     figure.colorbar(image, ax=right, shrink=0.8, label="log10 of sigma_min [m/rad]")
     for q, name, color in ((singular, "singular", RED), (regular, "regular", BLUE)):
         right.plot(*np.degrees(q), "o", color=color, ms=8, mec="white")
         right.annotate(name, np.degrees(q), (8, 6), textcoords="offset points", color="white")
-    right.set(xlabel="q1 [deg]", ylabel="q2 [deg]", aspect="equal")
-    right.set_title("Where: the dark valleys in joint space", loc="left", fontsize=11)
-    right.set_xticks(range(-180, 181, 90))
-    right.set_yticks(range(-180, 181, 90))
-    figure.savefig(FOLDER / "singular_posture.png", dpi=110)
+    turn = range(-180, 181, 90)
+    right.set(xlabel="q1 [deg]", ylabel="q2 [deg]", aspect="equal", xticks=turn, yticks=turn)
+    right.set_title("Where: the dark valleys in joint space")
+    return figure
 
 
-def browser_view() -> None:
+def view() -> None:
     """The page of `spacearm view planar2 --deg -65 -11.41 --attitude 0 0 40`."""
     attitude = pin.SE3(pin.utils.rotate("z", np.radians(40)), np.zeros(3))
     viewer = sa.view(sa.load("planar2"), np.radians([-65, -11.41]), base=attitude, open=False)
@@ -107,44 +80,50 @@ def browser_view() -> None:
     viewer.close()
 
 
-def simulation() -> None:
+def simulation_planar2() -> Figure:
     """Figures 5 and 6: the transposed Jacobian law meets a singularity and never arrives."""
-    arm, q = sa.load("planar2"), np.radians([-57.936, 60.337])
-    base = arm.at(q, pin.SE3(pin.utils.rotate("z", np.radians(21)), np.zeros(3)))
-    law = sa.TransposedJacobian(target=(1.5, 1.5), kp=5, kd=15)
-    run = sa.simulate(arm, q, law, 200.0, base=base.centred(np.zeros(3)).base)
-    run.plot((1.5, 1.5)).savefig(FOLDER / "simulation_planar2.png", dpi=110)
+    law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
+    return sa.simulate(sa.load("planar2"), START, law, 200.0, base=start(21.0)).plot(TARGET)
 
 
-def figure_7() -> None:
+def figure_7() -> Figure:
     """To C, nine times round a square, then to the target."""
-    arm, q, C = sa.load("planar2"), np.radians([-57.936, 60.337]), np.array([1.0, 0.0])
-    start = arm.at(q, pin.SE3(pin.utils.rotate("z", np.radians(20.94)), np.zeros(3)))
+    arm, C = sa.load("planar2"), np.array([1.0, 0.0])
     square = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-    path = [C, *(9 * square), square[0], C, (1.5, 1.5)]
-    base = start.centred(np.zeros(3)).base
-    run = sa.follow(arm, q, path, base=base, limits=False)
-    figure = draw_workspace(sa.workspace(arm), run.tip[:, :2])
-    figure.savefig(FOLDER / "figure_7.png", dpi=110)
+    path = [C, *(9 * square), square[0], C, TARGET]
+    run = sa.follow(arm, START, path, base=start(20.94), limits=False)
+    return draw_workspace(sa.workspace(arm), run.tip[:, :2])
 
 
-def plan() -> None:
+def plan_planar2() -> Figure:
     """The open problem: from the start of figure 5 to its target, and arrive."""
-    arm, q = sa.load("planar2"), np.radians([-57.936, 60.337])
-    start = arm.at(q, pin.SE3(pin.utils.rotate("z", np.radians(21)), np.zeros(3)))
-    found = sa.plan(arm, q, (1.5, 1.5), base=start.centred(np.zeros(3)).base)
-    figure = draw_motion(found, np.array([1.5, 1.5]), sa.workspace(arm))
-    figure.savefig(FOLDER / "plan_planar2.png", dpi=110)
+    arm = sa.load("planar2")
+    found = sa.plan(arm, START, TARGET, base=start(21.0))
+    return draw_motion(found, TARGET, sa.workspace(arm))
 
+
+def map_planar2() -> Figure:
+    """Figure 4: the picture of `spacearm map planar2`."""
+    return draw_map(sa.singular_map(sa.load("planar2")))
+
+
+def workspace_planar2() -> Figure:
+    """The rings of figure 7: the picture of `spacearm workspace planar2`."""
+    return draw_workspace(sa.workspace(sa.load("planar2")))
+
+
+PICTURES = (
+    singular_posture, map_planar2, workspace_planar2, simulation_planar2, figure_7, plan_planar2,
+    view,
+)  # fmt: skip
 
 if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
-    singular_posture()
-    browser_view()
-    simulation()
-    figure_7()
-    plan()
-    with style():
-        draw_map(sa.singular_map(sa.load("planar2"))).savefig(FOLDER / "map_planar2.png")
-        figure = draw_workspace(sa.workspace(sa.load("planar2")))
-        figure.savefig(FOLDER / "workspace_planar2.png", dpi=110)
+    wanted = sys.argv[1:] or [draw.__name__ for draw in PICTURES]
+    if unknown := set(wanted) - {draw.__name__ for draw in PICTURES}:
+        sys.exit(f"no picture {', '.join(unknown)}; see {__file__}")
+    for draw in PICTURES:
+        if draw.__name__ in wanted:
+            with style():
+                figure = draw()
+                if figure is not None:  # the view writes its own
+                    figure.savefig(FOLDER / f"{draw.__name__}.png", dpi=110)

@@ -8,6 +8,8 @@ import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
+from matplotlib.ticker import NullFormatter
+from scipy.optimize import isotonic_regression
 
 from spacearm.arrays import Array
 from spacearm.following import Followed
@@ -20,6 +22,8 @@ Drawn: TypeAlias = Trajectory | Followed | Plan
 
 CLOSE = 0.05
 """Share of the tip path's extent within which its end needs no name beside the target's."""
+LABEL = 0.13
+"""Share of an axis that a label beside it takes."""
 MOST_MARKS = 12
 """Events of a kind that are marked; later ones of a chattering motion are not."""
 
@@ -43,10 +47,12 @@ def draw_motion(
         _draw_attitude(attitude, motion)
         _draw_joints(joints, motion)
         nearness.semilogy(motion.t, np.maximum(motion.sigma_min, 1e-16), color=RED, lw=1.8)
-        low = max(float(motion.sigma_min.min()), 1e-6 * float(motion.sigma_min.max()))
-        nearness.set(
-            ylabel=f"sigma_min\n[{motion.arm.sigma_unit}]", xlabel="time [s]", ylim=(low / 2, None)
-        )
+        high = float(motion.sigma_min.max())
+        low = np.clip(float(motion.sigma_min.min()), 1e-6 * high, 0.9 * high)
+        decades = (10.0 ** np.floor(np.log10(low)), 10.0 ** np.ceil(np.log10(high)))
+        nearness.set(ylabel=f"sigma_min\n[{motion.arm.sigma_unit}]", xlabel="time [s]")
+        nearness.set_ylim(*decades)
+        nearness.yaxis.set_minor_formatter(NullFormatter())
         for axes in (attitude, joints, nearness):
             for t in _singular_times(motion):
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")
@@ -88,6 +94,8 @@ def _draw_path(
             axes.text(*at, f"  {label}", color=color)
         else:
             axes.annotate(label, at, (8, 6), textcoords="offset points", color=color)
+    if normal is None:
+        axes.set_aspect("equal", adjustable="datalim")
     figure.suptitle(f"{motion.arm.name}, {_story(motion)}", x=0.02, ha="left")
 
 
@@ -128,7 +136,7 @@ def _draw_attitude(axes: Any, motion: Drawn) -> None:
     if normal is None:
         for i, color in enumerate((BLUE, ORANGE, GREEN)):
             axes.plot(motion.t, turns[:, i], color=color, lw=1.8)
-            _name(axes, motion.t[-1], turns[-1, i], "xyz"[i], color)
+        _name(axes, motion.t[-1], turns[-1], list("xyz"))
         axes.set_ylabel("rotation\nvector [deg]")
     else:
         axes.plot(motion.t, np.unwrap(turns[:, normal], period=360.0), color=BLUE, lw=1.8)
@@ -138,20 +146,26 @@ def _draw_attitude(axes: Any, motion: Drawn) -> None:
 def _draw_joints(axes: Any, motion: Drawn) -> None:
     arm = motion.arm
     slides = [arm.tree.joints[name].kind == "prismatic" for name in arm.joint_names]
-    for i, slide in enumerate(slides):
-        q = motion.q[:, i] * (100.0 if slide else 180.0 / np.pi)
-        color = COLOURS[i % len(COLOURS)]
-        axes.plot(motion.t, q, color=color, lw=1.5)
-        _name(axes, motion.t[-1], q[-1], f"q{i + 1}", color)
+    q = motion.q * np.where(slides, 100.0, 180.0 / np.pi)
+    for i in range(arm.n):
+        axes.plot(motion.t, q[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5)
+    _name(axes, motion.t[-1], q[-1], [f"q{i + 1}" for i in range(arm.n)])
     unit = "cm" if all(slides) else "deg" if not any(slides) else "deg, cm"
     axes.set_ylabel(f"joints\n[{unit}]")
 
 
-def _name(axes: Any, x: float, y: float, label: str, color: str) -> None:
-    """A label at the end of a curve."""
-    axes.annotate(
-        label, (x, y), (4, 0), textcoords="offset points", color=color, va="center", fontsize=9
-    )
+def _name(axes: Any, x: float, ends: Array, labels: list[str]) -> None:
+    """Labels at the ends of curves, in their colours, apart from each other."""
+    low, high = axes.get_ylim()
+    apart = LABEL * (high - low)
+    order = np.argsort(ends)
+    steps = apart * np.arange(len(ends))
+    at = steps + isotonic_regression(ends[order] - steps).x
+    for i, y in zip(order, at, strict=True):
+        axes.annotate(
+            labels[i], (x, y), (4, 0), textcoords="offset points", va="center", fontsize=9,
+            color=axes.lines[i].get_color(), annotation_clip=False,
+        )  # fmt: skip
 
 
 def _singular_times(motion: Drawn) -> list[float]:

@@ -92,6 +92,14 @@ def test_commands_in_the_readme_exist():
             assert not word.startswith("--") or word in usage, f"{words}: {word}"
 
 
+def test_what_the_readme_shows_and_links_is_there():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    inside = {path for path in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in path}
+    assert {path for path in inside if not (ROOT / path).is_file()} == set()
+    for path in (ROOT / "notebooks" / "pictures").iterdir():
+        assert f"notebooks/pictures/{path.name}" in inside
+
+
 def test_what_the_readme_answers_is_what_the_command_says():
     words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")
     said = [line.rstrip() for line in python(sys.executable, *words).stdout.splitlines()]

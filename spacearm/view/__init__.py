@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from spacearm.arm import SpaceArm
 from spacearm.motion import Motion, Playable
+from spacearm.notebook import in_notebook
 from spacearm.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -56,15 +57,6 @@ def view(
     else:
         motion = Motion.of(thing)
         viewer = Viewer(motion.at(float(motion.t[0])), motion)
-    if open or (open is None and not _in_notebook()):
+    if open or (open is None and not in_notebook()):
         viewer.open(port)
     return viewer
-
-
-def _in_notebook() -> bool:
-    """Whether an IPython kernel runs this code."""
-    import sys
-
-    ipython = sys.modules.get("IPython")
-    shell = ipython.get_ipython() if ipython else None
-    return shell is not None and hasattr(shell, "kernel")

@@ -1,0 +1,54 @@
+"""The notebooks as they are committed: stripped, readable as lessons, good as scripts too."""
+
+import ast
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+LONGEST = 28
+"""Lines of a code cell."""
+
+
+def cells(path, kind):
+    found = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    return ["".join(cell["source"]) for cell in found if cell["cell_type"] == kind]
+
+
+def test_the_course_is_whole():
+    assert [path.name[:2] for path in NOTEBOOKS] == ["01", "02", "03", "04", "05", "06"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_stripped(path):
+    """jupyter nbconvert --clear-output --inplace notebooks/*.ipynb makes it so."""
+    notebook = json.loads(path.read_text(encoding="utf-8"))
+    assert set(notebook["metadata"]) <= {"kernelspec", "language_info"}
+    for cell in notebook["cells"]:
+        assert not cell["metadata"]
+        assert not cell.get("outputs")
+        assert cell.get("execution_count") is None
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_lesson(path):
+    text, code = cells(path, "markdown"), cells(path, "code")
+    assert text[0].startswith(f"# {int(path.name[:2])} · ")
+    assert "**Question.**" in text[0]
+    assert text[-1].startswith("## Answer")
+    assert max(len(cell.splitlines()) for cell in code) <= LONGEST
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_runs_as_a_script(path):
+    """Plain Python, no magics; every figure has a name of its own to be saved under."""
+    code = "\n".join(cells(path, "code"))
+    ast.parse(code)
+    shown = re.findall(r"\bshow\(", code)
+    names = re.findall(r'"(\d\d_\w+)"\)$', code, re.MULTILINE)
+    assert len(names) == len(set(names)) == len(shown)
+    assert all(name.startswith(path.name[:3]) for name in names)
+    assert "savefig" not in code

@@ -1,0 +1,42 @@
+"""Plots of motions: labels that can be read, axes that do not distort."""
+
+import numpy as np
+import pytest
+
+import spacearm as sa
+from spacearm.plot_motion import LABEL
+
+
+@pytest.fixture(scope="module")
+def figure():
+    arm = sa.load("mda6")
+    q = np.radians([0, 60, -100, -50, 30, 0])
+    run = sa.simulate(arm, q, sa.JointPD(target=q + np.radians(10), kp=20, kd=20), 2.0)
+    figure = run.plot()
+    figure.canvas.draw()
+    return figure
+
+
+def test_labels_stand_apart_in_the_order_of_their_curves(figure):
+    joints = next(axes for axes in figure.axes if axes.get_ylabel().startswith("joints"))
+    labels = {text.get_text(): text.xy[1] for text in joints.texts}
+    assert sorted(labels) == [f"q{i}" for i in range(1, 7)]
+    at = np.sort(list(labels.values()))
+    assert np.diff(at).min() >= 0.999 * LABEL * np.ptp(joints.get_ylim())
+    ends = [line.get_ydata()[-1] for line in joints.lines]
+    names = [f"q{i + 1}" for i in np.argsort(ends)]
+    assert sorted(labels, key=labels.get) == names
+
+
+def test_the_tip_path_is_drawn_to_scale(figure):
+    path = next(axes for axes in figure.axes if axes.name == "3d")
+    spans = [np.ptp(limits) for limits in (path.get_xlim(), path.get_ylim(), path.get_zlim())]
+    box = path._box_aspect
+    np.testing.assert_allclose(spans / box, spans[0] / box[0])
+
+
+def test_nearness_spans_whole_decades(figure):
+    axes = next(axes for axes in figure.axes if axes.get_ylabel().startswith("sigma_min"))
+    decades = np.log10(axes.get_ylim())
+    np.testing.assert_allclose(decades, np.round(decades), atol=1e-12)
+    assert decades[0] < decades[1]
