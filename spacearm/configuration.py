@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 LWA = pin.LOCAL_WORLD_ALIGNED
 
+AT_REST = np.zeros(6)
+"""What wheels hold that do not spin."""
+AT_REST.flags.writeable = False
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Configuration:
@@ -157,10 +161,10 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
         tip.translation += base.translation
     arm.give_back(data)
 
-    wheels, stored = np.zeros(len(arm.wheels)), np.zeros(6)
-    for array in (q, wheels, stored, com, A, J):
+    wheels = np.zeros(len(arm.wheels))
+    for array in (q, wheels, com, A, J):
         array.flags.writeable = False
-    return Configuration(arm, q, wheels, stored, com, A, J, base, tuple(tips))
+    return Configuration(arm, q, wheels, AT_REST, com, A, J, base, tuple(tips))
 
 
 def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
