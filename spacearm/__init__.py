@@ -53,6 +53,8 @@ from spacearm.errors import (
     ModelWarning,
     NoSolutionError,
     SpaceArmError,
+    StoreError,
+    SweepError,
     UnsupportedError,
 )
 from spacearm.events import Event
@@ -77,6 +79,8 @@ from spacearm.singular_map import SingularMap, singular_map
 from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity import SingularityReport, singularity
 from spacearm.singularity_polynomial import singularity_polynomial
+from spacearm.study import Study
+from spacearm.sweep import sweep
 from spacearm.task import Task
 from spacearm.trajectory import Trajectory
 from spacearm.view import view
@@ -114,6 +118,9 @@ __all__ = [
     "SingularityReport",
     "SpaceArm",
     "SpaceArmError",
+    "StoreError",
+    "Study",
+    "SweepError",
     "Task",
     "Trajectory",
     "TransposedJacobian",
@@ -148,6 +155,7 @@ __all__ = [
     "singular_set",
     "singularity",
     "singularity_polynomial",
+    "sweep",
     "view",
     "workspace",
 ]
