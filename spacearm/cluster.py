@@ -34,7 +34,7 @@ def connect(address: str) -> Client:
     except (OSError, ValueError) as error:
         raise StoreError(
             f"no Dask scheduler at {address!r} ({error}); start one: "
-            "dask scheduler --host 127.0.0.1"
+            "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
         ) from None
 
 
@@ -43,10 +43,14 @@ class Cluster:
 
     Attributes:
         width: Chunks to have under way so that no worker waits.
+        final: What is not tried again: Dask has, on several workers.
     """
 
     def __init__(self, client: Client, recipe: Recipe, path: str) -> None:
+        from distributed import KilledWorker
+
         self.width = WIDTH
+        self.final: tuple[type[BaseException], ...] = (KilledWorker,)
         self._client = client
         self._executor = client.get_executor(pure=False)
         self._order = (recipe, path)

@@ -33,9 +33,11 @@ class Processes:
     Attributes:
         width: Chunks to have under way so that none of them waits.
         lost: False: a process that dies is replaced.
+        final: None: every error is worth another try.
     """
 
     lost = False
+    final: tuple[type[BaseException], ...] = ()
 
     def __init__(self, workers: int, recipe: Recipe, path: str) -> None:
         self.width = 2 * workers

@@ -86,6 +86,7 @@ class Pool(Protocol):
     """What does chunks."""
 
     width: int
+    final: tuple[type[BaseException], ...]
 
     @property
     def lost(self) -> bool:
@@ -235,7 +236,7 @@ def _run(
             raise error
         if error is None:
             outcomes[future.result()] += 1
-        elif attempts[chunk] + 1 < ATTEMPTS:
+        elif attempts[chunk] + 1 < ATTEMPTS and not isinstance(error, pool.final):
             attempts[chunk] += 1
             start(chunk)
             continue

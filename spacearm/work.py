@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Literal
 
+from spacearm.errors import SpaceArmError, StoreError
 from spacearm.store import Store
 from spacearm.study import Chunk, Recipe, remade
 
@@ -18,7 +19,7 @@ def do(recipe: Recipe, path: str, chunk: Chunk) -> Outcome:
         Which of the two was the case.
 
     Raises:
-        StoreError: The store cannot be read or written.
+        StoreError: The store cannot be read or written, or the study not be made here.
     """
     store = _store(recipe, path)
     if store.is_done(chunk):
@@ -29,4 +30,8 @@ def do(recipe: Recipe, path: str, chunk: Chunk) -> Outcome:
 
 @lru_cache(maxsize=4)
 def _store(recipe: Recipe, path: str) -> Store:
-    return Store(path, remade(recipe))
+    try:
+        study = remade(recipe)
+    except SpaceArmError as error:  # it could be made where the sweep began
+        raise StoreError(f"a worker cannot make the study: {error}") from None
+    return Store(path, study)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sweeps import STUDY, files, run, start, wait_for_chunks
 
 import spacearm as sa
 from spacearm.study import Chunk
@@ -24,25 +25,6 @@ zarr = pytest.importorskip("zarr")  # which needs Python 3.11
 from spacearm.store import Store  # noqa: E402
 from spacearm.sweep import plan, status  # noqa: E402
 from spacearm.work import do  # noqa: E402
-
-STUDY = """
-arms = ["planar2", {model = "chaser7", name = "chaser", locked = {joint_7 = 0}}]
-seed = 3
-chunk = 4096
-
-[parameters]
-base_inertia = [1, 3]
-
-[risk]
-sigma_min = 0.2
-radius = {from = 0, to = 6, points = 7}
-samples = 80_000
-
-[sigma_min]
-joints.q1 = {from = -3, to = 3, points = 50}
-joints.joint_2 = {from = -3, to = 3, points = 120}
-"""
-"""80 chunks of risk, 8 of a map."""
 
 
 @pytest.fixture(scope="module")
@@ -56,21 +38,6 @@ def whole(study, tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "whole.zarr"
     sa.sweep(study, path, workers=2)
     return path
-
-
-def files(store):
-    """What every file of a store holds, by path."""
-    return {p.relative_to(store): p.read_bytes() for p in Path(store).rglob("*") if p.is_file()}
-
-
-def wait_for_chunks(store, few=3, marks="chunks/risk/c"):
-    """Until some chunks are done."""
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        if store.exists() and len([*(store / marks).glob("*")]) >= few:
-            return
-        time.sleep(0.01)
-    raise TimeoutError(f"{store} has no chunks")
 
 
 def test_the_numbers_are_those_of_the_functions(study, whole):
@@ -102,12 +69,12 @@ def test_tiles_cover_a_grid_once(shape, most):
     assert (seen == 1).all()
 
 
-def test_chunks_larger_than_what_is_in_memory_at_a_time(study):
+def test_chunks_larger_than_what_is_in_memory_at_a_time():
     """The same map and the same number of samples, in parts."""
     text = STUDY.replace("4096", "1_000_000").replace("points = 50", "points = 700")
     large = sa.Study.parse(text)
     assert (large.count("risk"), large.count("sigma_min")) == (4, 4)
-    (name, arm), *_ = large.arms.items()
+    arm = large.arms["planar2"]
     found = large.compute(Chunk("sigma_min", 0))["sigma_min"][0, 0]
     a, b = np.meshgrid(np.linspace(-3, 3, 700), np.linspace(-3, 3, 120), indexing="ij")
     Q = np.stack((a.ravel(), b.ravel()), axis=1)
@@ -198,19 +165,6 @@ def test_a_chunk_that_is_another_s_is_found(study, whole, tmp_path):
     sa.sweep(study, store, workers=1, progress=tallies.append)
     assert tallies[-1] == (87, 1, 0, 88)
     assert files(store) == files(whole)
-
-
-def start(study_file, store, *words, **options):
-    command = [sys.executable, "-m", "spacearm", "sweep", str(study_file), "--store", str(store)]
-    return subprocess.Popen(
-        [*command, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
-    )
-
-
-def run(study_file, store, *words, **options):
-    process = start(study_file, store, *words, **options)
-    out, err = process.communicate(timeout=120)
-    return process.returncode, out, err
 
 
 @pytest.fixture
@@ -319,7 +273,7 @@ def test_a_chunk_that_fails_once_is_tried_again(study, tmp_path, monkeypatch):
     tried = []
 
     class Stumbling:
-        width, lost = 3, False
+        width, lost, final = 3, False, ()
 
         def __init__(self, *_):
             pass
