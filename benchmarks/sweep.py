@@ -9,12 +9,13 @@ are written; from these the cost of 10^12 configurations on 1,000 cores.
 
     python benchmarks/sweep.py memory
 
-runs studies of 10^6 to 10^9 configurations (the map of 10^9 takes 4 GB of disk) and prints the
-largest resident memory of a worker process so far.
+runs studies of 10^6 to 10^9 configurations on two workers (the map of 10^9 takes 4 GB of disk) and
+prints the largest resident memory of a worker and of the main process.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import resource
@@ -48,8 +49,9 @@ joints.q1 = {{from = -3, to = 3, points = {points}}}
 joints.q2 = {{from = -3, to = 3, points = {points}}}
 single = true
 """
-WARM = 6
-"""Chunks after which the rate counts: by then all workers have started."""
+WINDOW = 16
+"""Successive chunks of which the fastest lot counts: without the start, and without what else the
+machine does."""
 
 
 def risk(arm: str, samples: int, chunk: int = 2**22) -> sa.Study:
@@ -57,10 +59,11 @@ def risk(arm: str, samples: int, chunk: int = 2**22) -> sa.Study:
 
 
 def seconds_a_chunk(study: sa.Study, store: Path, **options: object) -> float:
-    """Wall time between two chunks, the start of the workers apart."""
+    """Wall time from one chunk to the next."""
     times: list[float] = []
     sa.sweep(study, store, progress=lambda _: times.append(time.perf_counter()), **options)
-    return (times[-1] - times[WARM]) / (len(times) - 1 - WARM)
+    lots = zip(times, times[WINDOW:], strict=False)
+    return min(end - start for start, end in lots) / WINDOW
 
 
 @contextmanager
@@ -105,7 +108,7 @@ def costs() -> dict[str, float]:
 
 def scaling(folder: Path) -> None:
     """One worker against two."""
-    study = risk("chaser7", 48 * 2**20, 2**20)
+    study = risk("chaser7", 80 * 2**20, 2**20)
     for where in ("processes", "Dask workers"):
         rates = []
         for workers in (1, 2):
@@ -173,7 +176,7 @@ def writing(folder: Path) -> float:
 
 def project(cost: dict[str, float], overhead: float, rate: float, each: float) -> None:
     """10^12 configurations on 1,000 cores."""
-    chunk = 2**24
+    chunk = 2**26
     print(f"10^12 configurations on 1,000 cores, chunks of {chunk:,}:")
     for name, seconds in cost.items():
         work = seconds * chunk / 1e6 + overhead
@@ -187,36 +190,35 @@ def project(cost: dict[str, float], overhead: float, rate: float, each: float) -
     print(f"  the map is {each:.1f} TB, {each * 1e3 / wall:.1f} GB a second")
 
 
-def memory(folder: Path) -> None:
-    for exponent in range(6, 10):
-        m = 10**exponent
-        side = round(m**0.5)
-        studies = {
-            "risk": risk("planar2", m),
-            "map": sa.Study.parse(MAP.format(points=side, chunk=2**22)),
-        }
-        for name, study in studies.items():
-            start = time.perf_counter()
-            sa.sweep(study, folder / f"{name}{exponent}.zarr", workers=2)
-            wall = time.perf_counter() - start
-            largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-            print(
-                f"{name} of 10^{exponent}: {wall:.0f} s, worker at most {largest:.0f} MB",
-                flush=True,
-            )
+def memory(folder: Path, name: str, exponent: int) -> None:
+    """One study, and what its processes needed."""
+    m = 10**exponent
+    text = MAP.format(points=round(m**0.5), chunk=2**22)
+    study = risk("planar2", m) if name == "risk" else sa.Study.parse(text)
+    start = time.perf_counter()
+    sa.sweep(study, folder / "memory.zarr", workers=2)
+    wall = time.perf_counter() - start
+    who = (resource.RUSAGE_CHILDREN, resource.RUSAGE_SELF)
+    worker, own = (resource.getrusage(w).ru_maxrss / 1024 for w in who)
+    print(f"{name} of 10^{exponent}: {wall:.0f} s, worker {worker:.0f} MB, main {own:.0f} MB")
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if sys.argv[1:] == ["memory"]:
-            memory(folder)
-            return
-        cost = costs()
-        scaling(folder)
-        overhead, rate = overheads(folder)
-        starts(folder)
-        project(cost, overhead, rate, writing(folder))
+        match sys.argv[1:]:
+            case ["memory", what, exponent]:
+                memory(folder, what, int(exponent))
+            case ["memory"]:
+                for what, exponent in itertools.product(("risk", "map"), "6789"):
+                    command = [sys.executable, __file__, "memory", what, exponent]
+                    subprocess.run(command, check=True)
+            case _:
+                cost = costs()
+                scaling(folder)
+                overhead, rate = overheads(folder)
+                starts(folder)
+                project(cost, overhead, rate, writing(folder))
 
 
 if __name__ == "__main__":

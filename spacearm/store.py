@@ -84,19 +84,22 @@ class Store:
             raise _trouble(path, error) from None
         return cls(path, study)
 
-    def marks(self, quantity: str) -> Array:
-        """(count,) the marks of a quantity: "", "done CRC" or "failed ERROR"."""
+    def marks(self, quantity: str) -> list[str]:
+        """(count,) the marks of a quantity: "", "done CRC" or "failed ERROR"; "" if damaged."""
         with self._files():
-            marks: Array = self._marks[quantity][:]
-            return marks
+            marks = self._marks[quantity]
+            try:
+                return [str(mark) for mark in marks[:]]
+            except ValueError:
+                return [self._mark(Chunk(quantity, i)) for i in range(marks.shape[0])]
 
     def is_done(self, chunk: Chunk) -> bool:
         """Whether the chunk is marked as done and its files hold what they should."""
         with self._files():
+            mark = self._mark(chunk)
+            if not mark.startswith(DONE):
+                return False
             try:
-                mark = str(self._marks[chunk.quantity][chunk.number])
-                if not mark.startswith(DONE):
-                    return False
                 region = self.study.region(chunk)
                 names = self.study.quantities[chunk.quantity].variables
                 return mark == _done({name: self._arrays[name][region] for name in names})
@@ -135,6 +138,12 @@ class Store:
 
         found: xr.Dataset = xr.open_zarr(self.path, chunks=None, consolidated=False, zarr_format=3)
         return found
+
+    def _mark(self, chunk: Chunk) -> str:
+        try:
+            return str(self._marks[chunk.quantity][chunk.number])
+        except ValueError:  # its checksum is wrong
+            return ""
 
     @contextmanager
     def _files(self) -> Iterator[None]:

@@ -178,7 +178,7 @@ def status(study: Study, store: str | os.PathLike[str]) -> list[Status]:
     opened = Store(store, study)
     found = []
     for name in study.quantities:
-        marks = [str(mark) for mark in opened.marks(name)]
+        marks = opened.marks(name)
         failed = {i: m.removeprefix(FAILED) for i, m in enumerate(marks) if m.startswith(FAILED)}
         done = sum(mark.startswith(DONE) for mark in marks)
         found.append(Status(name, len(marks), done, failed))

@@ -7,7 +7,6 @@ import sys
 import time
 from contextlib import contextmanager
 
-import psutil
 import pytest
 from sweeps import STUDY, files, run, start, wait_for_chunks
 
@@ -91,6 +90,8 @@ def test_a_cluster_gives_the_same_bits(study, whole, running, tmp_path):
 
 
 def test_nothing_listens_beyond_loopback(running):
+    import psutil  # which distributed brings
+
     dask, _ = running
     for process in (psutil.Process(), *(psutil.Process(p.pid) for p in dask)):
         for connection in process.net_connections():
@@ -110,9 +111,6 @@ def test_the_main_process_is_killed_and_run_again(study, whole, running, tmp_pat
     assert code == 0, err
     assert "0 failed" in out
     assert files(store) == files(whole)
-    code, out, _ = run(file, store, "--scheduler", dask.address, "--dry-run")
-    assert code == 0
-    assert "on 2 cores" in out
 
 
 def test_workers_and_scheduler_are_killed_in_mid_run(study, whole, tmp_path):
