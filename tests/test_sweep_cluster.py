@@ -23,7 +23,7 @@ class Dask:
 
     def __init__(self, folder):
         self.file = folder / "scheduler.json"
-        quiet = os.environ | {"DASK_LOGGING__DISTRIBUTED": "error"}
+        quiet = os.environ | {"DASK_LOGGING__DISTRIBUTED": "critical"}
         where = ["--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0"]
 
         def dask(*words):
