@@ -56,6 +56,8 @@ from spacearm.errors import (
     ModelWarning,
     NoSolutionError,
     SpaceArmError,
+    StoreError,
+    SweepError,
     UnsupportedError,
 )
 from spacearm.events import Event
@@ -83,6 +85,8 @@ from spacearm.singular_map import SingularMap, singular_map
 from spacearm.singular_set import SingularSet, singular_set
 from spacearm.singularity import SingularityReport, singularity
 from spacearm.singularity_polynomial import singularity_polynomial
+from spacearm.study import Study
+from spacearm.sweep import sweep
 from spacearm.task import Task
 from spacearm.trajectory import Trajectory
 from spacearm.view import view
@@ -124,6 +128,9 @@ __all__ = [
     "SingularityReport",
     "SpaceArm",
     "SpaceArmError",
+    "StoreError",
+    "Study",
+    "SweepError",
     "Task",
     "Trajectory",
     "TransposedJacobian",
@@ -162,6 +169,7 @@ __all__ = [
     "singular_set",
     "singularity",
     "singularity_polynomial",
+    "sweep",
     "view",
     "workspace",
 ]

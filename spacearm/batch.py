@@ -221,7 +221,7 @@ def _run(
     largest: int = BLOCK,
 ) -> None:
     """Does all blocks of m configurations, on several threads, with little memory."""
-    threads = _processors() if threads is None else threads
+    threads = processors() if threads is None else threads
     if not isinstance(threads, int) or threads < 1:
         raise ConfigurationError(f"threads is {threads!r}; give a whole number from 1 on")
     size = min(largest, -(-m // threads) or 1)
@@ -237,7 +237,8 @@ def _run(
                 progress(blocks[i].stop, m)
 
 
-def _processors() -> int:
+def processors() -> int:
+    """How many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

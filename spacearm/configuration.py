@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 
 if TYPE_CHECKING:
     from spacearm.arm import SpaceArm
@@ -186,6 +186,16 @@ def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
             f"number up to {LARGEST:g}"
         )
     return vector
+
+
+def joint_name(arm: SpaceArm, text: str) -> str:
+    """A joint by its name, or by its number as q1, q2, ..."""
+    numbers = {f"q{i}": name for i, name in enumerate(arm.joint_names, start=1)}
+    if text in arm.joint_names:
+        return text
+    if text not in numbers:
+        raise ConfigurationError(unknown("joint", text, [*arm.joint_names, *numbers]))
+    return numbers[text]
 
 
 def sound_pose(pose: pin.SE3, what: str) -> pin.SE3:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -84,6 +84,22 @@ def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
     )
 
 
+def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
+    """Sizes and shells of an arm's workspaces: what a sweep keeps of a design.
+
+    Args:
+        arm: The design.
+        **options: As in `workspace`.
+
+    Returns:
+        `piw` and `reachable` (volumes [m^3], areas [m^2] for planar arms), `fraction` (path
+        independent share) and `pdw` (k, 2) (radii [m]).
+    """
+    found = workspace(arm, **options)
+    sizes = {name: found.volumes[name] for name in ("piw", "reachable")}
+    return {**sizes, "fraction": found.fraction, "pdw": found.pdw}
+
+
 def sweep(
     arm: SpaceArm,
     parameters: Mapping[str, npt.ArrayLike],
@@ -94,7 +110,7 @@ def sweep(
     risk_bins: int = 0,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Workspaces over a grid of designs.
+    """Workspaces over a grid of designs, in memory; `spacearm.sweep` computes larger studies.
 
     Args:
         arm: The arm to start from.
@@ -135,10 +151,10 @@ def sweep(
         for count, at in enumerate(designs, start=1):
             values = {name: float(axes[name][i]) for name, i in zip(axes, at, strict=True)}
             varied = vary(arm, values)
-            found = workspace(varied, base=base, limits=limits, **options)
-            volumes = found.volumes
-            numbers["piw"][at], numbers["reachable"][at] = volumes["piw"], volumes["reachable"]
-            numbers["fraction"][at], radii[at] = found.fraction, found.pdw
+            found = shell_measures(varied, base=base, limits=limits, **options)
+            radii[at] = found.pop("pdw")
+            for name, value in found.items():
+                numbers[name][at] = value
             if risk_bins:
                 risk[at] = risk_profile(varied, limits=limits, bins=risk_bins).share
             done[at] = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher
 
 
@@ -32,6 +32,25 @@ class NoSolutionError(SpaceArmError):
     def __init__(self, message: str, best: object = None) -> None:
         super().__init__(message)
         self.best = best
+
+
+class StoreError(SpaceArmError):
+    """The store of a sweep cannot be used, or the cluster that fills it is lost.
+
+    What is in the store stays; the message says what to do.
+    """
+
+
+class SweepError(SpaceArmError):
+    """A sweep is through, but some chunks failed each time they were tried.
+
+    Attributes:
+        failed: The error of each, by "quantity number".
+    """
+
+    def __init__(self, message: str, failed: Mapping[str, str]) -> None:
+        super().__init__(message)
+        self.failed = dict(failed)
 
 
 class ModelWarning(UserWarning):

@@ -8,10 +8,12 @@ singular. The profile tells what share of them is near a singularity.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import KDTree
 
 from spacearm.arm import SpaceArm
@@ -69,9 +71,10 @@ def risk_profile(
     limits: bool = False,
     sigma_min: float | None = None,
     distance: float | None = None,
-    bins: int = 40,
+    bins: int | npt.ArrayLike = 40,
     samples: int = 200_000,
-    seed: int = 0,
+    seed: int | Sequence[int] = 0,
+    threads: int | None = None,
 ) -> RiskProfile:
     """How likely a singularity is near, for each distance of the tip from the system CM.
 
@@ -83,9 +86,11 @@ def risk_profile(
         sigma_min: Near means a least singular value up to this; a tenth of its median if None.
         distance: Near means a joint distance to the singular set up to this [rad], to first order
             |S| / |grad S|: for arms that have a singularity polynomial; instead of sigma_min.
-        bins: Number of distance classes.
+        bins: Number of distance classes between the least and the largest distance drawn, or
+            their edges [m], growing; what lies outside of these is not counted.
         samples: Number of configurations.
         seed: Of the sample.
+        threads: How many to use; see `evaluate`.
 
     Raises:
         ConfigurationError: bins, samples or both bounds do not make sense.
@@ -94,13 +99,16 @@ def risk_profile(
     """
     if base != "free-floating":
         raise UnsupportedError(f"risk profiles are for free-floating spacecraft; base is {base!r}")
-    if bins < 1 or samples < bins or (sigma_min is not None and distance is not None):
+    edges = None if isinstance(bins, int) else np.asarray(bins, dtype=np.float64)
+    least = bins if isinstance(bins, int) else 1
+    sound = edges is None or (edges.ndim == 1 and len(edges) > 1 and (np.diff(edges) > 0.0).all())
+    if least < 1 or samples < least or not sound or not (sigma_min is None or distance is None):
         raise ConfigurationError(
-            f"bins is {bins}, samples {samples}; give at least one bin, a sample for each, and "
-            "only one of sigma_min and distance"
+            f"bins is {bins!r}, samples {samples}; give at least one bin (or growing edges), a "
+            "sample for each, and only one of sigma_min and distance"
         )
     Q = _uniform(arm, limits, samples, np.random.default_rng(seed))
-    values = evaluate(arm, Q, ("sigma_min", "radius"))
+    values = evaluate(arm, Q, ("sigma_min", "radius"), threads=threads)
     if distance is None:
         measure, unit, value = "sigma_min", arm.sigma_unit, values["sigma_min"]
         bound = _bound(value, sigma_min)
@@ -110,7 +118,8 @@ def risk_profile(
         value = np.abs(S(Q)) / np.maximum(slope, 1e-300)
         measure, unit, bound = "distance", "rad", distance
     R = values["radius"]
-    edges = np.linspace(R.min(), R.max(), bins + 1)
+    if edges is None:
+        edges = np.linspace(R.min(), R.max(), least + 1)
     count = np.histogram(R, edges)[0].astype(np.float64)
     near = np.histogram(R[value <= bound], edges)[0]
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -12,7 +12,7 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm import __version__
-from spacearm.cli import design, maps, models, plan, query, simulate, view, workspace
+from spacearm.cli import design, maps, models, plan, query, simulate, sweep, view, workspace
 from spacearm.cli.options import join_numbers
 from spacearm.errors import SpaceArmError
 
@@ -27,6 +27,7 @@ app.command(context_settings={"ignore_unknown_options": True})(design.design)
 
 app.command("plan", context_settings={"ignore_unknown_options": True})(plan.plan_)
 app.command("simulate", context_settings={"ignore_unknown_options": True})(simulate.simulate_)
+app.command("sweep")(sweep.sweep_)
 
 
 @app.callback(invoke_without_command=True)

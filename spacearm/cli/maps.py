@@ -20,10 +20,10 @@ from spacearm.cli.options import (
     Tip,
     arm_from,
     assignments,
-    joint_name,
     joint_values,
 )
 from spacearm.cli.output import check_picture, out, print_json, write_picture
+from spacearm.configuration import joint_name
 from spacearm.files import write
 from spacearm.singular_map import SingularMap, singular_map
 

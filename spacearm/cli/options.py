@@ -16,7 +16,7 @@ import typer
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.catalogue import find, read
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError
 from spacearm.loading import load
 from spacearm.parts import Joint
 from spacearm.task import Task
@@ -95,16 +95,6 @@ def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
         if not name:
             raise ConfigurationError(f"{option} {text!r}: give JOINT=VALUE")
     return {name: _number(value) for name, _, value in pairs}
-
-
-def joint_name(arm: SpaceArm, text: str) -> str:
-    """A joint by its name, or by its number as q1, q2, ..."""
-    numbers = {f"q{i}": name for i, name in enumerate(arm.joint_names, start=1)}
-    if text in arm.joint_names:
-        return text
-    if text not in numbers:
-        raise ConfigurationError(unknown("joint", text, [*arm.joint_names, *numbers]))
-    return numbers[text]
 
 
 def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Array:

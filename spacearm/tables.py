@@ -1,0 +1,95 @@
+"""TOML tables read with care: keys that are known, values of the right kind, or the reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from spacearm.arrays import LARGEST, Array
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+
+T = TypeVar("T")
+AXIS = ("from", "to", "points")
+MOST_POINTS = 10**7
+"""Values that one axis may have: its labels are kept in memory."""
+
+
+class Table:
+    """One table of a file: gives values, or says what is wrong with them."""
+
+    def __init__(self, where: str, values: object) -> None:
+        if not isinstance(values, Mapping):
+            raise ConfigurationError(f"{where} is {values!r}; make it a table")
+        self.where = where
+        self.values = dict(values)
+
+    def knows(self, *names: str) -> None:
+        """Refuses keys that are none of these."""
+        for key in self.values:
+            if key not in names:
+                raise ConfigurationError(f"{self.where}: {unknown('key', key, names)}")
+
+    def fail(self, key: str, remedy: str) -> ConfigurationError:
+        """The error for the value of a key."""
+        value = self.values.get(key, "missing")
+        return ConfigurationError(f"{self.where}: {key} is {value!r}; {remedy}")
+
+    def take(self, key: str, kind: type[T], default: T | None = None) -> T:
+        """The value of a key, of this type."""
+        value = self.values.get(key, default)
+        if kind is float and type(value) is int:
+            value = float(value)
+        if type(value) is not kind or (isinstance(value, float) and not math.isfinite(value)):
+            name = {str: "text", bool: "true or false", int: "a whole number", float: "a number"}
+            raise self.fail(key, f"give {name.get(kind, kind.__name__)}")
+        return value
+
+    def positive(self, key: str, kind: type[T], default: T | None = None) -> T:
+        """A number above zero."""
+        value: Any = self.take(key, kind, default)
+        if value <= 0:
+            raise self.fail(key, "give a number above zero")
+        result: T = value
+        return result
+
+    def axis(self, key: str) -> Array:
+        """(m,) different finite numbers: a list of them, or {from, to, points}."""
+        value = self.values.get(key)
+        if isinstance(value, Mapping):
+            ends = Table(f"{self.where}: {key}", value)
+            ends.knows(*AXIS)
+            points = ends.positive("points", int)
+            if points > MOST_POINTS:
+                raise ends.fail("points", f"give at most {MOST_POINTS:,}")
+            values = np.linspace(ends.take("from", float), ends.take("to", float), points)
+        else:
+            listed = value if isinstance(value, list) else [value]
+            if not all(type(number) in (int, float) for number in listed):
+                raise self.fail(key, "give a list of numbers, or {from = 0, to = 1, points = 5}")
+            values = np.array(listed, dtype=np.float64)
+        sound = values.size and (np.abs(values) <= LARGEST).all()
+        if not sound or len(np.unique(values)) < len(values):
+            raise self.fail(key, f"give one or more different numbers up to {LARGEST:g}")
+        return values
+
+
+def parse(text: str) -> Table:
+    """The table that a TOML text is.
+
+    Raises:
+        ConfigurationError: It is no TOML.
+        UnsupportedError: Python is older than 3.11.
+    """
+    try:
+        import tomllib
+    except ImportError:
+        raise UnsupportedError(
+            "studies need Python 3.11 or newer: the first that reads TOML and runs Zarr 3"
+        ) from None
+    try:
+        return Table("study", tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"the study is no TOML: {error}") from None
