@@ -7,7 +7,7 @@ nearer to another body than the joints between the two can carry it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
@@ -25,8 +25,8 @@ from spacearm.urdf import find_mesh
 
 POSTURES = 64
 """Random postures: bodies that touch in all of them are taken to be joined."""
-CLOSE = 1e-3
-"""Bodies that are nearer than this share of the arm's reach are taken to touch."""
+CLOSE = 1e-4
+"""Bodies that are nearer than this share of the arm's reach count as touching."""
 
 
 class Contact(NamedTuple):
@@ -46,19 +46,25 @@ class Contact(NamedTuple):
 
 
 class _Body(NamedTuple):
-    """A geometry: its link, the joint that carries it, where it stands there, and its reach."""
+    """A geometry: its link, the joint that carries it, and where it stands there.
+
+    Each joint on the way to the spacecraft moves its points by at most reach [m/rad], and by as
+    much more as the joints between, those of `slides`, have slid; a sliding joint itself by 1.
+    """
 
     link: str
     joint: int
     pose: pin.SE3
     shape: coal.CollisionGeometry
     reach: dict[int, float]
+    slides: dict[int, list[int]]
 
 
 class Collisions:
     """The collision geometry of an arm, and the pairs of bodies that must not meet.
 
-    Bodies on both sides of one joint may touch, and bodies that touch in every posture.
+    Links that a joint of the URDF connects may touch, locked and fixed ones included, and bodies
+    that touch in every posture.
 
     Args:
         arm: The arm.
@@ -68,17 +74,21 @@ class Collisions:
     """
 
     def __init__(self, arm: SpaceArm) -> None:
-        self.arm, parents = arm, arm.model.parents
+        self.arm, bodies = arm, list(_bodies(arm))
+        joined = _connected(arm, {body.link for body in bodies})
         self._pairs = [
             (a, b)
-            for a, b in combinations(_bodies(arm), 2)
-            if a.joint != b.joint and a.joint != parents[b.joint] and b.joint != parents[a.joint]
+            for a, b in combinations(bodies, 2)
+            if a.joint != b.joint and frozenset((a.link, b.link)) not in joined
         ]
-        Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSTURES, arm.n))
-        joined = np.all([self.distances(q) <= 0.0 for q in Q], axis=0)
-        self._pairs = [pair for pair, always in zip(self._pairs, joined, strict=True) if not always]
-        self._gains = np.array([self._gain(a, b) for a, b in self._pairs])
-        self._close = CLOSE * self._gains.max(initial=0.0)
+        self._close = CLOSE * max((r for body in bodies for r in body.reach.values()), default=0.0)
+        low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
+        high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+        Q = np.random.default_rng(0).uniform(low, high, (POSTURES, arm.n))
+        touching = np.all([self.distances(q) < self._close for q in Q], axis=0)
+        self._pairs = [
+            pair for pair, always in zip(self._pairs, touching, strict=True) if not always
+        ]
 
     def __bool__(self) -> bool:
         """Whether any bodies may meet."""
@@ -103,6 +113,7 @@ class Collisions:
         """
         if not self._pairs:
             return None
+        gains = self.gains(path)
         travel = np.vstack((np.zeros(self.arm.n), np.abs(np.diff(path, axis=0)).cumsum(axis=0)))
         waiting = [(0.0, len(path) - 1.0)]
         while waiting:
@@ -111,11 +122,11 @@ class Collisions:
             q, here = _at(path, u), _at(travel, u)
             half = np.maximum(here - _at(travel, low), _at(travel, high) - here)
             distance = self.distances(q)
-            if (distance > self._gains @ half).all():
-                continue
             if distance.min() < self._close:
                 a, b = self._pairs[int(distance.argmin())]
                 return Contact(q, (a.link, b.link))
+            if (distance > gains @ half).all():
+                continue
             waiting += [(u, high), (low, u)]
         return None
 
@@ -125,13 +136,20 @@ class Collisions:
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         return float(coal.distance(a.shape, A, b.shape, B, request, result))
 
-    def _gain(self, a: _Body, b: _Body) -> Array:
-        """(n,) how far a joint moves the two against each other: if it carries only one of them."""
-        gain = np.zeros(self.arm.model.nv - 6)
-        for body, other in ((a, b), (b, a)):
-            for joint in body.reach.keys() - other.reach.keys():
-                gain[joint - 2] = body.reach[joint]
-        return gain if self.arm.coupling is None else gain @ np.abs(self.arm.coupling)
+    def gains(self, path: Array) -> Array:
+        """(pairs, n) how far joints move two bodies against each other at most [m/rad] or [1].
+
+        A joint does so if it carries only one of them. Slides between it and the body make its
+        arm longer: by no more than they are out somewhere on the path (m, n), which is straight.
+        """
+        arm = self.arm
+        out = np.abs([arm.all_joints(q) for q in path]).max(axis=0)
+        gains = np.zeros((len(self._pairs), arm.model.nv - 6))
+        for gain, pair in zip(gains, self._pairs, strict=True):
+            for body, other in (pair, pair[::-1]):
+                for joint in body.reach.keys() - other.reach.keys():
+                    gain[joint - 2] = body.reach[joint] + out[body.slides[joint]].sum()
+        return gains if arm.coupling is None else gains @ np.abs(arm.coupling)
 
 
 def _at(rows: Array, u: float) -> Array:
@@ -153,13 +171,11 @@ def _bodies(arm: SpaceArm) -> Iterator[_Body]:
     for link, look in arm.tree.looks.items():
         frame = arm.model.frames[arm.model.getFrameId(link, pin.BODY)]
         for collision in etree.fromstring(look).findall("collision"):
-            if (shape := _shape(source, link, collision)) is not None:
-                pose = frame.placement * source.pose(collision)
-                yield _Body(link, frame.parentJoint, pose, shape, _reach(arm, frame, pose, shape))
+            shape, pose = _shape(source, link, collision), frame.placement * source.pose(collision)
+            yield _Body(link, frame.parentJoint, pose, shape, *_reach(arm, frame, pose, shape))
 
 
-def _shape(source: Source, link: str, collision: etree._Element) -> coal.CollisionGeometry | None:
-    """A shape, None for a mesh that is not there."""
+def _shape(source: Source, link: str, collision: etree._Element) -> coal.CollisionGeometry:
     element = collision.find("geometry/*")
     if element is None or element.tag not in ("box", "sphere", "cylinder", "mesh"):
         source.fail(
@@ -174,7 +190,10 @@ def _shape(source: Source, link: str, collision: etree._Element) -> coal.Collisi
         return coal.Cylinder(source.number(element, "radius"), source.number(element, "length"))
     path = find_mesh(element.get("filename", ""), source.path)
     if path is None:
-        return None  # `load` has warned
+        source.fail(
+            f"mesh {element.get('filename')!r} of link {link!r} is not there",
+            "put it there, or plan with collisions=False to do without",
+        )
     points = coal.StdVec_Vec3s()
     for vertex in _vertices(source, path) * source.numbers(element, "scale", 3, "1 1 1"):
         points.append(vertex)
@@ -197,16 +216,36 @@ def _vertices(source: Source, path: Path) -> Array:
 
 def _reach(
     arm: SpaceArm, frame: pin.Frame, pose: pin.SE3, shape: coal.CollisionGeometry
-) -> dict[int, float]:
-    """How far each joint that carries a geometry moves its points, at most [m/rad] or [1]."""
+) -> tuple[dict[int, float], dict[int, list[int]]]:
+    """Reach and slides of a body, for each joint that carries it."""
     shape.computeLocalAABB()
     far = float(np.linalg.norm(pose.act(shape.aabb_center)) + shape.aabb_radius)
-    gains, joint = {}, frame.parentJoint
+    reach: dict[int, float] = {}
+    slides: dict[int, list[int]] = {}
+    between: list[int] = []
+    joint = frame.parentJoint
     while joint > 1:
-        own = arm.tree.joints[arm.model.names[joint]]
-        slides = own.kind == "prismatic"
-        gains[joint] = 1.0 if slides else far
+        sliding = arm.tree.joints[arm.model.names[joint]].kind == "prismatic"
+        reach[joint], slides[joint] = (1.0, []) if sliding else (far, list(between))
+        between += [joint - 2] if sliding else []
         far += float(np.linalg.norm(arm.model.jointPlacements[joint].translation))
-        far += max(abs(own.lower), abs(own.upper)) if slides else 0.0
         joint = arm.model.parents[joint]
-    return gains
+    return reach, slides
+
+
+def _connected(arm: SpaceArm, links: Collection[str]) -> set[frozenset[str]]:
+    """Pairs of links with a geometry that a joint connects, links without one looked through."""
+    joints = arm.tree.joints.values()
+    above = {joint.child: joint for joint in joints}
+
+    def inner(link: str) -> str:
+        while link not in links and link in above and not above[link].movable:
+            link = above[link].parent
+        return link
+
+    def outer(link: str) -> list[str]:
+        if link in links:
+            return [link]
+        return [x for j in joints if j.parent == link and not j.movable for x in outer(j.child)]
+
+    return {frozenset((inner(j.parent), link)) for j in joints for link in outer(j.child)}

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.configuration import Configuration
+from spacearm.configuration import Configuration, sound_pose
 from spacearm.errors import ConfigurationError
 
 Goal: TypeAlias = npt.ArrayLike | pin.SE3
@@ -19,7 +19,7 @@ Goal: TypeAlias = npt.ArrayLike | pin.SE3
 def goal_pose(cfg: Configuration, goal: Goal) -> pin.SE3:
     """The pose that a goal stands for; what a point leaves open is as the tip has it now."""
     if isinstance(goal, pin.SE3):
-        return goal
+        return sound_pose(goal, "target")
     rows, names = cfg.arm.task.indices, cfg.arm.task.names
     try:
         point = np.asarray(goal, dtype=np.float64)

@@ -21,7 +21,7 @@ from spacearm.arrays import Array
 from spacearm.configuration import Configuration
 from spacearm.curve import sines
 from spacearm.free_space import FreeSpace
-from spacearm.holonomy import landed, turns
+from spacearm.holonomy import landed, turning_axes, turns
 from spacearm.joint_space import Task
 from spacearm.reaction import GAUSS
 
@@ -110,7 +110,9 @@ class Search:
         ends = np.resize(ends, (FEW if len(ends) else 0, self.arm.n))
         P = width * _closed(self._sines(len(ends)))
         P[1::4] = 0.0  # straight lines too
-        P[:, 0] = ends - self.start.q + self.free.windings(width, len(ends), self.rng)
+        P[:, 0] = ends - self.start.q
+        if self.task.q is None:
+            P[:, 0] += self.free.windings(width, len(ends), self.rng)
         P, near = self._arriving(P, np.broadcast_to(np.eye(3), (len(P), 3, 3)))
         room, travel = self.free.room(self._points(P)), _travel(self._points(P))
         clear = room > self.task.clearance
@@ -163,8 +165,8 @@ class Search:
 
     def _ends(self, width: float, m: int) -> tuple[Array, Array]:
         """Attitudes (<= m, 3, 3) and joint positions (<= m, n) at the goal."""
-        task, normal = self.task, self.arm.tree.plane_normal()
-        axes = np.ones(3) if normal is None else np.eye(3)[normal]
+        task, axes = self.task, np.zeros(3)
+        axes[list(turning_axes(self.arm))] = 1.0
         turned = Rotation.from_rotvec(width * self.rng.normal(size=(m, 3)) * axes).as_matrix()
         T = self.T0 @ turned if task.attitude is None else np.resize(task.attitude, (m, 3, 3))
         if task.tip is None:

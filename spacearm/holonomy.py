@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -15,12 +16,21 @@ from scipy.spatial.transform import Rotation
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
+from spacearm.singularity_polynomial import plane_of_motion
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""
 
 Turns = Callable[[Array], Array]
 """From ends (K, n) of curves to the attitudes (K, 3, 3) of the spacecraft there."""
+
+
+@lru_cache(maxsize=64)
+def turning_axes(arm: SpaceArm) -> tuple[int, ...]:
+    """The axes about which an arm turns its spacecraft: the normal of a plane, or all three."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
+    normal = plane_of_motion(arm, [arm.at(q) for q in Q])
+    return (0, 1, 2) if normal is None else (normal,)
 
 
 def turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
@@ -66,9 +76,10 @@ def landed(
     rows = arm.task.indices
     for step in range(steps + 1):
         T = attitude(q) if callable(attitude) else attitude
-        at, Tt = reactions(arm, q.T), np.swapaxes(T, 1, 2)
-        turn = Rotation.from_matrix(Tt @ tip.rotation @ np.swapaxes(at.R, 1, 2)).as_rotvec()
-        left = np.concatenate((Tt @ tip.translation - at.r, turn), axis=1)[:, rows]
+        at = reactions(arm, q.T)
+        turn = Rotation.from_matrix(tip.rotation @ np.swapaxes(T @ at.R, 1, 2)).as_rotvec()
+        reached = (T @ at.r[:, :, None])[:, :, 0]
+        left = np.concatenate((tip.translation - reached, turn), axis=1)[:, rows]
         miss = np.linalg.norm(left, axis=1)
         if step == steps:
             break
@@ -76,7 +87,7 @@ def landed(
         if not callable(attitude):  # the joints' own part: J* without the turning by A dq
             swept = np.cross(at.r[:, None], np.swapaxes(at.A, 1, 2))
             J = J + np.concatenate((np.swapaxes(swept, 1, 2), -at.A), axis=1)
-        J = J[:, rows]
+        J = (T[:, None] @ J.reshape(-1, 2, 3, arm.n)).reshape(-1, 6, arm.n)[:, rows]
         Jt, damping = np.swapaxes(J, 1, 2), 1e-3 + 0.1 * np.minimum(1.0, miss)
         square = J @ Jt + (damping**2)[:, None, None] * np.eye(len(rows))
         dq = (Jt @ np.linalg.solve(square, left[:, :, None]))[:, :, 0]

@@ -8,6 +8,7 @@ The optimiser is scipy's SLSQP (Kraft, DFVLR-FB 88-28 (1988)), from many starts.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from spacearm.configuration import Configuration
 from spacearm.curve import CurveFamily, Samples, sample
 from spacearm.errors import NoSolutionError
 from spacearm.goal import twist_between
+from spacearm.holonomy import turning_axes
 from spacearm.plan import walk
 
 INTERVALS = 16
@@ -89,16 +91,8 @@ class Steering:
         self.family = CurveFamily(self.arm, start.q, waves, INTERVALS)
         J = self._task_jacobians(sample(self.arm, start.q[None]))[0]
         self.sense = math.copysign(1.0, np.linalg.det(J[0])) if self._square else 1.0
-        normal = self.arm.tree.plane_normal()
-        self._turns = [0, 1, 2] if normal is None else [normal]
+        self._turns = list(turning_axes(self.arm))
         self._last: tuple[bytes, _Values] | None = None
-
-    @property
-    def turning(self) -> Array:
-        """(3,) ones for the axes about which the spacecraft can turn, else zeros."""
-        axes = np.zeros(3)
-        axes[self._turns] = 1.0
-        return axes
 
     @property
     def size(self) -> int:
@@ -168,7 +162,7 @@ class Steering:
         if self.task.tip is not None:
             parts.append(twist_between(tip, self.task.tip)[self.arm.task.indices])
         if self.task.attitude is not None:
-            parts.append(pin.log3(self.task.attitude @ T.T)[self._turns])
+            parts.append(pin.log3(T.T @ self.task.attitude)[self._turns])
         if self.task.q is not None:
             parts.append(self.task.q - q)
         return np.concatenate(parts)
@@ -186,7 +180,8 @@ class Steering:
             twist[3:] = pin.Jlog3(self.task.tip.rotation @ reached.rotation.T) @ twist[3:]
             slopes.append(-twist[self.arm.task.indices])
         if self.task.attitude is not None:
-            slopes.append(-(pin.Jlog3(self.task.attitude @ T.T) @ T @ dphi)[self._turns])
+            R = T.T @ self.task.attitude
+            slopes.append(-(pin.Jlog3(R) @ R.T @ dphi)[self._turns])
         if self.task.q is not None:
             slopes.append(-np.eye(n, self.size))
         return self._left(q, T, reached), np.vstack(slopes)
@@ -213,14 +208,20 @@ class Steering:
                 slopes.append(slope.reshape(1, -1))
         return np.concatenate(room), np.vstack(slopes)
 
-    def solve(self, x: Array) -> tuple[Array, bool]:
-        """The shortest motion near a first guess, and whether it keeps all constraints."""
+    def solve(self, x: Array, in_time: Callable[[], None]) -> tuple[Array, bool]:
+        """The shortest motion near a first guess, and whether it keeps all constraints.
+
+        Args:
+            x: The guess.
+            in_time: Called after every step; it may raise an error to end the search.
+        """
         solve: Any = minimize  # its stubs know no exact gradients of constraints
         result = solve(
             lambda x: self.cost(x)[0],
             x,
             jac=lambda x: self.cost(x)[1],
             method="SLSQP",
+            callback=lambda _: in_time(),
             constraints=(
                 {
                     "type": "eq",

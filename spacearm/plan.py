@@ -170,9 +170,10 @@ def times(arm: SpaceArm, q: Array) -> Array:
 
     The slowest joint sets the pace of every segment; the joints come to rest at corners too.
     """
-    velocity = np.array([arm.tree.joints[name].velocity for name in arm.joint_names])
+    joints = [arm.tree.joints[name] for name in list(arm.model.names)[2:]]  # those that mimic too
+    velocity = np.array([joint.velocity for joint in joints])
     velocity = np.where(np.isfinite(velocity) & (velocity > 0.0), velocity, UNLIMITED)
-    step = np.diff(q, axis=0)
+    step = np.diff([arm.all_joints(row) for row in q], axis=0)
     pace = np.maximum((np.abs(step) / velocity).max(axis=1), 1e-12)
     along = np.append(0.0, np.cumsum(pace))
     way = step / np.maximum(np.linalg.norm(step, axis=1), 1e-300)[:, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,7 +53,7 @@ class Problem:
         seed: Of the first guesses.
         deadline: `time.monotonic` at which the search is given up.
         collisions: The bodies that must not meet; None if that does not matter.
-        best: The best attempt so far that is no solution.
+        best: The last attempt that is no solution.
         note: What a method found out besides.
     """
 
@@ -108,20 +108,24 @@ class Problem:
 
 def straight(problem: Problem) -> Motion:
     """The line of the tip by J*."""
+    steering = Steering(problem.start, problem.task, 1)
+    if np.linalg.norm(steering.left(problem.start)) <= ARRIVED:
+        return [problem.start]
     if problem.task.tip is None:
         raise NoSolutionError("the goal is in joint space, no line leads there")
     motion = _along_line(problem, problem.start, problem.task.tip)
-    if problem.task.attitude is not None:
-        left = Steering(problem.start, problem.task, 1).left(motion[-1])
-        if np.linalg.norm(left) > ARRIVED:
-            raise NoSolutionError("the line ends with another attitude of the spacecraft")
+    if np.linalg.norm(steering.left(motion[-1])) > ARRIVED:
+        raise NoSolutionError("the line ends with another attitude of the spacecraft")
     return problem.checked(motion)
 
 
 def joint_space(problem: Problem) -> Motion:
     """The shortest joint curve that arrives, of the first few that are found."""
     search = problem.search(problem.start, problem.task)
-    tries = [list(search.direct(width)) for width in WIDTHS]
+    tries = []
+    for width in WIDTHS:
+        problem.in_time()
+        tries.append(list(search.direct(width)))
     mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
     free = (guess for guess in mixed if guess.room > problem.task.clearance)
     apart = _apart(problem, search, free)
@@ -169,7 +173,7 @@ def _steered(problem: Problem, search: Search, guesses: Iterable[Guess]) -> Moti
         aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
         task = search.task._replace(clearance=max(aim, search.task.clearance))
         steering = Steering(search.start, task, WAVES, guess.loops)
-        x, met = steering.solve(guess.x)
+        x, met = steering.solve(guess.x, problem.in_time)
         for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
             if not usable:
                 continue
@@ -177,7 +181,10 @@ def _steered(problem: Problem, search: Search, guesses: Iterable[Guess]) -> Moti
                 found.append(problem.checked(steering.arrive(unknowns)))
                 break
             except NoSolutionError as error:
+                problem.in_time()
                 why = str(error)
+                if isinstance(error.best, list):
+                    problem.best = error.best
         if len(found) == ENOUGH:
             break
     if not found:
@@ -187,9 +194,8 @@ def _steered(problem: Problem, search: Search, guesses: Iterable[Guess]) -> Moti
 
 def _turned(problem: Problem, task: Task) -> Motion:
     """Loops where the joints are, or after a straight motion to where loops turn more."""
-    search = problem.search(problem.start, task)
     why = ""
-    for hub in (problem.start.q, *search.hubs(HUBS)):
+    for hub in _places(problem, task):
         if problem.contact(np.array([problem.start.q, hub])) is not None:
             continue
         there = walk(problem.start, _line(problem.start.q, hub))
@@ -200,6 +206,13 @@ def _turned(problem: Problem, task: Task) -> Motion:
         except NoSolutionError as error:
             why = why or str(error)
     raise NoSolutionError(f"{why} ({HUBS} places for loops)", problem.best)
+
+
+def _places(problem: Problem, task: Task) -> Iterator[Array]:
+    """Where loops are tried, (n,) each."""
+    yield problem.start.q
+    problem.in_time()
+    yield from problem.search(problem.start, task).hubs(HUBS)
 
 
 def _apart(problem: Problem, search: Search, guesses: Iterable[Guess]) -> list[Guess]:

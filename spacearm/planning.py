@@ -24,7 +24,8 @@ from spacearm.configuration import Configuration, joint_vector, sound_pose
 from spacearm.defaults import the_one
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.goal import Goal, goal_pose
-from spacearm.joint_space import Task
+from spacearm.holonomy import turning_axes
+from spacearm.joint_space import ARRIVED, Task
 from spacearm.plan import Attempt, Joints, Plan
 from spacearm.plan_methods import Motion, Problem
 from spacearm.singularity import singular_values, singularity
@@ -89,22 +90,29 @@ def plan(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips.
+        UnsupportedError: The arm has several tips, or fewer joints than its task has rows.
         NoSolutionError: No motion was found; carries the best attempt, if there is one, and says
             why every method failed.
     """
     if method != "auto" and method not in METHODS:
         raise ConfigurationError(unknown("method", method, ("auto", *METHODS)))
-    if not timeout > 0.0:
-        raise ConfigurationError(f"timeout is {timeout}; give a positive time [s]")
+    if not isinstance(timeout, (int, float)) or not timeout > 0.0:
+        raise ConfigurationError(f"timeout is {timeout!r}; give a positive time [s]")
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise ConfigurationError(f"seed is {seed!r}; give a whole number from 0 on")
     the_one(arm.tips, arm.name)  # whose path the plan holds
+    if arm.n < arm.task.k:
+        raise UnsupportedError(
+            f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "
+            f"never do this task; take one with {arm.n} rows"
+        )
     cfg = arm.at(start, base)
     lower, upper = _bounds(cfg, limits)
     least, ample = _clearance(cfg, clearance, seed)
     task = Task(
         tip=None if isinstance(goal, Joints) else _reachable(cfg, goal_pose(cfg, goal)),
         q=joint_vector(arm, goal.q, "goal") if isinstance(goal, Joints) else None,
-        attitude=None if final_attitude is None else _attitude(arm, final_attitude),
+        attitude=None if final_attitude is None else _attitude(cfg, final_attitude),
         clearance=least,
         lower=lower,
         upper=upper,
@@ -113,11 +121,12 @@ def plan(
     if bodies and (contact := bodies.contact(cfg.q[None])) is not None:
         raise NoSolutionError(f"the start is in collision: {contact}; collisions=False ignores it")
     if task.q is not None:
-        _check_goal(cfg, task.q, bodies)
+        _check_goal(cfg, task.q, task, bodies)
     problem = Problem(cfg, task, ample, seed, time.monotonic() + timeout, bodies)
     tried: list[Attempt] = []
     for name in METHODS if method == "auto" else (method,):
         try:
+            problem.in_time()
             motion = METHODS[name](problem)
         except NoSolutionError as error:
             tried.append(Attempt(name, False, str(error)))
@@ -141,14 +150,31 @@ def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
     arm, free = cfg.arm, np.full(cfg.arm.n, np.inf)
     if not limits:
         return -free, free
-    beyond = (cfg.q < arm.lower) | (cfg.q > arm.upper)
+    lower, upper = arm.lower.copy(), arm.upper.copy()
+    for i, (gain, offset) in enumerate(_followers(arm)):  # joints that mimic have limits too
+        joint = arm.tree.joints[arm.model.names[2 + i]]
+        j = int(np.abs(gain).argmax())
+        ends = sorted((end - offset) / gain[j] for end in (joint.lower, joint.upper))
+        lower[j], upper[j] = max(lower[j], ends[0]), min(upper[j], ends[1])
+    _check_within(arm, "start", cfg.q, lower, upper)
+    return lower, upper
+
+
+def _followers(arm: SpaceArm) -> list[tuple[Array, float]]:
+    """Rates (n,) of each of the model's joints per rate of the n, and its offset."""
+    coupling = np.eye(arm.n) if arm.coupling is None else arm.coupling
+    return [(gain, float(offset)) for gain, offset in zip(coupling, arm.offsets, strict=True)]
+
+
+def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array) -> None:
+    """Raises NoSolutionError where joint positions (n,) are beyond their limits."""
+    beyond = (q < lower) | (q > upper)
     if beyond.any():
         j = int(np.flatnonzero(beyond)[0])
         raise NoSolutionError(
-            f"start of joint {arm.joint_names[j]!r} is {cfg.q[j]:.6g}, beyond its limits "
-            f"{arm.lower[j]:.6g} and {arm.upper[j]:.6g}; limits=False ignores them"
+            f"{what} of joint {arm.joint_names[j]!r} is {q[j]:.6g}, beyond its limits "
+            f"{lower[j]:.6g} and {upper[j]:.6g}; limits=False ignores them"
         )
-    return arm.lower, arm.upper
 
 
 def _reachable(cfg: Configuration, goal: pin.SE3) -> pin.SE3:
@@ -162,8 +188,9 @@ def _reachable(cfg: Configuration, goal: pin.SE3) -> pin.SE3:
     except UnsupportedError:  # sliding joints
         return goal
     reach = float(np.linalg.norm(links, axis=1).sum())
-    distance = float(np.linalg.norm(goal.translation - cfg.com))
-    if min(cfg.arm.task.indices) < 3 and distance > reach * (1.0 + 1e-9):
+    rows = [i for i in cfg.arm.task.indices if i < 3]
+    distance = float(np.linalg.norm((goal.translation - cfg.com)[rows]))
+    if distance > reach * (1.0 + 1e-9):
         raise NoSolutionError(
             f"the goal is {distance:.6g} m from the system CM, the tip of {cfg.arm.name} comes no "
             f"farther than {reach:.6g} m; sa.workspace shows where it can be"
@@ -171,8 +198,9 @@ def _reachable(cfg: Configuration, goal: pin.SE3) -> pin.SE3:
     return goal
 
 
-def _check_goal(cfg: Configuration, q: Array, bodies: Collisions | None) -> None:
+def _check_goal(cfg: Configuration, q: Array, task: Task, bodies: Collisions | None) -> None:
     """Raises NoSolutionError where no motion can lead to joint positions q (n,)."""
+    _check_within(cfg.arm, "goal", q, task.lower, task.upper)
     if bodies and (contact := bodies.contact(q[None])) is not None:
         raise NoSolutionError(f"the goal is in collision: {contact}; collisions=False ignores it")
     here, there = (singularity(cfg.arm.at(x)).determinant for x in (cfg.q, q))
@@ -181,13 +209,37 @@ def _check_goal(cfg: Configuration, q: Array, bodies: Collisions | None) -> None
             f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
             "them meets a singularity; lead the tip there and leave the joints open"
         )
+    if (sigma := singular_values(cfg.arm.at(q))[-1]) < task.clearance:
+        raise NoSolutionError(
+            f"the goal has sigma_min {sigma:.3g}, below the clearance of {task.clearance:.3g}"
+        )
 
 
-def _attitude(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
-    """(3, 3) the attitude asked for."""
+def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
+    """(3, 3) the attitude asked for.
+
+    Raises:
+        NoSolutionError: A planar arm cannot turn its spacecraft there.
+    """
+    rotation = _rotation(cfg.arm, attitude)
+    axes = turning_axes(cfg.arm)
+    turn = pin.log3(cfg.base.rotation.T @ rotation)
+    if len(axes) == 1 and np.linalg.norm(np.delete(turn, axes[0])) > ARRIVED:
+        raise NoSolutionError(
+            f"final_attitude is no turn about {'xyz'[axes[0]]} of the spacecraft from its start, "
+            f"and {cfg.arm.name} turns it about nothing else"
+        )
+    return rotation
+
+
+def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
+    """(3, 3) a rotation from what final_attitude may be."""
     normal = arm.tree.plane_normal()
     given = attitude.rotation if isinstance(attitude, pin.SE3) else attitude
-    values = np.asarray(given, dtype=np.float64)
+    try:
+        values = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
     if values.shape == () and normal is not None and np.isfinite(values):
         turn: Array = pin.exp3(float(values) * np.eye(3)[normal])
         return turn
@@ -218,8 +270,8 @@ def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[
     most = 0.5 * float(sigma[-1])
     if clearance is None:
         return min(SHARE * median, most), min(AMPLE * median, most)
-    if not (np.isfinite(clearance) and clearance >= 0.0):
-        raise ConfigurationError(f"clearance is {clearance}; give a number from 0 on")
+    if not isinstance(clearance, (int, float)) or not 0.0 <= clearance < np.inf:
+        raise ConfigurationError(f"clearance is {clearance!r}; give a number from 0 on")
     if sigma[-1] < clearance:
         raise NoSolutionError(
             f"the start has sigma_min {sigma[-1]:.3g}, below the clearance of {clearance:.3g}"

@@ -52,7 +52,7 @@ def singularity_polynomial(arm: SpaceArm, base: BaseMode = "free-floating") -> T
     _check_square(arm)
     rng = np.random.default_rng(0)
     probes = [arm.at(q) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))]
-    normal = _plane_normal(arm, probes)
+    normal = plane_of_motion(arm, probes)
     jacobians = np.array([_task_jacobian(cfg, base) for cfg in probes])
     sigma = np.linalg.svd(jacobians, compute_uv=False)
     if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
@@ -140,7 +140,7 @@ def _check_square(arm: SpaceArm) -> None:
         )
 
 
-def _plane_normal(arm: SpaceArm, probes: list[Configuration]) -> int | None:
+def plane_of_motion(arm: SpaceArm, probes: list[Configuration]) -> int | None:
     """The axis of a planar arm whose motion stays in the plane, inertia products included."""
     normal = arm.tree.plane_normal()
     if normal is None:

@@ -80,7 +80,7 @@ def test_no_joint_motion_outruns_its_bound(tmp_path_factory, seed):
     arm = three(tmp_path_factory)
     q, dq = rng.uniform(-3, 3, 3), rng.normal(size=3) * 10 ** rng.uniform(-3, 0)
     change = np.abs(arm.distances(q + dq) - arm.distances(q))
-    assert (change <= arm._gains @ np.abs(dq) + 1e-6).all()
+    assert (change <= arm.gains(np.array([q, q + dq])) @ np.abs(dq) + 1e-6).all()
 
 
 def three(tmp_path_factory, kept=[]):  # noqa: B006 - made once
@@ -131,3 +131,65 @@ def test_a_geometry_of_no_known_kind(tmp_path, geometry):
     with pytest.raises(sa.ModelError, match=r"'hull' has a collision .* collisions=False"):
         sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
     assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
+
+
+# --- slides, locks, branches ----------------------------------------------------------------
+
+
+def telescope(folder, slide, follower="", hull=(4.4, 2.4, 0)):
+    """A turning joint, a slide on it, a ball at its end; a ball of the hull in its way."""
+    ball = solid('<sphere radius="0.1"/>')
+    parts = [
+        link("hull", 50.0, inertia=10 * np.eye(3), inside=solid('<sphere radius="0.1"/>', hull)),
+        link("boom", 5.0), link("slider", 5.0, inside="" if follower else ball),
+        joint("j1", "hull", "boom", xyz=(0, 0, 0)),
+        joint("j2", "boom", "slider", "prismatic", (0, 0, 0), axis=(1, 0, 0), inside=slide),
+    ]  # fmt: skip
+    if follower:
+        parts += [
+            link("end", 1.0, inside=ball),
+            joint("j3", "slider", "end", "prismatic", (0, 0, 0), axis=(1, 0, 0), inside=follower),
+        ]
+    path = folder / "telescope.urdf"
+    path.write_text(robot(*parts))
+    return sa.load(path, tip="end" if follower else "slider", task="x y")
+
+
+@pytest.mark.parametrize(
+    ("slide", "follower", "out"),
+    [
+        ('<limit lower="0" upper="0.1" effort="1" velocity="1"/>', "", 5.0),
+        ('<limit effort="1" velocity="1"/>', "", 5.0),
+        (
+            '<limit lower="0" upper="5" effort="1" velocity="1"/>',
+            '<limit lower="0" upper="0.1" effort="1" velocity="1"/>'
+            '<mimic joint="j2" multiplier="3"/>',
+            1.25,
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*no limits on:spacearm.ModelWarning")
+def test_slides_reach_as_far_as_they_are_out(tmp_path, slide, follower, out):
+    bodies = Collisions(telescope(tmp_path, slide, follower))
+    path = np.array([[-1.0, out], [1.0, out]])
+    contact = bodies.contact(path)
+    assert contact is not None
+    assert contact.q[0] == pytest.approx(np.arctan2(2.4, 4.4), abs=0.06)
+    assert bodies.contact(path - [2.0, 0.0]) is None
+
+
+def test_a_locked_joint_does_not_join_the_links_beyond_it(tmp_path):
+    """Links that no joint of the URDF connects are watched, also where a lock makes them one."""
+    arm = boxy(tmp_path)
+    locked = Collisions(sa.load(arm.path, locked={"j0": 1.2}))
+    assert locked.contact(np.array([[3.0]])).links == ("hull", "l2")
+    np.testing.assert_allclose(
+        locked.distances(np.array([2.0])), Collisions(arm).distances(np.array([1.2, 2.0]))
+    )
+
+
+def test_a_missing_mesh_is_no_proof(tmp_path):
+    with pytest.warns(sa.ModelWarning, match="meshes not found"):
+        arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
+    with pytest.raises(sa.ModelError, match=r"nowhere.stl.*collisions=False"):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))

@@ -208,7 +208,7 @@ def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
         ((4.0, 1.0), B, {}, "limits=False"),
         (E, B, {"clearance": 5.0}, "below the clearance of 5"),
         (E, B, {"method": "straight"}, "singular after"),
-        (E, sa.Joints(E), {"method": "straight"}, "joint space"),
+        (E, sa.Joints(E + 0.1), {"method": "straight"}, "joint space"),
         (E, B, {"method": "joint space", "timeout": 1e-6}, "time is up"),
     ],
 )
@@ -247,6 +247,46 @@ def test_the_best_attempt_comes_along(arm):
 def test_bad_input(arm, options, message):
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.plan(arm, E, **({"goal": B} | options))
+
+
+@pytest.mark.parametrize(
+    ("name", "goal", "options", "error", "message"),
+    [
+        ("planar2", sa.Joints([3.5, 1.2]), {}, sa.NoSolutionError, "goal of joint 'joint_1'"),
+        ("planar2", sa.Joints([0.3, 0.25]), {"clearance": 0.2}, sa.NoSolutionError, "the goal has"),
+        ("planar2", sa.Joints([0.4, 1.3]), {"final_attitude": pin.exp3(np.array([0.3, 0, 0]))},
+         sa.NoSolutionError, "no turn about z"),
+        ("planar2", B, {"final_attitude": "x"}, sa.ConfigurationError, "final_attitude is 'x'"),
+        ("planar2", B, {"seed": -1}, sa.ConfigurationError, "seed is -1"),
+        ("planar2", B, {"timeout": "x"}, sa.ConfigurationError, "timeout is 'x'"),
+        ("planar3", pin.SE3(2 * np.eye(3), np.zeros(3)), {}, sa.ConfigurationError, "target"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_said_at_once(name, goal, options, error, message):
+    arm = sa.load(name)
+    with pytest.raises(error, match=message):
+        sa.plan(arm, [0.3, 1.2, 0.4][: arm.n], goal, **options)
+
+
+def test_fewer_joints_than_rows():
+    with pytest.raises(sa.UnsupportedError, match="2 joints for 6 task rows"):
+        sa.plan(sa.load("planar2", task="pose"), [0.3, 1.2], sa.Joints([0.4, 1.3]))
+
+
+def test_already_there(arm):
+    cfg = arm.at([0.3, 1.2])
+    for goal in (cfg.tip.translation[:2], sa.Joints(cfg.q)):
+        plan = sa.plan(arm, cfg.q, goal)
+        assert plan.length == 0.0
+        assert plan.t.tolist() == [0.0]
+        assert plan.certificate.free
+
+
+def test_one_row_of_the_tip():
+    """What the task leaves open counts neither for reach nor for arriving."""
+    arm = sa.load("planar2", task="x")
+    plan = sa.plan(arm, [0.8, 0.6], [2.0])
+    assert replay(plan).tip.translation[0] == pytest.approx(2.0, abs=1e-6)
 
 
 # --- the command line -----------------------------------------------------------------------
