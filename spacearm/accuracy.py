@@ -81,43 +81,61 @@ def _norms(matrix: Array, columns: int) -> Array:
     return norms
 
 
-def _rounding(cfg: Configuration) -> tuple[Array, Array, Array, Array, float]:
-    """E_b (2, 2), E_q (2, n), E_Jb (2 tips, 2), E_Jq (2 tips, n), and the rounding of a term.
+class _Sizes(NamedTuple):
+    """Sums of absolute values over what each of the model's joints carries, the spacecraft first.
 
-    By sums over what a joint carries, about the spacecraft's frame, where Pinocchio takes them:
-    mass m, first moment s and second moment i, distances counted along the links. A joint that
-    turns gives momentum up to 2 s and, about the CM at a distance up to c, up to 3 i + 2 c s.
+    About the spacecraft's frame, where Pinocchio takes them, distances counted along the links.
     """
+
+    slides: Array  # whether the joint is prismatic
+    reach: Array  # its distance [m]
+    turns: Array  # rotations up to it, and angles [rad] that mimic joints add up
+    m: Array  # mass [kg]
+    s: Array  # first moment [kg m]
+    i: Array  # second moment and inertia [kg m^2]
+
+
+def _sizes(cfg: Configuration, coupling: Array) -> _Sizes:
     arm, model = cfg.arm, cfg.arm.model
-    coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
     size = coupling @ np.abs(cfg.q) + np.abs(arm.offsets)  # of the terms of a joint position
     slides = [False, *(arm.tree.joints[name].kind == "prismatic" for name in model.names[2:])]
-    reach, turns, m, s, i = np.zeros((5, model.njoints - 1))
+    parents = [int(parent) - 1 for parent in model.parents[1:]]
+    reach, turns, m, s, i = np.zeros((5, len(parents)))
     for j, inertia in enumerate(model.inertias[1:]):
         if j > 0:
-            parent, moved = model.parents[j + 1] - 1, size[j - 1]
-            reach[j] = reach[parent] + np.linalg.norm(model.jointPlacements[j + 1].translation)
-            reach[j] += moved if slides[j] else 0.0
-            turns[j] = turns[parent] + 1.0
-            turns[j] += moved if arm.coupling is not None and not slides[j] else 0.0
+            link, moved = model.jointPlacements[j + 1].translation, size[j - 1]
+            sum_of_angles = 0.0 if slides[j] or arm.coupling is None else moved
+            reach[j] = reach[parents[j]] + np.linalg.norm(link) + (moved if slides[j] else 0.0)
+            turns[j] = turns[parents[j]] + 1.0 + sum_of_angles
         far = reach[j] + np.linalg.norm(inertia.lever)
         m[j], s[j] = inertia.mass, inertia.mass * far
         i[j] = inertia.mass * far**2 + np.linalg.norm(inertia.inertia, 2)
     for j in range(len(m) - 1, 0, -1):
         for carried in (m, s, i):
-            carried[model.parents[j + 1] - 1] += carried[j]
+            carried[parents[j]] += carried[j]
+    return _Sizes(np.array(slides), reach, turns, m, s, i)
+
+
+def _rounding(cfg: Configuration) -> tuple[Array, Array, Array, Array, float]:
+    """E_b (2, 2), E_q (2, n), E_Jb (2 tips, 2), E_Jq (2 tips, n), and the rounding of a term.
+
+    A joint that turns gives momentum up to 2 s and, about the CM at a distance up to c, angular
+    momentum up to 3 i + 2 c s.
+    """
+    arm, model = cfg.arm, cfg.arm.model
+    coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
+    slides, reach, turns, m, s, i = _sizes(cfg, coupling)
     c = s[0] / m[0]
     turning = np.array([2.0 * s, 3.0 * i + 2.0 * c * s])
     sliding = np.array([m, s + c * m])
-    E_A = np.where(slides, sliding, turning)
-    E_J = np.zeros((len(arm.tips), 2, len(m)))
-    E_Jb = np.empty((len(arm.tips), 2, 2))
+    E_b = np.column_stack((sliding[:, 0], turning[:, 0]))
+    E_q = np.where(slides, sliding, turning)[:, 1:] @ coupling
+    E_Jb, E_J = np.empty((len(arm.tips), 2, 2)), np.zeros((len(arm.tips), 2, len(m)))
     for tip, frame in enumerate(model.frames[index] for index in arm.tip_frames):
         r_E = reach[frame.parentJoint - 1] + np.linalg.norm(frame.placement.translation)
         E_Jb[tip] = [[1.0, r_E], [0.0, 1.0]]
         for j in model.supports[frame.parentJoint][2:]:
             E_J[tip, :, j - 1] = (1.0, 0.0) if slides[j - 1] else (r_E, 1.0)
-    rounding = ROUNDING * (1.0 + turns.max())
-    E_b = np.column_stack((sliding[:, 0], turning[:, 0]))
-    E_q, E_Jq = E_A[:, 1:] @ coupling, E_J.reshape(-1, len(m))[:, 1:] @ coupling
-    return rounding * E_b, rounding * E_q, rounding * E_Jb.reshape(-1, 2), rounding * E_Jq, rounding
+    E_Jq = E_J.reshape(-1, len(m))[:, 1:] @ coupling
+    u = ROUNDING * (1.0 + float(turns.max()))
+    return u * E_b, u * E_q, u * E_Jb.reshape(-1, 2), u * E_Jq, u
