@@ -27,6 +27,7 @@ symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & D
 from importlib.metadata import version
 
 from spacearm import design
+from spacearm.accuracy import ErrorBars, error_bars
 from spacearm.arm import SpaceArm
 from spacearm.arm_models import ArmInfo, arms
 from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
@@ -105,6 +106,7 @@ __all__ = [
     "ConfigurationError",
     "DampedLeastSquares",
     "Dynamics",
+    "ErrorBars",
     "Event",
     "Followed",
     "FoundSet",
@@ -145,6 +147,7 @@ __all__ = [
     "capture",
     "catalogue",
     "design",
+    "error_bars",
     "evaluate",
     "fixed_base_jacobian",
     "follow",

@@ -38,7 +38,7 @@ class SingularityReport(Result):
     Attributes:
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
-        sigma_min: Least singular value.
+        sigma_min: Least singular value; `error_bars` says what its digits are worth.
         rank: Number of singular values above `tolerance` times the largest.
         manipulability: Yoshikawa's sqrt(det(J J^T)), the product of the singular values.
         condition: Largest over least singular value; infinite if the least is zero.

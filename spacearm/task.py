@@ -111,7 +111,8 @@ class Task:
             return R
         x, y, z = np.cross(e, R @ e)
         K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        tilt: Array = np.eye(3) + K + K @ K / (1.0 + cosine)
+        rest = 1.0 + cosine if cosine > 0.0 else (x * x + y * y + z * z) / (1.0 - cosine)
+        tilt: Array = np.eye(3) + K + K @ K / rest  # rest = 1 + cosine, without cancellation
         return tilt
 
     def _singled_out(self, kind: int) -> int | None:

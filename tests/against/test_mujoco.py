@@ -61,22 +61,3 @@ def test_ten_seconds_of_the_same_motion(name, size):
     assert np.abs(run.q[-1] - q0).max() > 0.5
     assert own_accuracy < 1e-6
     np.testing.assert_allclose(ours, ends[1], atol=own_accuracy)
-
-
-@pytest.mark.parametrize("name", ["planar2", "planar3", "chaser7", "mda6"])
-def test_the_acceleration_of_one_instant(name):
-    arm = sa.load(name)
-    rng = np.random.default_rng(3)
-    model, data = engine(arm, 1e-3)
-    for _ in range(20):
-        q, dq, tau = rng.uniform(-2, 2, (3, arm.n))
-        cfg = arm.at(q)
-        twist = sa.base_velocity(cfg, dq)
-        data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
-        data.qpos[7:], data.qvel[:6], data.qvel[6:] = q, twist, dq
-        data.qfrc_applied[6:] = tau
-        mujoco.mj_forward(model, data)
-        motion = sa.forward_dynamics(cfg, dq, tau)
-        scale = np.abs(data.qacc).max()
-        np.testing.assert_allclose(motion.ddq, data.qacc[6:], atol=1e-10 * scale)
-        np.testing.assert_allclose(motion.base[:3], data.qacc[:3], atol=1e-10 * scale)

@@ -1,0 +1,153 @@
+"""Long runs: whether memory stays flat (Linux).
+
+    python benchmarks/soak.py                # all of it: hours
+    python benchmarks/soak.py 0.01           # a hundredth of it: a minute
+    python benchmarks/soak.py 1 load slide   # some jobs: evaluate, simulate, load, slide
+
+A billion batch evaluations, 24 simulated hours, 10,000 moves of a slider in the browser (with pip
+install -e '.[test]' and chromium), 1,000 loads. Each job is done in eleven equal parts. The first
+one fills caches; after each of the others the resident memory of the process and what Python itself
+holds (tracemalloc) are read. Growth is the slope of a straight line through these ten readings.
+"""
+
+from __future__ import annotations
+
+import gc
+import resource
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import cycle
+from pathlib import Path
+from shutil import which
+
+import numpy as np
+import pinocchio as pin
+
+import spacearm as sa
+
+PARTS = 11
+
+Job = Callable[[int], object]
+"""Does so many operations."""
+
+
+def evaluations() -> Job:
+    arm = sa.load("mda6")
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (1_000_000, arm.n))
+
+    def run(count: int) -> None:
+        while count > 0:
+            sa.evaluate(arm, Q[:count])
+            count -= len(Q)
+
+    return run
+
+
+def simulation() -> Job:
+    """One motion in pieces of ten minutes, each going on where the last one ended."""
+    arm = sa.load("planar2")
+    H = np.diag(sa.generalized_inertia(arm.at(np.full(2, 0.3))))
+    state = {"t": 0.0, "q": np.full(2, 0.3), "dq": np.zeros(2), "base": pin.SE3.Identity()}
+
+    def run(count: int) -> None:
+        while count > 0:
+            duration, start = min(count, 600), state["t"]
+            target = lambda t, start=start: 0.4 * np.sin(0.2 * (start + t) + np.arange(2))  # noqa: E731
+            law = sa.JointPD(target=target, kp=0.25 * H, kd=H)
+            motion = sa.simulate(
+                arm, state["q"], law, duration, dq0=state["dq"], base=state["base"]
+            )
+            state.update(t=start + duration, q=motion.q[-1], dq=motion.dq[-1])
+            state["base"] = pin.XYZQUATToSE3(motion.base[-1])
+            count -= 600
+
+    return run
+
+
+def loads() -> Job:
+    names = cycle(info.name for info in sa.catalogue())
+
+    def run(count: int) -> None:
+        for _ in range(count):
+            arm = sa.load(next(names))
+            sa.singularity(arm.at(np.full(arm.n, 0.3)))
+
+    return run
+
+
+@contextmanager
+def slider() -> Iterator[Job]:
+    from playwright.sync_api import sync_playwright
+
+    move = """async (count) => {
+      const slider = document.querySelector(".joint input[type=range]");
+      const tip = document.getElementById("tip");
+      for (let i = 0; i < count; i++) {
+        const before = tip.textContent;
+        slider.value = Number(slider.value) + (Number(slider.value) < 90 ? 1 : -180);
+        slider.dispatchEvent(new Event("input"));
+        while (tip.textContent === before) await new Promise((go) => setTimeout(go, 0));
+      }
+      return performance.memory.usedJSHeapSize / 2 ** 20;
+    }"""
+    options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    viewer = sa.view(sa.load("chaser7"), open=False)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=which("chromium"), args=options)
+        page = browser.new_page(viewport={"width": 420, "height": 320})
+        page.goto(viewer.serve())
+        page.wait_for_selector("body[data-ready=yes]", state="attached")
+        heaps: list[float] = []
+        yield lambda count: heaps.append(page.evaluate(move, count))
+        print(f"    page     {heaps[1]:8.2f} {heaps[-1]:8.2f} MB")
+        browser.close()
+    viewer.close()
+
+
+def resident() -> float:
+    """Memory of this process [MB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 2**20
+
+
+def soak(what: str, part: int, job: Job) -> None:
+    """Does so many operations `PARTS` times and prints how memory grew."""
+    readings = []
+    start = time.perf_counter()
+    for _ in range(PARTS):
+        job(part)
+        gc.collect()
+        readings.append((resident(), tracemalloc.get_traced_memory()[0] / 2**20))
+    seconds = time.perf_counter() - start
+    rss, python = np.array(readings[1:]).T
+    print(f"{part * PARTS:,} {what} in {seconds:.0f} s, memory after a {PARTS}th and at the end:")
+    for label, values in (("resident", rss), ("Python", python)):
+        slope = np.polyfit(np.arange(len(values)), values, 1)[0] * 1024.0
+        print(f"    {label:8} {values[0]:8.2f} {values[-1]:8.2f} MB, {slope:+.1f} kB in each part")
+    sys.stdout.flush()
+
+
+def main() -> None:
+    scale = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
+    jobs = sys.argv[2:] or ["evaluate", "simulate", "load", "slide"]
+    tracemalloc.start()
+
+    def part(count: int, least: int = 1) -> int:
+        return max(least, -(-round(count * scale) // PARTS))
+
+    if "evaluate" in jobs:
+        soak("batch evaluations", part(1_000_000_000), evaluations())
+    if "simulate" in jobs:
+        soak("simulated seconds", part(24 * 3600), simulation())
+    if "load" in jobs:
+        soak("loads", part(1000, least=len(sa.catalogue())), loads())
+    if "slide" in jobs:
+        with slider() as moves:
+            soak("slider moves", part(10_000), moves)
+
+
+if __name__ == "__main__":
+    main()
