@@ -21,6 +21,7 @@ from spacearm.arrays import Array
 from spacearm.barycentric import barycentric
 from spacearm.collisions import Collisions, collision_geometry
 from spacearm.configuration import Configuration, joint_vector, sound_pose
+from spacearm.defaults import the_one
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.goal import Goal, goal_pose
 from spacearm.joint_space import Task
@@ -95,6 +96,7 @@ def plan(
         raise ConfigurationError(unknown("method", method, ("auto", *METHODS)))
     if not timeout > 0.0:
         raise ConfigurationError(f"timeout is {timeout}; give a positive time [s]")
+    the_one(arm.tips, arm.name)  # which the plan leads
     cfg = arm.at(start, base)
     lower, upper = _bounds(cfg, limits)
     least, ample = _clearance(cfg, clearance, seed)
