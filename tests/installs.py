@@ -21,9 +21,8 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parent.parent
 FILES = (
-    "test_momentum", "test_jacobian", "test_barycentric", "test_dynamics", "test_singularity",
-    "test_polynomial", "test_batch", "test_urdf", "test_mount", "test_collisions", "test_map",
-    "test_design", "test_simulate_command", "test_cli", "test_view",
+    "test_momentum", "test_jacobian", "test_barycentric", "test_dynamics", "test_batch",
+    "test_urdf", "test_mount", "test_collisions", "test_map", "test_simulate_command", "test_view",
 )  # fmt: skip
 """They use every dependency."""
 
