@@ -114,6 +114,7 @@ def simulate(
     run = _Run(arm.n, start, watches(arm, mode, {*events, *stop}, system.miss, reach), stop)
     with _alone(method):
         try:
+            system.rate(0.0, start)  # what fails at once fails here: LSODA would print about it
             solver = METHODS[method](system.rate, 0.0, start, duration, rtol=rtol, atol=atol)
             run.integrate(solver, progress)
         except NoSolutionError as error:

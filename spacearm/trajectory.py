@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -181,30 +181,30 @@ class Trajectory(Result):
         Raises:
             ConfigurationError: The file is no trajectory, or one of an arm with other joints.
         """
+        data = _arrays(path)
         try:
-            with np.load(path, allow_pickle=False) as file:
-                data = dict(file)
-            names = tuple(map(str, data["joints"]))
-            kinds = zip(
-                data["event_t"],
-                data["event_kind"],
-                data["event_q"],
-                data["event_detail"],
-                strict=True,
-            )
-            events = tuple(Event(float(t), str(k), q, str(d)) for t, k, q, d in kinds)
+            names = tuple(str(name) for name in data["joints"].ravel())
             mode = {name: name for name in get_args(BaseMode)}[str(data["mode"])]
-            exchanged = float(data["exchanged"])
-            arrays = {name: data[name] for name in UNITS}
-        except (OSError, ValueError, KeyError) as error:
+            _check(data, len(names))
+        except (ValueError, KeyError) as error:
             raise ConfigurationError(f"{path} is no saved trajectory: {error}") from None
         if names != arm.joint_names:
             raise ConfigurationError(
                 f"{path} is a trajectory of joints {', '.join(names)}; {arm.name} has "
                 f"{', '.join(arm.joint_names)}"
             )
-        ended = str(data["ended"])
-        return cls(arm=arm, mode=mode, events=events, ended=ended, exchanged=exchanged, **arrays)
+        events = (data[f"event_{name}"] for name in ("t", "kind", "q", "detail"))
+        return cls(
+            arm=arm,
+            mode=mode,
+            **{name: data[name] for name in UNITS},
+            exchanged=float(data["exchanged"]),
+            events=tuple(
+                Event(float(t), str(kind), q, str(detail))
+                for t, kind, q, detail in zip(*events, strict=True)
+            ),
+            ended=str(data["ended"]),
+        )
 
     def __repr__(self) -> str:
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""
@@ -212,3 +212,34 @@ class Trajectory(Result):
             f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first})"
         )
+
+
+def _arrays(path: str | os.PathLike[str]) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of a NumPy file that `save` may have written."""
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            packed = any(entry.compress_type for entry in arrays.zip.infolist())
+            data = {} if packed else dict(arrays)
+    except Exception as error:  # whatever zipfile and NumPy make of a damaged file
+        raise ConfigurationError(f"{path} is no saved trajectory: {error}") from None
+    if packed:
+        raise ConfigurationError(f"{path} is compressed and may hold any amount of data: unpack it")
+    return data
+
+
+def _check(data: Mapping[str, npt.NDArray[Any]], n: int) -> None:
+    """Raises a ValueError that names the array whose shape or values `save` would not write."""
+    m, k, sizes = data["t"].size, data["event_t"].size, {"joint": n, "pose": 7, "component": 6}
+    shapes: dict[str, tuple[int, ...]] = {
+        name: (m, sizes[COLUMNS[name]]) if name in COLUMNS else (m,) for name in UNITS
+    }
+    shapes |= {"event_t": (k,), "event_q": (k, n), "exchanged": ()}
+    words = {"event_kind": (k,), "event_detail": (k,), "ended": ()}
+    for name, shape in (shapes | words).items():
+        array, kind = data[name], "U" if name in words else "f"
+        if array.shape != shape or array.dtype.kind != kind:
+            raise ValueError(f"{name} holds {array.dtype} of shape {array.shape}, not {shape}")
+        if kind == "f" and not np.isfinite(array).all():
+            raise ValueError(f"{name} holds numbers that are not finite")
+    if m == 0 or (np.diff(data["t"]) <= 0.0).any():
+        raise ValueError("t does not grow")

@@ -4,10 +4,14 @@ import os
 import re
 import subprocess
 import sys
+import tarfile
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.metadata import Metadata
+from packaging.version import Version
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -114,3 +118,60 @@ def test_output_survives_a_plain_ascii_terminal():
     env = os.environ | {"PYTHONIOENCODING": "ascii:backslashreplace", "NO_COLOR": "1"}
     words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")
     assert "dynamic" in python(sys.executable, *words, env=env).stdout
+
+
+# --- what is released -----------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def archives(tmp_path_factory):
+    """Wheel and sdist, and both once more from what the sdist holds, built in another year."""
+    first, again = tmp_path_factory.mktemp("first"), tmp_path_factory.mktemp("again")
+    python(sys.executable, "-m", "hatchling", "build", "-d", first, cwd=ROOT)
+    with tarfile.open(next(first.glob("*.tar.gz"))) as sdist:
+        sdist.extractall(again, filter="data")
+    (tree,) = again.iterdir()
+    for path in tree.rglob("*"):
+        os.utime(path, (1e9, 1e9))
+        path.chmod(0o700 if path.is_dir() else 0o600)
+    python(sys.executable, "-m", "hatchling", "build", "-d", again, cwd=tree)
+    return first, again
+
+
+@pytest.mark.parametrize("kind", ["*.whl", "*.tar.gz"])
+def test_archives_are_reproducible_byte_for_byte(archives, kind):
+    (one,), (other,) = (folder.glob(kind) for folder in archives)
+    assert one.name == other.name
+    assert one.read_bytes() == other.read_bytes()
+
+
+def test_the_sdist_is_complete(archives):
+    with tarfile.open(next(archives[0].glob("*.tar.gz"))) as sdist:
+        inside = {name.partition("/")[2] for name in sdist.getnames()}
+    for name in ("LICENSE", "SECURITY.md", "CHANGELOG.md", "CITATION.cff", "pyproject.toml"):
+        assert name in inside
+    parts = (ROOT / "spacearm", ROOT / "models", ROOT / "tests")
+    files = (path for part in parts for path in part.rglob("*") if path.is_file())
+    kept = {path.relative_to(ROOT).as_posix() for path in files if "cache" not in str(path)}
+    assert kept <= inside
+
+
+def test_metadata_is_complete(archives):
+    import spacearm as sa
+
+    with zipfile.ZipFile(next(archives[0].glob("*.whl"))) as wheel:
+        (name,) = (name for name in wheel.namelist() if name.endswith("METADATA"))
+        found = Metadata.from_email(wheel.read(name))  # refuses what is not valid
+    assert found.version == Version(sa.__version__)
+    assert found.license_expression == "BSD-3-Clause"
+    assert found.license_files == ["LICENSE"]
+    assert found.summary
+    assert found.keywords
+    assert found.author
+    assert found.description_content_type == "text/markdown"
+    assert found.description == (ROOT / "README.md").read_text(encoding="utf-8")
+    for minor in (10, 11, 12, 13):
+        assert f"Programming Language :: Python :: 3.{minor}" in found.classifiers
+        assert found.requires_python.contains(f"3.{minor}.0")
+    for requirement in found.requires_dist:
+        assert requirement.specifier, f"{requirement} has no bound"

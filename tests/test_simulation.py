@@ -254,6 +254,46 @@ def test_a_trajectory_is_saved_and_loaded(figure_5, tmp_path):
         sa.Trajectory.load(path, figure_5.arm)
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("q", lambda a: a[:-1], r"q holds float64 of shape \(\d+, 2\), not"),
+        ("sigma_min", lambda a: a[:, None], "sigma_min holds float64 of shape"),
+        ("base", lambda a: a.astype(str), "base holds <U32"),
+        ("tip", lambda a: np.full_like(a, np.nan), "tip holds numbers that are not finite"),
+        ("t", lambda a: a[::-1], "t does not grow"),
+        ("event_q", lambda a: a[:, :1], "event_q holds float64"),
+        ("mode", lambda _: np.array("adrift"), "'adrift'"),
+        ("exchanged", lambda _: np.array([None, {}], dtype=object), "Object arrays"),
+    ],
+)
+def test_damaged_trajectories_are_refused(figure_5, tmp_path, name, change, message):
+    path = tmp_path / "run.npz"
+    figure_5.save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    np.savez(path, **(arrays | {name: change(arrays[name])}))
+    with pytest.raises(sa.ConfigurationError, match=f"no saved trajectory: .*{message}"):
+        sa.Trajectory.load(path, figure_5.arm)
+
+
+def test_files_that_are_no_archives_or_packed_ones_are_refused(figure_5, tmp_path):
+    path = tmp_path / "run.npz"
+    figure_5.save(path)
+    whole = path.read_bytes()
+    for data in (whole[:-100], whole.replace(b"q.npy", b"p.npy"), whole[:500] + whole[600:]):
+        path.write_bytes(data)
+        with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
+            sa.Trajectory.load(path, figure_5.arm)
+    with path.open("wb") as file:
+        np.save(file, figure_5.q)
+    with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
+        sa.Trajectory.load(path, figure_5.arm)
+    np.savez_compressed(path, t=np.zeros(1000))
+    with pytest.raises(sa.ConfigurationError, match="compressed"):
+        sa.Trajectory.load(path, figure_5.arm)
+
+
 def test_a_trajectory_as_labelled_arrays(figure_5):
     data = figure_5.to_xarray()
     assert data["q"].dims == ("t", "joint")

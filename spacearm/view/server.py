@@ -115,10 +115,10 @@ class Server:
         """Does what a browser asks, or tells it what is wrong with that."""
         try:
             self._panel.handle(json.loads(text))
-        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-            browser.tell({"error": f"not understood: {error}"})
         except SpaceArmError as error:
             browser.tell({"error": str(error)})
+        except (ValueError, RecursionError) as error:  # json's, numbers of thousands of digits too
+            browser.tell({"error": f"not understood: {error}"})
         self._mark_stale()
 
     def _mark_stale(self) -> None:

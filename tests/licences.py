@@ -1,0 +1,59 @@
+"""Licences: what the package and all that it needs, directly or not, may be used under.
+
+    python tests/licences.py
+
+Read from the metadata of what is installed here. 1 if a dependency names no licence.
+"""
+
+from __future__ import annotations
+
+import sys
+from email.message import Message
+from importlib.metadata import distribution
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+UNSAID = "not said"
+
+
+def dependencies(name: str) -> set[str]:
+    """The distributions that one needs, directly or not, extras left out."""
+    found, waiting = set(), [(name, frozenset[str]())]
+    while waiting:
+        name, extras = waiting.pop()
+        for text in distribution(name).requires or ():
+            wanted = Requirement(text)
+            marker, key = wanted.marker, canonicalize_name(wanted.name)
+            needed = not marker or any(marker.evaluate({"extra": e}) for e in ("", *extras))
+            if needed and key not in found:
+                found.add(key)
+                waiting.append((key, frozenset(wanted.extras)))
+    return found
+
+
+def licence(name: str) -> str:
+    """The licence that the metadata of a distribution names."""
+    metadata: Message = distribution(name).metadata  # type: ignore[assignment]
+    if expression := metadata.get("License-Expression"):
+        return str(expression)
+    classified = [
+        text.rpartition(" :: ")[2]
+        for text in metadata.get_all("Classifier", [])
+        if text.startswith("License ::")
+    ]
+    said = str(metadata.get("License", "")).strip().partition("\n")[0]
+    texts = ", ".join(metadata.get_all("License-File", []))
+    return " / ".join(classified) or said or (f"in its {texts}" if texts else UNSAID)
+
+
+def main() -> int:
+    """Prints the table; 0 if every licence is named."""
+    rows = [(name, licence(name)) for name in ("spacearm", *sorted(dependencies("spacearm")))]
+    for name, said in rows:
+        print(f"{name:26} {distribution(name).version:16} {said}")
+    return 1 if UNSAID in dict(rows).values() else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

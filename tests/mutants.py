@@ -1,0 +1,295 @@
+"""Mutants: every formula that matters broken in turn; the tests must notice each.
+
+    python tests/mutants.py             # all of them
+    python tests/mutants.py jacobian    # those whose formula or file has this in it
+
+Each mutant is one replacement of text (a sign, an index, a transpose), made in a copy of the
+package, and faces the few test files that concern it. A text that is gone is an error; the tests
+that noticed mutants are run once more on the sound package, where they must pass.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+LIMIT = 600
+"""Seconds after which the tests of one mutant are given up."""
+
+
+class Mutant(NamedTuple):
+    """One broken formula.
+
+    Attributes:
+        formula: What is broken, with its equation number in the paper.
+        file: Module of the package that holds it.
+        text: How the formula stands there, once.
+        broken: What takes its place.
+        tests: The test files that concern it.
+    """
+
+    formula: str
+    file: str
+    text: str
+    broken: str
+    tests: str
+
+
+BARYCENTRIC = [
+    Mutant(*row, "test_barycentric")
+    for row in (
+        ("(3) tip from its body's CM", "barycentric.py", "v_E[tip] += p_E", "v_E[tip] -= p_E"),
+        (
+            "(7) mass distribution", "barycentric.py",
+            "np.concatenate(([0.0], np.cumsum(m) / M))",
+            "np.concatenate((np.cumsum(m) / M, [1.0]))",
+        ),
+        ("(8) barycentres", "barycentric.py", "c = l * mu[:-1, None]", "c = l * mu[1:, None]"),
+        ("(9) barycentric vectors", "barycentric.py", "= -c, r - c, l - c", "= c, r - c, l - c"),
+        (
+            "(12) selection law", "barycentric.py",
+            "r_star[i] if i < k else c_star[i] if i == k else l_star[i]",
+            "l_star[i] if i < k else c_star[i] if i == k else r_star[i]",
+        ),
+        (
+            "(21) inertia of pairs, i < j", "barycentric.py",
+            "np.outer(l_star[j], r_star[i])", "np.outer(r_star[i], l_star[j])",
+        ),
+        (
+            "(22) inertia of augmented bodies", "barycentric.py",
+            "identity - np.outer(v[i, k], v[i, k])", "identity + np.outer(v[i, k], v[i, k])",
+        ),
+        (
+            "(23) inertia of pairs, i > j", "barycentric.py",
+            "r_star[j] @ l_star[i] * identity -", "r_star[j] @ l_star[i] * identity +",
+        ),
+        (
+            "(27) attitude of Euler parameters", "barycentric.py",
+            "+ 2.0 * n * _cross(e)", "- 2.0 * n * _cross(e)",
+        ),
+        ("(31) rates of the bodies", "barycentric.py", "np.arange(N) < j", "np.arange(N) <= j"),
+        (
+            "(33c) reaction", "barycentric.py",
+            "return -np.linalg.solve(self.D", "return np.linalg.solve(self.D",
+        ),
+        ("(34a) J11", "barycentric.py", "J11=-sum(", "J11=sum("),
+        ("(34a) J12", "barycentric.py", "range(1, N + 1)), np.zeros(F", "range(1, N)), np.zeros(F"),
+        ("(34b) D_j", "barycentric.py", "D_j = D_ij.sum(axis=0)", "D_j = D_ij.sum(axis=1)"),
+        ("(35) J*", "barycentric.py", "self.T0 @ (w + self.J22)", "self.T0.T @ (w + self.J22)"),
+        (
+            "(36) rates of Euler parameters", "barycentric.py",
+            "(_cross(e) @ w + n * w) / 2.0", "(n * w - _cross(e) @ w) / 2.0",
+        ),
+        (
+            "virtual manipulator", "barycentric.py",
+            "self.v_E @ self.T0.T, jacobian", "self.v_E @ self.T0, jacobian",
+        ),
+    )
+]  # fmt: skip
+
+MUTANTS = [
+    *BARYCENTRIC,
+    # --- momentum and Jacobians -------------------------------------------------------------
+    Mutant(
+        "A_b in inertial axes", "momentum.py",
+        "np.hstack((A[:, :3] @ R.T,", "np.hstack((A[:, :3] @ R,",
+        "test_momentum",
+    ),
+    Mutant(
+        "base velocity", "momentum.py", "h - A_q @ joint_vector", "h + A_q @ joint_vector",
+        "test_momentum test_jacobian",
+    ),
+    Mutant(
+        "J* = J_q - J_b A_b^-1 A_q", "jacobian.py",
+        "J_star: Array = J[:, 6:] - J[:, :f] @ np", "J_star: Array = J[:, 6:] + J[:, :f] @ np",
+        "test_jacobian test_barycentric",
+    ),
+    Mutant(
+        "attitude control leaves three components", "jacobian.py",
+        '"attitude-controlled": 3', '"attitude-controlled": 6', "test_jacobian test_singularity",
+    ),
+    Mutant(
+        "derivative of J*", "jacobian.py",
+        "dA[:, :f, 6:] - dA[:, :f, :f] @ X", "dA[:, :f, 6:] + dA[:, :f, :f] @ X", "test_jacobian",
+    ),
+    Mutant(
+        "rate of J*", "jacobian.py",
+        "pin.skew(base_velocity(cfg, dq, momentum)[3:])",
+        "pin.skew(base_velocity(cfg, dq, momentum)[3:]).T",
+        "test_jacobian",
+    ),
+    Mutant(
+        "drift of prescribed motion", "jacobian.py",
+        "drift = J @ dq + cfg.J", "drift = J @ dq - cfg.J", "test_multi_arm",
+    ),
+    Mutant(
+        "(36) rate of the attitude", "reaction.py",
+        "n * w - pin.skew(e) @ w", "n * w + pin.skew(e) @ w", "test_following test_simulation",
+    ),
+    Mutant(
+        "(33c) integrated: Magnus' commutator", "reaction.py",
+        "+ math.sqrt(3.0) / 12.0 * np.cross(w1, w2)", "- math.sqrt(3.0) / 12.0 * np.cross(w1, w2)",
+        "test_motion",
+    ),
+    Mutant(
+        "(33c) differentiated along a curve", "curve.py",
+        "pin.skew(a) @ db - pin.skew(b) @ da", "pin.skew(a) @ db + pin.skew(b) @ da",
+        "test_planning",
+    ),
+    # --- singularities ----------------------------------------------------------------------
+    Mutant(
+        "(37) lost directions", "singularity.py", "lost=U[:, rank:]", "lost=V[:, rank:]",
+        "test_singularity",
+    ),
+    Mutant(
+        "gradient of sigma_min", "singularity.py", "@ dJ @ V[:, k - 1]", "@ dJ @ V[:, n - 1]",
+        "test_singularity",
+    ),
+    Mutant(
+        "kinematic or dynamic", "singularity.py",
+        '"kinematic" if fixed_rank < k', '"kinematic" if fixed_rank == k', "test_singularity",
+    ),
+    Mutant(
+        "S = det(A_b) det(J*), spatial", "singularity_polynomial.py",
+        "det *= np.linalg.det(D) if", "det /= np.linalg.det(D) if", "test_singular_set",
+    ),
+    Mutant(
+        "(41) S of planar arms", "singularity_polynomial.py",
+        "else D[:, normal, normal]", "else 1.0", "test_singular_set",
+    ),
+    Mutant(
+        "(43) R^2", "singularity_polynomial.py",
+        "cfg.tip.translation - centre", "cfg.tip.translation + centre",
+        "test_workspace",
+    ),
+    Mutant(
+        "roots of degree one", "line.py", "cosine = -c / r", "cosine = c / r", "test_polynomial",
+    ),
+    Mutant(
+        "derivative of a polynomial", "polynomial.py",
+        "self.coefficients * (1j * self._k(j))", "self.coefficients * (-1j * self._k(j))",
+        "test_polynomial",
+    ),
+    Mutant(
+        "bound of the curvature", "polynomial.py",
+        "float((size * a * b).sum())", "float((size * a * b).sum()) / 16.0",
+        "test_polynomial test_singular_set",
+    ),
+    # --- dynamics and control ---------------------------------------------------------------
+    Mutant(
+        "H*, the inertia that joints feel", "dynamics.py",
+        "H: Array = M[6:, 6:] - M[6:, :f]", "H: Array = M[6:, 6:] + M[6:, :f]", "test_dynamics",
+    ),
+    Mutant(
+        "c* of the reduced form", "dynamics.py",
+        "c_star = c[6:] - M[6:, :f]", "c_star = c[6:] + M[6:, :f]", "test_dynamics",
+    ),
+    Mutant(
+        "classical acceleration", "dynamics.py",
+        "a[:3] += pin.skew(v[3:6])", "a[:3] -= pin.skew(v[3:6])", "test_dynamics",
+    ),
+    Mutant(
+        "gyration of wheels", "dynamics.py",
+        "np.cross(J @ full, spin * wheel.axis)", "np.cross(spin * wheel.axis, J @ full)",
+        "test_wheels",
+    ),
+    Mutant(
+        "(42) transposed Jacobian", "control.py",
+        "kd * (self.feed(t, cfg) - J @ dq)", "kd * (self.feed(t, cfg) + J @ dq)", "test_simulation",
+    ),
+    Mutant(
+        "balance of a capture", "capture.py",
+        "M @ before + cfg.J.T @ M_t @ t", "M @ before - cfg.J.T @ M_t @ t", "test_capture",
+    ),
+    Mutant(
+        "twist of a captured target", "capture.py",
+        "t[:3] - np.cross(t[3:], lever)", "t[:3] + np.cross(t[3:], lever)", "test_capture",
+    ),
+    # --- compiled ---------------------------------------------------------------------------
+    Mutant(
+        "kernel: a joint turns", "kernels/floating.py",
+        "R_y * cos - R_x * sin", "R_y * cos + R_x * sin", "test_batch",
+    ),
+    Mutant(
+        "kernel: parallel axes", "kernels/floating.py",
+        "dot(IX, Y) - m * x * y", "dot(IX, Y) + m * x * y", "test_batch",
+    ),
+    Mutant(
+        "kernel: (34a) J11 acts as a cross product", "kernels/floating.py",
+        "J11_X = cross(X, r_E)", "J11_X = cross(r_E, X)", "test_batch",
+    ),
+]  # fmt: skip
+
+
+def main(words: list[str]) -> int:
+    """Runs the mutants that the words pick; 0 if every one was noticed."""
+    known = [m for m in MUTANTS if all(word in f"{m.file} {m.formula}" for word in words)]
+    if not known:
+        print(f"no mutant has {' and '.join(words)} in its formula or file")
+        return 2
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        for part in ("spacearm", "models", "tests", "benchmarks"):
+            skip = shutil.ignore_patterns("__pycache__", ".*")
+            shutil.copytree(ROOT / part, copy / part, ignore=skip)
+        shutil.copy(ROOT / "pyproject.toml", copy)
+        by = [noticed(copy, mutant) for mutant in known]
+        code, said = outcome(copy, *sorted({test for test in by if test}))
+    if code != 0:
+        print(f"tests that noticed mutants fail without any:\n{said}")
+        return 2
+    missed = by.count(None)
+    print(
+        f"{len(known) - missed} of {len(known)} mutants noticed; without them all these tests pass"
+    )
+    return 1 if missed else 0
+
+
+def noticed(copy: Path, mutant: Mutant) -> str | None:
+    """The test that fails once the formula is broken, None if none does."""
+    path, begun = copy / "spacearm" / mutant.file, time.monotonic()
+    sound = path.read_text(encoding="utf-8")
+    path.write_text(broken(sound, mutant), encoding="utf-8")
+    code, said = outcome(copy, *(f"tests/{name}.py" for name in mutant.tests.split()))
+    path.write_text(sound, encoding="utf-8")
+    if code not in (0, 1):
+        raise SystemExit(f"{mutant.formula}: the tests could not be run\n{said}")
+    failed = re.search(r"^(?:FAILED|ERROR) (\S*::\w+)", said, re.MULTILINE)
+    by = f"noticed by {failed[1].rpartition('::')[2]}" if failed else "NOT NOTICED"
+    print(f"{mutant.formula:44} {time.monotonic() - begun:5.0f} s  {by}", flush=True)
+    return failed[1] if failed else None
+
+
+def broken(sound: str, mutant: Mutant) -> str:
+    """The module with the formula broken."""
+    if sound.count(mutant.text) != 1:
+        raise SystemExit(
+            f"{mutant.formula}: {mutant.file} has {mutant.text!r} {sound.count(mutant.text)} "
+            "times; say anew which text the formula is"
+        )
+    return sound.replace(mutant.text, mutant.broken)
+
+
+def outcome(copy: Path, *tests: str) -> tuple[int, str]:
+    """Exit status and output of tests in the copy."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider"]
+    with tempfile.TemporaryDirectory() as kernels:  # those compiled before are of other formulas
+        env = os.environ | {"PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": kernels}
+        env["PYTHONDONTWRITEBYTECODE"] = "1"  # two edits in one second look the same to Python
+        run = subprocess.run(
+            [*command, *tests], cwd=copy, env=env, capture_output=True, text=True, check=False,
+            timeout=LIMIT,
+        )  # fmt: skip
+    return run.returncode, run.stdout + run.stderr
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
