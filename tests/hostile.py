@@ -43,11 +43,13 @@ def urdf(rng: np.random.Generator, folder: Path) -> None:
     text = sources[rng.integers(len(sources))].read_text(encoding="utf-8")
     path = folder / rng.choice(["robot.urdf", "robot.xacro"], p=[0.95, 0.05])
     path.write_bytes(mutated(text, rng))
-    check = str(rng.choice(["error", "warn", "accept"]))
-    if rng.random() < 0.5:
-        arm = sa.load(path, check=check)
+    check = str(rng.choice(["error", "warn", "accept", "accept"]))
+    links = re.findall(r'<link\s+name="([^"]*)"', text)
+    tip = str(rng.choice(links[len(links) // 2 :])) if links and rng.random() < 0.8 else None
+    if rng.random() < 0.3:
+        arm = sa.load(path, check=check, tip=tip)
     else:
-        arm = sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1)), check=check)
+        arm = sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1)), check=check, tip=tip)
     cfg = arm.at(rng.uniform(-1, 1, arm.n))
     report = sa.singularity(cfg)
     if not (np.isfinite(report.sigma).all() and np.isfinite(sa.momentum_matrix(cfg).base).all()):
