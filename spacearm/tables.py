@@ -91,5 +91,5 @@ def parse(text: str) -> Table:
         ) from None
     try:
         return Table("study", tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
         raise ConfigurationError(f"the study is no TOML: {error}") from None

@@ -22,7 +22,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from hostile import commands, messages, spoken, trajectories, urdf
+from hostile import commands, messages, spoken, studies, trajectories, urdf
 
 import spacearm as sa
 
@@ -34,9 +34,13 @@ class Hang(BaseException):
     """A case took too long."""
 
 
-TARGETS = {"urdf": urdf, "commands": commands, "trajectories": trajectories, "messages": messages}
-
-
+TARGETS = {
+    "urdf": urdf,
+    "commands": commands,
+    "studies": studies,
+    "trajectories": trajectories,
+    "messages": messages,
+}
 OUTSIDE = ("subprocess.Popen", "os.system", "os.exec", "webbrowser.open", "urllib.Request")
 
 
@@ -54,13 +58,7 @@ def fence(home: Path) -> list[str]:
                     broken.append(f"wrote {where}")
         elif event == "socket.connect" and tuple(arguments[1])[:1] != ("127.0.0.1",):
             broken.append(f"connected to {arguments[1]}")
-        elif event in (
-            "subprocess.Popen",
-            "os.system",
-            "os.exec",
-            "webbrowser.open",
-            "urllib.Request",
-        ):
+        elif event in OUTSIDE:
             broken.append(f"{event} {arguments}")
 
     sys.addaudithook(watch)

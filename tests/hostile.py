@@ -17,8 +17,10 @@ from pathlib import Path
 import numpy as np
 import tornado.websocket
 from mutations import HOSTILE, mutated, urdf_sources
+from sweeps import STUDY
 
 import spacearm as sa
+from spacearm.study import Chunk
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -180,6 +182,30 @@ ARRAYS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (
     lambda a: a[..., None],
     lambda _: np.array(3.5),
 )
+
+# --- studies ----------------------------------------------------------------------------------
+
+
+def studies(rng: np.random.Generator, folder: Path) -> None:
+    """A study with lines, values or letters that are wrong: read, described, its chunks counted."""
+    lines = STUDY.splitlines()
+    for _ in range(rng.integers(1, 4)):
+        at, kind = int(rng.integers(len(lines))), rng.integers(5)
+        key, equals, _ = lines[at].partition("=")
+        other = lines[rng.integers(len(lines))].partition("=")[2]
+        hostile = str(rng.choice(HOSTILE)).replace("\x00", "")
+        lines[at : at + 1] = [
+            [key + equals + other],
+            [key + equals + hostile],
+            [f"{key}{equals}{hostile!r}"],
+            [] if rng.random() < 0.5 else [lines[at], lines[at]],
+            [re.sub(r"\d+", lambda _: str(10 ** int(rng.integers(0, 12))), lines[at], count=1)],
+        ][kind]
+    study = sa.Study.parse("\n".join(lines), folder)
+    repr(study), study.attributes, study.coords
+    for name in study.quantities:
+        study.region(Chunk(name, study.count(name) - 1))
+
 
 # --- what a browser sends -------------------------------------------------------------------
 

@@ -12,7 +12,8 @@ FUZZ = Path(__file__).with_name("fuzz.py")
 
 
 @pytest.mark.parametrize(
-    ("target", "cases"), [("urdf", 150), ("commands", 30), ("trajectories", 60), ("messages", 15)]
+    ("target", "cases"),
+    [("urdf", 150), ("commands", 30), ("studies", 100), ("trajectories", 60), ("messages", 15)],
 )
 def test_hostile_input_gives_a_result_or_one_error(target, cases):
     words = [sys.executable, str(FUZZ), target, str(cases)]

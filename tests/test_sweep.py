@@ -451,3 +451,8 @@ def test_an_arm_put_together_on_a_bus(tmp_path):
     Q[:, 1] = np.linspace(-1, 1, 5)
     expected = sa.evaluate(arm, Q, ("sigma_min",))["sigma_min"]
     np.testing.assert_allclose(found["sigma_min"].values.ravel(), expected, atol=1e-12)
+
+
+def test_a_number_of_thousands_of_digits(tmp_path):
+    with pytest.raises(sa.ConfigurationError, match="the study is no TOML"):
+        sa.Study.parse(f"arms = ['planar2']\nseed = {'9' * 5000}\n[shells]\n", tmp_path)
