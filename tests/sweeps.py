@@ -1,5 +1,6 @@
 """A small study, and what tests of sweeps do with it: run the command, look at the files."""
 
+import signal
 import subprocess
 import sys
 import time
@@ -43,7 +44,12 @@ def wait_for_chunks(store, few=3, marks="chunks/risk/c"):
 def start(study_file, store, *words, **options):
     command = [sys.executable, "-m", "spacearm", "sweep", str(study_file), "--store", str(store)]
     return subprocess.Popen(
-        [*command, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
+        [*command, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored in scripts
+        **options,
     )
 
 
