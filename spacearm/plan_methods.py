@@ -19,7 +19,7 @@ from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.following import Followed, follow
 from spacearm.goal import miss
 from spacearm.guesses import CLOSE, Guess, Search
-from spacearm.holonomy import landed
+from spacearm.holonomy import landed, turning_axes
 from spacearm.jacobian import generalized_jacobian
 from spacearm.joint_space import ARRIVED, LANDINGS, SPACING, Steering, Task
 from spacearm.plan import certified, walk
@@ -143,7 +143,7 @@ def attitude_first(problem: Problem) -> Motion:
     if tip is None or problem.task.attitude is not None:
         raise NoSolutionError("the goal is not only a place of the tip, to which a line could lead")
     free = _free_turns(problem, tip)
-    turns = ", ".join(f"{np.degrees(angle):.0f}" for angle, _ in free)
+    turns = ", ".join(turn for turn, _ in free)
     for _, start in free[:NEAREST]:
         task = problem.task._replace(tip=None, q=start.q, attitude=start.base.rotation)
         try:
@@ -151,10 +151,10 @@ def attitude_first(problem: Problem) -> Motion:
             motion = problem.checked(there + _along_line(problem, there[-1], tip)[1:])
         except NoSolutionError:
             continue
-        problem.note = f"the line is free after turns of {turns} deg"
+        problem.note = f"the line is free after turns of {turns}"
         return motion
     raise NoSolutionError(
-        f"the line is free after turns of {turns} deg, which could not be made"
+        f"the line is free after turns of {turns}, which could not be made"
         if free
         else "the line is free from no attitude that the spacecraft can take under the tip"
     )
@@ -228,38 +228,41 @@ def _line(start: Array, end: Array) -> Array:
     return rows
 
 
-def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[float, Configuration]]:
-    """Turns [rad] under the tip after which the line is free, the least first."""
+def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[str, Configuration]]:
+    """Turns under the tip after which the line is free, the least first."""
     free = []
-    for angle, start in _turns_under_tip(problem.start):
+    for turn, start in _turns_under_tip(problem.start):
         problem.in_time()
         try:
             problem.checked(_along_line(problem, start, tip))
         except (NoSolutionError, ConfigurationError):
             continue
-        free.append((angle, start))
+        free.append((turn, start))
     return free
 
 
-def _turns_under_tip(start: Configuration) -> list[tuple[float, Configuration]]:
-    """The spacecraft turned [rad] while the tip stays, the joints following step by step."""
-    normal = start.arm.tree.plane_normal()
-    axes = np.eye(3) if normal is None else np.eye(3)[[normal]]
+def _turns_under_tip(start: Configuration) -> list[tuple[str, Configuration]]:
+    """The spacecraft turned while the tip stays, the joints following step by step."""
+    axes = np.eye(3)[list(turning_axes(start.arm))]
     angles = np.pi * np.arange(1, TURNS // 2 + 1) / (TURNS // 2)
     angles = np.column_stack((angles, -angles)).ravel()
     w = (angles[:, None, None] * axes).reshape(-1, 3)
-    Q, tip = (
-        np.tile(start.q, (len(w), 1)),
-        pin.SE3(start.tip.rotation, start.tip.translation - start.com),
-    )
+    Q = np.tile(start.q, (len(w), 1))
+    tip = pin.SE3(start.tip.rotation, start.tip.translation - start.com)
     for share in np.arange(1, TURN_STEPS + 1) / TURN_STEPS:
         T = start.base.rotation @ Rotation.from_rotvec(share * w).as_matrix()
         Q, off = landed(start.arm, Q, tip, T, 4)
     there = (off < CLOSE) & (np.abs(Q - start.q).max(axis=1) < 2.0 * np.pi)
     return [
-        (float(w[i].sum()), start.arm.at(Q[i], pin.SE3(T[i], np.zeros(3))).centred(start.com))
+        (_turn(w[i]), start.arm.at(Q[i], pin.SE3(T[i], np.zeros(3))).centred(start.com))
         for i in np.flatnonzero(there)
     ]
+
+
+def _turn(w: Array) -> str:
+    """A turn about one axis."""
+    axis = int(np.abs(w).argmax())
+    return f"{np.degrees(w[axis]):.0f} deg about {'xyz'[axis]}"
 
 
 def _travel(motion: Motion) -> float:
