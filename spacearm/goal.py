@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration, sound_pose
 from spacearm.errors import ConfigurationError
@@ -33,6 +34,12 @@ def goal_pose(cfg: Configuration, goal: Goal) -> pin.SE3:
     pose = cfg.tip
     pose.translation[rows] = point
     return pose
+
+
+def as_goal(arm: SpaceArm, pose: pin.SE3) -> Goal:
+    """A pose as the task of an arm takes it: the point in its rows, if they are all linear."""
+    rows = arm.task.indices
+    return pose if max(rows) > 2 else pose.translation[rows]
 
 
 def twist_between(start: pin.SE3, end: pin.SE3) -> Array:

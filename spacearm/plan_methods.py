@@ -4,30 +4,24 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
-from spacearm.collisions import Collisions, Contact
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.following import Followed, follow
-from spacearm.goal import miss
+from spacearm.goal import as_goal, miss
 from spacearm.guesses import CLOSE, Guess, Search
 from spacearm.holonomy import landed, turning_axes
 from spacearm.jacobian import generalized_jacobian
 from spacearm.joint_space import ARRIVED, LANDINGS, SPACING, Steering, Task
-from spacearm.plan import certified, walk
-from spacearm.singularity import singular_values
+from spacearm.plan import walk
+from spacearm.problem import WAVES, Motion, Problem
 
-Motion = list[Configuration]
-
-WAVES = 3
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
 """How far curves go about [rad]."""
 HUBS = 8
@@ -40,70 +34,6 @@ TURNS, TURN_STEPS = 72, 24
 """Attitudes about an axis from which the straight line is tried."""
 NEAREST = 4
 """Of the free ones the nearest that are steered to."""
-
-
-@dataclass
-class Problem:
-    """What is to be planned.
-
-    Attributes:
-        start: Where the motion begins.
-        task: What it must achieve.
-        ample: Clearance that is aimed at first.
-        seed: Of the first guesses.
-        deadline: `time.monotonic` at which the search is given up.
-        collisions: The bodies that must not meet; None if that does not matter.
-        best: The last attempt that is no solution.
-        note: What a method found out besides.
-    """
-
-    start: Configuration
-    task: Task
-    ample: float
-    seed: int
-    deadline: float
-    collisions: Collisions | None
-    best: Motion | None = None
-    note: str = ""
-
-    def checked(self, motion: Motion) -> Motion:
-        """A motion that arrives, if it keeps clearance and limits.
-
-        Raises:
-            NoSolutionError: It does not.
-        """
-        sigma = [singular_values(cfg)[-1] for cfg in motion]
-        worst = int(np.argmin(sigma))
-        if sigma[worst] < self.task.clearance:
-            raise NoSolutionError(
-                f"sigma_min falls to {sigma[worst]:.2g} at q = {_numbers(motion[worst].q)}, below "
-                f"the clearance of {self.task.clearance:.2g}"
-            )
-        q = np.array([cfg.q for cfg in motion])
-        over = np.maximum(q - self.task.upper, self.task.lower - q).max(axis=0)
-        if over.max() > 1e-9:
-            name = self.start.arm.joint_names[int(over.argmax())]
-            raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
-        proof = certified(self.start.arm, q)
-        if proof is not None and proof.at is not None:
-            raise NoSolutionError(f"a singularity is met at q = {_numbers(proof.at)}")
-        if (contact := self.contact(q)) is not None:
-            raise NoSolutionError(str(contact))
-        return motion
-
-    def contact(self, path: Array) -> Contact | None:
-        """Where bodies meet on straight joint segments (m, n), if they matter."""
-        self.in_time()
-        return self.collisions.contact(path) if self.collisions else None
-
-    def search(self, start: Configuration, task: Task) -> Search:
-        """Guesses for motions from a configuration."""
-        return Search(start, task, WAVES, np.random.default_rng(self.seed))
-
-    def in_time(self) -> None:
-        """Raises NoSolutionError once the time is up."""
-        if time.monotonic() > self.deadline:
-            raise NoSolutionError("the time is up (timeout)", self.best)
 
 
 def straight(problem: Problem) -> Motion:
@@ -269,10 +199,6 @@ def _travel(motion: Motion) -> float:
     return float(np.abs(np.diff([cfg.q for cfg in motion], axis=0)).sum())
 
 
-def _numbers(q: Array) -> str:
-    return "(" + ", ".join(f"{x:.4g}" for x in q) + ")"
-
-
 def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Motion:
     """The tip straight to its goal, its end made exact.
 
@@ -280,8 +206,7 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Motion:
         NoSolutionError: The line meets a singularity or a limit.
     """
     limited = bool(np.isfinite(problem.task.lower).any() or np.isfinite(problem.task.upper).any())
-    rows = start.arm.task.indices
-    goal = tip if max(rows) > 2 else tip.translation[rows]
+    goal = as_goal(start.arm, tip)
     line: Followed = follow(start.arm, start.q, [goal], base=start.base, limits=limited)
     if not line.arrived:
         raise NoSolutionError(line.reason, [line.at(i) for i in range(len(line.t))])
@@ -292,6 +217,6 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Motion:
         left = miss(motion[-1], tip)
         if np.linalg.norm(left) <= ARRIVED:
             return motion
-        J = generalized_jacobian(motion[-1])[rows]
+        J = generalized_jacobian(motion[-1])[start.arm.task.indices]
         Q = Q + ramp * np.linalg.lstsq(J, left, rcond=None)[0]
     raise NoSolutionError("the end of the line cannot be made exact", motion)

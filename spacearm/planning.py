@@ -8,7 +8,7 @@ counts only if it arrives when its rows are replayed, with the clearance asked f
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,18 +17,12 @@ import pinocchio as pin
 
 from spacearm import plan_methods
 from spacearm.arm import SpaceArm
-from spacearm.arrays import Array
-from spacearm.barycentric import barycentric
-from spacearm.collisions import Collisions, collision_geometry
-from spacearm.configuration import Configuration, joint_vector, sound_pose
+from spacearm.configuration import Configuration
 from spacearm.defaults import the_one
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
-from spacearm.goal import Goal, goal_pose
-from spacearm.holonomy import turning_axes
-from spacearm.joint_space import ARRIVED, Task
+from spacearm.goal import Goal
 from spacearm.plan import Attempt, Joints, Plan
-from spacearm.plan_methods import Motion, Problem
-from spacearm.singularity import singular_values, singularity
+from spacearm.problem import Motion, Problem, bodies_apart, what_it_takes
 
 METHODS: dict[str, Callable[[Problem], Motion]] = {
     "straight": plan_methods.straight,
@@ -37,14 +31,6 @@ METHODS: dict[str, Callable[[Problem], Motion]] = {
     "attitude first": plan_methods.attitude_first,
 }
 """In the order in which "auto" tries them."""
-SHARE = 0.002
-"""The clearance where none is asked for, as a share of the median sigma_min in joint space; no more
-than half of what the start has."""
-AMPLE = 0.2
-"""The clearance that is aimed at first, likewise."""
-PROBES = 200
-SINGULAR = 1e-9
-"""Share of the largest singular value below which a start is singular."""
 
 
 def plan(
@@ -91,8 +77,8 @@ def plan(
     Raises:
         ConfigurationError: An argument does not make sense.
         UnsupportedError: The arm has several tips, or fewer joints than its task has rows.
-        NoSolutionError: No motion was found; carries the best attempt, if there is one, and says
-            why every method failed.
+        NoSolutionError: No motion was found; says why, of every method that was tried, and carries
+            the best attempt (the start alone, where there is no better).
     """
     if method != "auto" and method not in METHODS:
         raise ConfigurationError(unknown("method", method, ("auto", *METHODS)))
@@ -106,23 +92,13 @@ def plan(
             f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "
             f"never do this task; take one with {arm.n} rows"
         )
-    cfg = arm.at(start, base)
-    lower, upper = _bounds(cfg, limits)
-    least, ample = _clearance(cfg, clearance, seed)
-    task = Task(
-        tip=None if isinstance(goal, Joints) else _reachable(cfg, goal_pose(cfg, goal)),
-        q=joint_vector(arm, goal.q, "goal") if isinstance(goal, Joints) else None,
-        attitude=None if final_attitude is None else _attitude(cfg, final_attitude),
-        clearance=least,
-        lower=lower,
-        upper=upper,
-    )
-    bodies = collision_geometry(arm) if collisions else None
-    if bodies and (contact := bodies.contact(cfg.q[None])) is not None:
-        raise NoSolutionError(f"the start is in collision: {contact}; collisions=False ignores it")
-    if task.q is not None:
-        _check_goal(cfg, task.q, task, bodies)
-    problem = Problem(cfg, task, ample, seed, time.monotonic() + timeout, bodies)
+    cfg, ends = arm.at(start, base), time.monotonic() + timeout
+    try:
+        task, ample = what_it_takes(cfg, goal, clearance, final_attitude, limits, seed)
+        bodies = bodies_apart(cfg, task) if collisions else None
+    except NoSolutionError as error:
+        raise NoSolutionError(str(error), _best(cfg, error.best, ())) from None
+    problem = Problem(cfg, task, ample, seed, ends, bodies)
     tried: list[Attempt] = []
     for name in METHODS if method == "auto" else (method,):
         try:
@@ -137,143 +113,10 @@ def plan(
         tried.append(Attempt(name, True, "; ".join(filter(None, (story, problem.note)))))
         return replace(found, tried=tuple(tried))
     stories = "; ".join(f"{name}: {story}" for name, _, story in tried)
-    left = problem.best and Plan.of("best attempt", problem.best, task.clearance, tried, None)
-    raise NoSolutionError(f"{arm.name}: no plan found: {stories}", left)
+    best = _best(cfg, problem.best, tried)
+    raise NoSolutionError(f"{arm.name}: no plan found: {stories}", best)
 
 
-def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
-    """(n,) each: where the joints may be.
-
-    Raises:
-        NoSolutionError: The start is beyond them.
-    """
-    arm, free = cfg.arm, np.full(cfg.arm.n, np.inf)
-    if not limits:
-        return -free, free
-    lower, upper = arm.lower.copy(), arm.upper.copy()
-    for i, (gain, offset) in enumerate(_followers(arm)):  # joints that mimic have limits too
-        joint = arm.tree.joints[arm.model.names[2 + i]]
-        j = int(np.abs(gain).argmax())
-        ends = sorted((end - offset) / gain[j] for end in (joint.lower, joint.upper))
-        lower[j], upper[j] = max(lower[j], ends[0]), min(upper[j], ends[1])
-    _check_within(arm, "start", cfg.q, lower, upper)
-    return lower, upper
-
-
-def _followers(arm: SpaceArm) -> list[tuple[Array, float]]:
-    """Rates (n,) of each of the model's joints per rate of the n, and its offset."""
-    coupling = np.eye(arm.n) if arm.coupling is None else arm.coupling
-    return [(gain, float(offset)) for gain, offset in zip(coupling, arm.offsets, strict=True)]
-
-
-def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array) -> None:
-    """Raises NoSolutionError where joint positions (n,) are beyond their limits."""
-    beyond = (q < lower) | (q > upper)
-    if beyond.any():
-        j = int(np.flatnonzero(beyond)[0])
-        raise NoSolutionError(
-            f"{what} of joint {arm.joint_names[j]!r} is {q[j]:.6g}, beyond its limits "
-            f"{lower[j]:.6g} and {upper[j]:.6g}; limits=False ignores them"
-        )
-
-
-def _reachable(cfg: Configuration, goal: pin.SE3) -> pin.SE3:
-    """The goal, unless it is farther from the system CM than the stretched virtual manipulator.
-
-    Raises:
-        NoSolutionError: It is.
-    """
-    try:
-        links = barycentric(cfg).virtual_manipulator.links
-    except UnsupportedError:  # sliding joints
-        return goal
-    reach = float(np.linalg.norm(links, axis=1).sum())
-    rows = [i for i in cfg.arm.task.indices if i < 3]
-    distance = float(np.linalg.norm((goal.translation - cfg.com)[rows]))
-    if distance > reach * (1.0 + 1e-9):
-        raise NoSolutionError(
-            f"the goal is {distance:.6g} m from the system CM, the tip of {cfg.arm.name} comes no "
-            f"farther than {reach:.6g} m; sa.workspace shows where it can be"
-        )
-    return goal
-
-
-def _check_goal(cfg: Configuration, q: Array, task: Task, bodies: Collisions | None) -> None:
-    """Raises NoSolutionError where no motion can lead to joint positions q (n,)."""
-    _check_within(cfg.arm, "goal", q, task.lower, task.upper)
-    if bodies and (contact := bodies.contact(q[None])) is not None:
-        raise NoSolutionError(f"the goal is in collision: {contact}; collisions=False ignores it")
-    here, there = (singularity(cfg.arm.at(x)).determinant for x in (cfg.q, q))
-    if here is not None and there is not None and here * there <= 0.0:
-        raise NoSolutionError(
-            f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
-            "them meets a singularity; lead the tip there and leave the joints open"
-        )
-    if (sigma := singular_values(cfg.arm.at(q))[-1]) < task.clearance:
-        raise NoSolutionError(
-            f"the goal has sigma_min {sigma:.3g}, below the clearance of {task.clearance:.3g}"
-        )
-
-
-def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
-    """(3, 3) the attitude asked for.
-
-    Raises:
-        NoSolutionError: A planar arm cannot turn its spacecraft there.
-    """
-    rotation = _rotation(cfg.arm, attitude)
-    axes = turning_axes(cfg.arm)
-    turn = pin.log3(cfg.base.rotation.T @ rotation)
-    if len(axes) == 1 and np.linalg.norm(np.delete(turn, axes[0])) > ARRIVED:
-        raise NoSolutionError(
-            f"final_attitude is no turn about {'xyz'[axes[0]]} of the spacecraft from its start, "
-            f"and {cfg.arm.name} turns it about nothing else"
-        )
-    return rotation
-
-
-def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
-    """(3, 3) a rotation from what final_attitude may be."""
-    normal = arm.tree.plane_normal()
-    given = attitude.rotation if isinstance(attitude, pin.SE3) else attitude
-    try:
-        values = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.shape == () and normal is not None and np.isfinite(values):
-        turn: Array = pin.exp3(float(values) * np.eye(3)[normal])
-        return turn
-    if values.shape != (3, 3):
-        raise ConfigurationError(
-            f"final_attitude is {attitude!r}; give a (3, 3) rotation matrix, a pin.SE3"
-            + (", or an angle [rad]" if normal is not None else "")
-        )
-    rotation: Array = sound_pose(pin.SE3(values, np.zeros(3)), "final_attitude").rotation
-    return rotation
-
-
-def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[float, float]:
-    """The least sigma_min on the way, and an ample one.
-
-    Raises:
-        NoSolutionError: The start has less.
-    """
-    sigma = singular_values(cfg)
-    if sigma[-1] <= SINGULAR * sigma[0]:
-        raise NoSolutionError(
-            f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); leave it first "
-            "along sa.singularity(cfg).gradient"
-        )
-    rng = np.random.default_rng(seed)
-    Q = rng.uniform(-np.pi, np.pi, (PROBES, cfg.arm.n))
-    median = float(np.median([singular_values(cfg.arm.at(q))[-1] for q in Q]))
-    most = 0.5 * float(sigma[-1])
-    if clearance is None:
-        return min(SHARE * median, most), min(AMPLE * median, most)
-    if not isinstance(clearance, (int, float)) or not 0.0 <= clearance < np.inf:
-        raise ConfigurationError(f"clearance is {clearance!r}; give a number from 0 on")
-    if sigma[-1] < clearance:
-        raise NoSolutionError(
-            f"the start has sigma_min {sigma[-1]:.3g}, below the clearance of {clearance:.3g}"
-        )
-    return clearance, min(AMPLE * median, most)
+def _best(cfg: Configuration, motion: object, tried: Sequence[Attempt]) -> Plan:
+    """The best attempt: a motion that does not do what was asked for, or the start alone."""
+    return Plan.of("best attempt", motion if isinstance(motion, list) else [cfg], 0.0, tried, None)

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from spacearm.batch import processors
 from spacearm.errors import ConfigurationError, StoreError, SweepError
 from spacearm.quantities import nbytes
+from spacearm.store import DONE, FAILED, Store
 from spacearm.study import Chunk, Study
 
 if TYPE_CHECKING:
     import xarray as xr
     from distributed import Client
 
-    from spacearm.store import Store
 
 ATTEMPTS = 3
 """How often a chunk is tried."""
@@ -132,8 +132,6 @@ def sweep(
         StoreError: The store is that of another study, cannot be written, or the cluster is lost.
         SweepError: All is through, but some chunks failed.
     """
-    from spacearm.store import Store  # imports zarr
-
     study = study if isinstance(study, Study) else Study.read(study)
     there = Path(store).exists()
     target = Store.create(store, study)
@@ -154,8 +152,6 @@ def sweep(
 
 def plan(study: Study) -> list[Plan]:
     """What a study will take: of each quantity a chunk in the middle, computed and thrown away."""
-    from spacearm.store import Store  # imports zarr
-
     plans = []
     with tempfile.TemporaryDirectory() as folder:
         store = Store.create(Path(folder) / "plan.zarr", study)
@@ -173,8 +169,6 @@ def plan(study: Study) -> list[Plan]:
 
 def status(study: Study, store: str | os.PathLike[str]) -> list[Status]:
     """How much of a study is in its store, by the marks there."""
-    from spacearm.store import DONE, FAILED, Store  # imports zarr
-
     opened = Store(store, study)
     found = []
     for name in study.quantities:

@@ -8,7 +8,6 @@ Read from the metadata of what is installed here. 1 if a dependency names no lic
 from __future__ import annotations
 
 import sys
-from email.message import Message
 from importlib.metadata import distribution
 
 from packaging.requirements import Requirement
@@ -34,7 +33,7 @@ def dependencies(name: str) -> set[str]:
 
 def licence(name: str) -> str:
     """The licence that the metadata of a distribution names."""
-    metadata: Message = distribution(name).metadata  # type: ignore[assignment]
+    metadata = distribution(name).metadata
     if expression := metadata.get("License-Expression"):
         return str(expression)
     classified = [

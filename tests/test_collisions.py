@@ -48,6 +48,11 @@ def bodies(arm):
     return Collisions(arm)
 
 
+@pytest.fixture(scope="module")
+def three(tmp_path_factory):
+    return Collisions(boxy(tmp_path_factory.mktemp("three"), third=True))
+
+
 def test_a_distance_in_closed_form(bodies):
     """Only the outer link may meet the hull; stretched, its bar begins 0.95 m from the face."""
     np.testing.assert_allclose(bodies.distances(np.zeros(2)), [0.95], atol=1e-6)
@@ -74,19 +79,12 @@ def test_contact_or_proof_as_dense_sampling_has_it(bodies, path):
 
 
 @given(st.integers(0, 10**6))
-def test_no_joint_motion_outruns_its_bound(tmp_path_factory, seed):
+def test_no_joint_motion_outruns_its_bound(three, seed):
     """|d(q + dq) - d(q)| <= gain |dq|, which the proof rests on."""
     rng = np.random.default_rng(seed)
-    arm = three(tmp_path_factory)
     q, dq = rng.uniform(-3, 3, 3), rng.normal(size=3) * 10 ** rng.uniform(-3, 0)
-    change = np.abs(arm.distances(q + dq) - arm.distances(q))
-    assert (change <= arm.gains(np.array([q, q + dq])) @ np.abs(dq) + 1e-6).all()
-
-
-def three(tmp_path_factory, kept=[]):  # noqa: B006 - made once
-    if not kept:
-        kept.append(Collisions(boxy(tmp_path_factory.mktemp("three"), third=True)))
-    return kept[0]
+    change = np.abs(three.distances(q + dq) - three.distances(q))
+    assert (change <= three.gains(np.array([q, q + dq])) @ np.abs(dq) + 1e-6).all()
 
 
 def test_a_mesh_counts_as_its_convex_hull(tmp_path, bodies):

@@ -1,6 +1,7 @@
 """Planning: plans arrive when an independent integrator replays them, and failures say why."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -90,6 +91,9 @@ def test_the_joints_come_to_rest_at_corners(arm):
 def test_the_same_seed_gives_the_same_plan(arm, found):
     base = about_cm(arm, E, 0, 0, np.radians(21))
     np.testing.assert_array_equal(sa.plan(arm, E, B, base=base).q, found.q)
+    loops = [sa.plan(arm, E, B, base=base, method="cycles", seed=s).q for s in (5, 5, 6)]
+    np.testing.assert_array_equal(loops[0], loops[1])
+    assert not np.array_equal(loops[0], loops[2])
 
 
 def test_a_plan_is_a_motion_that_can_be_kept_and_drawn(found, tmp_path):
@@ -213,8 +217,32 @@ def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
     ],
 )
 def test_no_solution(arm, start, goal, options, message):
-    with pytest.raises(sa.NoSolutionError, match=message):
+    with pytest.raises(sa.NoSolutionError, match=message) as caught:
         sa.plan(arm, start, goal, **options)
+    np.testing.assert_array_equal(caught.value.best.q[0], start)
+
+
+def test_out_of_reach_the_best_attempt_goes_until_it_is_stretched(arm):
+    with pytest.raises(sa.NoSolutionError, match="comes no farther") as caught:
+        sa.plan(arm, [0.3, 1.2], (3.0, 0.0))
+    best, reach = caught.value.best, sa.workspace(arm).reachable.max()
+    R = np.linalg.norm(best.tip[:, :2] - best.at(0).com[:2], axis=1)
+    assert 0.99 * reach < R[-1] < reach + 1e-9
+    assert best.sigma_min[-1] < 1e-9
+
+
+def test_limits_that_exclude_every_solution(tmp_path):
+    """The tip could be there, but not with the joints between 0.9 and 1.1 rad."""
+    text = sa.load("planar2").path.read_text()
+    text = re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="0.9" upper="1.1"', text)
+    (tmp_path / "stiff.urdf").write_text(text)
+    arm = sa.load(tmp_path / "stiff.urdf")
+    goal = arm.at([-0.5, 1.5]).centred(arm.at([1.0, 1.0]).com).tip.translation[:2]
+    assert sa.plan(arm, [1.0, 1.0], goal, limits=False).method
+    with pytest.raises(sa.NoSolutionError, match="reaches its limit") as caught:
+        sa.plan(arm, [1.0, 1.0], goal, timeout=20.0)
+    best = caught.value.best
+    assert ((best.q >= 0.9 - 1e-9) & (best.q <= 1.1 + 1e-9)).all()
 
 
 def test_joints_beyond_a_singularity(arm):

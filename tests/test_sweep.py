@@ -18,27 +18,13 @@ from hypothesis import strategies as st
 from sweeps import STUDY, files, run, start, wait_for_chunks
 
 import spacearm as sa
+from spacearm.store import Store
 from spacearm.study import Chunk
+from spacearm.sweep import plan, status
 from spacearm.tiles import regions
+from spacearm.work import do
 
 zarr = pytest.importorskip("zarr")  # which needs Python 3.11
-
-from spacearm.store import Store  # noqa: E402
-from spacearm.sweep import plan, status  # noqa: E402
-from spacearm.work import do  # noqa: E402
-
-
-@pytest.fixture(scope="module")
-def study():
-    return sa.Study.parse(STUDY)
-
-
-@pytest.fixture(scope="module")
-def whole(study, tmp_path_factory):
-    """The store of an uninterrupted run."""
-    path = tmp_path_factory.mktemp("whole") / "whole.zarr"
-    sa.sweep(study, path, workers=2)
-    return path
 
 
 def test_the_numbers_are_those_of_the_functions(study, whole):

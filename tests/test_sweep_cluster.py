@@ -66,19 +66,6 @@ def running(tmp_path_factory):
         yield pair
 
 
-@pytest.fixture(scope="module")
-def study():
-    return sa.Study.parse(STUDY)
-
-
-@pytest.fixture(scope="module")
-def whole(study, tmp_path_factory):
-    """The store of an uninterrupted run on one process of this machine."""
-    path = tmp_path_factory.mktemp("whole") / "whole.zarr"
-    sa.sweep(study, path, workers=1)
-    return path
-
-
 def test_a_cluster_gives_the_same_bits(study, whole, running, tmp_path):
     dask, client = running
     tallies = []
