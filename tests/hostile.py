@@ -263,6 +263,8 @@ async def _talk(url: str, texts: list[str | bytes]) -> None:
         await _tell(socket, texts)
     finally:
         socket.close()
+    while await socket.read_message() is not None:  # until the server has hung up too
+        pass
 
 
 async def _tell(
