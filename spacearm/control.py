@@ -20,11 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.barycentric import barycentric
 from spacearm.configuration import Configuration, joint_vector
 from spacearm.dynamics import inverse_dynamics
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.goal import Goal, goal_pose, miss, twist_between
+from spacearm.goal import Goal, goal_pose, in_rows, miss, out_of_reach, twist_between
 from spacearm.jacobian import BaseMode, generalized_jacobian
 
 Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
@@ -41,9 +40,12 @@ SINGULAR = 1e-9
 class TipLaw(ABC):
     """What the laws that lead the tip have in common.
 
+    They assume zero momentum. Where `simulate` is given some, the drift J_b A_b^-1 h of the tip is
+    a disturbance to them, which leaves an error.
+
     Attributes:
-        target: Where the tip shall be: a point for tasks of linear rows only, a pose, or a function
-            of time that gives either.
+        target: Where the tip shall be: a point for tasks of linear rows only, along the goal axes
+            (see `follow`), a pose, or a function of time that gives either.
         base: Which Jacobian.
     """
 
@@ -59,7 +61,7 @@ class TipLaw(ABC):
         return self.target(t) if callable(self.target) else self.target
 
     def error(self, t: float, cfg: Configuration) -> Array:
-        """(k,) x_des - x in the task's rows [m], [rad], inertial axes."""
+        """(k,) x_des - x in the task's rows [m], [rad]."""
         return miss(cfg, self.goal(t))
 
     def feed(self, t: float, cfg: Configuration) -> Array:
@@ -67,13 +69,11 @@ class TipLaw(ABC):
         if not callable(self.target):
             return np.zeros(cfg.arm.task.k)
         before, after = (goal_pose(cfg, self.goal(t + s)) for s in (-INSTANT, INSTANT))
-        velocity: Array = twist_between(before, after)[cfg.arm.task.indices] / (2.0 * INSTANT)
-        return velocity
+        return in_rows(cfg, twist_between(before, after)) / (2.0 * INSTANT)
 
     def jacobian(self, cfg: Configuration) -> Array:
-        """(k, n) rows of J* that the task names, inertial axes."""
-        J: Array = generalized_jacobian(cfg, self.base)[cfg.arm.task.indices]
-        return J
+        """(k, n) rows of J* that the task names."""
+        return in_rows(cfg, generalized_jacobian(cfg, self.base))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,14 +260,5 @@ def check_target(controller: Controller, cfg: Configuration) -> None:
     """
     if not isinstance(controller, TipLaw) or callable(controller.target):
         return
-    try:
-        links = barycentric(cfg).virtual_manipulator.links
-    except UnsupportedError:  # sliding joints
-        return
-    reach = float(np.linalg.norm(links, axis=1).sum())
-    distance = float(np.linalg.norm(goal_pose(cfg, controller.target).translation - cfg.com))
-    if min(cfg.arm.task.indices) < 3 and distance > reach * (1.0 + 1e-9):
-        raise ConfigurationError(
-            f"the target is {distance:.6g} m from the system CM, the tip of {cfg.arm.name} comes "
-            f"no farther than {reach:.6g} m; sa.workspace shows where it can be"
-        )
+    if far := out_of_reach(cfg, goal_pose(cfg, controller.target)):
+        raise ConfigurationError(far)

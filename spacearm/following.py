@@ -23,11 +23,10 @@ from spacearm.dynamics import spacecraft_twist
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.events import NEAR, Lookout, Watch
 from spacearm.events import limits as joint_limits
-from spacearm.goal import twist_between
+from spacearm.goal import in_rows, twist_between
 from spacearm.jacobian import BaseMode, generalized_jacobian
 from spacearm.path import Path, Segment, segments
 from spacearm.reaction import quaternion_rate
-from spacearm.singularity import singular_values
 
 RETURN = 10.0
 """How fast the tip comes back to its path from rounding errors [1/m]."""
@@ -51,7 +50,8 @@ class Followed(Result):
         q: (m, n) joint positions [rad] or [m].
         base: (m, 7) poses of the spacecraft: position [m], quaternion xyzw, inertial frame.
         tip: (m, 7) poses of the tip, likewise.
-        sigma_min: (m,) least singular value of the task Jacobian.
+        sigma_min: (m,) least singular value of the task Jacobian, along the axes in which the
+            path is followed: inertial ones where the task axes would turn on the way.
         length: Length of the whole path [m].
         ended: "arrived", "singularity" or "joint limit".
         reason: The same in a sentence, with the place.
@@ -102,7 +102,8 @@ def follow(
         arm: The arm.
         q0: (n,) joint positions at the start [rad] or [m].
         path: The corners of a polyline, (m, k) points in the task's linear rows [m] or a sequence
-            of poses; or a function of the path length [m] that gives either.
+            of poses; or a function of the path length [m] that gives either. Points are given
+            along the task axes (see `Task.axes`), along inertial ones where these turn on the way.
         base: Pose of the spacecraft at the start; the identity if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
         length: Length of a path given as a function [m].
@@ -121,7 +122,7 @@ def follow(
             f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
             "followed in all of them"
         )
-    sigma = singular_values(cfg, mode)
+    sigma = _sigma(cfg, mode)
     if sigma[-1] <= SINGULAR * sigma[0]:
         raise ConfigurationError(
             f"q0 is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); start elsewhere, or "
@@ -157,7 +158,7 @@ def follow(
         q=rows[:, : arm.n],
         base=np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]),
         tip=np.array([pin.SE3ToXYZQUAT(cfg.tip) for cfg in cfgs]),
-        sigma_min=np.array([singular_values(cfg, mode)[-1] for cfg in cfgs]),
+        sigma_min=np.array([_sigma(cfg, mode)[-1] for cfg in cfgs]),
         length=whole,
         ended=ended,
         reason=_reason(cfgs[-1], float(rows[-1, -1]), whole, ended, detail),
@@ -183,9 +184,8 @@ class _Walk:
         return turned.centred(self.start.com)
 
     def jacobian(self, cfg: Configuration) -> Array:
-        """(k, n) the task's rows of J*, inertial axes."""
-        J: Array = generalized_jacobian(cfg, self.mode)[self.arm.task.indices]
-        return J
+        """(k, n) the task's rows of J*."""
+        return in_rows(cfg, generalized_jacobian(cfg, self.mode))
 
     def determinant(self, _: float, y: Array) -> float:
         """det J*, whose sign tells the two sides of a singularity apart."""
@@ -193,10 +193,10 @@ class _Walk:
 
     def rate(self, _: float, y: Array) -> Array:
         """The unit vector along the curve, and how the attitude turns with it."""
-        cfg, s, rows = self.configuration(y), float(y[-1]), self.arm.task.indices
+        cfg, s = self.configuration(y), float(y[-1])
         J = self.jacobian(cfg)
-        back = twist_between(cfg.tip, self.segment.pose(s))[rows]
-        x = self.segment.twist(s)[rows] + RETURN * back
+        back = twist_between(cfg.tip, self.segment.pose(s))
+        x = in_rows(cfg, self.segment.twist(s) + RETURN * back)
         if self.square:
             along = np.linalg.svd(np.column_stack((J, -x)))[2][-1]
             along *= self.sense * np.sign(np.linalg.det(J)) * np.sign(along[-1])
@@ -214,7 +214,7 @@ class _Walk:
             return self.segment.length - float(y[-1])
 
         def nearness(_: float, y: Array) -> float:
-            sigma = singular_values(self.configuration(y), self.mode)
+            sigma = _sigma(self.configuration(y), self.mode)
             return float(sigma[-1] - NEAR * sigma[0])
 
         stop = Watch("singularity", "", nearness, True)
@@ -247,6 +247,13 @@ class _Walk:
 
 def _state(cfg: Configuration, s: float) -> Array:
     return np.concatenate((cfg.q, pin.SE3ToXYZQUAT(cfg.base)[3:], [s]))
+
+
+def _sigma(cfg: Configuration, mode: BaseMode) -> Array:
+    """(k,) singular values of the task Jacobian along the goal axes."""
+    J = cfg.arm.task.scale * in_rows(cfg, generalized_jacobian(cfg, mode))
+    sigma: Array = np.linalg.svd(J, compute_uv=False)
+    return sigma
 
 
 def _reason(cfg: Configuration, s: float, length: float, ended: str, detail: str) -> str:

@@ -21,6 +21,7 @@ from spacearm.arrays import Array
 from spacearm.configuration import Configuration
 from spacearm.curve import sines
 from spacearm.free_space import FreeSpace
+from spacearm.goal import goal_axes
 from spacearm.holonomy import landed, turning_axes, turns
 from spacearm.joint_space import Task
 from spacearm.reaction import GAUSS
@@ -95,6 +96,7 @@ class Search:
     ) -> None:
         self.start, self.task, self.waves, self.rng = start, task, waves, rng
         self.arm, self.T0, self.com = start.arm, start.base.rotation, start.com
+        self.axes = goal_axes(start)
         self.free = FreeSpace(self.arm, start.q, task.lower, task.upper)
         s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
         self._basis, self._slope = sines(np.append(s, 1.0), waves)
@@ -172,7 +174,7 @@ class Search:
         if task.tip is None:
             return T[:1], np.array([task.q])
         tip = pin.SE3(task.tip.rotation, task.tip.translation - self.com)
-        Q, miss = landed(self.arm, self.free.draw(m, self.rng), tip, T, LANDING)
+        Q, miss = landed(self.arm, self.free.draw(m, self.rng), tip, T, self.axes, LANDING)
         Q = self.free.wrapped(Q)
         good = (miss < CLOSE) & (self.free.room(Q[:, None]) > task.clearance)
         return T[good], Q[good]
@@ -191,7 +193,7 @@ class Search:
             return turned
 
         tip = pin.SE3(task.tip.rotation, task.tip.translation - self.com)
-        _, miss = landed(self.arm, self.start.q + P[:, 0], tip, attitude, SHOOTING)
+        _, miss = landed(self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, SHOOTING)
         return P, miss < CLOSE
 
     def _loops(self) -> Loops:

@@ -56,7 +56,7 @@ def turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
 
 
 def landed(
-    arm: SpaceArm, q: Array, tip: pin.SE3, attitude: Array | Turns, steps: int
+    arm: SpaceArm, q: Array, tip: pin.SE3, attitude: Array | Turns, axes: Array, steps: int
 ) -> tuple[Array, Array]:
     """Joint positions that bring the tip to a pose, by damped Newton steps from first guesses.
 
@@ -66,6 +66,7 @@ def landed(
         tip: The pose, from the system CM.
         attitude: (K, 3, 3) attitudes of the spacecraft, held; or how they follow from q: then the
             spacecraft turns with each step as (33c) has it.
+        axes: (3, 3) the goal axes; see `goal_axes`.
         steps: How many.
 
     Returns:
@@ -73,9 +74,9 @@ def landed(
     """
     from spacearm.compiled import reactions  # imports the compiler
 
-    rows = arm.task.indices
+    rows, tip = arm.task.indices, pin.SE3(axes.T, np.zeros(3)) * tip
     for step in range(steps + 1):
-        T = attitude(q) if callable(attitude) else attitude
+        T = axes.T @ (attitude(q) if callable(attitude) else attitude)
         at = reactions(arm, q.T)
         turn = Rotation.from_matrix(tip.rotation @ np.swapaxes(T @ at.R, 1, 2)).as_rotvec()
         reached = (T @ at.r[:, :, None])[:, :, 0]

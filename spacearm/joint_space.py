@@ -20,7 +20,7 @@ from spacearm.arrays import Array
 from spacearm.configuration import Configuration
 from spacearm.curve import CurveFamily, Samples, sample
 from spacearm.errors import NoSolutionError
-from spacearm.goal import twist_between
+from spacearm.goal import goal_axes, twist_between
 from spacearm.holonomy import turning_axes
 from spacearm.plan import walk
 
@@ -92,6 +92,7 @@ class Steering:
         J = self._task_jacobians(sample(self.arm, start.q[None]))[0]
         self.sense = math.copysign(1.0, np.linalg.det(J[0])) if self._square else 1.0
         self._turns = list(turning_axes(self.arm))
+        self._axes = goal_axes(start)
         self._last: tuple[bytes, _Values] | None = None
 
     @property
@@ -160,25 +161,29 @@ class Steering:
     def _left(self, q: Array, T: Array, tip: pin.SE3) -> Array:
         parts: list[Array] = [np.empty(0)]
         if self.task.tip is not None:
-            parts.append(twist_between(tip, self.task.tip)[self.arm.task.indices])
+            parts.append(self._rows(twist_between(tip, self.task.tip)[:, None])[:, 0])
         if self.task.attitude is not None:
             parts.append(pin.log3(T.T @ self.task.attitude)[self._turns])
         if self.task.q is not None:
             parts.append(self.task.q - q)
         return np.concatenate(parts)
 
+    def _rows(self, twist: Array) -> Array:
+        """(k, m) the task's rows of twists (6, m), along the goal axes."""
+        return self.arm.task.components(twist, self._axes)
+
     def _end(self, q: Array, at: Samples, T: Array, dphi: Array) -> tuple[Array, Array]:
         """What is left to the goal, and its derivatives."""
         tip, n = at.tip[-1], self.arm.n
         reached = pin.SE3(T @ tip.rotation, self.start.com + T @ tip.translation)
-        slopes = [np.empty((0, self.size))]
+        slopes: list[Array] = [np.empty((0, self.size))]
         if self.task.tip is not None:
             held = np.linalg.solve(at.A[-1, :3, :3], at.A[-1, :3, 6:])  # its attitude held
             twist = np.vstack((-pin.skew(tip.translation) @ dphi, dphi))
             twist[:, :n] += at.J[-1, :, 6:] - at.J[-1, :, :3] @ held
             twist = (T @ twist.reshape(2, 3, -1)).reshape(6, -1)
             twist[3:] = pin.Jlog3(self.task.tip.rotation @ reached.rotation.T) @ twist[3:]
-            slopes.append(-twist[self.arm.task.indices])
+            slopes.append(-self._rows(twist))
         if self.task.attitude is not None:
             R = T.T @ self.task.attitude
             slopes.append(-(pin.Jlog3(R) @ R.T @ dphi)[self._turns])

@@ -12,7 +12,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError
-from spacearm.goal import Goal, goal_pose, twist_between
+from spacearm.goal import Goal, goal_pose, in_rows, twist_between
 
 Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
 """The corners of a polyline, or a function of path length [m]."""
@@ -66,7 +66,7 @@ def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:
     """
     task = cfg.arm.task
     whole = twist_between(start, end)
-    rows = whole[task.indices]
+    rows = in_rows(cfg, whole)
     linear = np.array(task.indices) < 3
     length = float(np.linalg.norm(np.where(linear, rows, rows * (task.length or 1.0))))
     if length < 1e-12:

@@ -14,7 +14,7 @@ from spacearm.arrays import Array
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.following import Followed, follow
-from spacearm.goal import as_goal, miss
+from spacearm.goal import as_goal, goal_axes, in_rows, miss
 from spacearm.guesses import CLOSE, Guess, Search
 from spacearm.holonomy import landed, turning_axes
 from spacearm.jacobian import generalized_jacobian
@@ -57,6 +57,8 @@ def joint_space(problem: Problem) -> Motion:
         problem.in_time()
         tries.append(list(search.direct(width)))
     mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
+    if not mixed:
+        raise NoSolutionError("no joint positions, clear of singularities, were found at the goal")
     free = (guess for guess in mixed if guess.room > problem.task.clearance)
     apart = _apart(problem, search, free)
     return _steered(problem, search, apart or mixed[: STARTS // problem.start.arm.n])
@@ -181,7 +183,7 @@ def _turns_under_tip(start: Configuration) -> list[tuple[str, Configuration]]:
     tip = pin.SE3(start.tip.rotation, start.tip.translation - start.com)
     for share in np.arange(1, TURN_STEPS + 1) / TURN_STEPS:
         T = start.base.rotation @ Rotation.from_rotvec(share * w).as_matrix()
-        Q, off = landed(start.arm, Q, tip, T, 4)
+        Q, off = landed(start.arm, Q, tip, T, goal_axes(start), 4)
     there = (off < CLOSE) & (np.abs(Q - start.q).max(axis=1) < 2.0 * np.pi)
     return [
         (_turn(w[i]), start.arm.at(Q[i], pin.SE3(T[i], np.zeros(3))).centred(start.com))
@@ -206,7 +208,9 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Motion:
         NoSolutionError: The line meets a singularity or a limit.
     """
     limited = bool(np.isfinite(problem.task.lower).any() or np.isfinite(problem.task.upper).any())
-    goal = as_goal(start.arm, tip)
+    if np.linalg.norm(miss(start, tip)) <= ARRIVED:
+        return [start]
+    goal = as_goal(start, tip)
     line: Followed = follow(start.arm, start.q, [goal], base=start.base, limits=limited)
     if not line.arrived:
         raise NoSolutionError(line.reason, [line.at(i) for i in range(len(line.t))])
@@ -217,6 +221,6 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Motion:
         left = miss(motion[-1], tip)
         if np.linalg.norm(left) <= ARRIVED:
             return motion
-        J = generalized_jacobian(motion[-1])[start.arm.task.indices]
+        J = in_rows(motion[-1], generalized_jacobian(motion[-1]))
         Q = Q + ramp * np.linalg.lstsq(J, left, rcond=None)[0]
     raise NoSolutionError("the end of the line cannot be made exact", motion)

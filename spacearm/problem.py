@@ -11,12 +11,11 @@ import pinocchio as pin
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
-from spacearm.barycentric import barycentric
 from spacearm.collisions import Collisions, Contact, collision_geometry
 from spacearm.configuration import Configuration, joint_vector, sound_pose
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.following import follow
-from spacearm.goal import Goal, as_goal, goal_pose
+from spacearm.goal import Goal, as_goal, goal_pose, out_of_reach
 from spacearm.guesses import Search
 from spacearm.holonomy import turning_axes
 from spacearm.joint_space import ARRIVED, Task
@@ -188,20 +187,9 @@ def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
     Raises:
         NoSolutionError: It is; carries the way of the tip towards it as far as J* leads.
     """
-    try:
-        links = barycentric(cfg).virtual_manipulator.links
-    except UnsupportedError:  # sliding joints
-        return goal
-    reach = float(np.linalg.norm(links, axis=1).sum())
-    rows = [i for i in cfg.arm.task.indices if i < 3]
-    distance = float(np.linalg.norm((goal.translation - cfg.com)[rows]))
-    if distance > reach * (1.0 + 1e-9):
-        line = follow(cfg.arm, cfg.q, [as_goal(cfg.arm, goal)], base=cfg.base, limits=limits)
-        raise NoSolutionError(
-            f"the goal is {distance:.6g} m from the system CM, the tip of {cfg.arm.name} comes no "
-            f"farther than {reach:.6g} m; sa.workspace shows where it can be",
-            [line.at(i) for i in range(len(line.t))],
-        )
+    if far := out_of_reach(cfg, goal):
+        line = follow(cfg.arm, cfg.q, [as_goal(cfg, goal)], base=cfg.base, limits=limits)
+        raise NoSolutionError(far, [line.at(i) for i in range(len(line.t))])
     return goal
 
 

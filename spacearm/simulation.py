@@ -40,6 +40,8 @@ METHODS: dict[str, Callable[..., OdeSolver]] = {
 }  # fmt: skip
 AUDIT = 1e4
 """How many times `rtol` the balances of energy and momentum may be off."""
+STILL = 1e2
+"""How many times `atol` [J] that of energy may be off besides: all there is near rest."""
 PACE, COLLAPSED = 1000, 1e-5
 """The step has collapsed when so many go forward by less than so long each [s]."""
 REPORT = 50
@@ -80,7 +82,7 @@ def simulate(
             None. Where the spacecraft's attitude is controlled only the linear one counts.
         mode: What the spacecraft does; see `generalized_jacobian`.
         rtol: Relative tolerance of each step.
-        atol: Absolute one [rad], [m], [rad/s], [m/s].
+        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
         events: What to note: "singularity" (a root of the singularity polynomial where the arm has
             one, else sigma_min a thousandth of sigma_max), "joint limit", "target" (the
             controller's `error` falls to `reach`).
@@ -127,8 +129,9 @@ def simulate(
     result = Trajectory.of(system.start, mode, t, rows, exchanged, tuple(run.events), run.ended)
     if run.fault:
         raise NoSolutionError(f"{arm.name}: {run.fault}", result)
-    for what, off in (("energy", result.imbalance), ("momentum", result.drift)):
-        if off > AUDIT * rtol:
+    still = STILL * atol / result.turnover if result.turnover > 0.0 else 0.0
+    for what, off, more in (("energy", result.imbalance, still), ("momentum", result.drift, 0.0)):
+        if off > AUDIT * rtol + more:
             raise NoSolutionError(
                 f"{arm.name}: the balance of {what} is off by {off:.1e} of what came and went; "
                 "take smaller rtol and atol",
@@ -179,8 +182,16 @@ class _Run:
             self.events.append(event)
             if event.kind in self.stop:
                 self.ended = event.kind
-                self.times[-1] = event.t
+                self.cut(event.t)
                 return
+
+    def cut(self, t: float) -> None:
+        """Ends the run within its last step, or before it."""
+        if self.pieces and t <= self.times[-2]:
+            self.times.pop()
+            self.pieces.pop()
+        else:
+            self.times[-1] = t
 
     @property
     def collapsed(self) -> bool:

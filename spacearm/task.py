@@ -87,6 +87,12 @@ class Task:
         linear = np.array(self.indices)[:, None] % 6 < 3
         return np.where(linear & self.mixed, 1.0 / (self.length or 1.0), 1.0)
 
+    @cached_property
+    def singled_out(self) -> frozenset[int]:
+        """The axes (0, 1, 2) that the linear or the angular rows are, or are normal to."""
+        axes = (self._singled_out(kind) for kind in (0, 3))
+        return frozenset(axis for axis in axes if axis is not None)
+
     def axes(self, R: Array) -> Array:
         """The task axes at the spacecraft attitude R.
 
@@ -94,7 +100,8 @@ class Task:
         into itself with the spacecraft: its axes are the inertial axes. One that singles out a
         direction or the plane normal to it (the "x y" of a planar arm) is tilted with that
         direction by the smallest rotation, so that attitudes about the direction leave the axes
-        inertial. One that singles out several directions turns with the spacecraft.
+        inertial; upside down, where many are the smallest, from half a turn about the next axis.
+        One that singles out several directions turns with the spacecraft.
 
         Args:
             R: (3, 3) spacecraft attitude, spacecraft to inertial axes.
@@ -102,18 +109,21 @@ class Task:
         Returns:
             (3, 3) columns: the task axes x, y, z in inertial axes.
         """
-        singled_out = {axis for kind in (0, 3) if (axis := self._singled_out(kind)) is not None}
-        if not singled_out:
+        if not self.singled_out:
             return np.eye(3)
-        e = np.eye(3)[singled_out.pop()]
-        cosine = e @ R @ e
-        if singled_out or cosine < 1e-9 - 1.0:
+        if len(self.singled_out) > 1:
             return R
-        x, y, z = np.cross(e, R @ e)
+        (axis,) = self.singled_out
+        turned = np.eye(3)
+        if R[axis, axis] < 1e-9 - 1.0:
+            turned = 2.0 * np.outer(turned[axis - 2], turned[axis - 2]) - turned
+        e = turned[:, axis]
+        cosine = e @ R[:, axis]
+        x, y, z = np.cross(e, R[:, axis])
         K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         rest = 1.0 + cosine if cosine > 0.0 else (x * x + y * y + z * z) / (1.0 - cosine)
         tilt: Array = np.eye(3) + K + K @ K / rest  # rest = 1 + cosine, without cancellation
-        return tilt
+        return tilt @ turned
 
     def _singled_out(self, kind: int) -> int | None:
         """The axis that the linear (kind 0) or angular (kind 3) rows are, or are normal to."""
@@ -133,6 +143,10 @@ class Task:
         Returns:
             (..., k, n) task Jacobian; linear rows in [m], or divided by `length` if mixed.
         """
-        axes = self.axes(R)
+        return self.scale * self.components(J, self.axes(R))
+
+    def components(self, J: Array, axes: Array) -> Array:
+        """(..., k, n) the task's rows of a Jacobian along axes (3, 3), unscaled."""
         turned = axes.T @ J.reshape(*J.shape[:-2], 2 * self.tips, 3, J.shape[-1])
-        return self.scale * turned.reshape(J.shape)[..., self.indices, :]
+        rows: Array = turned.reshape(J.shape)[..., self.indices, :]
+        return rows

@@ -115,11 +115,15 @@ class Trajectory(Result):
         )
 
     @property
+    def turnover(self) -> float:
+        """The energies that came and went [J]: the largest there was, and all work."""
+        return float(self.energy.max() + self.exchanged)
+
+    @property
     def imbalance(self) -> float:
-        """Largest difference of energy and work, over the energies that came and went."""
-        turnover = self.energy.max() + self.exchanged
-        off = np.abs(self.energy - self.energy[0] - self.work).max()
-        return float(off / turnover) if turnover > 0.0 else 0.0
+        """Largest difference of energy and work, over the turnover."""
+        off = float(np.abs(self.energy - self.energy[0] - self.work).max())
+        return off / self.turnover if self.turnover > 0.0 else 0.0
 
     @property
     def drift(self) -> float:

@@ -137,6 +137,13 @@ def test_a_target_out_of_reach_is_refused():
     sa.simulate(arm, [0.1, 0.2], law, 0.1, momentum=[9, 0, 0, 0, 0, 0])  # the CM goes there
 
 
+def test_what_the_task_leaves_open_is_never_out_of_reach():
+    arm = sa.load("planar2")
+    target = pin.SE3(np.eye(3), np.array([1.2, 0.5, 5.0]))
+    run = sa.simulate(arm, [0.3, 1.2], sa.ResolvedRate(target=target), 10.0)
+    np.testing.assert_allclose(run.tip[-1, :3], (1.2, 0.5, 0.0), atol=1e-3)
+
+
 @pytest.mark.parametrize("target", [(1.0,), "there", (np.nan, 0.0), None])
 def test_bad_targets(target):
     law = sa.ResolvedRate(target=target)

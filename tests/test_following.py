@@ -136,6 +136,46 @@ def test_a_redundant_arm_and_the_momentum_of_its_motion():
     np.testing.assert_allclose(moved.base.homogeneous, run.at(-1).base.homogeneous, atol=1e-5)
 
 
+TILTS = {
+    "x": (np.pi / 2, 0.0, 0.0),
+    "upside down": (np.pi, 0.0, 0.0),
+    "oblique": (0.9, -0.5, 0.0),
+    "nearly upside down": (2.2, 2.2, 0.0),
+}
+
+
+@pytest.mark.parametrize("tilt", TILTS)
+def test_in_a_tilted_plane_all_is_as_in_the_flat_one(arm, tilt):
+    """Points are given along the tilted axes: neither joints nor sigma_min tell the difference."""
+    tilt = pin.SE3(pin.exp3(np.array(TILTS[tilt])), np.zeros(3))
+    flat = at_the_cm(arm, A, 21.0)
+    law = sa.TransposedJacobian(target=C, kp=5, kd=15)
+    for motion in (
+        lambda base: sa.follow(arm, A, [C], base=base),
+        lambda base: sa.plan(arm, A, C, base=base, method="straight"),
+        lambda base: sa.plan(arm, A, C, base=base, method="joint space"),
+        lambda base: sa.simulate(arm, A, law, 3.0, base=base),
+    ):
+        one, other = motion(flat), motion(tilt * flat)
+        np.testing.assert_allclose(other.q[-1], one.q[-1], atol=1e-6)
+        np.testing.assert_allclose(other.sigma_min[-1], one.sigma_min[-1], atol=1e-6)
+        np.testing.assert_allclose(other.tip[-1, :3], tilt.act(one.tip[-1, :3]), atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_that_turn_with_the_spacecraft_are_followed_and_judged_in_inertial_axes(seed):
+    rng = np.random.default_rng(seed)
+    locked = dict(zip([f"joint_{i}" for i in (2, 4, 5, 6)], rng.uniform(-2, 2, 4), strict=True))
+    arm = sa.load("mda6", locked=locked, task="x y")
+    q0, base = rng.uniform(-1.5, 1.5, 2), pin.SE3(pin.exp3(rng.normal(size=3)), np.zeros(3))
+    goal = arm.at(q0, base).tip.translation[:2] + 0.3 * rng.normal(size=2)
+    run = sa.follow(arm, q0, [goal], base=base, limits=False)
+    if run.arrived:
+        np.testing.assert_allclose(run.tip[-1, :2], goal, atol=1e-8)
+    else:
+        assert run.sigma_min[-1] < 1e-6 * run.sigma_min[0]
+
+
 def test_joint_limits_stop(arm, to_c):
     start = to_c.at(-1)
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]

@@ -48,7 +48,7 @@ def test_landing_with_the_attitude_held():
     arm, rng = sa.load("mda6"), np.random.default_rng(2)
     T = np.array([random_base(rng).rotation for _ in range(40)])
     goal = arm.at(rng.uniform(-1, 1, 6)).centred(np.zeros(3)).tip
-    Q, miss = landed(arm, rng.uniform(-3, 3, (40, 6)), goal, T, 40)
+    Q, miss = landed(arm, rng.uniform(-3, 3, (40, 6)), goal, T, np.eye(3), 40)
     there = np.flatnonzero(miss < 1e-9)
     assert len(there) > 10
     for i in there:

@@ -310,6 +310,25 @@ def test_already_there(arm):
         assert plan.certificate.free
 
 
+@pytest.mark.parametrize("name", ["planar2", "mda6"])
+def test_the_spacecraft_turned_under_a_tip_that_stays(name):
+    arm = sa.load(name)
+    cfg = arm.at(np.linspace(0.3, 1.2, arm.n))
+    turn = pin.exp3(np.array([0.0, 0.0, 0.1]))
+    goal = cfg.tip if name == "mda6" else cfg.tip.translation[:2]
+    plan = sa.plan(arm, cfg.q, goal, final_attitude=turn)
+    end = replay(plan)
+    np.testing.assert_allclose(end.base.rotation, turn, atol=1e-6)
+    np.testing.assert_allclose(end.tip.translation, cfg.tip.translation, atol=1e-6)
+
+
+def test_a_goal_and_an_attitude_that_no_posture_has(arm):
+    """The goal is where the arm reaches it stretched only, and then with one attitude."""
+    cfg = arm.at([0.3, 0.02]).centred(arm.at([0.3, 1.2]).com)
+    with pytest.raises(sa.NoSolutionError, match="joint space: no joint positions, clear"):
+        sa.plan(arm, [0.3, 1.2], cfg.tip.translation[:2], final_attitude=2.0)
+
+
 def test_one_row_of_the_tip():
     """What the task leaves open counts neither for reach nor for arriving."""
     arm = sa.load("planar2", task="x")

@@ -142,6 +142,24 @@ def test_at_rest_without_torques_nothing_moves():
     np.testing.assert_allclose(run.base, np.tile(run.base[0], (len(run.t), 1)), atol=1e-14)
 
 
+@pytest.mark.parametrize("method", ["LSODA", "DOP853"])
+@pytest.mark.parametrize("name", ["planar3", "mda6", "ets7"])
+def test_an_arm_that_rests_on_its_target_stays(name, method):
+    """There is no energy to compare an imbalance with, only rounding."""
+    arm = sa.load(name)
+    q = np.linspace(0.2, 0.9, arm.n)
+    run = sa.simulate(arm, q, sa.ResolvedRate(target=arm.at(q).tip), 5.0, method=method)
+    np.testing.assert_allclose(run.q[-1], q, atol=1e-6)
+
+
+def test_a_settled_arm_can_be_simulated_on():
+    arm = sa.load("planar2")
+    law = sa.JointPD(target=[0.4, 0.5], kp=5.0, kd=15.0)
+    settled = sa.simulate(arm, [0.3, 0.3], law, 120.0).at(-1)
+    run = sa.simulate(arm, settled.q, law, 30.0, base=settled.base)
+    np.testing.assert_allclose(run.q[-1], [0.4, 0.5], atol=1e-3)
+
+
 def test_time_reversal_returns_to_the_start():
     arm = sa.load("planar3")
     h = np.array([0, 0, 0, 0, 0, 1.0])
@@ -216,6 +234,21 @@ def test_joint_limits_are_noted():
     assert run.ended == "joint limit"
     assert run.events[-1].detail == "joint_2"
     assert abs(run.q[-1, 1]) == pytest.approx(np.pi, abs=1e-6)
+
+
+def test_a_run_can_end_where_a_step_ends():
+    """Stowed exactly at a limit, and then pushed beyond it."""
+    arm = sa.load("planar2")
+    run = sa.simulate(
+        arm,
+        [arm.upper[0], 0.3],
+        lambda t, *_: [0.0 if t < 2.0 else 0.5 * (t - 2.0) ** 2, 0.0],
+        5.0,
+        stop=("joint limit",),
+    )
+    assert run.ended == "joint limit"
+    assert run.t[-1] < 2.5
+    np.testing.assert_allclose(run.q[-1, 0], arm.upper[0], atol=1e-6)
 
 
 def test_joint_pd_settles_and_targets_may_move():
