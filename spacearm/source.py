@@ -133,6 +133,16 @@ class Source:
         """One finite number from an attribute."""
         return float(self.numbers(element, attribute, 1, default)[0])
 
+    def lengths(self, element: etree._Element, attribute: str, count: int) -> Array:
+        """`count` positive numbers from an attribute."""
+        values = self.numbers(element, attribute, count)
+        if values.min() <= 0.0:
+            self.fail(
+                f"{describe(element)} has {attribute}={element.get(attribute)!r}",
+                "give positive lengths",
+            )
+        return values
+
     def pose(self, element: etree._Element) -> pin.SE3:
         """The pose in a child <origin xyz rpy>; the identity if there is none (URDF's default)."""
         origin = self.child(element, "origin")
