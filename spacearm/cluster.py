@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from concurrent.futures import Future
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 WIDTH = 2000
 """Chunks that the scheduler knows at a time: enough for a thousand cores, little to keep."""
-PATIENCE = 10
+PATIENCE = 5
 """How long a scheduler may take to answer [s]."""
 
 
@@ -30,12 +31,23 @@ def connect(address: str) -> Client:
     except ImportError:
         raise UnsupportedError("Dask is not installed: pip install 'spacearm[cluster]'") from None
     try:
+        asyncio.run(_greet(address))  # a Client that fails while it is made cannot be closed
         return Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except Exception as error:  # whatever a transport makes of an address
         raise StoreError(
             f"no Dask scheduler at {address!r} ({error}); start one: "
             "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
         ) from None
+
+
+async def _greet(address: str) -> None:
+    """Opens a connection to a scheduler and closes it."""
+    from distributed import Security
+    from distributed.comm.core import connect as open_comm
+
+    options = Security().get_connection_args("client")
+    comm = await open_comm(address, timeout=PATIENCE, **options)
+    await comm.close()
 
 
 class Cluster:

@@ -10,23 +10,27 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from functools import lru_cache
 from itertools import combinations
-from pathlib import Path
 from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 from lxml import etree
+from scipy.spatial import ConvexHull, QhullError
 
 from spacearm.arm import SpaceArm
-from spacearm.arrays import Array
+from spacearm.arrays import LARGEST, Array
+from spacearm.errors import ModelError
+from spacearm.meshes import find_mesh, read_mesh
 from spacearm.source import Source
-from spacearm.urdf import find_mesh
 
 POSTURES = 64
 """Random postures: bodies that touch in all of them are taken to be joined."""
 CLOSE = 1e-4
 """Bodies that are nearer than this share of the arm's reach count as touching."""
+FLAT = 1e-9
+"""A mesh whose thickness is a smaller share of its length counts as flat."""
+WITHOUT = "correct that, or plan with collisions=False to do without"
 
 
 class Contact(NamedTuple):
@@ -183,35 +187,41 @@ def _shape(source: Source, link: str, collision: etree._Element) -> coal.Collisi
             "give it a box, sphere, cylinder or mesh, or plan with collisions=False",
         )
     if element.tag == "box":
-        return coal.Box(*source.numbers(element, "size", 3))
+        return coal.Box(*source.lengths(element, "size", 3))
     if element.tag == "sphere":
-        return coal.Sphere(source.number(element, "radius"))
+        return coal.Sphere(*source.lengths(element, "radius", 1))
     if element.tag == "cylinder":
-        return coal.Cylinder(source.number(element, "radius"), source.number(element, "length"))
+        radius, length = (source.lengths(element, name, 1)[0] for name in ("radius", "length"))
+        return coal.Cylinder(radius, length)
     path = find_mesh(element.get("filename", ""), source.path)
     if path is None:
-        source.fail(
-            f"mesh {element.get('filename')!r} of link {link!r} is not there",
-            "put it there, or plan with collisions=False to do without",
-        )
-    points = coal.StdVec_Vec3s()
-    for vertex in _vertices(source, path) * source.numbers(element, "scale", 3, "1 1 1"):
-        points.append(vertex)
-    return coal.Convex.convexHull(points, True, "Qt")
-
-
-def _vertices(source: Source, path: Path) -> Array:
-    """(m, 3) corners of the convex hull of a mesh file."""
-    import trimesh  # only where meshes are
-
+        source.fail(f"mesh {element.get('filename')!r} of link {link!r} is not there", WITHOUT)
+    scale = source.numbers(element, "scale", 3, "1 1 1")
     try:
-        corners: Array = np.asarray(trimesh.load_mesh(path).convex_hull.vertices)
-    except Exception as error:  # whatever a reader makes of a broken file
-        source.fail(
-            f"mesh {path.name!r} cannot be read ({error})",
-            "plan with collisions=False to do without",
-        )
-    return corners
+        return _hull(path.name, read_mesh(path).vertices * scale)
+    except ModelError as error:
+        source.fail(f"{error}, in a collision of link {link!r}", WITHOUT)
+
+
+def _hull(name: str, points: Array) -> coal.Convex:
+    """The convex hull of the points (m, 3) of a mesh."""
+    if not (np.abs(points) <= LARGEST).all():
+        raise ModelError(f"mesh {name!r} is larger than {LARGEST:g} m")
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(extents) < 3 or extents[2] <= FLAT * extents[0]:
+        raise ModelError(f"mesh {name!r} is flat")
+    try:
+        hull = ConvexHull(points)
+        corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        for corner in points[hull.vertices]:
+            corners.append(corner)
+        for triangle in np.searchsorted(hull.vertices, hull.simplices):
+            triangles.append(coal.Triangle(*triangle.tolist()))
+        return coal.Convex(corners, triangles)
+    except QhullError as error:
+        raise ModelError(f"mesh {name!r} has no hull ({str(error).split(chr(10))[0]})") from None
+    except RuntimeError:
+        raise ModelError(f"the hull of mesh {name!r} is too fine for coal") from None
 
 
 def _reach(

@@ -1,11 +1,16 @@
-"""Files: written beside their place and renamed, so that no half file is ever there; models."""
+"""Files: read up to a size, written beside their place and renamed, never half; models."""
 
 from __future__ import annotations
 
+import stat
 import tempfile
 from pathlib import Path
+from typing import BinaryIO
 
 from spacearm.errors import SpaceArmError
+
+LARGEST_TEXT = 10**7
+"""Bytes that a file may have that a person writes: a URDF, a study, a list of points."""
 
 
 def models_folder() -> Path:
@@ -13,6 +18,37 @@ def models_folder() -> Path:
     package = Path(__file__).resolve().parent
     installed = package / "models"
     return installed if installed.is_dir() else package.parent / "models"
+
+
+def opened(path: Path) -> BinaryIO:
+    """A regular file, open to be read: a device may have no end, and a pipe may say nothing.
+
+    Raises:
+        OSError: It is another kind of file, or cannot be opened.
+        ValueError: No file can have that name.
+    """
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise OSError("a device or a pipe; save what it gives as a file")
+    return path.open("rb")
+
+
+def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
+    """The content of a regular file.
+
+    Args:
+        path: The file.
+        most: Bytes that it may have.
+
+    Raises:
+        OSError: It is larger, another kind of file, or cannot be read.
+        ValueError: No file can have that name.
+    """
+    with opened(path) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise OSError(f"larger than {most / 1e6:g} MB")
+    return content
 
 
 def write(path: Path, content: bytes) -> Path:

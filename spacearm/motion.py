@@ -9,9 +9,16 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arm import SpaceArm
-from spacearm.arrays import Array
+from spacearm.arrays import LARGEST, Array
 from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError
+
+
+def unit_quaternions(poses: Array) -> bool:
+    """Whether poses (m, 7), position and quaternion xyzw, have quaternions of length 1 to 1e-6."""
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(poses[:, 3:], axis=1)
+    return bool((np.abs(lengths - 1.0) <= 1e-6).all())
 
 
 class Playable(Protocol):
@@ -54,10 +61,13 @@ class Motion:
         m, n = len(self.t), self.arm.n
         for name, shape in (("t", (m,)), ("q", (m, n)), ("base", (m, 7))):
             array = getattr(self, name)
-            if array.shape != shape or not np.isfinite(array).all():
+            if array.shape != shape or not (np.abs(array) <= LARGEST).all():
                 raise ConfigurationError(
-                    f"motion: {name} has shape {array.shape}; give {shape}, all finite"
+                    f"motion: {name} has shape {array.shape}; give {shape}, all finite numbers up "
+                    f"to {LARGEST:g}"
                 )
+        if not unit_quaternions(self.base):
+            raise ConfigurationError("motion: base must hold quaternions of length 1")
         if m == 0 or (np.diff(self.t) <= 0.0).any():
             raise ConfigurationError("motion: t must hold growing times, at least one")
 

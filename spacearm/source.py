@@ -14,6 +14,7 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ModelError, ModelWarning
+from spacearm.files import read
 
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 XACRO = "{http://www.ros.org/wiki/xacro}"
@@ -39,15 +40,20 @@ class Source:
     def robot(self) -> etree._Element:
         """The root element of a file that is XML, is a URDF or a xacro source of one."""
         try:
-            text = self.path.read_bytes()
+            text = read(self.path)
         except FileNotFoundError:
             self.fail("no such file", "check the path")
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
             self.fail(f"cannot be read ({why})", "give the path of a URDF file")
         robot = self._parsed(text)
-        if self._is_xacro(robot):
+        if self.path.suffix == ".xacro":
             robot = self._parsed(self._expanded(robot.get("name") or self.path.stem))
+        elif any(str(element.tag).startswith(XACRO) for element in robot.iter()):
+            self.fail(
+                "is a xacro source, which is a program, and not named so",
+                "if you trust it name it .xacro, or expand it: xacro FILE",
+            )
         if robot.tag != "robot":
             self.fail(
                 f"is not a URDF: its root element is <{robot.tag!s}>",
@@ -71,10 +77,6 @@ class Source:
         if etree.ElementTree(root).docinfo.doctype:
             self.fail("declares a DOCTYPE", "remove it: entities are not expanded")
         return root
-
-    def _is_xacro(self, robot: etree._Element) -> bool:
-        tags = (str(element.tag) for element in robot.iter())
-        return self.path.suffix == ".xacro" or any(tag.startswith(XACRO) for tag in tags)
 
     def _expanded(self, name: str) -> bytes:
         """The URDF that a xacro source stands for, of a robot of this name."""
@@ -132,6 +134,16 @@ class Source:
     def number(self, element: etree._Element, attribute: str, default: str | None = None) -> float:
         """One finite number from an attribute."""
         return float(self.numbers(element, attribute, 1, default)[0])
+
+    def lengths(self, element: etree._Element, attribute: str, count: int) -> Array:
+        """`count` positive numbers from an attribute."""
+        values = self.numbers(element, attribute, count)
+        if values.min() <= 0.0:
+            self.fail(
+                f"{describe(element)} has {attribute}={element.get(attribute)!r}",
+                "give positive lengths",
+            )
+        return values
 
     def pose(self, element: etree._Element) -> pin.SE3:
         """The pose in a child <origin xyz rpy>; the identity if there is none (URDF's default)."""

@@ -23,6 +23,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import StoreError
+from spacearm.files import read
 from spacearm.study import Chunk, Study
 
 if TYPE_CHECKING:
@@ -216,8 +217,8 @@ def _compare(path: Path, study: Study) -> None:
 def _description(path: Path) -> dict[str, Any]:
     """What a zarr.json says, nothing if it is none."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = json.loads(read(path))
+    except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 

@@ -21,6 +21,7 @@ from spacearm.arrays import Array
 from spacearm.catalogue import catalogue
 from spacearm.design import PARAMETERS, vary
 from spacearm.errors import ConfigurationError
+from spacearm.files import read
 from spacearm.loading import load
 from spacearm.quantities import Quantity
 from spacearm.tables import Table, parse
@@ -122,7 +123,7 @@ class Study:
             UnsupportedError: Python is older than 3.11.
         """
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            text = read(Path(path)).decode()
         except (OSError, ValueError) as error:
             raise ConfigurationError(f"study {path} cannot be read: {error}") from None
         return cls.parse(text, Path(path).resolve().parent)

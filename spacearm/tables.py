@@ -91,5 +91,5 @@ def parse(text: str) -> Table:
         ) from None
     try:
         return Table("study", tomllib.loads(text))
-    except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits too
         raise ConfigurationError(f"the study is no TOML: {error}") from None

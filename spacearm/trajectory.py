@@ -19,9 +19,10 @@ from spacearm.configuration import Configuration
 from spacearm.dynamics import kinetic_energy, spacecraft_twist
 from spacearm.errors import ConfigurationError
 from spacearm.events import Event
-from spacearm.files import write
+from spacearm.files import opened, write
 from spacearm.jacobian import BaseMode, free_components
 from spacearm.momentum import momentum_matrix
+from spacearm.motion import unit_quaternions
 from spacearm.singularity import singular_values
 
 if TYPE_CHECKING:
@@ -187,14 +188,14 @@ class Trajectory(Result):
         """
         data = _arrays(path)
         try:
-            names = tuple(str(name) for name in data["joints"].ravel())
+            names = _names(data["joints"])
             mode = {name: name for name in get_args(BaseMode)}[str(data["mode"])]
             _check(data, len(names))
         except (ValueError, KeyError) as error:
             raise ConfigurationError(f"{path} is no saved trajectory: {error}") from None
         if names != arm.joint_names:
             raise ConfigurationError(
-                f"{path} is a trajectory of joints {', '.join(names)}; {arm.name} has "
+                f"{path} is a trajectory of joints {', '.join(names)[:200]}; {arm.name} has "
                 f"{', '.join(arm.joint_names)}"
             )
         events = (data[f"event_{name}"] for name in ("t", "kind", "q", "detail"))
@@ -221,14 +222,24 @@ class Trajectory(Result):
 def _arrays(path: str | os.PathLike[str]) -> dict[str, npt.NDArray[Any]]:
     """The arrays of a NumPy file that `save` may have written."""
     try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            packed = any(entry.compress_type for entry in arrays.zip.infolist())
+        with opened(Path(path)) as file, np.load(file, allow_pickle=False) as arrays:
+            held = sum(entry.file_size for entry in arrays.zip.infolist())
+            packed = held > os.fstat(file.fileno()).st_size
             data = {} if packed else dict(arrays)
     except Exception as error:  # whatever zipfile and NumPy make of a damaged file
         raise ConfigurationError(f"{path} is no saved trajectory: {error}") from None
     if packed:
-        raise ConfigurationError(f"{path} is compressed and may hold any amount of data: unpack it")
+        raise ConfigurationError(
+            f"{path} holds more data than it has bytes (compressed?): write it by save"
+        )
     return data
+
+
+def _names(joints: npt.NDArray[Any]) -> tuple[str, ...]:
+    """The names of the joints; texts of no letters take no bytes, and might be any number."""
+    if joints.dtype.kind != "U" or joints.itemsize == 0:
+        raise ValueError(f"joints holds {joints.dtype} of shape {joints.shape}, not names")
+    return tuple(str(name) for name in joints.ravel())
 
 
 def _check(data: Mapping[str, npt.NDArray[Any]], n: int) -> None:
@@ -245,5 +256,10 @@ def _check(data: Mapping[str, npt.NDArray[Any]], n: int) -> None:
             raise ValueError(f"{name} holds {array.dtype} of shape {array.shape}, not {shape}")
         if kind == "f" and not np.isfinite(array).all():
             raise ValueError(f"{name} holds numbers that are not finite")
+    for name in ("base", "tip"):
+        if not unit_quaternions(data[name]):
+            raise ValueError(f"{name} holds quaternions that are not of length 1")
+    if (data["sigma_min"] < 0.0).any():
+        raise ValueError("sigma_min is negative")
     if m == 0 or (np.diff(data["t"]) <= 0.0).any():
         raise ValueError("t does not grow")

@@ -8,7 +8,6 @@ what deserves a look gives a `ModelWarning`.
 
 from __future__ import annotations
 
-import logging
 import math
 import os
 from collections.abc import Collection, Mapping
@@ -21,6 +20,7 @@ from lxml import etree
 from spacearm.arrays import LEAST_MASS
 from spacearm.errors import ModelError, unknown
 from spacearm.looks import look_of
+from spacearm.meshes import find_mesh
 from spacearm.parts import Inertial, Joint, Mimic
 from spacearm.source import Source, describe
 from spacearm.tree import ROOT_JOINT, Tree
@@ -262,18 +262,3 @@ def _looks(source: Source, robot: etree._Element) -> dict[str, bytes]:
         some = ", ".join(missing[:3]) + more
         source.warn(f"meshes not found (physics is not affected): {some}")
     return {name: look for name, look in looks.items() if look is not None}
-
-
-def find_mesh(filename: str, urdf: Path) -> Path | None:
-    """The file that a <mesh filename> means: relative to the URDF or to one of its parents."""
-    from yourdfpy.urdf import filename_handler_magic  # imports trimesh: only where meshes are
-
-    logger = logging.getLogger("yourdfpy.urdf")
-    before, logger.disabled = logger.disabled, True  # a missing file is reported here, not there
-    try:
-        found = Path(filename_handler_magic(filename, str(urdf.resolve().parent)))
-        return found if found.is_file() else None
-    except (OSError, TypeError, ValueError):
-        return None  # no file can have that name
-    finally:
-        logger.disabled = before

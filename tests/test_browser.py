@@ -177,7 +177,7 @@ def test_number_fields_keyboard_and_errors(page):
     page.page.fill(field, "300")
     page.page.press(field, "Enter")
     page.page.wait_for_selector("#error:not([hidden])")
-    assert "outside its limits" in page.text("#error")
+    assert "outside its range" in page.text("#error")
     page.page.focus(".joint:nth-child(1) input[type=range]")
     before = page.text("#tip")
     page.page.keyboard.press("ArrowRight")

@@ -1,5 +1,6 @@
 """Collisions: contacts are found, freedom is proven, and plans keep bodies apart."""
 
+import zipfile
 from itertools import pairwise
 
 import numpy as np
@@ -129,6 +130,88 @@ def test_a_geometry_of_no_known_kind(tmp_path, geometry):
     with pytest.raises(sa.ModelError, match=r"'hull' has a collision .* collisions=False"):
         sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
     assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
+
+
+SIZES = [
+    '<box size="-2 -2 -2"/>', '<box size="1 0 1"/>', '<sphere radius="-1"/>',
+    '<cylinder radius="-1" length="1"/>', '<cylinder radius="1" length="0"/>',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("geometry", SIZES)
+def test_sizes_that_no_body_has_are_no_proof(tmp_path, geometry):
+    """coal takes them, and finds such bodies far from everything."""
+    with pytest.raises(sa.ModelError, match=r"hull.* has .*; give positive lengths"):
+        Collisions(boxy(tmp_path, geometry))
+
+
+MESHES = {
+    "box.stl": "",
+    "flat.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 3 4\n",
+    "vast.obj": "v 1e308 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1e300\nf 1 2 3\nf 1 2 4\nf 2 3 4\n",
+    "large.obj": "v 2 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n",
+    "nan.obj": "v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n",
+    "bare.obj": "v 0 0 0\nv 1 0 0\n",
+    "box.zip": "",
+    "zipped.dae": "",
+    "text.urdf": "<robot/>",
+    "broken.glb": "glTF",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "message"),
+    [
+        ("box.stl", "1 1 0", "is flat"),
+        ("box.stl", "0 0 0", "is flat"),
+        ("box.stl", "1e12 1e-12 1", "is flat"),
+        ("large.obj", "1e12 1 1", "is larger than 1e"),
+        ("box.stl", "1e12 1e12 1e13", "3 finite numbers up to 1e"),
+        ("flat.obj", "1 1 1", "is flat"),
+        ("vast.obj", "1 1 1", "not finite or beyond"),
+        ("nan.obj", "1 1 1", "not finite or beyond"),
+        ("bare.obj", "1 1 1", "'bare.obj' cannot be read"),
+        ("box.zip", "1 1 1", "'box.zip' cannot be read .give one of .stl"),
+        ("zipped.dae", "1 1 1", "'zipped.dae' cannot be read .it is an archive"),
+        ("text.urdf", "1 1 1", "'text.urdf' cannot be read .give one of .stl"),
+        ("broken.glb", "1 1 1", "'broken.glb' cannot be read"),
+    ],
+)
+def test_meshes_without_a_hull_are_named(tmp_path, name, scale, message):
+    (tmp_path / name).write_text(MESHES[name])
+    if name == "box.stl":
+        trimesh.creation.box().export(tmp_path / name)
+    if name in ("box.zip", "zipped.dae"):
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.writestr("box.obj", MESHES["vast.obj"])
+    arm = boxy(tmp_path, f'<mesh filename="{name}" scale="{scale}"/>')
+    with pytest.raises(sa.ModelError, match=message):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
+
+
+def test_a_corner_with_more_neighbours_than_coal_counts(tmp_path):
+    trimesh.creation.cone(1.0, 2.0, sections=600).export(tmp_path / "cone.stl")
+    with pytest.raises(sa.ModelError, match="is too fine for coal"):
+        Collisions(boxy(tmp_path, '<mesh filename="cone.stl"/>'))
+
+
+@pytest.mark.parametrize("shape", ["box", "icosphere", "cylinder"])
+def test_the_hull_of_a_mesh_is_as_far_away_as_the_body(tmp_path, shape):
+    """Mirrored and stretched too: along x, of the hull's nearest point."""
+    mesh = getattr(trimesh.creation, shape)(**SHAPES[shape])
+    mesh.export(tmp_path / "body.ply")
+    for scale in ("0.5 1 1", "-0.5 1 1"):
+        bodies = Collisions(boxy(tmp_path, f'<mesh filename="body.ply" scale="{scale}"/>'))
+        expected = 0.6 + 0.8 + 0.05 - 0.5 * mesh.vertices[:, 0].max()
+        np.testing.assert_allclose(bodies.distances(np.zeros(2)), [expected], atol=1e-5)
+
+
+SHAPES = {
+    "box": {"extents": (1, 1, 1)},
+    "icosphere": {"radius": 0.5},
+    "cylinder": {"radius": 0.5, "height": 1.0, "sections": 64},
+}
 
 
 # --- slides, locks, branches ----------------------------------------------------------------

@@ -102,7 +102,9 @@ def test_a_motion_is_linear_between_its_samples():
     [
         ({"t": [0.0]}, r"q has shape \(2, 2\); give \(1, 2\)"),
         ({"t": [0.0, 0.0]}, "growing times"),
-        ({"q": [[0, 0], [0, np.nan]]}, "all finite"),
+        ({"q": [[0, 0], [0, np.nan]]}, "q .* all finite"),
+        ({"t": [0.0, 1e300]}, "t .* up to 1e"),
+        ({"base": [[0] * 7] * 2}, "base .* quaternions of length 1"),
         ({"base": [[0] * 6] * 2}, r"base has shape \(2, 6\)"),
         ({"t": None}, "cannot be played"),
     ],

@@ -1,5 +1,8 @@
 """Simulation and control: the paper's figures 5 and 6, conservation laws, an independent route."""
 
+import io
+import zipfile
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -296,6 +299,10 @@ def test_a_trajectory_is_saved_and_loaded(figure_5, tmp_path):
         ("tip", lambda a: np.full_like(a, np.nan), "tip holds numbers that are not finite"),
         ("t", lambda a: a[::-1], "t does not grow"),
         ("event_q", lambda a: a[:, :1], "event_q holds float64"),
+        ("base", np.zeros_like, "base holds quaternions that are not of length 1"),
+        ("tip", lambda a: 1e200 * a, "tip holds quaternions that are not of length 1"),
+        ("sigma_min", lambda a: -a, "sigma_min is negative"),
+        ("joints", lambda _: np.arange(2.0), "joints holds float64"),
         ("mode", lambda _: np.array("adrift"), "'adrift'"),
         ("exchanged", lambda _: np.array([None, {}], dtype=object), "Object arrays"),
     ],
@@ -323,7 +330,40 @@ def test_files_that_are_no_archives_or_packed_ones_are_refused(figure_5, tmp_pat
     with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
         sa.Trajectory.load(path, figure_5.arm)
     np.savez_compressed(path, t=np.zeros(1000))
-    with pytest.raises(sa.ConfigurationError, match="compressed"):
+    with pytest.raises(sa.ConfigurationError, match=r"more data than it has bytes \(compressed"):
+        sa.Trajectory.load(path, figure_5.arm)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "shape"),
+    [("joints", "<U0", (10**10,)), ("joints", "|V0", (10**12,)), ("event_kind", "<U0", (10**10,)),
+     ("mode", "|V0", (10**12,)), ("t", "<f8", (10**18, 0)), ("q", "<f8", (0, 10**18))],
+)  # fmt: skip
+def test_arrays_of_nothing_are_refused(figure_5, tmp_path, name, kind, shape):
+    """They take no bytes in the file, and any time to go through."""
+    path, bad = tmp_path / "run.npz", tmp_path / "bad.npz"
+    figure_5.save(path)
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": kind, "fortran_order": False, "shape": shape}
+    )
+    with zipfile.ZipFile(path) as good, zipfile.ZipFile(bad, "w") as archive:
+        for entry in good.namelist():
+            content = header.getvalue() if entry == f"{name}.npy" else good.read(entry)
+            archive.writestr(entry, content)
+    with pytest.raises(sa.ConfigurationError, match="no saved trajectory"):
+        sa.Trajectory.load(bad, figure_5.arm)
+
+
+def test_no_more_is_read_than_the_file_holds(figure_5, tmp_path):
+    """Entries of an archive may share their bytes."""
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        content = io.BytesIO()
+        np.save(content, np.zeros(100_000))
+        archive.writestr("t.npy", content.getvalue())
+        archive.filelist += archive.filelist * 50
+    with pytest.raises(sa.ConfigurationError, match="more data than it has bytes"):
         sa.Trajectory.load(path, figure_5.arm)
 
 

@@ -442,3 +442,8 @@ def test_an_arm_put_together_on_a_bus(tmp_path):
 def test_a_number_of_thousands_of_digits(tmp_path):
     with pytest.raises(sa.ConfigurationError, match="the study is no TOML"):
         sa.Study.parse(f"arms = ['planar2']\nseed = {'9' * 5000}\n[shells]\n", tmp_path)
+
+
+def test_arrays_in_arrays_in_arrays(tmp_path):
+    with pytest.raises(sa.ConfigurationError, match="the study is no TOML"):
+        sa.Study.parse(f"arms = {'[' * 5000}{']' * 5000}", tmp_path)

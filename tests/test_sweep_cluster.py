@@ -165,9 +165,19 @@ def test_no_scheduler(tmp_path, monkeypatch):
     monkeypatch.setattr("spacearm.cluster.PATIENCE", 0.3)
     with pytest.raises(sa.StoreError, match="no Dask scheduler at"):
         connect("tcp://127.0.0.1:9")
-    with pytest.raises(sa.StoreError, match="no Dask scheduler at"):
-        connect("nonsense://here")
+    for address in ("nonsense", "nonsense://here", "", "tcp://", "tls://127.0.0.1:9", "inproc://x"):
+        with pytest.raises(sa.StoreError, match="no Dask scheduler at"):
+            connect(address)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(sa.UnsupportedError, match=r"spacearm\[cluster\]"):
         connect("tcp://127.0.0.1:9")
     assert not [*tmp_path.iterdir()]
+
+
+def test_a_wrong_address_leaves_nothing_behind(tmp_path):
+    """A client that was made in part complains when Python ends, after 20 s."""
+    (tmp_path / "study.toml").write_text(STUDY)
+    code, _, err = run(tmp_path / "study.toml", tmp_path / "s.zarr", "--scheduler", "tls://nowhere")
+    assert code == 2
+    assert len(err.splitlines()) == 1
+    assert "no Dask scheduler at" in err

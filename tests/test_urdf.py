@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm import urdf
+from spacearm.meshes import find_mesh
 
 BUS = link("bus", 50.0)
 ARM = link("arm")
@@ -25,7 +25,7 @@ BAD = {
     "not URDF": ("<sdf version='1.7'/>", "root element is <sdf>.*a URDF starts with <robot"),
     "xacro": (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
-        "is a xacro source that cannot be expanded",
+        "is a xacro source, which is a program, and not named so; if you trust it name it .xacro",
     ),
     "no links": ("<robot name='r'/>", "has no links"),
     "a link without name": (robot("<link/>"), "<link> on line 3 has no name"),
@@ -176,7 +176,7 @@ PARTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 
 @pytest.mark.filterwarnings("default")  # the parser of xacro has its own
-@pytest.mark.parametrize("name", ["robot.xacro", "robot.urdf.xacro", "robot.urdf"])
+@pytest.mark.parametrize("name", ["robot.xacro", "robot.urdf.xacro"])
 def test_xacro_sources_are_expanded(name, tmp_path):
     (tmp_path / "parts.xacro").write_text(PARTS)
     path = tmp_path / name
@@ -192,6 +192,21 @@ def test_xacro_sources_say_what_they_take_where_nothing_expands_them(tmp_path, m
     path = tmp_path / "robot.xacro"
     path.write_text(XACRO)
     with pytest.raises(sa.ModelError, match=r"is a xacro source; pip install 'spacearm\[xacro\]'"):
+        sa.load(path)
+
+
+def test_a_xacro_source_is_run_only_if_it_is_named_so(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(XACRO.replace("${10 * 5}", "${open('run', 'w')}"))
+    with pytest.raises(sa.ModelError, match=r"name it .xacro, or expand it: xacro FILE"):
+        sa.load(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["robot.urdf"]
+
+
+def test_a_faulty_xacro_source(tmp_path):
+    path = tmp_path / "robot.xacro"
+    path.write_text(XACRO)
+    with pytest.raises(sa.ModelError, match="is a xacro source that cannot be expanded"):
         sa.load(path)
 
 
@@ -279,7 +294,7 @@ def test_meshes_are_found_beside_the_file_and_by_package(tmp_path):
     (folder / "meshes" / "a.stl").write_bytes(b"solid a\nendsolid a\n")
     path = folder / "urdf" / "r.urdf"
     for name in ("../meshes/a.stl", "package://my_robot/meshes/a.stl"):
-        assert urdf.find_mesh(name, path) is not None
+        assert find_mesh(name, path) is not None
 
 
 def test_paths_with_spaces_and_other_letters(tmp_path):

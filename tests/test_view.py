@@ -25,6 +25,7 @@ import spacearm as sa
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.view import scene
+    from spacearm.view import viewer as pages
     from spacearm.view.session import Session
     from spacearm.view.shapes import shapes
 
@@ -111,7 +112,7 @@ def test_readout_is_the_report_and_the_code_is_the_configuration(session):
         ({"do": "joint", "index": 0, "value": "1"}, "value is '1'; give a finite number"),
         ({"do": "joint", "index": 0, "value": float("nan")}, "value is 'nan'"),
         ({"do": "joint", "index": 0, "value": 10**400}, "give a finite number"),
-        ({"do": "joint", "index": 0, "value": 3.5}, "joint_1 at 3.5 is outside its limits"),
+        ({"do": "joint", "index": 0, "value": 3.5}, "joint_1 at 3.5 is outside its range"),
         ({"do": "attitude", "rpy": [1, 2]}, "attitude is"),
         ({"do": "attitude", "rpy": [1, 2, None]}, "attitude is 'None'"),
         ({"do": "mode", "mode": "fast"}, "unknown mode 'fast'"),
@@ -122,6 +123,38 @@ def test_malformed_messages_are_refused_and_change_nothing(session, message, err
     with pytest.raises(sa.ConfigurationError, match=error):
         session.handle(message)
     assert session.readout() == before
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "ends"),
+    [(-1e12, 1e12, (-25, 25)), (-1, 1e12, (-1, 25)), (1e3, 1e6, (1000, 1025)), (-2, 1, (-2, 1))],
+)
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_sliders_end_where_the_spacecraft_can_be_followed(tmp_path, kind, lower, upper, ends):
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(*two_links(kind=kind, inside=limit)))
+    arm = sa.load(path)
+    session = Session(arm, arm.at(np.clip([0.0], lower, upper)))
+    assert np.ravel(session.range).tolist() == list(ends)
+    session.handle({"do": "mode", "mode": "free-floating"})
+    before = session.cfg
+    session.handle({"do": "joint", "index": 0, "value": ends[1]})
+    assert session.cfg.base.isApprox(sa.move(before, [ends[1]]).base)
+    with pytest.raises(sa.ConfigurationError, match="outside its range"):
+        session.handle({"do": "joint", "index": 0, "value": 1e7})
+
+
+def test_a_way_that_is_too_long_is_not_followed(session):
+    """Only Python shows such a configuration; then the page may ask to come home."""
+    session.show(session.arm.at([1e9, 0.0]))
+    session.handle({"do": "mode", "mode": "free-floating"})
+    for message in ({"do": "home"}, {"do": "random"}, {"do": "joint", "index": 0, "value": 1}):
+        with pytest.raises(sa.ConfigurationError, match=r"move by 1e\+09 .* switch to posture"):
+            session.handle(message)
+    session.handle({"do": "mode", "mode": "posture"})
+    session.handle({"do": "home"})
+    assert session.cfg.q.tolist() == [0, 0]
 
 
 # --- the server -----------------------------------------------------------------------------
@@ -476,6 +509,32 @@ def test_a_motion_is_saved_with_its_animation():
     text = viewer.html()
     assert '"motion": [0.0, 1.0]' in text
     assert b"set_animation" in b"".join(viewer.window.commands())
+
+
+@pytest.mark.parametrize(("end", "step"), [(1.01, 1.01 / 31), (1e12, 1e12 / 59)])
+def test_a_long_motion_is_thinned_evenly(monkeypatch, end, step):
+    """At least 30 frames a second, as long as they are not too many; the last is the end."""
+    monkeypatch.setattr(pages, "MOST_FRAMES", 60)
+    base = [pin.SE3.Identity()] * 2
+    motion = SimpleNamespace(arm=sa.load("planar2"), t=[0, end], q=[[0, 0], [1, 2]], base=base)
+    viewer = sa.view(sa.Motion.of(motion), open=False)
+    viewer.html()
+    commands = [umsgpack.unpackb(command) for command in viewer.window.commands()]
+    (clips,) = [c["animations"] for c in commands if c["type"] == "set_animation"]
+    tracks = [track["keys"] for clip in clips for track in clip["clip"]["tracks"]]
+    times = [key["time"] for key in max(tracks, key=len)]
+    np.testing.assert_allclose(np.diff(times), 30 * step, rtol=1e-9)
+    assert times[-1] == pytest.approx(30 * end)
+
+
+def test_a_browser_that_does_not_end(viewer, tmp_path, monkeypatch):
+    browser = tmp_path / "chromium"
+    browser.write_text("#!/bin/sh\nexec sleep 60\n")
+    browser.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setattr(pages, "RENDERING", 0.2)
+    with pytest.raises(sa.SpaceArmError, match=r"has not drawn the picture after 0.2 s; use .save"):
+        viewer.png(tmp_path / "scene.png")
 
 
 def test_bad_input_to_view():

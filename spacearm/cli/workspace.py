@@ -25,6 +25,7 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import check_picture, out, print_json, table, write_picture
 from spacearm.errors import ConfigurationError
+from spacearm.files import read
 from spacearm.jacobian import BaseMode
 from spacearm.workspace import EFFORT, Workspace, workspace
 
@@ -101,7 +102,7 @@ def _print(result: Workspace) -> None:
 
 def _points(path: Path) -> Array:
     try:
-        points = np.loadtxt(path, delimiter=None, ndmin=2)
+        points = np.loadtxt(read(path).decode().splitlines(), ndmin=2)
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"--path {path}: {error}") from None
     if points.shape[1] not in (2, 3) or not np.isfinite(points).all():

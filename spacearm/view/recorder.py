@@ -15,7 +15,7 @@ class Recorder:
     """Takes drawing commands instead of the window and keeps what moves, frame by frame."""
 
     def __init__(self) -> None:
-        self.frame = 0
+        self.frame = 0.0
         self._tracks: dict[str, dict[str, list[dict[str, Any]]]] = {}
 
     def __call__(self, content: dict[str, Any]) -> None:

@@ -22,6 +22,10 @@ from spacearm.singular_set import singular_set
 from spacearm.singularity import SingularityReport, singularity
 
 MODES = ("posture", "free-floating")
+FARTHEST = 25.0
+"""How far from home a slider reaches [rad] or [m]: four turns, or 25 m."""
+LONGEST = 4.0 * FARTHEST
+"""The longest joint motion on which the spacecraft is followed: it takes a fraction of a second."""
 
 
 class Session:
@@ -55,19 +59,39 @@ class Session:
         self.report: SingularityReport = singularity(cfg)
 
     def go(self, q: Array) -> None:
-        """Moves the joints straight to q; in free-floating mode the spacecraft reacts."""
-        floating = self.mode == "free-floating"
-        self.show(move(self.cfg, q) if floating else self.arm.at(q, self.cfg.base))
+        """Moves the joints straight to q; in free-floating mode the spacecraft reacts.
+
+        Raises:
+            ConfigurationError: The way there is too long to follow the spacecraft on it.
+        """
+        if self.mode == "posture":
+            self.show(self.arm.at(q, self.cfg.base))
+            return
+        way = np.abs(q - self.cfg.q).max()
+        if way > LONGEST:
+            raise ConfigurationError(
+                f"a joint would move by {way:.4g} rad or m; the spacecraft is followed over at "
+                f"most {LONGEST:g}: switch to posture"
+            )
+        self.show(move(self.cfg, q))
+
+    @property
+    def home(self) -> Array:
+        """(n,) the joints at zero, or at the limit nearest to it."""
+        return np.clip(np.zeros(self.arm.n), self.arm.lower, self.arm.upper)
 
     @property
     def range(self) -> tuple[Array, Array]:
-        """Ends of the sliders: the joint limits; half a turn or a metre where there are none."""
+        """Ends of the sliders: the joint limits, but no more than `FARTHEST` from home.
+
+        Half a turn or a metre where there are no limits.
+        """
         kinds = [self.arm.tree.joints[name].kind for name in self.arm.joint_names]
-        reach = np.array([1.0 if kind == "prismatic" else math.pi for kind in kinds])
+        free = np.array([1.0 if kind == "prismatic" else math.pi for kind in kinds])
         lower, upper = self.arm.lower, self.arm.upper
         return (
-            np.where(np.isfinite(lower), lower, -reach),
-            np.where(np.isfinite(upper), upper, reach),
+            np.where(np.isfinite(lower), np.maximum(lower, self.home - FARTHEST), -free),
+            np.where(np.isfinite(upper), np.minimum(upper, self.home + FARTHEST), free),
         )
 
     def handle(self, message: object) -> None:
@@ -89,7 +113,7 @@ class Session:
         slack = 1e-6 * (upper - lower)  # a slider's end is rounded
         if not lower - slack <= value <= upper + slack:
             raise ConfigurationError(
-                f"{self.arm.joint_names[index]} at {value:.6g} is outside its limits "
+                f"{self.arm.joint_names[index]} at {value:.6g} is outside its range "
                 f"({lower:.6g} to {upper:.6g})"
             )
         q = self.cfg.q.copy()
@@ -110,12 +134,11 @@ class Session:
         self.mode = mode
 
     def _home(self) -> None:
-        """The joints at zero or the limit nearest to it; in posture mode the attitude too."""
-        q = np.clip(np.zeros(self.arm.n), *self.range)
+        """The joints at home; in posture mode the attitude too."""
         if self.mode == "posture":
-            self.show(self.arm.at(q))
+            self.show(self.arm.at(self.home))
         else:
-            self.go(q)
+            self.go(self.home)
 
     def _nearest(self) -> None:
         """The nearest singular configuration in joint space, inside the limits or not."""

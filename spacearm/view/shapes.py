@@ -12,9 +12,10 @@ from lxml import etree
 
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
+from spacearm.errors import ModelError
+from spacearm.meshes import find_mesh, read_mesh
 from spacearm.parts import solid_box
 from spacearm.source import Source
-from spacearm.urdf import find_mesh
 
 GREY = (0.75, 0.78, 0.82, 1.0)
 Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
@@ -78,20 +79,15 @@ def _visual(source: Source, link: str, visual: etree._Element) -> list[Shape]:
 
 def _mesh(source: Source, filename: str) -> Any:
     """Triangles of a mesh file, or None with one warning if it cannot be had."""
-    import trimesh  # only where meshes are
-
     path = find_mesh(filename, source.path)
     if path is None:
         return None  # `load` has warned
     try:
-        mesh = trimesh.load_mesh(path)
-        if len(mesh.faces):
-            return g.TriangularMeshGeometry(mesh.vertices, mesh.faces)
-        problem = "no triangles in it"
-    except Exception as error:  # whatever a reader makes of a broken file
-        problem = str(error)
-    source.warn(f"mesh {filename!r} cannot be read ({problem}): not drawn")
-    return None
+        mesh = read_mesh(path)
+    except ModelError as error:
+        source.warn(f"{error}: not drawn")
+        return None
+    return g.TriangularMeshGeometry(mesh.vertices, mesh.faces)
 
 
 def _color(source: Source, material: etree._Element) -> tuple[float, ...]:

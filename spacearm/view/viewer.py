@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import os
 import shutil
 import subprocess
@@ -30,6 +31,10 @@ from spacearm.view.session import Session, finite
 from spacearm.view.window import Window
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+MOST_FRAMES = 9000
+"""Frames of a motion in a page; each takes some kilobytes."""
+RENDERING = 120.0
+"""What a picture may take [s]."""
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 
@@ -146,7 +151,11 @@ class Viewer:
     # --- to keep ----------------------------------------------------------------------------
 
     def html(self) -> str:
-        """One self-contained page with the scene as it is now, or with the whole motion."""
+        """One self-contained page with the scene as it is now, or with the whole motion.
+
+        A motion has at least 30 frames a second; where these were more than 9000 (5 min) it has
+        9000, evenly spread. Between them the page interpolates.
+        """
         with self._lock:
             self.draw()
             span = self._animate(self._motion) if self._motion else None
@@ -168,7 +177,7 @@ class Viewer:
             scale: Device pixels per page pixel.
 
         Raises:
-            SpaceArmError: No browser is found, or it draws nothing.
+            SpaceArmError: No browser is found, or it draws nothing in two minutes.
         """
         browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
         if browser is None:
@@ -184,7 +193,13 @@ class Viewer:
                 f"--window-size={size[0]},{size[1]}", f"--force-device-scale-factor={scale}",
             ]  # fmt: skip
             command = [browser, *options, page.as_uri() + "#picture"]
-            run = subprocess.run(command, capture_output=True, timeout=120, check=False)
+            try:
+                run = subprocess.run(command, capture_output=True, timeout=RENDERING, check=False)
+            except subprocess.TimeoutExpired:
+                raise SpaceArmError(
+                    f"{browser} has not drawn the picture after {RENDERING:g} s; use .save(path) "
+                    "and open the page"
+                ) from None
             if not picture.is_file():
                 raise SpaceArmError(f"{browser} drew nothing: {run.stderr.decode()[-300:]}")
             return write(Path(path), picture.read_bytes())
@@ -213,8 +228,10 @@ class Viewer:
         recorder = Recorder()
         self.window.recorder = recorder
         try:
-            for recorder.frame in range(int((last - first) * FRAMES_PER_SECOND) + 1):
-                cfg = motion.at(first + recorder.frame / FRAMES_PER_SECOND)
+            frames = min(math.ceil((last - first) * FRAMES_PER_SECOND) + 1, MOST_FRAMES)
+            for t in np.linspace(first, last, frames):
+                recorder.frame = float(t - first) * FRAMES_PER_SECOND
+                cfg = motion.at(float(t))
                 self._scene.draw(cfg, singularity(cfg))
         finally:
             self.window.recorder = None

@@ -1,0 +1,75 @@
+"""Meshes: the files that a <mesh> names, found and read, and nothing that they name in turn."""
+
+from __future__ import annotations
+
+import io
+import logging
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from spacearm.arrays import LARGEST
+from spacearm.errors import ModelError
+from spacearm.files import read
+
+if TYPE_CHECKING:
+    import trimesh
+
+FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
+LARGEST_MESH = 10**8
+"""Bytes that a mesh file may have."""
+MOST_TRIANGLES = 10**7
+"""Triangles that a mesh may have: a file may place one part any number of times."""
+
+
+def find_mesh(filename: str, urdf: Path) -> Path | None:
+    """The file that a <mesh filename> means: relative to the URDF or to one of its parents."""
+    from yourdfpy.urdf import filename_handler_magic  # imports trimesh: only where meshes are
+
+    logger = logging.getLogger("yourdfpy.urdf")
+    before, logger.disabled = logger.disabled, True  # a missing file is reported here, not there
+    try:
+        found = Path(filename_handler_magic(filename, str(urdf.resolve().parent)))
+        return found if found.is_file() else None
+    except (OSError, TypeError, ValueError):
+        return None  # no file can have that name
+    finally:
+        logger.disabled = before
+
+
+def read_mesh(path: Path) -> trimesh.Trimesh:
+    """The triangles of a mesh file; textures are left out.
+
+    Raises:
+        ModelError: It is of another format, too large, broken, without triangles or not finite.
+    """
+    try:
+        return _mesh(path)
+    except Exception as error:  # whatever a reader makes of a broken file
+        raise ModelError(f"mesh {path.name!r} cannot be read ({error})") from None
+
+
+def _mesh(path: Path) -> trimesh.Trimesh:
+    import trimesh  # only where meshes are
+
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise ValueError(f"give one of {', '.join(FORMATS)}")
+    content = read(path, LARGEST_MESH)
+    if zipfile.is_zipfile(io.BytesIO(content)):
+        raise ValueError("it is an archive: unpack it")
+    with np.errstate(all="ignore"):  # what overflows is found below
+        scene = trimesh.load_scene(io.BytesIO(content), file_type=suffix[1:], process=False)
+        solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
+        places = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
+        triangles = sum(len(solids[name].faces) for name in places if name in solids)
+        if not 0 < triangles <= MOST_TRIANGLES:
+            raise ValueError(f"it has {triangles:,} triangles; give 1 to {MOST_TRIANGLES:,}")
+        for solid in solids.values():
+            solid.merge_vertices()
+        mesh: trimesh.Trimesh = scene.to_mesh()
+    if not (np.abs(mesh.vertices) <= LARGEST).all():
+        raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
+    return mesh
