@@ -199,6 +199,8 @@ def _uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> A
     for name, slides, low, high in zip(arm.joint_names, sliding, arm.lower, arm.upper, strict=True):
         if slides and not np.isfinite(high - low):
             raise UnsupportedError(f"{arm.name}: joint {name!r} slides without limits; lock it")
-    kept = sliding | (limits & (arm.upper - arm.lower < 2.0 * np.pi))
+    span = arm.upper - arm.lower
+    turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
+    kept = sliding | (limits & ~turns)
     low, high = np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
     return rng.uniform(low, high, (m, arm.n))
