@@ -262,7 +262,9 @@ class SpaceArm:
 
         Masses, poses and limits are those of this arm, locked joints are fixed ones; visuals and
         collision bodies are the sources', their mesh files by absolute names. <tip> elements,
-        which other readers ignore, name the tip.
+        which other readers ignore, name the tip. A URDF has no task: one that was asked for is to
+        be asked for again. Data that was loaded with faults, as "ets7" is, is read with
+        `check="accept"`.
 
         Returns:
             The path.

@@ -46,13 +46,14 @@ class Followed(Result):
     Attributes:
         arm: The arm.
         mode: What the spacecraft did.
-        s: (m,) length of path behind the tip [m].
+        s: (m,) length of path behind the tip [m]; turns count by the task's length, 1 m/rad where
+            it has none, so that it is an angle [rad] for tasks without linear rows.
         t: (m,) times [s], the tip moving at constant speed.
         q: (m, n) joint positions [rad] or [m].
         base: (m, 7) poses of the spacecraft: position [m], quaternion xyzw, inertial frame.
         tip: (m, 7) poses of the tip, likewise.
         sigma_min: (m,) least singular value of the task Jacobian.
-        length: Length of the whole path [m].
+        length: Length of the whole path, in the unit of s.
         ended: "arrived", "singularity" or "joint limit".
         reason: The same in a sentence, with the place.
     """
@@ -102,11 +103,12 @@ def follow(
         arm: The arm.
         q0: (n,) joint positions at the start [rad] or [m].
         path: The corners of a polyline, (m, k) points in the task's linear rows [m] or a sequence
-            of poses; or a function of the path length [m] that gives either.
+            of poses; or a function of the path length that gives either. Turns count as in
+            `Followed.s`.
         base: Pose of the spacecraft at the start; the identity if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        length: Length of a path given as a function [m].
-        speed: Speed of the tip [m/s], for the times.
+        length: Length of a path given as a function [m], or [rad] of a mere turn.
+        speed: Speed of the tip along its path [m/s], or [rad/s] in a mere turn, for the times.
         limits: Whether joint limits stop the motion.
 
     Raises:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -261,13 +262,13 @@ def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[
     most = 0.5 * float(sigma[-1])
     if clearance is None:
         return min(SHARE * median, most), min(AMPLE * median, most)
-    if not isinstance(clearance, (int, float)) or not 0.0 <= clearance < np.inf:
+    if not isinstance(clearance, Real) or not 0.0 <= clearance < np.inf:
         raise ConfigurationError(f"clearance is {clearance!r}; give a number from 0 on")
     if sigma[-1] < clearance:
         raise NoSolutionError(
             f"the start has sigma_min {sigma[-1]:.3g}, below the clearance of {clearance:.3g}"
         )
-    return clearance, min(AMPLE * median, most)
+    return float(clearance), min(AMPLE * median, most)
 
 
 def _numbers(q: Array) -> str:

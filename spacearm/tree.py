@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -132,7 +133,7 @@ class Tree:
                 )
             if name not in leading:
                 raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
-            if not isinstance(value, (int, float, np.number)) or not abs(value) <= LARGEST:
+            if not isinstance(value, Real) or not abs(value) <= LARGEST:
                 raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
         values = dict(values)
         while followers := {
