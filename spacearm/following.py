@@ -55,7 +55,7 @@ class Followed(Result):
         sigma_min: (m,) least singular value of the task Jacobian.
         length: Length of the whole path, in the unit of s.
         ended: "arrived", "singularity" or "joint limit".
-        reason: The same in a sentence, with the place.
+        reason: The same in a sentence, with the place; it calls the unit of s m.
     """
 
     arm: SpaceArm

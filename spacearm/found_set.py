@@ -47,6 +47,7 @@ class FoundSet:
         """m singular configurations, (m, n), from uniform starts; no measure is promised.
 
         Raises:
+            ConfigurationError: m is no whole number from 0 on.
             NoSolutionError: Of 20 m + 100 starts too few lead to a singular configuration; carries
                 those that did.
         """

@@ -32,7 +32,8 @@ def load(
 
     The spacecraft is the URDF's root link with all that fixed joints hold to it; a massless root
     joined to the real bus is fine. Side branches (solar panels, other arms) are bodies and
-    joints like any other. Joints that mimic another follow it and are not counted in n.
+    joints like any other. Joints that mimic another follow it and are not counted in n; their
+    limits count as limits of the joint that they follow.
 
     Args:
         model: A catalogue name (see `catalogue`) or the path of a URDF.

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm import level_set
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array, Result
 from spacearm.batch import evaluate
@@ -59,7 +60,8 @@ def singular_map(
         points: Grid points in each joint for sigma_min.
 
     Raises:
-        ConfigurationError: A joint does not exist, does not turn or is named twice.
+        ConfigurationError: A joint does not exist, does not turn or is named twice, or points is
+            no number of them.
     """
     found = singular_set(arm)
     exact = found if isinstance(found, SingularSet) else None
@@ -70,6 +72,7 @@ def singular_map(
     a, b = (_turning(arm, name) for name in names)
     if a == b:
         raise ConfigurationError(f"joint {names[0]!r} is named twice; name two joints")
+    points = whole(points, "points", 2)
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)

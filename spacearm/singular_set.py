@@ -47,6 +47,9 @@ class Component(NamedTuple):
     R: Array
     at: Array
 
+    def __repr__(self) -> str:
+        return f"Component({len(self.points)} points, R from {self.R[0]:.7g} to {self.R[1]:.7g} m)"
+
 
 def singular_set(arm: SpaceArm, base: BaseMode = "free-floating") -> SingularSet | FoundSet:
     """The singular configurations of an arm.
@@ -121,6 +124,9 @@ class SingularSet:
 
         Returns:
             (m, n) configurations, angles in (-pi, pi].
+
+        Raises:
+            ConfigurationError: m is no whole number from 0 on.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
         found, count = [], 0

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array, Result
 from spacearm.errors import UnsupportedError
@@ -169,9 +170,11 @@ def workspace(
         seed: Of that search.
 
     Raises:
+        ConfigurationError: An argument makes no sense.
         UnsupportedError: The arm is redundant, has sliding or mimic joints, or can never do its
             task.
     """
+    effort = whole(effort, "effort", 1)
     check_shells(arm)
     found = SingularSet(arm, singularity_polynomial(arm, base), base)
     rng = np.random.default_rng(seed)

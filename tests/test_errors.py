@@ -56,6 +56,8 @@ def rest(*_):
         (lambda: sa.singular_set(arm()).roots([0, 1], 1.0), "joint is 1.0; give 0 to 1 or a name"),
         (lambda: sa.singular_set(arm()).roots([0, 1], "q3"), "unknown joint 'q3'.*q2"),
         (lambda: sa.singular_map(arm(), ("q1", "q2", "q1")), "joints is .*name two"),
+        (lambda: sa.singular_map(arm(), points=9.5), "points is 9.5"),
+        (lambda: sa.workspace(arm(), effort=1.5), "effort is 1.5"),
         (lambda: sa.mount("ur5", 5), "bus is 5; give a Bus, a SpaceArm or the path"),
         (lambda: sa.DampedLeastSquares(target=(1, 1), threshold=0.0), "threshold is 0.0"),
         (lambda: sa.JointPD([0, 1], kp="a", kd=1)(0, arm().at([0, 1]), np.zeros(2)), "kp is 'a'"),
@@ -111,9 +113,11 @@ def test_joints_are_named_alike():
     assert sa.singular_map(arm(), ("q2", "joint_1"), points=3).joints == ("joint_2", "joint_1")
 
 
-def test_risks_are_shown_in_a_line():
+def test_large_results_are_shown_in_a_line():
     nobody = sa.risk_profile(arm(), bins=[10.0, 11.0], samples=2000)
     assert "no configuration in any class" in repr(nobody)
     shown = repr(sa.pose_risk(arm(), poses=50, samples=500))
     assert shown.startswith("PoseRisk(50 poses, sigma_min <=")
     assert len(shown) < 150
+    shells = [repr(component) for component in sa.singular_set(arm()).components()]
+    assert any(shell.endswith("R from 0.3510638 to 0.5536773 m)") for shell in shells)
