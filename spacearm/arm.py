@@ -45,8 +45,9 @@ class SpaceArm:
         coupling: (model.nv - 6, n) rates of the model's joints per rate of the n, None if they
             are the same (no mimic joint).
         offsets: (model.nv - 6,) positions of the model's joints at q = 0.
-        lower: (n,) lower joint limits [rad] or [m], -inf where there is none.
-        upper: (n,) upper joint limits [rad] or [m], inf where there is none.
+        lower: (n,) lower joint limits [rad] or [m], -inf where there is none; where a joint that
+            mimics another has narrower ones, these.
+        upper: (n,) upper joint limits [rad] or [m], inf where there is none; likewise.
     """
 
     name: str
@@ -89,6 +90,7 @@ class SpaceArm:
         if task.mixed and task.length is None:
             task = replace(task, length=max(chain_length(tree, tip, path) for tip in tips))
         coupling, offsets = tree.coupling()
+        lower, upper = tree.limits()
         model = tree.pinocchio()
         return cls(
             name=tree.name,
@@ -102,8 +104,8 @@ class SpaceArm:
             joint_names=tuple(joint.name for joint in leading),
             coupling=None if len(coupling) == len(leading) else coupling,
             offsets=offsets,
-            lower=_read_only([joint.lower for joint in leading]),
-            upper=_read_only([joint.upper for joint in leading]),
+            lower=lower,
+            upper=upper,
             _asked=asked,
         )
 
@@ -208,9 +210,9 @@ class SpaceArm:
             mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
             link_mass: Masses of links [kg]; their inertias grow in proportion.
             payload: A point mass held at the tip [kg]; `grasp` takes bodies.
-            tip: Link whose frame is the tip, or several; a task that was not asked for is chosen
-                anew.
-            task: The twist rows that count.
+            tip: Link whose frame is the tip, or several.
+            task: The twist rows that count. Default: those that were asked for, if any; else they
+                are chosen anew, as in `load`.
             locked: Joints to freeze, with their values [rad] or [m].
             wheels: Joints that are wheels, not the arm's.
 
@@ -229,9 +231,7 @@ class SpaceArm:
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
             tree = _holding(tree, the_one(tips, self.name), rigid)
-        if task is None:
-            task = self.task if tip is None else self._asked
-        return SpaceArm.of(tree, self.path, tip=tips, task=task)
+        return SpaceArm.of(tree, self.path, tip=tips, task=self._asked if task is None else task)
 
     def grasp(
         self,
@@ -255,14 +255,16 @@ class SpaceArm:
         I = np.zeros((3, 3)) if inertia is None else inertia
         rigid = Inertial.of(mass, I, com, body="the payload")
         tree = _holding(self.tree, self.tip, rigid)
-        return SpaceArm.of(tree, self.path, tip=self.tips, task=self.task)
+        return SpaceArm.of(tree, self.path, tip=self.tips, task=self._asked)
 
     def to_urdf(self, path: str | os.PathLike[str]) -> Path:
         """Writes spacecraft and arm as one URDF, which `load` reads to the same numbers.
 
         Masses, poses and limits are those of this arm, locked joints are fixed ones; visuals and
         collision bodies are the sources', their mesh files by absolute names. <tip> elements,
-        which other readers ignore, name the tip.
+        which other readers ignore, name the tip. A URDF has no task: one that was asked for is to
+        be asked for again. Data that was loaded with faults, as "ets7" is, is read with
+        `check="accept"`.
 
         Returns:
             The path.
@@ -286,9 +288,3 @@ def _holding(tree: Tree, link: str, rigid: Inertial) -> Tree:
     """The tree with a body fixed to a link, as a link "payload" of its own."""
     name = tree.free_name("payload")
     return tree.joined(body(name, rigid, None, STEEL), name, link, pin.SE3.Identity())
-
-
-def _read_only(values: list[float]) -> Array:
-    array = np.array(values)
-    array.flags.writeable = False
-    return array

@@ -74,6 +74,12 @@ def named(kind: str, model: str | os.PathLike[str], known: Mapping[str, Entry]) 
     Raises:
         ModelError: It is neither.
     """
+    if isinstance(model, os.PathLike):
+        if str(model) in known and not Path(model).exists():
+            raise ModelError(
+                f"{model}: no such file; the {kind} of that name is {str(model)!r}, as text"
+            )
+        return None
     if isinstance(model, str) and model in known:
         return known[model]
     try:

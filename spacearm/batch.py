@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import LARGEST, Array
 from spacearm.defaults import the_one
@@ -221,9 +222,7 @@ def _run(
     largest: int = BLOCK,
 ) -> None:
     """Does all blocks of m configurations, on several threads, with little memory."""
-    threads = processors() if threads is None else threads
-    if not isinstance(threads, int) or threads < 1:
-        raise ConfigurationError(f"threads is {threads!r}; give a whole number from 1 on")
+    threads = processors() if threads is None else whole(threads, "threads", 1)
     size = min(largest, -(-m // threads) or 1)
     blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
     maps = [found for array in arrays if (found := _memory_map(array)) is not None]

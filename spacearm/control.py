@@ -19,6 +19,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.arguments import positive
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration, joint_vector
 from spacearm.dynamics import inverse_dynamics
@@ -173,6 +174,9 @@ class DampedLeastSquares(RateLaw):
     damping: float = 0.1
     threshold: float = 0.1
 
+    def __post_init__(self) -> None:
+        positive(self.threshold, "threshold")
+
     def rates(self, t: float, cfg: Configuration) -> Array:
         """(n,) joint rates asked for."""
         return self.nearest(t, cfg, self.jacobian(cfg))
@@ -244,11 +248,16 @@ class JointPD:
 
 def _gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
     """A gain, or one for each of the rows."""
-    gains = np.asarray(values, dtype=np.float64)
+    try:
+        gains = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        gains = np.full(rows, np.nan)
     if gains.shape not in ((), (rows,)):
         raise ConfigurationError(
             f"{name} has shape {gains.shape}; give one number, or {rows}, one a row"
         )
+    if not np.isfinite(gains).all():
+        raise ConfigurationError(f"{name} is {values!r}; give finite numbers")
     return gains
 
 

@@ -52,6 +52,9 @@ class SweepError(SpaceArmError):
         super().__init__(message)
         self.failed = dict(failed)
 
+    def __reduce__(self) -> tuple[type[SweepError], tuple[str, dict[str, str]]]:
+        return type(self), (str(self), self.failed)
+
 
 class ModelWarning(UserWarning):
     """A model loads, but something in it deserves a look."""

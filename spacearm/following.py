@@ -45,16 +45,17 @@ class Followed(Result):
     Attributes:
         arm: The arm.
         mode: What the spacecraft did.
-        s: (m,) length of path behind the tip [m].
+        s: (m,) length of path behind the tip [m]; turns count by the task's length, 1 m/rad where
+            it has none, so that it is an angle [rad] for tasks without linear rows.
         t: (m,) times [s], the tip moving at constant speed.
         q: (m, n) joint positions [rad] or [m].
         base: (m, 7) poses of the spacecraft: position [m], quaternion xyzw, inertial frame.
         tip: (m, 7) poses of the tip, likewise.
         sigma_min: (m,) least singular value of the task Jacobian, along the axes in which the
             path is followed: inertial ones where the task axes would turn on the way.
-        length: Length of the whole path [m].
+        length: Length of the whole path, in the unit of s.
         ended: "arrived", "singularity" or "joint limit".
-        reason: The same in a sentence, with the place.
+        reason: The same in a sentence, with the place; it calls the unit of s m.
     """
 
     arm: SpaceArm
@@ -102,12 +103,13 @@ def follow(
         arm: The arm.
         q0: (n,) joint positions at the start [rad] or [m].
         path: The corners of a polyline, (m, k) points in the task's linear rows [m] or a sequence
-            of poses; or a function of the path length [m] that gives either. Points are given
-            along the task axes (see `Task.axes`), along inertial ones where these turn on the way.
+            of poses; or a function of the path length that gives either. Points are given along
+            the task axes (see `Task.axes`), along inertial ones where these turn on the way.
+            Turns count as in `Followed.s`.
         base: Pose of the spacecraft at the start; the identity if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        length: Length of a path given as a function [m].
-        speed: Speed of the tip [m/s], for the times.
+        length: Length of a path given as a function [m], or [rad] of a mere turn.
+        speed: Speed of the tip along its path [m/s], or [rad/s] in a mere turn, for the times.
         limits: Whether joint limits stop the motion.
 
     Raises:

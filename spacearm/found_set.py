@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.configuration import joint_vector
@@ -28,7 +29,9 @@ STARTS = 24
 
 @dataclass(frozen=True, eq=False)
 class FoundSet:
-    """Singular configurations of a redundant arm, or one with sliding joints, as far as found.
+    """Singular configurations, as far as found, of an arm without a singularity polynomial.
+
+    Such arms are redundant or have sliding or mimic joints.
 
     Attributes:
         arm: The arm.
@@ -44,10 +47,11 @@ class FoundSet:
         """m singular configurations, (m, n), from uniform starts; no measure is promised.
 
         Raises:
+            ConfigurationError: m is no whole number from 0 on.
             NoSolutionError: Of 20 m + 100 starts too few lead to a singular configuration; carries
                 those that did.
         """
-        rng = rng or np.random.default_rng()
+        m, rng = whole(m, "m", 0), rng or np.random.default_rng()
         found: list[Array] = []
         for _ in range(20 * m + 100):
             if len(found) == m:
@@ -88,7 +92,9 @@ class FoundSet:
         return np.array([joints[name].kind != "prismatic" for name in self.arm.joint_names])
 
     def _offset(self, offset: Array) -> Array:
-        return np.where(self._turning(), wrap(offset), offset)
+        """Without whole turns, which for joints that mimic others may be none."""
+        whole = self._turning() & (self.arm.coupling is None)
+        return np.where(whole, wrap(offset), offset)
 
     def _random(self, rng: np.random.Generator) -> Array:
         """Turning joints anywhere, sliding ones within their limits or a metre."""

@@ -172,6 +172,6 @@ def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:
 
 def free_components(base: str) -> int:
     """How many components of the spacecraft's twist [linear; angular] momentum decides."""
-    if base not in FREE_TWIST:
+    if base not in tuple(FREE_TWIST):
         raise ConfigurationError(unknown("base", base, FREE_TWIST))
     return FREE_TWIST[base]

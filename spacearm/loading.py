@@ -14,6 +14,7 @@ from spacearm.assembly import bolted
 from spacearm.bus import Bus
 from spacearm.catalogue import find, read
 from spacearm.configuration import sound_pose
+from spacearm.errors import ConfigurationError
 from spacearm.task import Task
 from spacearm.tree import Tree
 
@@ -31,7 +32,8 @@ def load(
 
     The spacecraft is the URDF's root link with all that fixed joints hold to it; a massless root
     joined to the real bus is fine. Side branches (solar panels, other arms) are bodies and
-    joints like any other. Joints that mimic another follow it and are not counted in n.
+    joints like any other. Joints that mimic another follow it and are not counted in n; their
+    limits count as limits of the joint that they follow.
 
     Args:
         model: A catalogue name (see `catalogue`) or the path of a URDF.
@@ -88,7 +90,7 @@ def mount(
 
     Raises:
         ModelError: A URDF is unknown or unsound, or the name is taken.
-        ConfigurationError: at, tip or locked is wrong.
+        ConfigurationError: bus, at, tip or locked is wrong.
     """
     at = pin.SE3.Identity() if at is None else sound_pose(at, "at")
     base = _tree(bus, check)
@@ -101,4 +103,6 @@ def _tree(bus: Bus | SpaceArm | str | os.PathLike[str], check: urdf.Check | None
         return bus.tree()
     if isinstance(bus, SpaceArm):
         return bus.tree
+    if not isinstance(bus, (str, os.PathLike)):
+        raise ConfigurationError(f"bus is {bus!r}; give a Bus, a SpaceArm or the path of a URDF")
     return urdf.read(bus, check or "error")

@@ -58,7 +58,13 @@ class Motion:
     base: Array
 
     def __post_init__(self) -> None:
-        m, n = len(self.t), self.arm.n
+        for name in ("t", "q", "base"):
+            try:
+                array = np.array(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise ConfigurationError(f"motion: {name} must be numbers: {error}") from None
+            object.__setattr__(self, name, array)
+        m, n = self.t.size, self.arm.n
         for name, shape in (("t", (m,)), ("q", (m, n)), ("base", (m, 7))):
             array = getattr(self, name)
             if array.shape != shape or not (np.abs(array) <= LARGEST).all():
@@ -79,8 +85,7 @@ class Motion:
         """
         try:
             base = [pin.SE3ToXYZQUAT(b) if isinstance(b, pin.SE3) else b for b in thing.base]
-            arrays = (np.array(values, dtype=np.float64) for values in (thing.t, thing.q, base))
-            return cls(thing.arm, *arrays)
+            return cls(thing.arm, thing.t, thing.q, np.array(base, dtype=np.float64))
         except (AttributeError, TypeError, ValueError) as error:
             if isinstance(error, ConfigurationError):
                 raise

@@ -125,11 +125,11 @@ class Plan(Result):
         """Tip path, attitude, joints and sigma_min, a matplotlib figure.
 
         Args:
-            target: (2,) or (3,) a point to mark on the tip path [m].
+            target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
         """
         from spacearm.plot_motion import draw_motion  # imports matplotlib
 
-        return draw_motion(self, None if target is None else np.asarray(target))
+        return draw_motion(self, target)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes t, q, base, tip and sigma_min to a NumPy file."""

@@ -10,12 +10,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from numbers import Real
 
-import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm import plan_methods
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.configuration import Configuration
 from spacearm.defaults import the_one
@@ -80,19 +81,18 @@ def plan(
         NoSolutionError: No motion was found; says why, of every method that was tried, and carries
             the best attempt (the start alone, where there is no better).
     """
-    if method != "auto" and method not in METHODS:
+    if method not in ("auto", *METHODS):
         raise ConfigurationError(unknown("method", method, ("auto", *METHODS)))
-    if not isinstance(timeout, (int, float)) or not timeout > 0.0:
+    if not isinstance(timeout, Real) or not timeout > 0.0:
         raise ConfigurationError(f"timeout is {timeout!r}; give a positive time [s]")
-    if not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ConfigurationError(f"seed is {seed!r}; give a whole number from 0 on")
+    seed = whole(seed, "seed", 0)
     the_one(arm.tips, arm.name)  # whose path the plan holds
     if arm.n < arm.task.k:
         raise UnsupportedError(
             f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "
             f"never do this task; take one with {arm.n} rows"
         )
-    cfg, ends = arm.at(start, base), time.monotonic() + timeout
+    cfg, ends = arm.at(start, base), time.monotonic() + float(timeout)
     try:
         task, ample = what_it_takes(cfg, goal, clearance, final_attitude, limits, seed)
         bodies = bodies_apart(cfg, task) if collisions else None

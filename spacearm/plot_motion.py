@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 from matplotlib.ticker import NullFormatter
 from scipy.optimize import isotonic_regression
 
+from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError
 from spacearm.following import Followed
 from spacearm.plan import Plan
 from spacearm.plot import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
@@ -29,20 +32,24 @@ MOST_MARKS = 12
 
 
 def draw_motion(
-    motion: Drawn, target: Array | None = None, workspace: Workspace | None = None
+    motion: Drawn, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
 ) -> Figure:
     """Draws a motion: tip path (figure 5), attitude and joints (figure 6), nearness to singularity.
 
     Args:
         motion: From `sa.simulate`, `sa.follow` or `sa.plan`.
-        target: (2,) or (3,) a point to mark on the tip path [m].
+        target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
         workspace: Of a planar arm, to draw its shells about the system CM.
+
+    Raises:
+        ConfigurationError: The target has another shape or is not finite.
     """
+    mark = None if target is None else _in_picture(motion.arm, target)
     with style():
         figure = Figure(figsize=(11.0, 6.4))
         both: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.1])
         left, right = both
-        _draw_path(left, motion, target, workspace)
+        _draw_path(left, motion, mark, workspace)
         attitude, joints, nearness = right.subplots(3, 1, sharex=True)
         _draw_attitude(attitude, motion)
         _draw_joints(joints, motion)
@@ -58,6 +65,23 @@ def draw_motion(
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")
         figure.align_ylabels()
         return figure
+
+
+def _in_picture(arm: SpaceArm, target: npt.ArrayLike) -> Array:
+    """The components of a point that are drawn: 3, or the 2 in the plane of a planar arm."""
+    normal = arm.tree.plane_normal()
+    try:
+        x = np.asarray(target, dtype=np.float64)
+    except (TypeError, ValueError):
+        x = np.empty(0)
+    if x.shape == (3,) and normal is not None:
+        x = np.delete(x, normal)
+    if x.shape != (3 if normal is None else 2,) or not np.isfinite(x).all():
+        raise ConfigurationError(
+            f"target is {target!r}; give 3 finite numbers [m]"
+            + (", or 2 in the plane" if normal is not None else "")
+        )
+    return x
 
 
 def _draw_path(
@@ -87,8 +111,8 @@ def _draw_path(
         axes.plot(*at[:, None], "x", color=RED, ms=10, mew=2.5)
         marks.append(("singular", at, RED))
     if target is not None:
-        axes.plot(*np.asarray(target)[:, None], "*", color=GREEN, ms=13)
-        marks.append(("target", np.asarray(target), GREEN))
+        axes.plot(*target[:, None], "*", color=GREEN, ms=13)
+        marks.append(("target", target, GREEN))
     for label, at, color in marks:
         if normal is None:
             axes.text(*at, f"  {label}", color=color)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -152,22 +153,8 @@ def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
     arm, free = cfg.arm, np.full(cfg.arm.n, np.inf)
     if not limits:
         return -free, free
-    lower, upper = arm.lower.copy(), arm.upper.copy()
-    for i, (gain, offset) in enumerate(_followers(arm)):  # joints that mimic have limits too
-        joint = arm.tree.joints[arm.model.names[2 + i]]
-        j = int(np.abs(gain).argmax())
-        if gain[j] == 0.0:  # it stays where it is
-            continue
-        ends = sorted((end - offset) / gain[j] for end in (joint.lower, joint.upper))
-        lower[j], upper[j] = max(lower[j], ends[0]), min(upper[j], ends[1])
-    _check_within(arm, "start", cfg.q, lower, upper)
-    return lower, upper
-
-
-def _followers(arm: SpaceArm) -> list[tuple[Array, float]]:
-    """Rates (n,) of each of the model's joints per rate of the n, and its offset."""
-    coupling = np.eye(arm.n) if arm.coupling is None else arm.coupling
-    return [(gain, float(offset)) for gain, offset in zip(coupling, arm.offsets, strict=True)]
+    _check_within(arm, "start", cfg.q, arm.lower, arm.upper)
+    return arm.lower, arm.upper
 
 
 def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array) -> None:
@@ -263,13 +250,13 @@ def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[
     most = 0.5 * float(sigma[-1])
     if clearance is None:
         return min(SHARE * median, most), min(AMPLE * median, most)
-    if not isinstance(clearance, (int, float)) or not 0.0 <= clearance < np.inf:
+    if not isinstance(clearance, Real) or not 0.0 <= clearance < np.inf:
         raise ConfigurationError(f"clearance is {clearance!r}; give a number from 0 on")
     if sigma[-1] < clearance:
         raise NoSolutionError(
             f"the start has sigma_min {sigma[-1]:.3g}, below the clearance of {clearance:.3g}"
         )
-    return clearance, min(AMPLE * median, most)
+    return float(clearance), min(AMPLE * median, most)
 
 
 def _numbers(q: Array) -> str:

@@ -19,10 +19,10 @@ from spacearm.configuration import joint_name
 from spacearm.design import shell_measures
 from spacearm.errors import UnsupportedError, unknown
 from spacearm.jacobian import BaseMode
-from spacearm.risk import risk_profile
+from spacearm.risk import check_slides, risk_profile
 from spacearm.tables import Table
 from spacearm.tiles import Region, Shape, regions, tile
-from spacearm.workspace import EFFORT
+from spacearm.workspace import EFFORT, check_shells
 
 PART = 2**16
 """Configurations in memory at a time, however large the chunk."""
@@ -72,8 +72,10 @@ class Quantity(NamedTuple):
     tile: Shape = ()
 
 
-def shells(table: Table, seed: int) -> Quantity:
+def shells(table: Table, seed: int, arms: Sequence[SpaceArm]) -> Quantity:
     """Path dependent shells and path independent share, as `workspace` finds them."""
+    for arm in arms:
+        check_shells(arm)
     table.knows("base", "limits", "effort")
     modes: dict[str, BaseMode] = {mode: mode for mode in get_args(BaseMode)}
     if (wanted := table.take("base", str, "free-floating")) not in modes:
@@ -104,11 +106,13 @@ def shells(table: Table, seed: int) -> Quantity:
     return Quantity("shells", variables, compute, {"bound": (bounds, {})})
 
 
-def risk(table: Table, chunk: int) -> Quantity:
+def risk(table: Table, chunk: int, arms: Sequence[SpaceArm]) -> Quantity:
     """Configurations in classes of the tip's distance from the CM, and how many are near singular.
 
     Counts of `risk_profile` for blocks of samples: their sums over `block` are those of all.
     """
+    for arm in arms:
+        check_slides(arm)
     table.knows("sigma_min", "radius", "samples", "limits")
     bound = table.positive("sigma_min", float)
     edges, samples = table.axis("radius"), table.positive("samples", int)
@@ -202,8 +206,8 @@ def read(table: Table, seed: int, chunk: int, arms: Sequence[SpaceArm]) -> dict[
     if not asked:
         raise table.fail("quantities", f"add one or more of the tables {', '.join(QUANTITIES)}")
     makers: dict[str, Callable[[Table], Quantity]] = {
-        "shells": lambda own: shells(own, seed),
-        "risk": lambda own: risk(own, chunk),
+        "shells": lambda own: shells(own, seed, arms),
+        "risk": lambda own: risk(own, chunk, arms),
         "sigma_min": lambda own: sigma_min(own, chunk, arms),
     }
     return {name: makers[name](own) for name, own in asked.items()}

@@ -17,7 +17,7 @@ from spacearm.jacobian import BaseMode
 from spacearm.polynomial import NOISE, TrigPolynomial
 from spacearm.shells import Box, Shell
 from spacearm.singular_set import SingularSet, singular_set
-from spacearm.singularity_polynomial import radius_squared
+from spacearm.singularity_polynomial import radius_squared, tip_from_centre
 
 SAMPLE = 20_000
 """Singular configurations that one at the right distance is sought from."""
@@ -41,18 +41,32 @@ class Region(NamedTuple):
     singular: tuple[Configuration, ...]
 
 
-def position(arm: SpaceArm, point: npt.ArrayLike) -> Array:
+def position(arm: SpaceArm, point: npt.ArrayLike, base: BaseMode) -> Array:
     """(3,) a checked point; (2,) counts in the plane of a planar arm."""
-    p = np.asarray(point, dtype=np.float64)
+    try:
+        p = np.asarray(point, dtype=np.float64)
+    except (TypeError, ValueError):
+        p = np.empty(0)
     normal = arm.tree.plane_normal()
     if p.shape == (2,) and normal is not None:
-        p = np.insert(p, normal, 0.0)
+        p = np.insert(p, normal, _height(arm, normal, base))
     if p.shape != (3,) or not np.isfinite(p).all():
         raise ConfigurationError(
             f"point is {point!r}; give 3 finite numbers from the system CM [m]"
             + (", or 2 in the plane" if normal is not None else "")
         )
     return p
+
+
+def off_plane(arm: SpaceArm, point: Array, base: BaseMode) -> float:
+    """How far a point (3,) is from the plane in which a planar arm moves its tip [m]."""
+    normal = arm.tree.plane_normal()
+    return 0.0 if normal is None else abs(float(point[normal]) - _height(arm, normal, base))
+
+
+def _height(arm: SpaceArm, normal: int, base: BaseMode) -> float:
+    """How high a planar arm carries its tip over the system CM, along the normal [m]."""
+    return float(tip_from_centre(arm, np.zeros(arm.n), base)[normal])
 
 
 def singular_at(
@@ -99,5 +113,6 @@ def _brought_to(arm: SpaceArm, q: Array, point: Array, base: BaseMode) -> Config
         R = pin.Quaternion.FromTwoVectors(tip, point).matrix()
     else:
         n = np.eye(3)[normal]
-        R = pin.exp3(np.arctan2(n @ np.cross(tip, point), tip @ point) * n)
+        along = tip @ point - (n @ tip) * (n @ point)
+        R = pin.exp3(np.arctan2(n @ np.cross(tip, point), along) * n)
     return arm.at(q, pin.SE3(R, -R @ centre))

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array, Result
 from spacearm.batch import evaluate
@@ -57,11 +59,12 @@ class RiskProfile(Result):
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
     def __repr__(self) -> str:
+        near = f"{self.measure} <= {self.bound:.3g} {self.unit}"
+        if not self.count.any():
+            return f"RiskProfile({near}: no configuration in any class)"
         peak = int(np.nanargmax(self.share))
-        return (
-            f"RiskProfile({self.measure} <= {self.bound:.3g} {self.unit}: "
-            f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m)"
-        )
+        most = f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m"
+        return f"RiskProfile({near}: {most})"
 
 
 def risk_profile(
@@ -99,14 +102,14 @@ def risk_profile(
     """
     if base != "free-floating":
         raise UnsupportedError(f"risk profiles are for free-floating spacecraft; base is {base!r}")
-    edges = None if isinstance(bins, int) else np.asarray(bins, dtype=np.float64)
-    least = bins if isinstance(bins, int) else 1
-    sound = edges is None or (edges.ndim == 1 and len(edges) > 1 and (np.diff(edges) > 0.0).all())
-    if least < 1 or samples < least or not sound or not (sigma_min is None or distance is None):
+    if sigma_min is not None and distance is not None:
         raise ConfigurationError(
-            f"bins is {bins!r}, samples {samples}; give at least one bin (or growing edges), a "
-            "sample for each, and only one of sigma_min and distance"
+            f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "
+            "near means"
         )
+    edges = None if isinstance(bins, Integral) else _edges(bins)
+    least = whole(bins, "bins", 1) if edges is None else 1
+    samples = whole(samples, "samples", least)
     Q = _uniform(arm, limits, samples, np.random.default_rng(seed))
     values = evaluate(arm, Q, ("sigma_min", "radius"), threads=threads)
     if distance is None:
@@ -128,6 +131,17 @@ def risk_profile(
     return RiskProfile(edges, count, share, error, measure, bound, unit)
 
 
+def _edges(bins: object) -> Array:
+    """The edges of the distance classes, checked."""
+    try:
+        edges = np.asarray(bins, dtype=np.float64)
+    except (TypeError, ValueError):
+        edges = np.empty(0)
+    if edges.ndim != 1 or len(edges) < 2 or not (np.diff(edges) > 0.0).all():
+        raise ConfigurationError(f"bins is {bins!r}; give their number, or growing edges")
+    return edges
+
+
 class PoseRisk(NamedTuple):
     """The share of configurations near a singularity for sampled tip poses.
 
@@ -146,6 +160,13 @@ class PoseRisk(NamedTuple):
     share: Array
     within: Array
     bound: float
+
+    def __repr__(self) -> str:
+        return (
+            f"PoseRisk({len(self.share)} poses, sigma_min <= {self.bound:.3g}: "
+            f"{self.share.mean():.1%} on average, at most {self.share.max():.1%}, among "
+            f"configurations within {self.within.max():.3g} m)"
+        )
 
 
 def pose_risk(
@@ -170,12 +191,13 @@ def pose_risk(
         seed: Of the sample.
 
     Raises:
-        ConfigurationError: There are fewer samples than poses or neighbours.
+        ConfigurationError: A number is none, or there are fewer samples than poses or neighbours.
     """
-    if not 1 <= max(poses, neighbours) <= samples:
+    poses, neighbours = whole(poses, "poses", 1), whole(neighbours, "neighbours", 1)
+    if whole(samples, "samples", 1) < max(poses, neighbours):
         raise ConfigurationError(
-            f"{poses} poses with {neighbours} neighbours out of {samples} samples; give at least "
-            "one of each and no fewer samples"
+            f"{poses} poses with {neighbours} neighbours out of {samples} samples; give no fewer "
+            "samples than either"
         )
     Q = _uniform(arm, limits, samples, np.random.default_rng(seed))
     value = evaluate(arm, Q, ["sigma_min"])["sigma_min"]
@@ -194,11 +216,24 @@ def _bound(sigma_min: Array, asked: float | None) -> float:
     return TENTH * float(np.median(sigma_min)) if asked is None else asked
 
 
-def _uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
+def check_slides(arm: SpaceArm) -> npt.NDArray[np.bool_]:
+    """(n,) which joints slide.
+
+    Raises:
+        UnsupportedError: One does so without limits.
+    """
     sliding = np.array([arm.tree.joints[name].kind == "prismatic" for name in arm.joint_names])
-    for name, slides, low, high in zip(arm.joint_names, sliding, arm.lower, arm.upper, strict=True):
-        if slides and not np.isfinite(high - low):
-            raise UnsupportedError(f"{arm.name}: joint {name!r} slides without limits; lock it")
-    kept = sliding | (limits & (arm.upper - arm.lower < 2.0 * np.pi))
+    endless = np.flatnonzero(sliding & np.isinf(arm.upper - arm.lower))
+    if len(endless):
+        name = arm.joint_names[endless[0]]
+        raise UnsupportedError(f"{arm.name}: joint {name!r} slides without limits; lock it")
+    return sliding
+
+
+def _uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
+    sliding = check_slides(arm)
+    span = arm.upper - arm.lower
+    turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
+    kept = sliding | (limits & ~turns)
     low, high = np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
     return rng.uniform(low, high, (m, arm.n))

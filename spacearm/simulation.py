@@ -22,6 +22,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.integrate import BDF, DOP853, LSODA, DenseOutput, OdeSolution, OdeSolver, Radau
 
+from spacearm.arguments import positive
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.configuration import Configuration, joint_vector, kinematics
@@ -38,6 +39,8 @@ from spacearm.trajectory import Trajectory
 METHODS: dict[str, Callable[..., OdeSolver]] = {
     "LSODA": LSODA, "DOP853": DOP853, "BDF": BDF, "Radau": Radau
 }  # fmt: skip
+FINEST = 100.0 * float(np.finfo(np.float64).eps)
+"""The least `rtol` that scipy's integrators take."""
 AUDIT = 1e4
 """How many times `rtol` the balances of energy and momentum may be off."""
 STILL = 1e2
@@ -100,12 +103,14 @@ def simulate(
         NoSolutionError: The controller gave no torques, the step collapsed, or the balance of
             energy or momentum is off: carries the trajectory so far, None before the first step.
     """
-    if not (np.isfinite(duration) and duration > 0.0):
-        raise ConfigurationError(f"duration is {duration}; give a positive time [s]")
-    dt = duration / OUTPUTS if dt is None else dt
-    if not 0.0 < dt <= duration:
+    duration = positive(duration, "duration", "time [s]")
+    dt = duration / OUTPUTS if dt is None else positive(dt, "dt", "time [s]")
+    if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    if method not in METHODS:
+    rtol, atol = positive(rtol, "rtol"), positive(atol, "atol")
+    if rtol < FINEST:
+        raise ConfigurationError(f"rtol is {rtol}; give a number from {FINEST:.2g} on")
+    if method not in tuple(METHODS):
         raise ConfigurationError(unknown("method", method, METHODS))
     the_one(arm.tips, arm.name)  # whose path the trajectory holds
     system = _System(arm, controller, mode, momentum, arm.at(q0, base))

@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm import level_set
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array, Result
 from spacearm.batch import evaluate
-from spacearm.configuration import joint_vector
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.configuration import joint_name, joint_vector
+from spacearm.errors import ConfigurationError
 from spacearm.singular_set import SingularSet, singular_set
 
 
@@ -28,7 +29,7 @@ class SingularMap(Result):
         sigma_min: (N, N) least singular value of the task Jacobian, first index the first joint.
         unit: Its unit.
         curves: Singular curves, closed polylines (m, 2), exact to rounding; None for arms without
-            a singularity polynomial (redundant ones, sliding joints).
+            a singularity polynomial (redundant ones, sliding or mimic joints).
     """
 
     arm: str
@@ -53,21 +54,25 @@ def singular_map(
 
     Args:
         arm: The arm.
-        joints: The two joints, which must turn; the first two that the singular set depends on if
-            None.
+        joints: The two joints, which must turn, by name or as q1, q2, ...; the first two that the
+            singular set depends on if None.
         q: (n,) where the other joints stand; zeros if None.
         points: Grid points in each joint for sigma_min.
 
     Raises:
-        ConfigurationError: A joint does not exist, does not turn or is named twice.
+        ConfigurationError: A joint does not exist, does not turn or is named twice, or points is
+            no number of them.
     """
     found = singular_set(arm)
     exact = found if isinstance(found, SingularSet) else None
     centre = joint_vector(arm, np.zeros(arm.n) if q is None else q, "q")
-    names = joints or _default_joints(arm, exact)
+    names = [joint_name(arm, name) for name in joints or _default_joints(arm, exact)]
+    if len(names) != 2:
+        raise ConfigurationError(f"joints is {joints!r}; name two")
     a, b = (_turning(arm, name) for name in names)
     if a == b:
         raise ConfigurationError(f"joint {names[0]!r} is named twice; name two joints")
+    points = whole(points, "points", 2)
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)
@@ -92,8 +97,6 @@ def _default_joints(arm: SpaceArm, exact: SingularSet | None) -> tuple[str, str]
 
 
 def _turning(arm: SpaceArm, name: str) -> int:
-    if name not in arm.joint_names:
-        raise ConfigurationError(unknown("joint", name, arm.joint_names))
     if arm.tree.joints[name].kind == "prismatic":
         raise ConfigurationError(f"joint {name!r} slides; a map is drawn over joints that turn")
     return arm.joint_names.index(name)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import operator
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +18,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from spacearm import level_set
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.certificate import Certificate, certify
-from spacearm.configuration import joint_vector
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.configuration import joint_name, joint_vector
+from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.found_set import FoundSet
 from spacearm.jacobian import BaseMode
 from spacearm.nearest import nearest_root
@@ -44,6 +46,9 @@ class Component(NamedTuple):
     points: Array
     R: Array
     at: Array
+
+    def __repr__(self) -> str:
+        return f"Component({len(self.points)} points, R from {self.R[0]:.7g} to {self.R[1]:.7g} m)"
 
 
 def singular_set(arm: SpaceArm, base: BaseMode = "free-floating") -> SingularSet | FoundSet:
@@ -107,7 +112,7 @@ class SingularSet:
 
         Args:
             q: (n,) joint angles; that of the joint itself does not matter.
-            joint: Number or name; the one of least degree if None.
+            joint: Number from 0 on, or name, or q1, q2, ...; the one of least degree if None.
         """
         return self.S.roots(joint_vector(self.arm, q, "q"), self._joint(joint))
 
@@ -119,8 +124,11 @@ class SingularSet:
 
         Returns:
             (m, n) configurations, angles in (-pi, pi].
+
+        Raises:
+            ConfigurationError: m is no whole number from 0 on.
         """
-        rng = rng or np.random.default_rng()
+        m, rng = whole(m, "m", 0), rng or np.random.default_rng()
         found, count = [], 0
         while count < m:
             Q = rng.uniform(-np.pi, np.pi, (max(1024, m - count), self.arm.n))
@@ -242,11 +250,8 @@ class SingularSet:
     def _joint(self, joint: int | str | None) -> int:
         if joint is None:
             return self.eliminated
-        names = self.arm.joint_names
         if isinstance(joint, str):
-            if joint not in names:
-                raise ConfigurationError(unknown("joint", joint, names))
-            return names.index(joint)
-        if not 0 <= joint < self.arm.n:
-            raise ConfigurationError(f"joint is {joint}; give 0 to {self.arm.n - 1} or a name")
-        return joint
+            return self.arm.joint_names.index(joint_name(self.arm, joint))
+        if not isinstance(joint, Integral) or not 0 <= joint < self.arm.n:
+            raise ConfigurationError(f"joint is {joint!r}; give 0 to {self.arm.n - 1} or a name")
+        return int(joint)

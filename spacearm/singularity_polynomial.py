@@ -47,9 +47,9 @@ def singularity_polynomial(arm: SpaceArm, base: BaseMode = "free-floating") -> T
 
     Raises:
         UnsupportedError: The arm is redundant (lock a joint or add task rows), has prismatic
-            joints, or can never do the task.
+            or mimic joints, or can never do the task.
     """
-    _check_square(arm)
+    check_square(arm)
     rng = np.random.default_rng(0)
     probes = [arm.at(q) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))]
     normal = plane_of_motion(arm, probes)
@@ -114,7 +114,12 @@ def _task_jacobian(cfg: Configuration, base: BaseMode) -> Array:
     return cfg.arm.task.jacobian(generalized_jacobian(cfg, base), cfg.base.rotation)
 
 
-def _check_square(arm: SpaceArm) -> None:
+def check_square(arm: SpaceArm) -> None:
+    """Refuses arms that have no singularity polynomial.
+
+    Raises:
+        UnsupportedError: Joints slide or mimic others, or are not as many as the task has rows.
+    """
     k, n = arm.task.k, arm.n
     sliding = [j for j in arm.joint_names if arm.tree.joints[j].kind == "prismatic"]
     if sliding:

@@ -6,7 +6,7 @@ import hashlib
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
@@ -118,9 +118,8 @@ class Study:
         """Reads a study file.
 
         Raises:
-            ConfigurationError: It cannot be read, or something in it makes no sense.
-            ModelError: An arm or a design is unsound.
-            UnsupportedError: Python is older than 3.11.
+            ConfigurationError: It cannot be read.
+            SpaceArmError: As `parse` does.
         """
         try:
             text = read(Path(path)).decode()
@@ -139,7 +138,8 @@ class Study:
         Raises:
             ConfigurationError: Something in it makes no sense.
             ModelError: An arm or a design is unsound.
-            UnsupportedError: Python is older than 3.11.
+            UnsupportedError: An arm has no shells, or a joint that slides without limits where
+                risk is asked for; or Python is older than 3.11.
         """
         table = parse(text)
         table.knows("arms", "seed", "chunk", "parameters", *quantities.QUANTITIES)
@@ -217,6 +217,9 @@ class Study:
         boxes = math.prod(tiles.counts(asked.shape, asked.tile))
         design, box = divmod(chunk.number, boxes)
         return design, tiles.region(asked.shape, asked.tile, box)
+
+    def __reduce__(self) -> tuple[Callable[[Recipe], Study], tuple[Recipe]]:
+        return remade, (self.recipe,)
 
     def __repr__(self) -> str:
         chunks = ", ".join(f"{name} in {self.count(name):,} chunks" for name in self.quantities)

@@ -15,8 +15,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from spacearm.arguments import whole
 from spacearm.batch import processors
-from spacearm.errors import ConfigurationError, StoreError, SweepError
+from spacearm.errors import StoreError, SweepError
 from spacearm.quantities import nbytes
 from spacearm.store import DONE, FAILED, Store
 from spacearm.study import Chunk, Study
@@ -187,9 +188,7 @@ def _pool(study: Study, store: Store, client: Client | None, workers: int | None
         return Cluster(client, study.recipe, path)
     from spacearm.processes import Processes
 
-    workers = processors() if workers is None else workers
-    if workers < 1:
-        raise ConfigurationError(f"workers is {workers}; give a whole number from 1 on")
+    workers = processors() if workers is None else whole(workers, "workers", 1)
     return Processes(workers, study.recipe, path)
 
 

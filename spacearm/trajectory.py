@@ -155,14 +155,14 @@ class Trajectory(Result):
         """Tip path, attitude, joints and sigma_min, as figures 5 and 6 of the paper show them.
 
         Args:
-            target: (2,) or (3,) a point to mark on the tip path [m].
+            target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
 
         Returns:
             A matplotlib figure; `figure.savefig(path)` writes it, notebooks show it.
         """
         from spacearm.plot_motion import draw_motion  # imports matplotlib
 
-        return draw_motion(self, None if target is None else np.asarray(target))
+        return draw_motion(self, target)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes all arrays and events to a NumPy file; the arm is not in it."""

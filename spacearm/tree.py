@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -132,7 +133,7 @@ class Tree:
                 )
             if name not in leading:
                 raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
-            if not isinstance(value, (int, float, np.number)) or not abs(value) <= LARGEST:
+            if not isinstance(value, Real) or not abs(value) <= LARGEST:
                 raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
         values = dict(values)
         while followers := {
@@ -181,6 +182,30 @@ class Tree:
                 joint = self.joints[joint.mimic.leader]
             C[i, leading.index(joint.name)] = scale
         return C, c
+
+    def limits(self) -> tuple[Array, Array]:
+        """(n,) each: the least and the largest q at which no joint is beyond its limits.
+
+        Raises:
+            ModelError: A joint that mimics another leaves it nowhere to be.
+        """
+        leading, movable = self.leading(), [j for j in self.depth_first() if j.movable]
+        lower = np.array([joint.lower for joint in leading])
+        upper = np.array([joint.upper for joint in leading])
+        for joint, gains, offset in zip(movable, *self.coupling(), strict=True):
+            j = int(np.abs(gains).argmax())
+            if gains[j] == 0.0:  # it stays where it is
+                continue
+            low, high = sorted((end - offset) / gains[j] for end in (joint.lower, joint.upper))
+            if low > upper[j] or high < lower[j]:
+                raise ModelError(
+                    f"{self.name}: joint {leading[j].name!r} has nowhere to be: {joint.name!r}, "
+                    f"which mimics it, asks for {low:g} to {high:g}, the others allow "
+                    f"{lower[j]:g} to {upper[j]:g}; correct <limit> or <mimic>"
+                )
+            lower[j], upper[j] = max(lower[j], low), min(upper[j], high)
+        lower.flags.writeable = upper.flags.writeable = False
+        return lower, upper
 
     def plane_normal(self) -> int | None:
         """The spacecraft axis (0, 1, 2) that every joint turns about or slides across, if any."""

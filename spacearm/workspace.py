@@ -17,15 +17,17 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.arguments import whole
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array, Result
 from spacearm.errors import UnsupportedError
 from spacearm.free_workspace import free_workspace
 from spacearm.jacobian import BaseMode
-from spacearm.regions import Region, position, singular_at
+from spacearm.regions import Region, off_plane, position, singular_at
 from spacearm.risk import RiskProfile, risk_profile
 from spacearm.shells import Box, Shell, exact_shells, found_shells, merged, prove, shell_about
-from spacearm.singular_set import SingularSet, singular_set
+from spacearm.singular_set import SingularSet
+from spacearm.singularity_polynomial import check_square, singularity_polynomial
 
 TOLERANCE = 1e-9
 """To what bounds are proven, where they are [m]."""
@@ -118,14 +120,15 @@ class Workspace(Result):
 
         Args:
             point: (3,) from the system CM in inertial axes [m], or (2,) in the plane of a planar
-                arm.
+                arm, beside which all points are unreachable.
 
         Raises:
             ConfigurationError: The point has the wrong shape or is not finite.
         """
-        p = position(self.arm, point)
+        p = position(self.arm, point, self.base)
         R = float(np.linalg.norm(p))
-        if not _within(R, self.reachable):
+        beside = off_plane(self.arm, p, self.base) > TOLERANCE
+        if beside or not _within(R, self.reachable):
             return Region("unreachable", R, ())
         if not _within(R, self.pdw):
             return Region("path independent", R, ())
@@ -167,16 +170,13 @@ def workspace(
         seed: Of that search.
 
     Raises:
+        ConfigurationError: An argument makes no sense.
         UnsupportedError: The arm is redundant, has sliding or mimic joints, or can never do its
             task.
     """
-    found = singular_set(arm, base)
-    if not isinstance(found, SingularSet):
-        raise UnsupportedError(
-            f"{arm.name}: shells need as many turning joints as task rows; this arm has {arm.n} "
-            f"joints for {arm.task.k} rows ({arm.task.names}): lock joints with locked={{...}}, or "
-            "see sa.risk_profile, which takes every arm"
-        )
+    effort = whole(effort, "effort", 1)
+    check_shells(arm)
+    found = SingularSet(arm, singularity_polynomial(arm, base), base)
     rng = np.random.default_rng(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
@@ -203,6 +203,20 @@ def workspace(
         gap=gap,
         effort=0 if certified else effort,
     )
+
+
+def check_shells(arm: SpaceArm) -> None:
+    """Refuses arms that have no shells.
+
+    Raises:
+        UnsupportedError: The arm has no singularity polynomial; says why.
+    """
+    try:
+        check_square(arm)
+    except UnsupportedError as error:
+        raise UnsupportedError(
+            f"{error}; without S there are no shells: sa.risk_profile takes every arm"
+        ) from None
 
 
 def _outside(whole: Array, parts: Array) -> Array:

@@ -110,7 +110,8 @@ def random_tree(seed: int, n: int) -> str:
     elements = [random_link(rng, "link_0", 10 ** rng.uniform(1, 3))]
     for i in range(1, n + 1):
         follows = i > 1 and rng.random() < 0.2
-        mimic = f'<mimic joint="joint_1" multiplier="{rng.normal()}" offset="{rng.normal()}"/>'
+        gain, offset = rng.normal(), np.clip(rng.normal(), -2.0, 2.0)  # the limits leave it room
+        mimic = f'<mimic joint="joint_1" multiplier="{gain}" offset="{offset}"/>'
         elements.append(random_link(rng, f"link_{i}"))
         parent = f"link_{rng.integers(0, i)}"
         inside = LIMIT + (mimic if follows else "")

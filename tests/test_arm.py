@@ -239,6 +239,28 @@ def test_another_tip_gets_a_task_and_a_length_of_its_own():
     assert arm.replace(base_mass=900.0).task == arm.task
 
 
+@pytest.mark.parametrize(
+    ("model", "change"),
+    [
+        ("mda6", {"locked": {"joint_6": 0.0}}),
+        ("planar3", {"locked": {"joint_3": 0.3}}),
+        ("mda6", {"wheels": ["joint_6"]}),
+    ],
+)
+def test_replace_chooses_a_task_as_load_does(model, change):
+    arm = sa.load(model)
+    assert arm.replace(**change).task == sa.load(model, **change).task != arm.task
+    assert arm.replace(base_mass=900.0).replace(**change).task == sa.load(model, **change).task
+    assert arm.grasp(3.0).replace(**change).task == sa.load(model, **change).task
+    asked = sa.load(model, task="x y")
+    assert asked.replace(**change).task.names == "x y"
+
+
+def test_an_arm_turned_over_works_in_another_plane():
+    upright = pin.SE3(pin.utils.rotate("x", np.pi / 2), np.array([0.5, 0.0, 0.0]))
+    assert sa.load("planar2").replace(mount=upright).task.names == "x z"
+
+
 def test_units_of_singular_values():
     assert sa.load("planar2").sigma_unit == "m/rad"
     assert sa.load("mda6").sigma_unit == "1/rad"

@@ -95,6 +95,8 @@ def test_a_motion_is_linear_between_its_samples():
     assert np.allclose(m.at(9.0).q, [0.5, 1.0])
     assert m.at(2.0).base.isApprox(motion().base[1], 1e-12)
     assert sa.Motion.of(m).at(0.3).base.isApprox(m.at(0.3).base, 1e-12)
+    lists = sa.Motion(m.arm, m.t.tolist(), m.q.tolist(), m.base.tolist())
+    assert np.array_equal(lists.at(0.3).q, m.at(0.3).q)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +108,9 @@ def test_a_motion_is_linear_between_its_samples():
         ({"t": [0.0, 1e300]}, "t .* up to 1e"),
         ({"base": [[0] * 7] * 2}, "base .* quaternions of length 1"),
         ({"base": [[0] * 6] * 2}, r"base has shape \(2, 6\)"),
-        ({"t": None}, "cannot be played"),
+        ({"t": None}, r"t has shape \(\)"),
+        ({"q": [[0, 0], [1]]}, "q must be numbers"),
+        ({"base": None}, "cannot be played"),
     ],
 )
 def test_bad_motions_are_refused(change, message):

@@ -358,3 +358,17 @@ def test_command(tmp_path):
     done = run(*words, "--goal", 9, 9, cwd=tmp_path)
     assert done.returncode == 2
     assert "sa.workspace" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "planar3 --task x,y --start 0.3 0.7 0.5 --goal 0.5 1",  # redundant: no shells to draw
+        "planar2 --task x --start 0.8 0.6 --goal 1.9",  # y is left open
+        "mda6 --task x,y --start 0 1 -1.7 -0.9 0.5 0 --goal 1.6 0.1",
+    ],
+)
+def test_command_draws_every_task(tmp_path, words):
+    done = run(*words.split(), "--output", "plan.png", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "wrote plan.png" in done.stdout

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import spacearm as sa
-from spacearm.plot_motion import LABEL
+from spacearm.plot_motion import LABEL, draw_motion
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +33,31 @@ def test_the_tip_path_is_drawn_to_scale(figure):
     spans = [np.ptp(limits) for limits in (path.get_xlim(), path.get_ylim(), path.get_zlim())]
     box = path._box_aspect
     np.testing.assert_allclose(spans / box, spans[0] / box[0])
+
+
+@pytest.mark.parametrize("target", [(1.5, 1.5), [1.5, 1.5, 0.0]])
+def test_a_target_in_the_plane_has_two_or_three_components(target):
+    arm = sa.load("planar2")
+    run = sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)])
+    (star,) = (line for line in draw_motion(run, target).axes[0].lines if line.get_marker() == "*")
+    np.testing.assert_array_equal(star.get_xydata(), [(1.5, 1.5)])
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "hint"),
+    [
+        ("planar2", [1.0], "2 in the plane"),
+        ("planar2", [1.0, np.nan], "2 in the plane"),
+        ("planar2", "here", "2 in the plane"),
+        ("mda6", [1.0, 1.0], r"3 finite numbers \[m\]$"),
+    ],
+)
+def test_a_target_that_cannot_be_marked(name, target, hint):
+    arm = sa.load(name)
+    q = np.full(arm.n, 0.3)
+    plan = sa.plan(arm, q, sa.Joints(q))
+    with pytest.raises(sa.ConfigurationError, match=hint):
+        plan.plot(target)
 
 
 def test_nearness_spans_whole_decades(figure):

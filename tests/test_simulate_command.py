@@ -44,6 +44,7 @@ def test_figures_5_and_6(tmp_path):
         "planar3 --start 0.3 0.8 -0.5 --target 1.2,0.9 --controller reactionless --task x,y",
         "chaser7 --start 0 1 0 1 0 1 0 --target 0 .9 0 .8 0 .7 0 --controller joints",
         "planar2 --start 0.3 0.8 --target 1.2 0.9 --earthbound --base attitude-controlled",
+        "planar2 --start 0.3 0.8 --target 1.2 --task x --controller damped",
     ],
 )
 def test_every_law_as_json(tmp_path, words):

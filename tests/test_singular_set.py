@@ -406,6 +406,17 @@ def test_redundant_arms_get_what_is_found():
     assert sa.singular_set(sa.load("planar2")).complete
 
 
+def test_a_whole_turn_of_a_joint_that_another_follows_is_none():
+    half = '<mimic joint="elbow" multiplier="0.5"/>'
+    hand = (link("hand"), joint("wrist", "arm", "hand", "continuous", inside=half))
+    arm = load_text(robot(*two_links(), *hand), task="x")
+    found = sa.singular_set(arm)
+    for q in np.linspace(-6.0, 6.0, 9):
+        nearest, distance = found.nearest([q])
+        assert sigma_ratio(arm, nearest) <= 1e-10
+        assert abs(nearest[0] - q) == pytest.approx(distance)
+
+
 def test_sliding_joints_get_what_is_found():
     hand = (link("hand"), joint("slide", "arm", "hand", "prismatic", axis=(1, 0, 0)))
     arm = load_text(robot(*two_links(), *hand), task="x y")

@@ -12,7 +12,7 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import frame, joint, link, load_text, random_inertia, robot, seeds
+from arms import LIMIT, frame, joint, link, load_text, random_inertia, robot, seeds, two_links
 from hypothesis import given, settings
 
 import spacearm as sa
@@ -273,6 +273,7 @@ def test_limits_without_singularities_leave_all_path_independent():
         ((1.5, 1.5), "path dependent"),  # the target of figures 5 and 6
         ((3.0, 0.0), "unreachable"),
         ((1.5, 1.5, 0.0), "path dependent"),
+        ((1.5, 0.0, 1.0), "unreachable"),  # beside the plane
     ],
 )
 def test_what_can_happen_at_a_point(planar2, point, kind):
@@ -294,7 +295,22 @@ def test_a_point_of_a_spatial_arm():
     assert sa.singularity(cfg).sigma_min < 1e-7
 
 
-@pytest.mark.parametrize("point", [(1.0,), (np.nan, 0.0), (0, 0, 0, 0)])
+def test_a_planar_arm_may_carry_its_tip_high():
+    """The tip 0.3 m over the plane of the joints; the system CM is somewhere between."""
+    text = sa.load("planar2").path.read_text()
+    head, tail = text.rsplit('<origin xyz="1 0 0"', 1)
+    arm = load_text(f'{head}<origin xyz="1 0 0.3"{tail}')
+    high = arm.at([0.3, 0.4]).tip.translation[2] - arm.at([0.3, 0.4]).com[2]
+    result = sa.workspace(arm)
+    region = result.regions((1.5, 1.5))
+    assert pytest.approx(np.linalg.norm((1.5, 1.5, high))) == region.R
+    cfg = region.singular[0]
+    np.testing.assert_allclose(cfg.tip.translation, (1.5, 1.5, high), atol=1e-8)
+    assert result.regions((1.5, 1.5, high)).kind == "path dependent"
+    assert result.regions((1.5, 1.5, 0.0)).kind == "unreachable"
+
+
+@pytest.mark.parametrize("point", [(1.0,), (np.nan, 0.0), (0, 0, 0, 0), "here", [[1], [1, 2]]])
 def test_bad_points(planar2, point):
     with pytest.raises(sa.ConfigurationError, match="point"):
         planar2.regions(point)
@@ -316,9 +332,23 @@ def test_found_shells_do_not_move_with_the_effort(name):
     np.testing.assert_allclose(once.reachable, twice.reachable, atol=1e-6)
 
 
-def test_redundant_and_sliding_arms_say_what_to_do():
-    with pytest.raises(sa.UnsupportedError, match=r"lock joints.*risk_profile"):
-        sa.workspace(sa.load("chaser7"))
+SLIDING = joint("last", "arm", "hand", "prismatic", axis=(1, 0, 0))
+MIMIC = joint("last", "arm", "hand", inside=f'{LIMIT}<mimic joint="elbow"/>')
+
+
+@pytest.mark.parametrize(
+    ("last", "task", "reason"),
+    [
+        (SLIDING, "x y", "joints last slide"),
+        (MIMIC, "x", "joints that mimic others"),
+        (joint("last", "arm", "hand"), "x", "2 joints for 1 task rows.*redundant"),
+    ],
+)
+def test_arms_without_shells_say_why_and_what_to_do(last, task, reason):
+    arm = load_text(robot(*two_links(), link("hand"), last), task=task)
+    with pytest.raises(sa.UnsupportedError, match=f"{reason}.*lock.*risk_profile takes every arm"):
+        sa.workspace(arm)
+    assert sa.risk_profile(arm, bins=3, samples=100).count.sum() == 100
 
 
 def test_workspace_as_data(planar2):

@@ -57,8 +57,6 @@ def map_(
     arm = arm_from(model, tip, task, length, lock, check, deg)
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}
-    if joints:
-        joints = joint_name(arm, joints[0]), joint_name(arm, joints[1])
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result = singular_map(arm, joints, q, points)
     if npz:

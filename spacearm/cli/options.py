@@ -16,7 +16,9 @@ import typer
 from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.catalogue import find, read
+from spacearm.configuration import Configuration
 from spacearm.errors import ConfigurationError
+from spacearm.goal import Goal, goal_pose
 from spacearm.loading import load
 from spacearm.parts import Joint
 from spacearm.task import Task
@@ -138,6 +140,17 @@ def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.S
     full[rows] = values
     rpy = np.radians(full[3:]) if deg else full[3:]
     return pin.SE3(pin.rpy.rpyToMatrix(rpy), full[:3])
+
+
+def mark_of(end: Configuration, goal: Goal) -> Array | None:
+    """(3,) the point to mark; what the task leaves open is as the tip has it at the end.
+
+    None where the task has no linear rows.
+    """
+    rows = [i for i in end.arm.task.indices if i < 3]
+    mark = end.tip.translation
+    mark[rows] = goal_pose(end, goal).translation[rows]
+    return mark if rows else None
 
 
 def numbers(option: str, text: str) -> Array:

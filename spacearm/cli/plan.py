@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import typer
 
+from spacearm.arm import SpaceArm
 from spacearm.cli.options import (
     AsJson,
     Attitude,
@@ -23,13 +24,15 @@ from spacearm.cli.options import (
     arm_from,
     goal_from,
     joint_values,
+    mark_of,
     spacecraft_about_cm,
     spacecraft_pose,
 )
 from spacearm.cli.output import check_picture, out, print_json, table, vector, write_picture
+from spacearm.errors import UnsupportedError
 from spacearm.plan import Plan
 from spacearm.planning import plan
-from spacearm.workspace import workspace
+from spacearm.workspace import Workspace, workspace
 
 
 def plan_(
@@ -98,13 +101,8 @@ def plan_(
     if output or not (as_json or view):
         from spacearm.plot_motion import draw_motion  # imports matplotlib
 
-        x = target.translation if isinstance(target, pin.SE3) else target
-        normal = arm.tree.plane_normal()
-        mark = np.delete(x, normal) if len(x) == 3 and normal is not None else x
-        mark = mark if min(arm.task.indices) < 3 else None
-        shells = None if normal is None else workspace(arm)
         where = output or Path(f"{arm.name}_plan.png")
-        write_picture(where, draw_motion(found, mark, shells))
+        write_picture(where, draw_motion(found, mark_of(found.at(-1), target), _shells(arm)))
         if not as_json:
             out.print(f"wrote {where}")
     if view:
@@ -112,6 +110,16 @@ def plan_(
         from spacearm.view import view as show
 
         serve_until_interrupted(show(found, open=False))
+
+
+def _shells(arm: SpaceArm) -> Workspace | None:
+    """The workspaces of a planar arm that has shells."""
+    if arm.tree.plane_normal() is None:
+        return None
+    try:
+        return workspace(arm)
+    except UnsupportedError:
+        return None
 
 
 def _print(found: Plan, deg: bool) -> None:

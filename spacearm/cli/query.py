@@ -99,11 +99,10 @@ def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: b
 
     heading("Posture")
     joints = table("joint", "q", "dsigma_min/dq", "")
-    for name, q, slope in zip(arm.joint_names, cfg.q, report.gradient, strict=True):
-        joint = arm.tree.joints[name]
-        inside = joint.lower - ROUNDING <= q <= joint.upper + ROUNDING
-        outside = "" if inside else "outside its limits"
-        joints.add_row(name, joint_value(q, joint.kind, deg), number(slope, 4), outside)
+    inside = (arm.lower - ROUNDING <= cfg.q) & (cfg.q <= arm.upper + ROUNDING)
+    for name, q, slope, sound in zip(arm.joint_names, cfg.q, report.gradient, inside, strict=True):
+        value = joint_value(q, arm.tree.joints[name].kind, deg)
+        joints.add_row(name, value, number(slope, 4), "" if sound else "outside its limits")
     out.print(joints)
 
     heading("Tip")

@@ -12,7 +12,6 @@ import typer
 from rich.progress import Progress
 
 from spacearm.arm import SpaceArm
-from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
     Attitude,
@@ -29,6 +28,7 @@ from spacearm.cli.options import (
     arm_from,
     goal_from,
     joint_values,
+    mark_of,
     numbers,
     spacecraft_about_cm,
 )
@@ -42,6 +42,7 @@ from spacearm.control import (
     ResolvedRate,
     TransposedJacobian,
 )
+from spacearm.goal import Goal
 from spacearm.jacobian import BaseMode
 from spacearm.simulation import simulate
 from spacearm.trajectory import Trajectory
@@ -111,7 +112,7 @@ def simulate_(
     q0 = joint_values(arm, start.split(), deg)
     mode: BaseMode = base.value
     believed: BaseMode = "fixed" if earthbound else mode
-    law, mark = _law(arm, controller, target, kp, kd, gain, believed, deg)
+    law, goal = _law(arm, controller, target, kp, kd, gain, believed, deg)
     with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
         task_id = bar.add_task("simulated", total=duration)
         run = simulate(
@@ -135,7 +136,7 @@ def simulate_(
         from spacearm.plot_motion import draw_motion  # imports matplotlib
 
         where = output or Path(f"{arm.name}_simulation.png")
-        write(where, draw_motion(run, mark))
+        write(where, draw_motion(run, None if goal is None else mark_of(run.at(-1), goal)))
         if not as_json:
             out.print(f"wrote {where}")
     if view:
@@ -154,23 +155,18 @@ def _law(
     gain: float,
     base: BaseMode,
     deg: bool,
-) -> tuple[Controller, Array | None]:
-    """The controller, and the point to mark on the tip path."""
+) -> tuple[Controller, Goal | None]:
+    """The controller, and the goal of the tip, if it has one."""
     K_p, K_d = (np.squeeze(numbers(option, text)) for option, text in (("--kp", kp), ("--kd", kd)))
     if law is Law.JOINTS:
         return JointPD(joint_values(arm, target.split(), deg), K_p, K_d), None
     goal = goal_from(arm, "--target", target, deg)
-    x: Array = goal.translation if isinstance(goal, pin.SE3) else goal
-    normal = arm.tree.plane_normal()
-    mark = None if min(arm.task.indices) > 2 else x
-    if mark is not None and len(x) == 3 and normal is not None:
-        mark = np.delete(x, normal)
     if law is Law.TRANSPOSED:
-        return TransposedJacobian(target=goal, kp=K_p, kd=K_d, base=base), mark
+        return TransposedJacobian(target=goal, kp=K_p, kd=K_d, base=base), goal
     kinds = {
         Law.RESOLVED: ResolvedRate, Law.DAMPED: DampedLeastSquares, Law.REACTIONLESS: Reactionless
     }  # fmt: skip
-    return kinds[law](target=goal, gain=gain, base=base), mark
+    return kinds[law](target=goal, gain=gain, base=base), goal
 
 
 def _print(run: Trajectory, deg: bool) -> None:

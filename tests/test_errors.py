@@ -1,0 +1,123 @@
+"""Errors travel; arguments that make no sense are said by name and value."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import spacearm as sa
+from spacearm import errors
+
+KINDS = [
+    kind
+    for kind in vars(errors).values()
+    if isinstance(kind, type) and issubclass(kind, (sa.SpaceArmError, sa.ModelWarning))
+]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_errors_travel_between_processes(kind):
+    extra = {
+        sa.SweepError: ({"shells 0": "why"},),
+        sa.NoSolutionError: (sa.Joints([0.1, 0.2]),),
+    }.get(kind, ())
+    error = kind("what happened", *extra)
+    twin = pickle.loads(pickle.dumps(error))
+    assert type(twin) is kind
+    assert str(twin) == "what happened"
+    assert vars(twin) == vars(error)
+
+
+def arm():
+    return sa.load("planar2")
+
+
+def rest(*_):
+    return np.zeros(2)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sa.simulate(arm(), [0, 1], rest, "1"), "duration is '1'; give a positive time"),
+        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, dt="1"), "dt is '1'; give a positive time"),
+        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, atol=-1.0), "atol is -1.0"),
+        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, rtol=-1.0), "rtol is -1.0"),
+        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, rtol=1e-15), "rtol is 1e-15; .* from 2"),
+        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, method=["BDF"]), "unknown method"),
+        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, mode=["fixed"]), "unknown base"),
+        (lambda: sa.plan(arm(), [0, 1], (1, 1), method=["straight"]), "unknown method"),
+        (lambda: sa.plan(arm(), [0, 1], (1, 1), seed=1.0), "seed is 1.0; give a whole number"),
+        (lambda: sa.plan(arm(), [0, 1], (1, 1), clearance=None, timeout=np.nan), "timeout is nan"),
+        (lambda: sa.singular_set(arm()).sample(3.0), "m is 3.0; give a whole number from 0 on"),
+        (lambda: sa.singular_set(arm()).sample(-1), "m is -1; give a whole number from 0 on"),
+        (lambda: sa.singular_set(sa.load("chaser7")).sample(1.5), "m is 1.5"),
+        (lambda: sa.singular_set(arm()).roots([0, 1], 1.0), "joint is 1.0; give 0 to 1 or a name"),
+        (lambda: sa.singular_set(arm()).roots([0, 1], "q3"), "unknown joint 'q3'.*q2"),
+        (lambda: sa.singular_map(arm(), ("q1", "q2", "q1")), "joints is .*name two"),
+        (lambda: sa.singular_map(arm(), points=9.5), "points is 9.5"),
+        (lambda: sa.workspace(arm(), effort=1.5), "effort is 1.5"),
+        (lambda: sa.mount("ur5", 5), "bus is 5; give a Bus, a SpaceArm or the path"),
+        (lambda: sa.DampedLeastSquares(target=(1, 1), threshold=0.0), "threshold is 0.0"),
+        (lambda: sa.JointPD([0, 1], kp="a", kd=1)(0, arm().at([0, 1]), np.zeros(2)), "kp is 'a'"),
+        (lambda: sa.JointPD([0, 1], 1, np.nan)(0, arm().at([0, 1]), np.zeros(2)), "kd is nan"),
+        (lambda: sa.evaluate(arm(), [[0, 1]] * 99, threads=1.0), "threads is 1.0"),
+        (lambda: sa.risk_profile(arm(), bins=0), "bins is 0; give a whole number from 1 on"),
+        (lambda: sa.risk_profile(arm(), bins=2.5), "bins is 2.5; give their number, or growing"),
+        (lambda: sa.risk_profile(arm(), bins="many"), "bins is 'many'"),
+        (lambda: sa.risk_profile(arm(), samples=9.5), "samples is 9.5; .* from 40 on"),
+        (lambda: sa.risk_profile(arm(), sigma_min=1, distance=2), "give only one of them"),
+        (lambda: sa.pose_risk(arm(), poses=0), "poses is 0; give a whole number from 1 on"),
+        (lambda: sa.pose_risk(arm(), poses=1.5), "poses is 1.5"),
+    ],
+)
+def test_arguments_that_make_no_sense(call, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        call()
+
+
+def test_numbers_of_numpy_are_numbers():
+    few = {"samples": np.int64(50), "bins": np.int32(4), "threads": np.int64(1)}
+    assert len(sa.risk_profile(arm(), **few).count) == 4
+    assert sa.load("planar2", locked={"joint_2": np.float32(0.5)}).n == 1
+    given = {"clearance": np.float32(0.01), "timeout": np.float32(30), "seed": np.int64(1)}
+    assert sa.plan(arm(), [0.3, 1.2], sa.Joints([0.4, 1.1]), **given).clearance == np.float32(0.01)
+    assert len(sa.singular_set(arm()).sample(np.int64(3))) == 3
+    assert sa.simulate(arm(), [0, 1], rest, np.float32(0.5), rtol=np.float64(1e-6)).t[-1] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("load", "kind", "name"),
+    [
+        (sa.load, "model", "planar2"),
+        (lambda path: sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1))), "arm", "ur5"),
+    ],
+)
+def test_a_path_is_a_file_and_a_name_is_text(load, kind, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    message = f"{name}: no such file; the {kind} of that name is '{name}', as text"
+    with pytest.raises(sa.ModelError, match=message):
+        load(Path(name))
+    with pytest.raises(sa.ModelError, match="nowhere: no such file"):
+        load(Path("nowhere"))
+    Path(name).write_bytes(sa.load("planar2").path.read_bytes())
+    assert load(Path(name)).n == 2
+
+
+def test_joints_are_named_alike():
+    one = sa.singular_set(arm())
+    roots = [one.roots([0.3, 0.4], joint).angles for joint in (1, "joint_2", "q2", np.int64(1))]
+    for other in roots[1:]:
+        np.testing.assert_array_equal(other, roots[0])
+    assert sa.singular_map(arm(), ("q2", "joint_1"), points=3).joints == ("joint_2", "joint_1")
+
+
+def test_large_results_are_shown_in_a_line():
+    nobody = sa.risk_profile(arm(), bins=[10.0, 11.0], samples=2000)
+    assert "no configuration in any class" in repr(nobody)
+    shown = repr(sa.pose_risk(arm(), poses=50, samples=500))
+    assert shown.startswith("PoseRisk(50 poses, sigma_min <=")
+    assert len(shown) < 150
+    shells = [repr(component) for component in sa.singular_set(arm()).components()]
+    assert any(shell.endswith("R from 0.3510638 to 0.5536773 m)") for shell in shells)
