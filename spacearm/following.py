@@ -55,7 +55,7 @@ class Followed(Result):
             path is followed: inertial ones where the task axes would turn on the way.
         length: Length of the whole path, in the unit of s.
         ended: "arrived", "singularity" or "joint limit".
-        reason: The same in a sentence, with the place; it calls the unit of s m.
+        reason: The same in a sentence, with the place.
     """
 
     arm: SpaceArm
@@ -261,9 +261,10 @@ def _sigma(cfg: Configuration, mode: BaseMode) -> Array:
 def _reason(cfg: Configuration, s: float, length: float, ended: str, detail: str) -> str:
     """Where and why it ended."""
     place = ", ".join(f"{x:.4g}" for x in cfg.tip.translation)
+    unit = "m" if min(cfg.arm.task.indices) < 3 else "rad"
     if ended == "arrived":
-        return f"arrived at ({place}) after {s:.4g} m"
-    where = f"after {s:.4g} of {length:.4g} m, tip at ({place})"
+        return f"arrived at ({place}) after {s:.4g} {unit}"
+    where = f"after {s:.4g} of {length:.4g} {unit}, tip at ({place})"
     if ended == "joint limit":
         return f"joint {detail!r} reaches its limit {where}"
     q = ", ".join(f"{x:.4g}" for x in cfg.q)

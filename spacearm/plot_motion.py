@@ -12,10 +12,10 @@ from matplotlib.patches import Annulus, Circle
 from matplotlib.ticker import NullFormatter
 from scipy.optimize import isotonic_regression
 
-from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.following import Followed
+from spacearm.goal import goal_axes
 from spacearm.plan import Plan
 from spacearm.plot import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
 from spacearm.trajectory import Trajectory
@@ -36,6 +36,8 @@ def draw_motion(
 ) -> Figure:
     """Draws a motion: tip path (figure 5), attitude and joints (figure 6), nearness to singularity.
 
+    All along the axes in which goals are given: a plane that is tilted is drawn as a flat one.
+
     Args:
         motion: From `sa.simulate`, `sa.follow` or `sa.plan`.
         target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
@@ -44,7 +46,7 @@ def draw_motion(
     Raises:
         ConfigurationError: The target has another shape or is not finite.
     """
-    mark = None if target is None else _in_picture(motion.arm, target)
+    mark = None if target is None else _in_picture(motion, target)
     with style():
         figure = Figure(figsize=(11.0, 6.4))
         both: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.1])
@@ -67,15 +69,15 @@ def draw_motion(
         return figure
 
 
-def _in_picture(arm: SpaceArm, target: npt.ArrayLike) -> Array:
+def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
     """The components of a point that are drawn: 3, or the 2 in the plane of a planar arm."""
-    normal = arm.tree.plane_normal()
+    normal = motion.arm.tree.plane_normal()
     try:
         x = np.asarray(target, dtype=np.float64)
     except (TypeError, ValueError):
         x = np.empty(0)
     if x.shape == (3,) and normal is not None:
-        x = np.delete(x, normal)
+        x = np.delete(x @ goal_axes(motion.at(0)), normal)
     if x.shape != (3 if normal is None else 2,) or not np.isfinite(x).all():
         raise ConfigurationError(
             f"target is {target!r}; give 3 finite numbers [m]"
@@ -88,7 +90,8 @@ def _draw_path(
     figure: Any, motion: Drawn, target: Array | None, workspace: Workspace | None
 ) -> None:
     normal = motion.arm.tree.plane_normal()
-    x = motion.tip[:, :3]
+    start = motion.at(0)
+    x = motion.tip[:, :3] @ goal_axes(start)
     if normal is None:
         axes = figure.add_subplot(projection="3d")
         axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
@@ -99,7 +102,7 @@ def _draw_path(
         axes.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", adjustable="datalim")
         axes.grid(alpha=0.3)
         if workspace is not None:
-            _draw_shells(axes, np.delete(motion.at(0).com, normal), workspace)
+            _draw_shells(axes, np.delete(start.com @ goal_axes(start), normal), workspace)
     axes.plot(*x.T, color=BLUE, lw=2)
     axes.plot(*x[:1].T, "o", color=BLUE)
     marks = [("start", x[0], BLUE)]
@@ -155,7 +158,9 @@ def _story(motion: Drawn) -> str:
 
 
 def _draw_attitude(axes: Any, motion: Drawn) -> None:
-    turns = np.degrees([pin.log3(pin.XYZQUATToSE3(pose).rotation) for pose in motion.base])
+    along = goal_axes(motion.at(0)).T
+    rotations = [along @ pin.XYZQUATToSE3(pose).rotation for pose in motion.base]
+    turns = np.degrees([pin.log3(R) for R in rotations])
     normal = motion.arm.tree.plane_normal()
     if normal is None:
         for i, color in enumerate((BLUE, ORANGE, GREEN)):

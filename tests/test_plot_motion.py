@@ -1,6 +1,7 @@
 """Plots of motions: labels that can be read, axes that do not distort."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import spacearm as sa
@@ -41,6 +42,20 @@ def test_a_target_in_the_plane_has_two_or_three_components(target):
     run = sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)])
     (star,) = (line for line in draw_motion(run, target).axes[0].lines if line.get_marker() == "*")
     np.testing.assert_array_equal(star.get_xydata(), [(1.5, 1.5)])
+
+
+def test_a_tilted_plane_is_drawn_as_a_flat_one():
+    arm, tilt = sa.load("planar2"), pin.SE3(pin.exp3(np.array([1.1, -0.7, 0.0])), np.zeros(3))
+    lines = []
+    for base, mark in (
+        (pin.SE3.Identity(), (1.2, 1.0, 0.0)),
+        (tilt, tilt.act(np.array([1.2, 1, 0]))),
+    ):
+        figure = draw_motion(sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)], base=base), mark)
+        path, attitude, *_ = figure.axes
+        lines.append([line.get_xydata() for line in (*path.lines, *attitude.lines)])
+    for flat, tilted in zip(*lines, strict=True):
+        np.testing.assert_allclose(tilted[[0, -1]], flat[[0, -1]], atol=1e-5)
 
 
 @pytest.mark.parametrize(
