@@ -116,6 +116,7 @@ class Joint:
         upper: Largest angle [rad] or displacement [m].
         velocity: Largest rate [rad/s] or [m/s].
         effort: Largest torque [N m] or force [N].
+        slid: How far a prismatic joint had slid when it was welded [m]; the origin includes it.
     """
 
     name: str
@@ -129,6 +130,7 @@ class Joint:
     velocity: float = math.inf
     effort: float = math.inf
     mimic: Mimic | None = None
+    slid: float = 0.0
 
     @property
     def movable(self) -> bool:
@@ -144,11 +146,13 @@ class Joint:
         """Displacement of the child link at `value` [rad] or [m], in the joint frame."""
         if self.kind == "prismatic":
             return pin.SE3(np.eye(3), self.axis * value)
-        return pin.SE3(pin.exp3(self.axis * value), np.zeros(3))
+        return pin.SE3(pin.AngleAxis(value, self.axis).matrix(), np.zeros(3))
 
     def frozen(self, value: float) -> Joint:
         """The joint welded at `value` [rad] or [m]."""
-        return replace(self, kind="fixed", origin=self.origin * self.motion(value), mimic=None)
+        slid = abs(value) if self.kind == "prismatic" else 0.0
+        origin = self.origin * self.motion(value)
+        return replace(self, kind="fixed", origin=origin, mimic=None, slid=slid)
 
     def renamed(self, prefix: str) -> Joint:
         """The joint with `prefix` before its name and the names of all that it refers to."""

@@ -18,13 +18,13 @@ def numbers(values) -> str:
     return " ".join(repr(float(value)) for value in np.ravel(values))
 
 
-def link(name="link", mass=1.0, com=(0, 0, 0), inertia=None, inside="") -> str:
+def link(name="link", mass=1.0, com=(0, 0, 0), inertia=None, inside="", rpy=(0, 0, 0)) -> str:
     I = np.eye(3) if inertia is None else np.asarray(inertia)
     entries = " ".join(
         f'i{"xyz"[i]}{"xyz"[j]}="{float(I[i, j])!r}"' for i in range(3) for j in range(i, 3)
     )
     return (
-        f'<link name="{name}"><inertial><origin xyz="{numbers(com)}"/>'
+        f'<link name="{name}"><inertial><origin xyz="{numbers(com)}" rpy="{numbers(rpy)}"/>'
         f'<mass value="{mass}"/><inertia {entries}/></inertial>{inside}</link>'
     )
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import arms
 import mpmath as mp
 import numpy as np
+import pinocchio as pin
 import precise
 
 import spacearm as sa
@@ -67,6 +68,51 @@ def trees(rng):
     return arms.load_text(text, tip="link_6", task="position")
 
 
+def out_and_back(rng) -> str:
+    """URDF of a chain with frames up to 1e9 m away, and back, in its bodies, joints and tip."""
+    n, away = int(rng.integers(3, 6)), 10 ** rng.uniform(0, 9)
+    elements = [arms.frame("tip"), *detour(rng, f"link_{n}", "tip", "fixed", away)]
+    for i in range(n + 1):
+        for name in (f"link_{i}", f"load_{i}"):
+            mass = 10 ** rng.uniform(0, 2)
+            placed = {"com": rng.normal(size=3), "rpy": rng.uniform(-3, 3, 3)}
+            elements.append(arms.link(name, mass, inertia=arms.random_inertia(rng, mass), **placed))
+        elements += detour(rng, f"link_{i}", f"load_{i}", "fixed", away)
+    for i in range(n):
+        elements += detour(rng, f"link_{i}", f"link_{i + 1}", "continuous", away)
+    return arms.robot(*elements)
+
+
+def detour(rng, parent, child, kind, away) -> list[str]:
+    """A joint of ordinary length, half of them by way of a frame that is not."""
+    xyz, way = rng.normal(size=3) * 0.6, []
+    if rng.random() < 0.5:
+        out, rpy, frame = rng.normal(size=3) * away, rng.uniform(-3, 3, 3), f"way_to_{child}"
+        way = [arms.frame(frame), arms.joint(f"out_to_{child}", parent, frame, "fixed", out, rpy)]
+        parent, xyz = frame, pin.rpy.rpyToMatrix(rpy).T @ (xyz - out)
+    rpy, axis = rng.uniform(-3, 3, 3), rng.normal(size=3)
+    return [*way, arms.joint(f"joint_{child}", parent, child, kind, xyz, rpy, axis)]
+
+
+def far_frames(rng):
+    return arms.load_text(out_and_back(rng), tip="tip", task="position")
+
+
+def coaxial_rods(rng):
+    """Rods that turn about the axis that all share, their CMs in one point."""
+    n, thin = int(rng.integers(2, 6)), 10.0 ** -rng.uniform(3, 9)
+    R = [pin.rpy.rpyToMatrix(rpy) for rpy in rng.uniform(-3, 3, (n + 1, 3))]  # links to rod axes
+    elements = [arms.frame("tip"), arms.joint("hand", f"link_{n}", "tip", "fixed", np.zeros(3))]
+    for i in range(n + 1):
+        I = 10 ** rng.uniform(0, 2) * R[i].T @ np.diag([1.0, 1.0, thin]) @ R[i]
+        elements.append(arms.link(f"link_{i}", 10 ** rng.uniform(0, 2), inertia=(I + I.T) / 2))
+    for i in range(n):
+        placed = {"rpy": pin.rpy.matrixToRpy(R[i].T @ R[i + 1]), "axis": R[i + 1].T[:, 2]}
+        turns = arms.joint(f"joint_{i}", f"link_{i}", f"link_{i + 1}", xyz=np.zeros(3), **placed)
+        elements.append(turns)
+    return arms.load_text(arms.robot(*elements), tip="tip", task="orientation")
+
+
 FAMILIES = {
     "catalogue": from_the_catalogue,
     "random trees": trees,
@@ -75,6 +121,8 @@ FAMILIES = {
     "point payload up to 1e9": heavy_payload,
     "axes parallel to 1e-1 .. 1e-12": nearly_parallel_axes,
     "parallel axes, exactly singular": parallel_axes,
+    "fixed frames, 1 to 1e9 m away": far_frames,
+    "coaxial rods, thin to 1e-9": coaxial_rods,
 }
 
 
@@ -88,9 +136,9 @@ class Measured(NamedTuple):
     """Largest error of an entry of J* as a share of its bar."""
 
 
-def measured(cfg: sa.Configuration, base="free-floating") -> Measured:
+def measured(cfg: sa.Configuration, base="free-floating", tree=None) -> Measured:
     """What double precision did to a configuration at the identity attitude."""
-    J = precise.generalized_jacobian(cfg, base)
+    J = precise.generalized_jacobian(cfg, base, tree)
     sigma = precise.singular_values(cfg, J)
     bars = sa.error_bars(cfg, base)
     found = sa.generalized_jacobian(cfg, base)

@@ -95,8 +95,62 @@ BARYCENTRIC = [
     )
 ]  # fmt: skip
 
+ACCURACY = [
+    Mutant(*row, "test_accuracy")
+    for row in (
+        (
+            "error bars: rounding of the rotations", "accuracy.py",
+            "turns = crossed @ (1.0 +", "turns = crossed @ (0.01 +",
+        ),
+        ("error bars: rounding of a term", "accuracy.py", "ROUNDING = 4.0", "ROUNDING = 0.02"),
+        (
+            "error bars: sums of many bodies", "accuracy.py",
+            "max(len(bodies), turns[bodies + tips].max())", "turns[bodies + tips].max()",
+        ),
+        (
+            "error bars: angles of mimic joints are sums", "accuracy.py",
+            "np.where(slides, 0.0, term)", "0.0 * term",
+        ),
+        (
+            "error bars: displacements", "accuracy.py",
+            "np.where(slides, term,", "np.where(slides, 0.0,",
+        ),
+        (
+            "error bars: displacements locked", "accuracy.py",
+            "[joint.slid for joint in joints]", "0.0",
+        ),
+        (
+            "error bars: ways by fixed frames", "accuracy.py",
+            "way = crossed @ (_lengths([joint", "way = distance + 0.0 * crossed @ (_lengths([joint",
+        ),
+        (
+            "error bars: ways to CMs", "accuracy.py",
+            "far = way[bodies] +", "far = distance[bodies] +",
+        ),
+        (
+            "error bars: CMs in the model", "accuracy.py",
+            "near = distance[bodies] + _lengths(r) + u * far", "near = distance[bodies]",
+        ),
+        ("error bars: turning, momentum", "accuracy.py", "2.0 * w,", "0.01 * w,"),
+        ("error bars: turning, inertia", "accuracy.py", "i + c * w", "0.05 * i + c * w"),
+        ("error bars: inertias", "accuracy.py", "2.0 * np.linalg", "0.05 * np.linalg"),
+        ("error bars: second moments", "accuracy.py", "3.0 * np.multiply", "0.01 * np.multiply"),
+        ("error bars: turning, CM", "accuracy.py", "+ c * w + way_to_c * s", ""),
+        ("error bars: sliding, CM", "accuracy.py", "w + way_to_c * m", "0.0 * m"),
+        ("error bars: tip and spacecraft", "accuracy.py", "[[1.0, way], [", "[[1.0, 0.0], ["),
+        ("error bars: tip and joints", "accuracy.py", "[[way], [1.0]]", "[[0.0], [1.0]]"),
+        ("error bars: E_b amplified", "accuracy.py", "np.eye(len(G)) - G", "np.eye(len(G))"),
+        ("error bars: of X", "accuracy.py", "X = X + np.linalg.solve", "X = np.linalg.solve"),
+        (
+            "accuracy of a joint welded far turned", "parts.py",
+            "pin.AngleAxis(value, self.axis).matrix()", "pin.exp3(self.axis * value)",
+        ),
+    )
+]  # fmt: skip
+
 MUTANTS = [
     *BARYCENTRIC,
+    *ACCURACY,
     # --- momentum and Jacobians -------------------------------------------------------------
     Mutant(
         "A_b in inertial axes", "momentum.py",

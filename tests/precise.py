@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import mpmath as mp
+from lxml import etree
 
 mp.mp.dps = 50
 
 
 def matrix(values) -> mp.matrix:
-    return mp.matrix([[mp.mpf(float(x)) for x in row] for row in values])
+    return mp.matrix([[mp.mpf(x) for x in row] for row in values])
 
 
 def vector(values) -> mp.matrix:
-    return mp.matrix([mp.mpf(float(x)) for x in values])
+    return mp.matrix([mp.mpf(x) for x in values])
 
 
 def cross(a, b) -> mp.matrix:
@@ -27,60 +31,109 @@ def turned(axis, angle) -> mp.matrix:
     return mp.eye(3) + mp.sin(angle) * K + (1 - mp.cos(angle)) * K * K
 
 
-def generalized_jacobian(cfg, base="free-floating") -> mp.matrix:
-    """J* of an arm with one tip, the spacecraft's frame the inertial one, all sums body by body.
+class Pose(NamedTuple):
+    """A pose to 50 digits, as rows of numbers."""
 
-    Momentum about the system CM is that of bodies that move as joint k, or the spacecraft along
-    or about an axis, moves them: h = sum m v, and sum R I R^T w + m (p - c) x v.
+    rotation: list
+    translation: list
+
+
+def numbers(element, attribute) -> list[float]:
+    return [float(word) for word in element.get(attribute, "0 0 0").split()]
+
+
+def pose(origin) -> Pose:
+    """Of a URDF's <origin xyz rpy>: R_z(yaw) R_y(pitch) R_x(roll)."""
+    roll, pitch, yaw = vector(numbers(origin, "rpy"))
+    x, y, z = columns(mp.eye(3))
+    R = turned(z, yaw) * turned(y, pitch) * turned(x, roll)
+    return Pose(R.tolist(), numbers(origin, "xyz"))
+
+
+def as_written(tree, text: str):
+    """The tree with poses and axes from the numbers of its URDF, in which they are complete."""
+    robot = etree.fromstring(text.encode())
+    joints, links = dict(tree.joints), dict(tree.links)
+    for joint in robot.iter("joint"):
+        name, axis = joint.get("name"), numbers(joint.find("axis"), "xyz")
+        joints[name] = replace(joints[name], origin=pose(joint.find("origin")), axis=axis)
+    for inertial in robot.iter("inertial"):
+        name = inertial.getparent().get("name")
+        links[name] = links[name]._replace(origin=pose(inertial.find("origin")))
+    return replace(tree, joints=joints, links=links)
+
+
+def coupled(tree) -> tuple[dict, dict]:
+    """Of every movable joint its rates per rate of the leading ones, and its position at q = 0."""
+    order = [joint.name for joint in tree.leading()]
+    rates = {name: mp.eye(len(order))[i, :] for i, name in enumerate(order)}
+    offsets = {name: mp.mpf(0) for name in order}
+    following = [joint for joint in tree.joints.values() if joint.mimic]
+    while following:
+        joint = following.pop(0)
+        leader, multiplier, offset = joint.mimic
+        if leader in rates:
+            rates[joint.name] = mp.mpf(multiplier) * rates[leader]
+            offsets[joint.name] = mp.mpf(multiplier) * offsets[leader] + mp.mpf(offset)
+        else:
+            following.append(joint)
+    return rates, offsets
+
+
+def generalized_jacobian(cfg, base="free-floating", tree=None) -> mp.matrix:
+    """J* of an arm with one tip, the spacecraft's frame the inertial one, all sums link by link.
+
+    Momentum about the system CM is that of links that move as joint k, or the spacecraft along
+    or about an axis, moves them: h = sum m v, and sum R I R^T w + m (p - c) x v. No sums
+    that the library or Pinocchio make are taken from them. `tree`: instead of the arm's own.
     """
-    arm, model = cfg.arm, cfg.arm.model
-    positions = [mp.mpf(float(x)) for x in cfg.q]
-    if arm.coupling is not None:
-        positions = list(matrix(arm.coupling) * mp.matrix(positions) + vector(arm.offsets))
-    R, p = [mp.eye(3)], [mp.zeros(3, 1)]
+    tree, tip = tree or cfg.arm.tree, cfg.arm.tip
+    rates, offsets = coupled(tree)
     motions = [(mp.zeros(3, 1), e) for e in columns(mp.eye(3))]  # (angular, velocity of origin)
     motions += [(e, mp.zeros(3, 1)) for e in columns(mp.eye(3))]
-    for j, q in enumerate(positions, start=1):
-        joint, placement = arm.tree.joints[model.names[j + 1]], model.jointPlacements[j + 1]
-        parent = model.parents[j + 1] - 1
-        axis = vector(joint.axis) / mp.norm(vector(joint.axis))
-        E = R[parent] * matrix(placement.rotation)
-        slides = joint.kind == "prismatic"
-        R.append(E if slides else E * turned(axis, q))
-        p.append(p[parent] + R[parent] * vector(placement.translation))
-        u = E * axis
-        if slides:
-            p[j] = p[j] + q * u
-        motions.append((mp.zeros(3, 1), u) if slides else (u, -cross(u, p[j])))
-    bodies = range(len(R))
-    m = [mp.mpf(float(inertia.mass)) for inertia in model.inertias[1:]]
-    CM = [p[k] + R[k] * vector(model.inertias[k + 1].lever) for k in bodies]
-    I = [R[k] * matrix(model.inertias[k + 1].inertia) * R[k].T for k in bodies]
-    M = mp.fsum(m)
-    c = sum((m[k] * CM[k] for k in bodies), mp.zeros(3, 1)) / M
-    frame = model.frames[arm.tip_frame]
-    at = frame.parentJoint - 1
-    r_E = p[at] + R[at] * vector(frame.placement.translation)
+    C = [mp.eye(6).tolist()[k] + [mp.mpf(0)] * cfg.arm.n for k in range(6)]  # their rates
+    R, p = {tree.root: mp.eye(3)}, {tree.root: mp.zeros(3, 1)}
+    movers = {tree.root: range(6)}  # what moves each link
+    for joint in tree.depth_first():
+        parent, child = joint.parent, joint.child
+        p[child] = p[parent] + R[parent] * vector(joint.origin.translation)
+        R[child], movers[child] = R[parent] * matrix(joint.origin.rotation), movers[parent]
+        if joint.movable:
+            movers[child] = [*movers[parent], len(motions)]
+            C.append([mp.mpf(0)] * 6 + list(rates[joint.name]))
+            q = (rates[joint.name] * vector(cfg.q))[0] + offsets[joint.name]
+            axis = vector(joint.axis) / mp.norm(vector(joint.axis))
+            u = R[child] * axis
+            if joint.kind == "prismatic":
+                p[child] = p[child] + q * u
+                motions.append((mp.zeros(3, 1), u))
+            else:
+                R[child] = R[child] * turned(axis, q)
+                motions.append((u, -cross(u, p[child])))
 
+    bodies = [(link, part) for link, part in tree.links.items() if part]
+    CM = {link: p[link] + R[link] * vector(part.origin.translation) for link, part in bodies}
+    M = mp.fsum(mp.mpf(part.mass) for _, part in bodies)
+    c = sum((mp.mpf(part.mass) * CM[link] for link, part in bodies), mp.zeros(3, 1)) / M
     A, J = mp.zeros(6, len(motions)), mp.zeros(6, len(motions))
-    for column, (w, v) in enumerate(motions):
-        carried = [column < 6 or column - 4 in list(model.supports[k + 1]) for k in bodies]
-        for k in bodies:
-            if carried[k]:
-                v_k = v + cross(w, CM[k])
-                h = I[k] * w + m[k] * cross(CM[k] - c, v_k)
-                for x in range(3):
-                    A[x, column] += m[k] * v_k[x]
-                    A[3 + x, column] += h[x]
-        if carried[at]:
-            v_E = v + cross(w, r_E)
+    for link, part in bodies:
+        m, axes = mp.mpf(part.mass), R[link] * matrix(part.origin.rotation)
+        I = axes * matrix(part.inertia) * axes.T
+        for column in movers[link]:
+            w, v = motions[column]
+            v_k = v + cross(w, CM[link])
+            h = I * w + m * cross(CM[link] - c, v_k)
             for x in range(3):
-                J[x, column], J[3 + x, column] = v_E[x], w[x]
+                A[x, column] += m * v_k[x]
+                A[3 + x, column] += h[x]
+    for column in movers[tip]:
+        w, v = motions[column]
+        v_E = v + cross(w, p[tip])
+        for x in range(3):
+            J[x, column], J[3 + x, column] = v_E[x], w[x]
+    A, J = A * mp.matrix(C), J * mp.matrix(C)
     f = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}[base]
-    J_star = J[:, 6:]
-    if f:
-        J_star = J_star - J[:, :f] * A[:f, :f] ** -1 * A[:f, 6:]
-    return J_star if arm.coupling is None else J_star * matrix(arm.coupling)
+    return J[:, 6:] - (J[:, :f] * A[:f, :f] ** -1 * A[:f, 6:] if f else mp.zeros(6, cfg.arm.n))
 
 
 def columns(a) -> list[mp.matrix]:
