@@ -153,7 +153,7 @@ def trajectories(rng: np.random.Generator, folder: Path, named: set[str]) -> Non
     run = sa.Trajectory.load(path, arm)
     repr(run), run.to_dict(), run.at(0), run.at(-1), run.drift, run.imbalance, run.to_xarray()
     sa.Motion.of(run).at(0.2)
-    if rng.random() < 0.1:
+    if rng.random() < 0.3:
         named.add("page.html")
         run.plot()
         sa.view(run, open=False).save("page.html")
@@ -173,6 +173,7 @@ ARRAYS: tuple[Callable[[np.ndarray], np.ndarray], ...] = (
     lambda a: np.zeros(a.shape),
     lambda a: a[..., None],
     lambda _: np.array(3.5),
+    *(lambda a, factor=f: a * factor if a.dtype.kind == "f" else a for f in (-1, 0, 1e9, 1e299)),
 )
 
 
