@@ -74,8 +74,7 @@ def main() -> int:
         home = Path(name).resolve()
         tempfile.tempdir = str(home)
         os.chdir(home)
-        if asked.target in (None, "commands"):
-            spoken(["map", "planar2", "--points", "9"])  # compiles, and looks for fonts
+        spoken(["map", "planar2", "--points", "9"])  # compiles, and looks for fonts
         signal.signal(signal.SIGPROF, _too_long)
         signal.signal(signal.SIGALRM, _too_long)
         fence = Fence()
