@@ -7,7 +7,7 @@ generator, which decides what comes, its folder, and a set for the names of what
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +15,11 @@ from mutations import mutated, other_numbers, urdf_sources
 
 import spacearm as sa
 from spacearm.collisions import Collisions
+from spacearm.files import models_folder
 
 JOINTS = 4
 """Joints that move in `motions`, the others locked: what many of them take is the user's affair."""
+OURS = sorted(models_folder().glob("*.urdf"))
 TASKS = (None, None, "x", "x y", "position", "pose")
 
 
@@ -25,9 +27,8 @@ class FaultError(Exception):
     """A case did what it must not do."""
 
 
-def _robot(rng: np.random.Generator) -> tuple[str, str | None]:
+def _robot(rng: np.random.Generator, sources: Sequence[Path]) -> tuple[str, str | None]:
     """A robot's URDF, and one of its later links."""
-    sources = urdf_sources()
     text = sources[rng.integers(len(sources))].read_text(encoding="utf-8")
     links = re.findall(r'<link\s+name="([^"]*)"', text)
     tip = str(rng.choice(links[len(links) // 2 :])) if links and rng.random() < 0.8 else None
@@ -36,7 +37,7 @@ def _robot(rng: np.random.Generator) -> tuple[str, str | None]:
 
 def urdf(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
     """Loads, mounts, asks, writes and reads again."""
-    text, tip = _robot(rng)
+    text, tip = _robot(rng, urdf_sources())
     path = folder / rng.choice(["robot.urdf", "robot.xacro"], p=[0.95, 0.05])
     path.write_bytes(mutated(text, rng))
     named.update((path.name, "again.urdf"))
@@ -56,7 +57,7 @@ def urdf(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
 
 def motions(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
     """Loads, and does one of the larger things with a few joints of it."""
-    text, tip = _robot(rng)
+    text, tip = _robot(rng, OURS if rng.random() < 0.5 else urdf_sources())
     path = folder / "robot.urdf"
     path.write_bytes(
         mutated(text, rng) if rng.random() < 0.2 else other_numbers(text, rng).encode()

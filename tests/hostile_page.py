@@ -25,8 +25,18 @@ VALUES = (
     "spacecraft", "\ud800", "x" * 90_000, [], {}, [0, 0, 0], [1e12, 0, 0], ["a"], {"do": "home"},
     float("nan"), float("-inf"), [[[[]]]], -0.7, 3.0, 250.0, 1e6, -1e12,
 )  # fmt: skip
+PANEL = {
+    "joint": {"index": (0, 1, 2), "value": (0.3, -0.7, 3.0, 250.0, 1e6, -1e12)},
+    "attitude": {"rpy": ([0, 0, 1], [1e12, -1e12, 3])},
+    "mode": {"mode": ("posture", "free-floating", "free-floating")},
+    "time": {"t": (-1, 0.3, 3.0, 1e9)},
+    "layer": {"name": ("spacecraft", "labels"), "visible": (True, False)},
+    "nearest": {},
+    "random": {},
+    "home": {},
+}
+"""What a page does send, or would if its arm had such limits."""
 KEYS = ("do", "index", "value", "rpy", "mode", "name", "visible", "t", "x")
-KINDS = ("joint", "attitude", "mode", "home", "nearest", "random", "layer", "time")
 
 
 ARMS = ("planar2", "mda6", "chaser7", "dual_ur5", "wide", "sliding")
@@ -81,9 +91,13 @@ def messages(rng: np.random.Generator, _: Path, __: set[str]) -> None:
 
 
 def _message(rng: np.random.Generator) -> str | bytes:
+    said = str(rng.choice(list(PANEL)))
+    if rng.random() < 0.4:
+        fields = PANEL[said].items()
+        return json.dumps({"do": said} | {key: v[rng.integers(len(v))] for key, v in fields})
     keys = ["do", *rng.choice(KEYS, rng.integers(0, 4))]
     content = {str(key): VALUES[rng.integers(len(VALUES))] for key in keys}
-    content["do"] = str(rng.choice(KINDS)) if rng.random() < 0.8 else content["do"]
+    content["do"] = said if rng.random() < 0.8 else content["do"]
     text = json.dumps(content)
     kind = rng.random()
     if kind < 0.7:
