@@ -207,9 +207,16 @@ KINDS = ("stl", "stl_ascii", "obj", "ply", "dae")
 def meshes(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
     """A robot whose links look like and collide as a mesh file that is wrong: drawn, kept apart."""
     kind = KINDS[rng.integers(len(KINDS))]
-    content = SOLIDS[rng.integers(len(SOLIDS))].export(file_type=kind)
+    solid = SOLIDS[rng.integers(len(SOLIDS))].copy()
+    odd = bool(rng.random() < 0.4)  # a sound file of a strange body, or the other way round
+    if odd:
+        flat = rng.choice([0.0, 1.0], 3, p=[0.1, 0.9])
+        solid.vertices = solid.vertices * flat * 10.0 ** rng.uniform(-9, 9, 3)
+    content = solid.export(file_type=kind)
     file = f"body.{kind.removesuffix('_ascii') if rng.random() < 0.95 else rng.choice(KINDS)}"
-    if isinstance(content, str) or (kind == "dae" and rng.random() < 0.7):
+    if odd:
+        Path(file).write_bytes(content.encode() if isinstance(content, str) else content)
+    elif isinstance(content, str) or (kind == "dae" and rng.random() < 0.7):
         text = content if isinstance(content, str) else content.decode()
         Path(file).write_bytes(changed_text(text, rng))
     else:

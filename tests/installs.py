@@ -25,9 +25,9 @@ ROOT = Path(__file__).resolve().parent.parent
 FILES = (
     "test_momentum", "test_jacobian", "test_barycentric", "test_dynamics", "test_batch",
     "test_urdf", "test_mount", "test_collisions", "test_map", "test_simulate_command", "test_view",
-    "test_simulation", "test_sweep", "test_sweep_cluster",
+    "test_simulation", "test_singular_set", "test_sweep", "test_sweep_cluster",
 )  # fmt: skip
-"""They use every dependency of the package and of EXTRAS."""
+"""They use every dependency of the package."""
 EXTRAS = ("cluster", "test", "xacro")
 """Those whose packages the tests here use."""
 
