@@ -7,7 +7,9 @@
 A billion batch evaluations, 24 simulated hours, 10,000 moves of a slider in the browser (with pip
 install -e '.[test]' and chromium), 1,000 loads. Each job is done in eleven equal parts. The first
 one fills caches; after each of the others the resident memory of the process and what Python itself
-holds (tracemalloc) are read. Growth is the slope of a straight line through these ten readings.
+holds (tracemalloc) are read, and for the slider what the browser's processes and, its garbage
+collected, the page hold. Growth is the slope of a straight line through these ten readings: exit
+code 1 if one is over what its job and meter are allowed (see ALLOWED).
 """
 
 from __future__ import annotations
@@ -32,6 +34,23 @@ PARTS = 11
 
 Job = Callable[[int], object]
 """Does so many operations."""
+Meter = Callable[[], float]
+"""Reads a memory [MB]."""
+
+ALLOWED = {
+    "Python": (16.0, 0.1),
+    "resident": (128.0, 0.5),
+    "page": (128.0, 1.0),
+    "browser": (4096.0, 10.0),
+}
+"""Growth in each part: so much, and so much for each operation [kB].
+
+An array that every operation keeps is over 0.1 kB of Python. In the runs that README shows parts
+grew by up to 4 kB of Python and 71 kB of resident memory, by allocators and by what scipy keeps of
+a run. The browser's processes hold caches that come and go by megabytes.
+"""
+BATCHED = 1e-3
+"""Share of that for an operation of a batch: all that a batch may keep of one is 0.1 bytes."""
 
 
 def evaluations() -> Job:
@@ -79,7 +98,7 @@ def loads() -> Job:
 
 
 @contextmanager
-def slider() -> Iterator[Job]:
+def slider() -> Iterator[tuple[Job, dict[str, Meter]]]:
     from playwright.sync_api import sync_playwright
 
     move = """async (count) => {
@@ -91,63 +110,85 @@ def slider() -> Iterator[Job]:
         slider.dispatchEvent(new Event("input"));
         while (tip.textContent === before) await new Promise((go) => setTimeout(go, 0));
       }
-      return performance.memory.usedJSHeapSize / 2 ** 20;
     }"""
+    heap = "() => { gc(); return performance.memory.usedJSHeapSize / 2 ** 20; }"
     options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    options += ["--js-flags=--expose-gc", "--enable-precise-memory-info"]
     viewer = sa.view(sa.load("chaser7"), open=False)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=which("chromium"), args=options)
         page = browser.new_page(viewport={"width": 420, "height": 320})
         page.goto(viewer.serve())
         page.wait_for_selector("body[data-ready=yes]", state="attached")
-        heaps: list[float] = []
-        yield lambda count: heaps.append(page.evaluate(move, count))
-        print(f"    page     {heaps[1]:8.2f} {heaps[-1]:8.2f} MB")
+        meters = {"page": lambda: page.evaluate(heap), "browser": started}
+        yield lambda count: page.evaluate(move, count), meters
         browser.close()
     viewer.close()
 
 
-def resident() -> float:
-    """Memory of this process [MB]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
+def resident(pid: int | str = "self") -> float:
+    """Memory of a process [MB]."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 2**20
 
 
-def soak(what: str, part: int, job: Job) -> None:
-    """Does so many operations `PARTS` times and prints how memory grew."""
+def started(pid: int | str = "self") -> float:
+    """Memory of all processes that this one has started, and those that they have [MB]."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    children = [int(n) for task in tasks for n in (task / "children").read_text().split()]
+    return sum(resident(child) + started(child) for child in children)
+
+
+def soak(what: str, part: int, job: Job, meters: dict[str, Meter], share: float = 1.0) -> bool:
+    """Does so many operations `PARTS` times, prints how memory grew; whether it stayed flat."""
+    meters = {
+        "resident": resident,
+        "Python": lambda: tracemalloc.get_traced_memory()[0] / 2**20,
+        **meters,
+    }
     readings = []
     start = time.perf_counter()
     for _ in range(PARTS):
         job(part)
         gc.collect()
-        readings.append((resident(), tracemalloc.get_traced_memory()[0] / 2**20))
+        readings.append([read() for read in meters.values()])
     seconds = time.perf_counter() - start
-    rss, python = np.array(readings[1:]).T
     print(f"{part * PARTS:,} {what} in {seconds:.0f} s, memory after a {PARTS}th and at the end:")
-    for label, values in (("resident", rss), ("Python", python)):
+    flat = True
+    for label, values in zip(meters, np.array(readings[1:]).T, strict=True):
         slope = np.polyfit(np.arange(len(values)), values, 1)[0] * 1024.0
-        print(f"    {label:8} {values[0]:8.2f} {values[-1]:8.2f} MB, {slope:+.1f} kB in each part")
+        least, each = ALLOWED[label]
+        allowed = least + each * share * part
+        flat &= bool(slope <= allowed)
+        print(
+            f"    {label:8} {values[0]:8.2f} {values[-1]:8.2f} MB, {slope:+.1f} kB in each part"
+            + ("" if slope <= allowed else f": TOO MUCH, allowed are {allowed:.1f}")
+        )
     sys.stdout.flush()
+    return flat
 
 
-def main() -> None:
+def main() -> int:
+    """Runs the jobs; 0 if memory stays flat in all of them."""
     scale = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
     jobs = sys.argv[2:] or ["evaluate", "simulate", "load", "slide"]
     tracemalloc.start()
+    flat = []
 
     def part(count: int, least: int = 1) -> int:
         return max(least, -(-round(count * scale) // PARTS))
 
     if "evaluate" in jobs:
-        soak("batch evaluations", part(1_000_000_000), evaluations())
+        flat.append(soak("batch evaluations", part(1_000_000_000), evaluations(), {}, BATCHED))
     if "simulate" in jobs:
-        soak("simulated seconds", part(24 * 3600), simulation())
+        flat.append(soak("simulated seconds", part(24 * 3600), simulation(), {}))
     if "load" in jobs:
-        soak("loads", part(1000, least=len(sa.catalogue())), loads())
+        flat.append(soak("loads", part(1000, least=len(sa.catalogue())), loads(), {}))
     if "slide" in jobs:
-        with slider() as moves:
-            soak("slider moves", part(10_000), moves)
+        with slider() as (moves, meters):
+            flat.append(soak("slider moves", part(10_000), moves, meters))
+    return 0 if all(flat) else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,7 +1,9 @@
 """Installs: the wheel in fresh environments of several Pythons, with a few test files run on it.
 
     python tests/installs.py python3.10 python3.13       # the newest dependencies that pip takes
-    python tests/installs.py --lowest python3.10         # each at its lower bound
+    python tests/installs.py --lowest python3.10 python3.11   # each at its lower bound
+
+Some dependencies (zarr, distributed) are for Python 3.11 on: on 3.10 their bounds are not tried.
 
 Run on demand: it fetches packages with pip, and takes minutes.
 """
@@ -23,8 +25,11 @@ ROOT = Path(__file__).resolve().parent.parent
 FILES = (
     "test_momentum", "test_jacobian", "test_barycentric", "test_dynamics", "test_batch",
     "test_urdf", "test_mount", "test_collisions", "test_map", "test_simulate_command", "test_view",
+    "test_simulation", "test_singular_set", "test_sweep", "test_sweep_cluster",
 )  # fmt: skip
-"""They use every dependency."""
+"""They use every dependency of the package."""
+EXTRAS = ("cluster", "test", "xacro")
+"""Those whose packages the tests here use."""
 
 
 def main(words: list[str]) -> int:
@@ -34,39 +39,46 @@ def main(words: list[str]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
         (wheel,) = Path(folder).glob("*.whl")
-        constraints = Path(folder, "constraints.txt")
-        bounds = lower_bounds(wheel) if lowest else []
-        constraints.write_text("\n".join(bounds), encoding="utf-8")
-        failed = [p for p in pythons if not works(p, wheel, constraints)]
+        failed = [p for p in pythons if not works(p, wheel, lowest)]
     return 1 if failed else 0
 
 
-def needed(wheel: Path) -> list[Requirement]:
-    """What the package and its tests require."""
+def needed(wheel: Path, python: str) -> list[Requirement]:
+    """What the package and its extras require on a Python."""
+    code = "import platform; print(platform.python_version())"
+    version = run(python, "-c", code).strip()
+    there = {"python_version": ".".join(version.split(".")[:2]), "python_full_version": version}
     with zipfile.ZipFile(wheel) as file:
         (name,) = (name for name in file.namelist() if name.endswith(".dist-info/METADATA"))
         found = Metadata.from_email(file.read(name)).requires_dist or []
-    return [r for r in found if not r.marker or r.marker.evaluate({"extra": "test"})]
+    return [
+        r
+        for r in found
+        if not r.marker or any(r.marker.evaluate({**there, "extra": e}) for e in EXTRAS)
+    ]
 
 
-def lower_bounds(wheel: Path) -> list[str]:
+def lower_bounds(requirements: list[Requirement]) -> list[str]:
     """name==version at the lower bound of every requirement that has one."""
     return [
         f"{requirement.name}=={bound.version}"
-        for requirement in needed(wheel)
+        for requirement in requirements
         for bound in requirement.specifier
         if bound.operator in (">=", "==")
     ]
 
 
-def works(python: str, wheel: Path, constraints: Path) -> bool:
+def works(python: str, wheel: Path, lowest: bool) -> bool:
     """Installs the wheel for one Python and runs the tests on it."""
-    begun = time.monotonic()
+    begun, requirements = time.monotonic(), needed(wheel, python)
     with tempfile.TemporaryDirectory() as folder:
         run(python, "-m", "venv", folder)
         own = str(Path(folder, "bin", "python"))
+        constraints = Path(folder, "constraints.txt")
+        bounds = lower_bounds(requirements) if lowest else []
+        constraints.write_text("\n".join(bounds), encoding="utf-8")
         options = ("--quiet", "--only-binary", ":all:", "--constraint", constraints)
-        run(own, "-m", "pip", "install", *options, f"{wheel}[test]")
+        run(own, "-m", "pip", "install", *options, f"{wheel}[{','.join(EXTRAS)}]")
         version = run(own, "--version").strip()
         frozen = run(own, "-m", "pip", "list", "--format=freeze").split()
         files = [str(ROOT / "tests" / f"{name}.py") for name in FILES]
@@ -74,7 +86,7 @@ def works(python: str, wheel: Path, constraints: Path) -> bool:
         tests = subprocess.run(
             words, cwd=folder, env=own_environment(), capture_output=True, text=True, check=False
         )
-    wanted = {requirement.name.lower() for requirement in needed(wheel)}
+    wanted = {requirement.name.lower() for requirement in requirements}
     print(f"{version}: {tests.stdout.strip().splitlines()[-1]}, {time.monotonic() - begun:.0f} s")
     print("  " + ", ".join(line for line in frozen if line.partition("==")[0].lower() in wanted))
     if tests.returncode != 0:

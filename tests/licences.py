@@ -1,24 +1,31 @@
 """Licences: what the package and all that it needs, directly or not, may be used under.
 
-    python tests/licences.py
+    python tests/licences.py                          # without the extras
+    python tests/licences.py --extra cluster --extra gpu   # with what these bring
 
 Read from the metadata of what is installed here. 1 if a dependency names no licence.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
-from importlib.metadata import distribution
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, distribution
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 UNSAID = "not said"
+NOTES = {
+    "jrl-cmakemodules": "CMake files that example-robot-data comes with: nothing links to them",
+}
+"""What a licence means here that asks for more than to be named."""
 
 
-def dependencies(name: str) -> set[str]:
-    """The distributions that one needs, directly or not, extras left out."""
-    found, waiting = set(), [(name, frozenset[str]())]
+def dependencies(name: str, extras: Iterable[str] = ()) -> set[str]:
+    """The distributions that one needs with some of its extras, directly or not."""
+    found, waiting = set(), [(name, frozenset(extras))]
     while waiting:
         name, extras = waiting.pop()
         for text in distribution(name).requires or ():
@@ -48,9 +55,17 @@ def licence(name: str) -> str:
 
 def main() -> int:
     """Prints the table; 0 if every licence is named."""
-    rows = [(name, licence(name)) for name in ("spacearm", *sorted(dependencies("spacearm")))]
+    parser = argparse.ArgumentParser()
+    known = distribution("spacearm").metadata.get_all("Provides-Extra", [])
+    parser.add_argument("--extra", action="append", default=[], choices=known)
+    try:
+        needed = dependencies("spacearm", parser.parse_args().extra)
+    except PackageNotFoundError as error:
+        parser.error(f"{error.name} is not installed: install the extra first")
+    rows = [(name, licence(name)) for name in ("spacearm", *sorted(needed))]
     for name, said in rows:
-        print(f"{name:26} {distribution(name).version:16} {said}")
+        note = f" ({NOTES[name]})" if name in NOTES else ""
+        print(f"{name:26} {distribution(name).version:16} {said}{note}")
     return 1 if UNSAID in dict(rows).values() else 0
 
 

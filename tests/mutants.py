@@ -46,6 +46,10 @@ class Mutant(NamedTuple):
 BARYCENTRIC = [
     Mutant(*row, "test_barycentric")
     for row in (
+        (
+            "(2) system CM", "barycentric.py", "(chain.first_cm - rho[0])",
+            "(chain.first_cm + rho[0])",
+        ),
         ("(3) tip from its body's CM", "barycentric.py", "v_E[tip] += p_E", "v_E[tip] -= p_E"),
         (
             "(7) mass distribution", "barycentric.py",
@@ -54,6 +58,7 @@ BARYCENTRIC = [
         ),
         ("(8) barycentres", "barycentric.py", "c = l * mu[:-1, None]", "c = l * mu[1:, None]"),
         ("(9) barycentric vectors", "barycentric.py", "= -c, r - c, l - c", "= c, r - c, l - c"),
+        ("(11) CMs from the system CM", "barycentric.py", "v.sum(axis=0)", "v.sum(axis=1)"),
         (
             "(12) selection law", "barycentric.py",
             "r_star[i] if i < k else c_star[i] if i == k else l_star[i]",
@@ -75,6 +80,12 @@ BARYCENTRIC = [
             "(27) attitude of Euler parameters", "barycentric.py",
             "+ 2.0 * n * _cross(e)", "- 2.0 * n * _cross(e)",
         ),
+        (
+            "(27) scalar part", "barycentric.py",
+            "(n * n - e @ e) * np.eye", "(n * n + e @ e) * np.eye",
+        ),
+        ("(28) half angles", "barycentric.py", "np.sin(angle / 2.0)", "np.sin(angle)"),
+        ("(29) twice e e^T", "barycentric.py", "+ 2.0 * np.outer(e, e)", "+ np.outer(e, e)"),
         ("(31) rates of the bodies", "barycentric.py", "np.arange(N) < j", "np.arange(N) <= j"),
         (
             "(33c) reaction", "barycentric.py",
@@ -82,11 +93,19 @@ BARYCENTRIC = [
         ),
         ("(34a) J11", "barycentric.py", "J11=-sum(", "J11=sum("),
         ("(34a) J12", "barycentric.py", "range(1, N + 1)), np.zeros(F", "range(1, N)), np.zeros(F"),
+        ("(34a) J22", "barycentric.py", "J22=F[tip]", "J22=F[N]"),
+        ("(34b) D", "barycentric.py", "D=D_j.sum(axis=0)", "D=D_j[1:].sum(axis=0)"),
         ("(34b) D_j", "barycentric.py", "D_j = D_ij.sum(axis=0)", "D_j = D_ij.sum(axis=1)"),
+        ("(34b) D_q", "barycentric.py", '"jab,jbn->an"', '"jba,jbn->an"'),
         ("(35) J*", "barycentric.py", "self.T0 @ (w + self.J22)", "self.T0.T @ (w + self.J22)"),
         (
             "(36) rates of Euler parameters", "barycentric.py",
             "(_cross(e) @ w + n * w) / 2.0", "(n * w - _cross(e) @ w) / 2.0",
+        ),
+        ("(36) scalar part", "barycentric.py", "float(-e @ w) / 2.0", "float(e @ w) / 2.0"),
+        (
+            "virtual manipulator's [J12; J22]", "barycentric.py",
+            "np.vstack((self.T0 @ self.J12,", "np.vstack((self.J12,",
         ),
         (
             "virtual manipulator", "barycentric.py",
@@ -185,6 +204,10 @@ MUTANTS = [
         "drift = J @ dq + cfg.J", "drift = J @ dq - cfg.J", "test_multi_arm",
     ),
     Mutant(
+        "drift J_b A_b^-1 h, every joint free", "jacobian.py",
+        "J[:, free], drift)", "J[:, free], drift * bool(rates))", "test_multi_arm",
+    ),
+    Mutant(
         "(36) rate of the attitude", "reaction.py",
         "n * w - pin.skew(e) @ w", "n * w + pin.skew(e) @ w", "test_following test_simulation",
     ),
@@ -226,6 +249,35 @@ MUTANTS = [
     ),
     Mutant(
         "roots of degree one", "line.py", "cosine = -c / r", "cosine = c / r", "test_polynomial",
+    ),
+    Mutant(
+        "(44) shells: largest distance", "shells.py",
+        "(-1.0, order[: -STARTS - 1 : -1])", "(1.0, order[: -STARTS - 1 : -1])", "test_workspace",
+    ),
+    Mutant(
+        "free workspace: every direction", "free_workspace.py",
+        "self.reached(hardest).all() and self.reached(others).all()",
+        "self.reached(hardest).any()", "test_workspace",
+    ),
+    Mutant(
+        "free workspace: where it may end", "free_workspace.py",
+        'else "attitude-controlled"', 'else "free-floating"', "test_workspace",
+    ),
+    Mutant(
+        "roots of higher degree", "line.py",
+        "companion[:, :, -1] = -monic", "companion[:, :, -1] = monic", "test_polynomial",
+    ),
+    Mutant(
+        "redundant arms: n - k + 1 equations", "found_set.py",
+        "VT[k - 1 :].T", "VT[k - 1 : k].T", "test_singular_set test_workspace",
+    ),
+    Mutant(
+        "certificate: off the chord", "certificate.py",
+        "step) / 8.0", "step) / 800.0", "test_singular_set test_polynomial",
+    ),
+    Mutant(
+        "certificate: bound of the curvature", "certificate.py",
+        "0.5 * B * h * h", "0.0005 * B * h * h", "test_singular_set test_polynomial",
     ),
     Mutant(
         "derivative of a polynomial", "polynomial.py",

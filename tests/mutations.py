@@ -10,8 +10,6 @@ import numpy as np
 from spacearm.arm_models import arms
 from spacearm.files import models_folder
 
-SMALL = 200_000
-"""Bytes of the largest URDF that is mutated."""
 HOSTILE = (
     "", " ", "0", "-1", "1e-300", "1e308", "-1e400", "nan", "inf", "0x10", "1,5", "1 2", "1 2 3",
     "1 2 3 4", "0 0 0", "nan 0 0", "1e200 1e200 1e200", "\u0661", "\u2028", "\U0001f916", "%s%n",
@@ -22,11 +20,10 @@ HOSTILE = (
 
 
 def urdf_sources() -> list[Path]:
-    """All models, and all of example-robot-data that are not large."""
+    """All models, and all of example-robot-data."""
     above = {p for arm in arms() for p in arm.path.parents if p.name == "robots"}
     robots = min(above, key=lambda p: len(p.parts))
-    found = [*sorted(models_folder().glob("*.urdf")), *sorted(robots.rglob("*.urdf"))]
-    return [path for path in found if path.stat().st_size < SMALL]
+    return [*sorted(models_folder().glob("*.urdf")), *sorted(robots.rglob("*.urdf"))]
 
 
 def mutated(text: str, rng: np.random.Generator) -> bytes:
@@ -38,6 +35,34 @@ def mutated(text: str, rng: np.random.Generator) -> bytes:
         at = rng.integers(0, len(data) + 1)
         data = data[:at] + rng.bytes(rng.integers(0, 8)) + data[at:]
     return data
+
+
+def other_numbers(text: str, rng: np.random.Generator) -> str:
+    """URDF text with up to three other numbers."""
+    for _ in range(rng.integers(0, 4)):
+        text = _number(text, rng)
+    return text
+
+
+def altered(data: bytes, rng: np.random.Generator) -> bytes:
+    """A file with a few other bytes, or cut off."""
+    changed = bytearray(data)
+    for _ in range(rng.integers(1, 20) if changed else 0):
+        changed[rng.integers(len(changed))] = rng.integers(256)
+    kept = len(changed) if rng.random() < 0.7 else int(rng.integers(len(changed) + 1))
+    return bytes(changed[:kept])
+
+
+def changed_text(text: str, rng: np.random.Generator) -> bytes:
+    """A text with a few words, lines or letters that are wrong."""
+    for _ in range(rng.integers(1, 4)):
+        words = list(re.finditer(r"[^\s,:\"<>]+", text))
+        if not words:
+            break
+        match, other = (words[i] for i in rng.integers(0, len(words), 2))
+        value = str(rng.choice(HOSTILE)) if rng.random() < 0.7 else other[0]
+        text = text[: match.start()] + value + text[match.end() :]
+    return altered(text.encode(), rng) if rng.random() < 0.2 else text.encode()
 
 
 def _value(text: str, rng: np.random.Generator) -> str:
@@ -56,7 +81,7 @@ def _number(text: str, rng: np.random.Generator) -> str:
     if not found:
         return text
     match = found[rng.integers(len(found))]
-    value = float(match[0]) * 10.0 ** rng.uniform(-12, 12) * rng.choice([-1, 1, 0])
+    value = float(float(match[0]) * 10.0 ** rng.uniform(-12, 12) * rng.choice([-1, 1, 0]))
     return f"{text[: match.start()]}{value!r}{text[match.end() :]}"
 
 

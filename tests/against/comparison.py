@@ -1,17 +1,20 @@
 """spacearm beside the engines that are installed.
 
-python tests/against/comparison.py        # the table of README
+python tests/against/comparison.py             # the table of README
+python tests/against/comparison.py --engines   # which ones; 1 if one that should be is not
 """
 
 from __future__ import annotations
 
+import importlib
+import platform
 import sys
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from conventions import DISTRIBUTIONS, ENGINES, Answers, Spacearm, State, branches
+from conventions import DISTRIBUTIONS, ENGINES, MODULES, Answers, Spacearm, State, branches
 
 sys.path.append(str(Path(__file__).parents[1]))
 from arms import frame, joint, load_text, random_base, random_chain, random_tree
@@ -61,11 +64,18 @@ def relative(ours, theirs, *parts):
         if end > start:
             scale = np.abs(ours[start:end]).max()
             differences.append(np.abs(ours[start:end] - theirs[start:end]).max() / scale)
-    return max(differences)
+    return float(np.max(differences))  # NaN if one is
 
 
 def differences(ours: Answers, theirs: Answers) -> dict[str, float]:
-    """Relative ones, linear and angular parts apart; M in units of its diagonal."""
+    """Relative ones, linear and angular parts apart; M in units of its diagonal.
+
+    Raises:
+        ValueError: A number of either is not finite.
+    """
+    for whose, answers in (("our", ours), ("their", theirs)):
+        if bad := [name for name, x in answers._asdict().items() if not np.isfinite(x).all()]:
+            raise ValueError(f"{whose} {', '.join(bad)}: not finite")
     d = np.sqrt(np.diag(ours.mass_matrix))
     scaled = np.abs(ours.mass_matrix - theirs.mass_matrix) / np.outer(d, d)
     return {
@@ -92,11 +102,30 @@ def suits(engine: str, name: str, arm) -> bool:
     return (engine, name) not in UNLIKE and not (engine == "SPART" and branches(arm))
 
 
-def main() -> None:
+def installed() -> list[str]:
+    """The engines that can be imported; why the others cannot is printed."""
+    found = []
+    for name, module in MODULES.items():
+        try:
+            importlib.import_module(module)
+        except ImportError as error:
+            print(f"{name} is not compared: {error}")
+        else:
+            found.append(name)
+    return found
+
+
+def main(words: list[str]) -> int:
+    """Prints the table, or the engines; 1 if one of those is missing on Linux, x86-64."""
+    engines = installed()
+    if words == ["--engines"]:
+        print("compared:", *(f"{name} {version(DISTRIBUTIONS[name])}" for name in engines))
+        everywhere = (sys.platform, platform.machine()) == ("linux", "x86_64")
+        return 1 if everywhere and len(engines) < len(ENGINES) else 0
     arms = subjects()
     table: dict[str, dict[str, float]] = {}
     asked: dict[str, int] = {}
-    for name, engine in ENGINES.items():
+    for name, engine in ((name, ENGINES[name]) for name in engines):
         for label, arm in arms.items():
             if suits(name, label, arm):
                 asked[name] = asked.get(name, 0) + 1
@@ -109,7 +138,8 @@ def main() -> None:
     print("| arms compared |", " | ".join(str(asked[name]) for name in asked), "|")
     for quantity, row in table.items():
         print(f"| {quantity} |", " | ".join(f"{row[name]:.0e}" for name in asked), "|")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(sys.argv[1:]))

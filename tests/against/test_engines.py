@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from comparison import UNLIKE, compared, subjects, suits
-from conventions import ENGINES, MODULES
+from comparison import UNLIKE, compared, differences, main, relative, states, subjects, suits
+from conventions import ENGINES, MODULES, Spacearm
 
 import spacearm as sa
 
@@ -19,6 +19,27 @@ def test_everything_agrees(engine, name):
         pytest.skip(UNLIKE.get((engine, name), "spartpy's velocities are those of serial arms"))
     for quantity, difference in compared(arm, ENGINES[engine]).items():
         assert difference < 1e-10, quantity
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+@pytest.mark.parametrize("quantity", ["com", "momentum", "acceleration"])
+def test_numbers_that_are_not_finite_are_no_agreement(quantity, number):
+    answers = Spacearm()(next(states(ARMS["planar2"])))
+    assert max(differences(answers, answers).values()) == 0.0
+    spoiled = answers._replace(**{quantity: getattr(answers, quantity) * number})
+    for pair, whose in (((answers, spoiled), "their"), ((spoiled, answers), "our")):
+        with pytest.raises(ValueError, match=f"{whose} {quantity}: not finite"):
+            differences(*pair)
+    assert np.isnan(relative(np.ones(6), np.full(6, np.nan), 3))
+
+
+def test_a_missing_engine_is_named_and_an_error_where_all_install(monkeypatch, capsys):
+    monkeypatch.setitem(MODULES, "Drake", "pydrake_that_is_not_there")
+    for machine, code in ((("linux", "x86_64"), 1), (("darwin", "arm64"), 0)):
+        monkeypatch.setattr("sys.platform", machine[0])
+        monkeypatch.setattr("platform.machine", lambda machine=machine: machine[1])
+        assert main(["--engines"]) == code
+        assert "Drake is not compared: No module named 'pydrake_that" in capsys.readouterr().out
 
 
 def test_mujoco_refuses_the_inertia_that_ets7_was_published_with():
