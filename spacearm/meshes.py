@@ -5,10 +5,12 @@ from __future__ import annotations
 import io
 import logging
 import zipfile
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from lxml import etree
 
 from spacearm.arrays import LARGEST
 from spacearm.errors import ModelError
@@ -22,6 +24,8 @@ LARGEST_MESH = 10**8
 """Bytes that a mesh file may have."""
 MOST_TRIANGLES = 10**7
 """Triangles that a mesh may have: a file may place one part any number of times."""
+MOST_NODES = 10_000
+"""Nodes that a COLLADA scene may place."""
 
 
 def find_mesh(filename: str, urdf: Path) -> Path | None:
@@ -60,6 +64,8 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     content = read(path, LARGEST_MESH)
     if zipfile.is_zipfile(io.BytesIO(content)):
         raise ValueError("it is an archive: unpack it")
+    if suffix == ".dae":
+        content = _plain(content)
     with np.errstate(all="ignore"):  # what overflows is found below
         scene = trimesh.load_scene(io.BytesIO(content), file_type=suffix[1:], process=False)
         solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
@@ -73,3 +79,21 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     if not (np.abs(mesh.vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
     return mesh
+
+
+def _plain(collada: bytes) -> bytes:
+    """A COLLADA file without what can grow: entities, and nodes that place nodes that do so."""
+    if b"<!DOCTYPE" in collada:
+        raise ValueError("it declares a DOCTYPE: remove it")
+    root = etree.fromstring(collada, etree.XMLParser(encoding="utf-8", huge_tree=True))
+    named = {f"#{node.get('id')}": node for node in root.iter("{*}node")}
+
+    @cache
+    def placed(node: etree._Element) -> int:
+        instances = (named.get(i.get("url", "")) for i in node.iterchildren("{*}instance_node"))
+        inner = [*node.iterchildren("{*}node"), *(node for node in instances if node is not None)]
+        return 1 + sum(map(placed, inner))
+
+    if sum(map(placed, root.iter("{*}visual_scene"))) > MOST_NODES:
+        raise ValueError(f"it places more than {MOST_NODES:,} nodes")
+    return etree.tostring(root)

@@ -159,6 +159,20 @@ MESHES = {
 }
 
 
+NODES = "".join(
+    f'<node id="n{i + 1}"><instance_node url="#n{i}"/><instance_node url="#n{i}"/></node>'
+    for i in range(60)
+)
+ENTITIES = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(30))
+MESHES |= {
+    "many.dae": f'<COLLADA xmlns="c"><node id="n0"/>{NODES}'
+    '<visual_scene><instance_node url="#n60"/></visual_scene></COLLADA>',
+    "round.dae": '<COLLADA><visual_scene><node id="n"><instance_node url="#n"/></node>'
+    "</visual_scene></COLLADA>",
+    "entities.dae": f'<!DOCTYPE c [<!ENTITY e0 "e">{ENTITIES}]><COLLADA>&e30;</COLLADA>',
+}
+
+
 @pytest.mark.parametrize(
     ("name", "scale", "message"),
     [
@@ -173,6 +187,9 @@ MESHES = {
         ("bare.obj", "1 1 1", "'bare.obj' cannot be read"),
         ("box.zip", "1 1 1", "'box.zip' cannot be read .give one of .stl"),
         ("zipped.dae", "1 1 1", "'zipped.dae' cannot be read .it is an archive"),
+        ("many.dae", "1 1 1", "'many.dae' cannot be read .it places more than 10,000 nodes"),
+        ("round.dae", "1 1 1", "'round.dae' cannot be read .maximum recursion depth"),
+        ("entities.dae", "1 1 1", "'entities.dae' cannot be read .it declares a DOCTYPE"),
         ("text.urdf", "1 1 1", "'text.urdf' cannot be read .give one of .stl"),
         ("broken.glb", "1 1 1", "'broken.glb' cannot be read"),
     ],
