@@ -215,7 +215,8 @@ def check_shells(arm: SpaceArm) -> None:
         check_square(arm)
     except UnsupportedError as error:
         raise UnsupportedError(
-            f"{error}; without S there are no shells: sa.risk_profile takes every arm"
+            f"{error}; without a singularity polynomial there are no shells, but "
+            "sa.risk_profile takes every arm"
         ) from None
 
 

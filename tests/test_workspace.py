@@ -497,7 +497,7 @@ def test_command_as_json(tmp_path):
     [
         (("planar2", "--path", "nothing.txt"), "nothing.txt"),
         (("planar2", "--output", "w.gif"), "gif"),
-        (("chaser7",), "lock joints"),
+        (("chaser7",), "lock 1 joint"),
     ],
 )
 def test_bad_commands(arguments, message, tmp_path):
