@@ -23,7 +23,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import StoreError
-from spacearm.files import read
+from spacearm.files import read, write
 from spacearm.study import Chunk, Study
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 MARKS = "chunks"
 """Group of the marks, an array for each quantity."""
 DONE, FAILED = "done", "failed"
+DAMAGED = (ValueError, MemoryError)
+"""What Zarr makes of a file whose checksum is wrong, or that says that it holds no end of text."""
 LAYOUT = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value")
 """What must agree in the description of an array."""
 
@@ -91,7 +93,7 @@ class Store:
             marks = self._marks[quantity]
             try:
                 return [str(mark) for mark in marks[:]]
-            except ValueError:
+            except DAMAGED:
                 return [self._mark(Chunk(quantity, i)) for i in range(marks.shape[0])]
 
     def is_done(self, chunk: Chunk) -> bool:
@@ -104,7 +106,7 @@ class Store:
                 region = self.study.region(chunk)
                 names = self.study.quantities[chunk.quantity].variables
                 return mark == _done({name: self._arrays[name][region] for name in names})
-            except ValueError:  # a file's own checksum is wrong
+            except DAMAGED:
                 return False
 
     def write(self, chunk: Chunk, values: Mapping[str, Array]) -> None:
@@ -143,7 +145,7 @@ class Store:
     def _mark(self, chunk: Chunk) -> str:
         try:
             return str(self._marks[chunk.quantity][chunk.number])
-        except ValueError:  # its checksum is wrong
+        except DAMAGED:
             return ""
 
     @contextmanager
@@ -193,7 +195,7 @@ def _describe(path: Path, study: Study) -> None:
 
 
 def _compare(path: Path, study: Study) -> None:
-    """Refuses a store that is not this study's."""
+    """Refuses a store that is not this study's; its labels, which the study gives, are restored."""
     remedy = "give another --store, or finish that sweep with its own study, arms and version"
     found = _description(path / "zarr.json")
     if not found:
@@ -212,6 +214,11 @@ def _compare(path: Path, study: Study) -> None:
             expected, there = _description(Path(folder) / name), _description(path / name)
             if any(expected.get(key) != there.get(key) for key in LAYOUT):
                 raise StoreError(f"{path / name} does not describe this study's numbers; {remedy}")
+        for ours in (p for p in Path(folder).rglob("*") if p.is_file()):
+            theirs = path / ours.relative_to(folder)
+            if not theirs.is_file() or theirs.read_bytes() != ours.read_bytes():
+                theirs.parent.mkdir(parents=True, exist_ok=True)
+                write(theirs, ours.read_bytes())
 
 
 def _description(path: Path) -> dict[str, Any]:

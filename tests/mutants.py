@@ -268,8 +268,8 @@ MUTANTS = [
         "companion[:, :, -1] = -monic", "companion[:, :, -1] = monic", "test_polynomial",
     ),
     Mutant(
-        "redundant arms: n - k + 1 equations", "found_set.py",
-        "VT[k - 1 :].T", "VT[k - 1 : k].T", "test_singular_set test_workspace",
+        "redundant arms: u^T J* V = 0", "found_set.py",
+        "u, V = U[:, -1]", "u, V = U[:, 0]", "test_singular_set",
     ),
     Mutant(
         "certificate: off the chord", "certificate.py",

@@ -417,6 +417,21 @@ def test_a_whole_turn_of_a_joint_that_another_follows_is_none():
         assert abs(nearest[0] - q) == pytest.approx(distance)
 
 
+def test_redundant_arms_lose_rank_where_all_maximal_minors_vanish():
+    arm = sa.load("chaser7")
+    found = sa.singular_set(arm).sample(3, np.random.default_rng(1))
+    sizes = []
+    for q in (*np.random.default_rng(2).uniform(-3, 3, (3, arm.n)), *found):
+        cfg = arm.at(q)
+        whole = np.vstack((cfg.A, cfg.J))
+        minors = [np.linalg.det(np.delete(whole, j, axis=1)) for j in range(6, 6 + arm.n)]
+        J_star = sa.generalized_jacobian(cfg)
+        squares = np.linalg.det(J_star @ J_star.T) * np.linalg.det(cfg.A[:, :6]) ** 2
+        sizes.append(np.square(minors).sum())
+        assert sizes[-1] == pytest.approx(squares, rel=1e-7, abs=1e-12 * sizes[0])
+    assert max(sizes[3:]) < 1e-15 * min(sizes[:3])
+
+
 def test_sliding_joints_get_what_is_found():
     hand = (link("hand"), joint("slide", "arm", "hand", "prismatic", axis=(1, 0, 0)))
     arm = load_text(robot(*two_links(), *hand), task="x y")
