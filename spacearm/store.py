@@ -34,7 +34,10 @@ MARKS = "chunks"
 DONE, FAILED = "done", "failed"
 DAMAGED = (ValueError, MemoryError)
 """What Zarr makes of a file whose checksum is wrong, or that says that it holds no end of text."""
-LAYOUT = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value")
+LAYOUT = (
+    "node_type", "shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value",
+    "dimension_names",
+)  # fmt: skip
 """What must agree in the description of an array."""
 
 
@@ -195,7 +198,11 @@ def _describe(path: Path, study: Study) -> None:
 
 
 def _compare(path: Path, study: Study) -> None:
-    """Refuses a store that is not this study's; its labels, which the study gives, are restored."""
+    """Refuses a store that is not this study's.
+
+    Labels that are damaged and descriptions that are lost are written again, as the study gives
+    them.
+    """
     remedy = "give another --store, or finish that sweep with its own study, arms and version"
     found = _description(path / "zarr.json")
     if not found:
@@ -210,13 +217,16 @@ def _compare(path: Path, study: Study) -> None:
             )
     with tempfile.TemporaryDirectory() as folder:
         _describe(Path(folder), study)
-        for name in (p.relative_to(folder) for p in Path(folder).rglob("zarr.json")):
-            expected, there = _description(Path(folder) / name), _description(path / name)
-            if any(expected.get(key) != there.get(key) for key in LAYOUT):
-                raise StoreError(f"{path / name} does not describe this study's numbers; {remedy}")
         for ours in (p for p in Path(folder).rglob("*") if p.is_file()):
             theirs = path / ours.relative_to(folder)
-            if not theirs.is_file() or theirs.read_bytes() != ours.read_bytes():
+            if ours.name == "zarr.json":
+                expected, there = _description(ours), _description(theirs)
+                if there and any(expected.get(key) != there.get(key) for key in LAYOUT):
+                    raise StoreError(f"{theirs} does not describe this study's numbers; {remedy}")
+                sound = bool(there)
+            else:
+                sound = theirs.is_file() and theirs.read_bytes() == ours.read_bytes()
+            if not sound:
                 theirs.parent.mkdir(parents=True, exist_ok=True)
                 write(theirs, ours.read_bytes())
 

@@ -119,6 +119,20 @@ def test_what_is_done_is_not_done_again(study, whole, tmp_path):
     assert {path: (store / path).stat().st_mtime_ns for path in files(store)} == before
 
 
+@pytest.mark.parametrize("damage", ["cut off", "gone"])
+def test_labels_and_descriptions_that_are_damaged_are_written_again(study, whole, tmp_path, damage):
+    sound = Store(whole, study).dataset()
+    store = shutil.copytree(whole, tmp_path / "store")
+    labels = [file for name in sound.coords for file in (store / name).rglob("*") if file.is_file()]
+    assert labels
+    for file in (*labels, store / "chunks" / "zarr.json"):
+        if damage == "gone":
+            file.unlink()
+        else:
+            file.write_bytes(file.read_bytes()[:7])
+    assert Store(store, study).dataset().identical(sound)
+
+
 @pytest.mark.parametrize("damage", [0, 1, 3, -1, "flip", "gone"])
 @pytest.mark.parametrize(
     "file", ["near/c/0/0/1/0", "sigma_min/c/1/1/1/0", "chunks/risk/c/1", "chunks/sigma_min/c/7"]
