@@ -28,6 +28,8 @@ CLOSE = 0.05
 LABEL = 0.13
 """Share of an axis that a label beside it takes."""
 MOST_MARKS = 12
+ROUNDING = 1e-16
+"""What sigma_min is drawn as where it is less."""
 """Events of a kind that are marked; later ones of a chattering motion are not."""
 
 
@@ -55,9 +57,10 @@ def draw_motion(
         attitude, joints, nearness = right.subplots(3, 1, sharex=True)
         _draw_attitude(attitude, motion)
         _draw_joints(joints, motion)
-        nearness.semilogy(motion.t, np.maximum(motion.sigma_min, 1e-16), color=RED, lw=1.8)
-        high = float(motion.sigma_min.max())
-        low = np.clip(float(motion.sigma_min.min()), 1e-6 * high, 0.9 * high)
+        sigma = np.maximum(motion.sigma_min, ROUNDING)
+        nearness.semilogy(motion.t, sigma, color=RED, lw=1.8)
+        high = float(sigma.max())
+        low = np.clip(float(sigma.min()), 1e-6 * high, 0.9 * high)
         decades = (10.0 ** np.floor(np.log10(low)), 10.0 ** np.ceil(np.log10(high)))
         nearness.set(ylabel=f"sigma_min\n[{motion.arm.sigma_unit}]", xlabel="time [s]")
         nearness.set_ylim(*decades)

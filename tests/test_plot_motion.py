@@ -1,5 +1,7 @@
 """Plots of motions: labels that can be read, axes that do not distort."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -42,6 +44,13 @@ def test_a_target_in_the_plane_has_two_or_three_components(target):
     run = sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)])
     (star,) = (line for line in draw_motion(run, target).axes[0].lines if line.get_marker() == "*")
     np.testing.assert_array_equal(star.get_xydata(), [(1.5, 1.5)])
+
+
+def test_a_motion_that_is_singular_all_the_way():
+    arm = sa.load("planar2")
+    run = sa.simulate(arm, [0.3, 1.2], sa.JointPD(target=[0.4, 1.2], kp=5.0, kd=9.0), 1.0)
+    figure = replace(run, sigma_min=0.0 * run.sigma_min).plot()
+    assert figure.axes[-1].get_ylim()[0] > 0.0
 
 
 def test_a_tilted_plane_is_drawn_as_a_flat_one():
