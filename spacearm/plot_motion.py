@@ -28,9 +28,9 @@ CLOSE = 0.05
 LABEL = 0.13
 """Share of an axis that a label beside it takes."""
 MOST_MARKS = 12
+"""Events of a kind that are marked; later ones of a chattering motion are not."""
 ROUNDING = 1e-16
 """What sigma_min is drawn as where it is less."""
-"""Events of a kind that are marked; later ones of a chattering motion are not."""
 
 
 def draw_motion(
