@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import logging
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,15 +34,12 @@ def find_mesh(filename: str, urdf: Path) -> Path | None:
     """The file that a <mesh filename> means: relative to the URDF or to one of its parents."""
     from yourdfpy.urdf import filename_handler_magic  # imports trimesh: only where meshes are
 
-    logger = logging.getLogger("yourdfpy.urdf")
-    before, logger.disabled = logger.disabled, True  # a missing file is reported here, not there
     try:
-        found = Path(filename_handler_magic(filename, str(urdf.resolve().parent)))
+        with _silent("yourdfpy"):
+            found = Path(filename_handler_magic(filename, str(urdf.resolve().parent)))
         return found if found.is_file() else None
     except (OSError, TypeError, ValueError):
         return None  # no file can have that name
-    finally:
-        logger.disabled = before
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
@@ -50,9 +49,22 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
         ModelError: It is of another format, too large, broken, without triangles or not finite.
     """
     try:
-        return _mesh(path)
+        with _silent("trimesh"):
+            return _mesh(path)
     except Exception as error:  # whatever a reader makes of a broken file
         raise ModelError(f"mesh {path.name!r} cannot be read ({error})") from None
+
+
+@contextmanager
+def _silent(name: str) -> Iterator[None]:
+    """A library that does not log: what is wrong with a file is said here, not there."""
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def _mesh(path: Path) -> trimesh.Trimesh:

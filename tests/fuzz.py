@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import faulthandler
+import logging
 import os
 import resource
 import signal
@@ -47,6 +48,18 @@ class Hang(BaseException):
     """A case took too long."""
 
 
+class Log(logging.Handler):
+    """Keeps what libraries log as warnings and errors, which users would see."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.messages: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keeps a message."""
+        self.messages.append(record.getMessage())
+
+
 TARGETS = {
     "urdf": urdf,
     "motions": motions,
@@ -77,11 +90,12 @@ def main() -> int:
         spoken(["map", "planar2", "--points", "9"])  # compiles, and looks for fonts
         signal.signal(signal.SIGPROF, _too_long)
         signal.signal(signal.SIGALRM, _too_long)
-        fence = Fence()
+        fence, log = Fence(), Log(logging.WARNING)
+        logging.getLogger().addHandler(log)
         faults = 0
         for target in [asked.target] if asked.target else TARGETS:
             faults += cases(
-                target, range(asked.first, asked.first + asked.count), asked.seed, home, fence
+                target, range(asked.first, asked.first + asked.count), asked.seed, home, fence, log
             )
         os.chdir(home.parent)
     return 1 if faults else 0
@@ -92,7 +106,7 @@ def _too_long(number: int, _: object) -> None:
     raise Hang(f"over {limits[signal.Signals(number)]}")
 
 
-def cases(target: str, numbers: range, seed: int, home: Path, fence: Fence) -> int:
+def cases(target: str, numbers: range, seed: int, home: Path, fence: Fence, log: Log) -> int:
     """Runs the cases of one target; how many misbehave."""
     outcomes: Counter[str] = Counter()
     slowest = 0.0
@@ -124,6 +138,8 @@ def cases(target: str, numbers: range, seed: int, home: Path, fence: Fence) -> i
                 tempfile.tempdir = str(home)
                 os.chdir(home)
         noted = [*fence.broken, *(f"{w.category.__name__}: {w.message}" for w in warned)]
+        noted += [f"logged: {message}" for message in log.messages]
+        log.messages.clear()
         if noted:
             outcome = "faults"
             print(f"{target} case {number}, seed {seed}: {noted}")

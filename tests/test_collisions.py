@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.collisions import Collisions
+from spacearm.meshes import read_mesh
 
 ALONG_X = 'rpy="0 1.5707963267948966 0"'
 
@@ -284,6 +285,14 @@ def test_a_locked_joint_does_not_join_the_links_beyond_it(tmp_path):
     np.testing.assert_allclose(
         locked.distances(np.array([2.0])), Collisions(arm).distances(np.array([1.2, 2.0]))
     )
+
+
+def test_what_a_reader_of_meshes_grumbles_about_is_not_logged(tmp_path, caplog):
+    text = trimesh.creation.box().export(file_type="stl_ascii")
+    path = tmp_path / "box.stl"
+    path.write_text(text.replace("facet normal", "facet normal there"))
+    assert len(read_mesh(path).faces) == 12
+    assert not caplog.records
 
 
 def test_a_missing_mesh_is_no_proof(tmp_path):
