@@ -21,7 +21,8 @@ from spacearm.jacobian import BaseMode, generalized_jacobian, generalized_jacobi
 from spacearm.line import wrap
 
 LOST = 1e-10
-"""A configuration is singular if its least singular value is below this share of the largest."""
+"""A configuration is singular if its least singular value is below this share of the largest that
+was met on the way to it."""
 STEPS = 60
 STARTS = 24
 """Starts about a configuration from which the nearest singular one is sought."""
@@ -105,12 +106,14 @@ class FoundSet:
 
 def lose_rank(arm: SpaceArm, q: Array, base: BaseMode) -> Array | None:
     """A singular configuration near q (n,) by the Gauss-Newton method, or None."""
+    most = 0.0
     for _ in range(STEPS):
         cfg = arm.at(q)
         R = cfg.base.rotation
         U, sigma, VT = np.linalg.svd(arm.task.jacobian(generalized_jacobian(cfg, base), R))
         k = len(U)
-        if sigma[-1] <= LOST * sigma[0]:
+        most = max(most, sigma[0])
+        if sigma[-1] <= LOST * most:
             return q
         u, V = U[:, -1], VT[k - 1 :].T
         residual = np.zeros(V.shape[1])

@@ -146,7 +146,7 @@ class Joint:
         """Displacement of the child link at `value` [rad] or [m], in the joint frame."""
         if self.kind == "prismatic":
             return pin.SE3(np.eye(3), self.axis * value)
-        return pin.SE3(pin.AngleAxis(value, self.axis).matrix(), np.zeros(3))
+        return pin.SE3(pin.AngleAxis(float(value), self.axis).matrix(), np.zeros(3))
 
     def frozen(self, value: float) -> Joint:
         """The joint welded at `value` [rad] or [m]."""

@@ -124,10 +124,11 @@ def test_workers_and_scheduler_are_killed_in_mid_run(study, whole, tmp_path):
 
 def test_failures_there_are_recorded(running, tmp_path):
     _, client = running
-    study = sa.Study.parse('arms = ["chaser7"]\n[shells]\n[sigma_min]\njoints.q2 = [0.5, 1.0]')
+    flat = '{model = "planar2", name = "flat", task = "x z"}'
+    study = sa.Study.parse(f"arms = [{flat}]\n[shells]\n[sigma_min]\njoints.q2 = [0.5, 1.0]")
     with pytest.raises(sa.SweepError, match="1 of 2 chunks") as caught:
         sa.sweep(study, tmp_path / "s.zarr", client=client)
-    assert "joints for 6 rows" in caught.value.failed["shells 0"]
+    assert "singular at every configuration" in caught.value.failed["shells 0"]
     assert [len(s.failed) for s in status(study, tmp_path / "s.zarr")] == [1, 0]
 
 
