@@ -142,7 +142,7 @@ ACCURACY = [
         ("error bars: of X", "accuracy.py", "X = X + np.linalg.solve", "X = np.linalg.solve"),
         (
             "accuracy of a joint welded far turned", "parts.py",
-            "pin.AngleAxis(value, self.axis).matrix()", "pin.exp3(self.axis * value)",
+            "pin.AngleAxis(float(value), self.axis).matrix()", "pin.exp3(self.axis * value)",
         ),
     )
 ]  # fmt: skip
