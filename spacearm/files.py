@@ -55,10 +55,12 @@ def write(path: Path, content: bytes) -> Path:
     """Writes a file, whole or not at all.
 
     Raises:
-        SpaceArmError: It cannot be written.
+        SpaceArmError: It cannot be written, or a device or pipe is there, which would be replaced.
     """
     beside: Path | None = None
     try:
+        if path.exists() and not path.is_file():
+            raise SpaceArmError(f"{path} cannot be written: it is no regular file; name another")
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
             beside = Path(file.name)
             file.write(content)

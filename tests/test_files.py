@@ -1,4 +1,4 @@
-"""Files that are read: regular ones, up to a size."""
+"""Files that are read and written: regular ones, up to a size."""
 
 import os
 import sys
@@ -40,3 +40,12 @@ def test_folders_and_missing_files_are_named(tmp_path, load):
     for path in (tmp_path, tmp_path / "missing"):
         with pytest.raises(sa.SpaceArmError, match=str(path)):
             load(path)
+
+
+def test_devices_pipes_and_folders_are_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(sa.SpaceArmError, match="no regular file"):
+            files.write(path, b"content")
+    assert (tmp_path / "pipe").is_fifo()
+    assert [p.name for p in tmp_path.iterdir()] == ["pipe"]
