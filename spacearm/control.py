@@ -26,6 +26,7 @@ from spacearm.dynamics import inverse_dynamics
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.goal import Goal, goal_pose, in_rows, miss, out_of_reach, twist_between
 from spacearm.jacobian import BaseMode, generalized_jacobian
+from spacearm.singularity import NO_INVERSE
 
 Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
 Target: TypeAlias = Goal | Callable[[float], Goal]
@@ -33,8 +34,6 @@ Target: TypeAlias = Goal | Callable[[float], Goal]
 
 INSTANT = 1e-6
 """Half the time over which the velocity of a moving target is taken [s]."""
-SINGULAR = 1e-9
-"""Share of the largest singular value below which J* has no inverse."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +145,7 @@ class ResolvedRate(RateLaw):
         """
         J = self.jacobian(cfg)
         U, sigma, Vt = np.linalg.svd(J, full_matrices=False)
-        if len(sigma) < len(J) or sigma[-1] <= SINGULAR * sigma[0]:
+        if len(sigma) < len(J) or sigma[-1] <= NO_INVERSE * sigma[0]:
             raise NoSolutionError(
                 f"J* is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}) and has no "
                 "inverse; start elsewhere, or use DampedLeastSquares"
@@ -208,7 +207,7 @@ class Reactionless(DampedLeastSquares):
         """
         D_q = cfg.A[3:, 6:]
         _, sigma, Vt = np.linalg.svd(D_q)
-        rank = int((sigma > SINGULAR * sigma[0]).sum())
+        rank = int((sigma > NO_INVERSE * sigma[0]).sum())
         N = Vt[rank:].T
         if not N.shape[1]:
             raise UnsupportedError(

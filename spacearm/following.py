@@ -27,6 +27,7 @@ from spacearm.goal import in_rows, twist_between
 from spacearm.jacobian import BaseMode, generalized_jacobian
 from spacearm.path import Path, Segment, segments
 from spacearm.reaction import quaternion_rate
+from spacearm.singularity import NO_INVERSE
 
 RETURN = 10.0
 """How fast the tip comes back to its path from rounding errors [1/m]."""
@@ -34,8 +35,6 @@ METHOD: Callable[..., OdeSolver] = DOP853
 RTOL, ATOL = 1e-10, 1e-11
 SPACING = 0.02
 """Largest distance between outputs along the curve in (q, s) [rad], [m]."""
-SINGULAR = 1e-9
-"""Share of the largest singular value below which a start is singular."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,7 +124,7 @@ def follow(
             "followed in all of them"
         )
     sigma = _sigma(cfg, mode)
-    if sigma[-1] <= SINGULAR * sigma[0]:
+    if sigma[-1] <= NO_INVERSE * sigma[0]:
         raise ConfigurationError(
             f"q0 is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); start elsewhere, or "
             "leave it first along sa.singularity(cfg).gradient"

@@ -21,7 +21,7 @@ from spacearm.guesses import Search
 from spacearm.holonomy import turning_axes
 from spacearm.joint_space import ARRIVED, Task
 from spacearm.plan import Joints, certified
-from spacearm.singularity import singular_values, singularity
+from spacearm.singularity import NO_INVERSE, singular_values, singularity
 
 Motion = list[Configuration]
 
@@ -33,8 +33,6 @@ than half of what the start has."""
 AMPLE = 0.2
 """The clearance that is aimed at first, likewise."""
 PROBES = 200
-SINGULAR = 1e-9
-"""Share of the largest singular value below which a start is singular."""
 
 
 @dataclass
@@ -239,7 +237,7 @@ def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[
         NoSolutionError: The start has less.
     """
     sigma = singular_values(cfg)
-    if sigma[-1] <= SINGULAR * sigma[0]:
+    if sigma[-1] <= NO_INVERSE * sigma[0]:
         raise NoSolutionError(
             f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); leave it first "
             "along sa.singularity(cfg).gradient"

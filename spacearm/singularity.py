@@ -19,6 +19,8 @@ from spacearm.jacobian import (
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
+NO_INVERSE = 1e-9
+"""Share of the largest singular value below which J* has no inverse to move on by."""
 RANK_TOLERANCE = 1e-4
 """A singular value counts as zero up to this share of the largest one.
 
