@@ -194,10 +194,10 @@ def count(name: str, m: int = 20) -> float:
     """To be called where nothing is compiled."""
     from types import SimpleNamespace
 
-    from spacearm import compiled
     from spacearm.kernels import cpu, measures, singular_values
     from spacearm.kernels.floating import moving
     from spacearm.kernels.singular_values import bidiagonal
+    from spacearm.mechanics import compiled
 
     def sqrt(x: float) -> Counted:
         Counted.count += 1

@@ -20,11 +20,11 @@ import numpy as np
 import pinocchio as pin
 
 import spacearm as sa
-from spacearm.polynomial import TrigPolynomial
-from spacearm.singularity_polynomial import singularity_polynomial
+from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.singularities.polynomial import singularity_polynomial
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-from arms import load_text, random_chain  # random spatial arms
+from helpers.arms import load_text, random_chain  # random spatial arms
 
 
 def fresh(arm: sa.SpaceArm) -> TrigPolynomial:
@@ -117,7 +117,7 @@ def nearest() -> None:
 
 
 def refined(found: sa.SingularSet, q: np.ndarray, start: np.ndarray) -> float:
-    from spacearm.nearest import stationary
+    from spacearm.polynomial.nearest import stationary
 
     offset = stationary(found.S, q, start - q)
     return np.inf if offset is None else float(np.linalg.norm(offset))

@@ -30,8 +30,8 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import spacearm as sa
-from spacearm.cluster import WIDTH, connect
-from spacearm.sweep import plan
+from spacearm.sweeps.dask import WIDTH, connect
+from spacearm.sweeps.runner import plan
 
 RISK = """
 arms = ["{arm}"]
@@ -165,7 +165,7 @@ def starts(folder: Path) -> None:
 def writing(folder: Path) -> float:
     """Bytes a second that one process writes of a map."""
     study = sa.Study.parse(MAP.format(points=2048, chunk=2**22))
-    from spacearm.store import Store
+    from spacearm.sweeps.store import Store
 
     store, chunk = Store.create(folder / "map.zarr", study), next(study.chunks())
     values = study.compute(chunk)

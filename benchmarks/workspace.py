@@ -14,7 +14,7 @@ import time
 import numpy as np
 
 import spacearm as sa
-from spacearm.singularity_polynomial import radius_squared, singularity_polynomial
+from spacearm.singularities.polynomial import radius_squared, singularity_polynomial
 
 
 def proven() -> None:

@@ -19,9 +19,11 @@ from matplotlib.figure import Figure
 from playwright.sync_api import sync_playwright
 
 import spacearm as sa
-from spacearm.plot import BLUE, RED, draw_map, draw_workspace, style
-from spacearm.plot_motion import draw_motion
-from spacearm.plot_posture import draw_posture, draw_velocities
+from spacearm.plots.maps import draw_map
+from spacearm.plots.motions import draw_motion
+from spacearm.plots.postures import draw_posture, draw_velocities
+from spacearm.plots.style import BLUE, RED, style
+from spacearm.plots.workspaces import draw_workspace
 
 FOLDER = Path(__file__).parent / "pictures"
 START = np.radians([-57.936, 60.337])

@@ -26,31 +26,9 @@ symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & D
 
 from importlib.metadata import version
 
-from spacearm import design
-from spacearm.accuracy import ErrorBars, error_bars
-from spacearm.arm import SpaceArm
-from spacearm.arm_models import ArmInfo, arms
-from spacearm.barycentric import Barycentric, VirtualManipulator, barycentric
-from spacearm.batch import evaluate, generalized_jacobians
-from spacearm.bus import Bus
-from spacearm.capture import Capture, capture
-from spacearm.catalogue import ModelInfo, catalogue
-from spacearm.certificate import Certificate
-from spacearm.configuration import Configuration
-from spacearm.control import (
-    DampedLeastSquares,
-    JointPD,
-    Reactionless,
-    ResolvedRate,
-    TransposedJacobian,
-)
-from spacearm.dynamics import (
-    Dynamics,
-    forward_dynamics,
-    generalized_inertia,
-    inverse_dynamics,
-    kinetic_energy,
-)
+from spacearm.description.arms import ArmInfo, arms
+from spacearm.description.bus import Bus
+from spacearm.description.catalogue import ModelInfo, catalogue
 from spacearm.errors import (
     ConfigurationError,
     ModelError,
@@ -61,10 +39,18 @@ from spacearm.errors import (
     SweepError,
     UnsupportedError,
 )
-from spacearm.events import Event
-from spacearm.following import Followed, follow
-from spacearm.found_set import FoundSet
-from spacearm.jacobian import (
+from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator, barycentric
+from spacearm.mechanics.batch import evaluate, generalized_jacobians
+from spacearm.mechanics.dynamics import (
+    Dynamics,
+    forward_dynamics,
+    generalized_inertia,
+    inverse_dynamics,
+    kinetic_energy,
+)
+from spacearm.mechanics.floating import move
+from spacearm.mechanics.impact import Capture, capture
+from spacearm.mechanics.jacobian import (
     PrescribedMotion,
     fixed_base_jacobian,
     generalized_jacobian,
@@ -72,26 +58,40 @@ from spacearm.jacobian import (
     generalized_jacobian_rate,
     prescribed_motion,
 )
-from spacearm.loading import load, mount
-from spacearm.momentum import MomentumMatrix, base_velocity, momentum_matrix
-from spacearm.motion import Motion
-from spacearm.plan import Attempt, Joints, Plan
-from spacearm.planning import plan
-from spacearm.polynomial import TrigPolynomial
-from spacearm.reaction import move
-from spacearm.regions import Region
-from spacearm.risk import PoseRisk, RiskProfile, pose_risk, risk_profile
-from spacearm.simulation import simulate
-from spacearm.singular_map import SingularMap, singular_map
-from spacearm.singular_set import SingularSet, singular_set
-from spacearm.singularity import SingularityReport, singularity
-from spacearm.singularity_polynomial import singularity_polynomial
-from spacearm.study import Study
-from spacearm.sweep import sweep
-from spacearm.task import Task
-from spacearm.trajectory import Trajectory
-from spacearm.view import view
-from spacearm.workspace import Workspace, workspace
+from spacearm.mechanics.momentum import MomentumMatrix, base_velocity, momentum_matrix
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.model.loading import load, mount
+from spacearm.model.task import Task
+from spacearm.motion.controllers import (
+    DampedLeastSquares,
+    JointPD,
+    Reactionless,
+    ResolvedRate,
+    TransposedJacobian,
+)
+from spacearm.motion.events import Event
+from spacearm.motion.following import Followed, follow
+from spacearm.motion.motion import Motion
+from spacearm.motion.simulation import simulate
+from spacearm.motion.trajectory import Trajectory
+from spacearm.planning.planner import plan
+from spacearm.planning.result import Attempt, Joints, Plan
+from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.singularities.exact_set import SingularSet, singular_set
+from spacearm.singularities.map import SingularMap, singular_map
+from spacearm.singularities.polynomial import singularity_polynomial
+from spacearm.singularities.report import SingularityReport, singularity
+from spacearm.singularities.risk import PoseRisk, RiskProfile, pose_risk, risk_profile
+from spacearm.singularities.rounding import ErrorBars, error_bars
+from spacearm.singularities.searched_set import FoundSet
+from spacearm.sweeps.runner import sweep
+from spacearm.sweeps.study import Study
+from spacearm.viewer.show import view
+from spacearm.workspaces import design
+from spacearm.workspaces.path_dependent import Workspace, workspace
+from spacearm.workspaces.regions import Region
 
 __version__ = version("spacearm")
 

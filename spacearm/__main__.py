@@ -1,6 +1,6 @@
 """python -m spacearm."""
 
-from spacearm.cli import main
+from spacearm.cli.app import main
 
 if __name__ == "__main__":
     main()

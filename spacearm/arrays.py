@@ -1,13 +1,17 @@
-"""Arrays of real numbers, and results made of them that nobody can change."""
+"""Arrays and numbers of a caller, checked, and results made of them that nobody can change."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+
+from spacearm.errors import ConfigurationError
 
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
 """Shapes stand in the docstrings."""
@@ -41,3 +45,36 @@ class Result:
     def to_dict(self) -> dict[str, Any]:
         """All fields, arrays as nested lists."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+def whole(value: object, name: str, least: int) -> int:
+    """A whole number.
+
+    Args:
+        value: What was given.
+        name: Of the argument.
+        least: Least value that makes sense.
+
+    Raises:
+        ConfigurationError: It is something else.
+    """
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise ConfigurationError(f"{name} is {value!r}; give a whole number from {least} on")
+    return int(value)
+
+
+def positive(value: object, name: str, what: str = "number") -> float:
+    """A finite number above zero.
+
+    Args:
+        value: What was given.
+        name: Of the argument.
+        what: What it is, with its unit.
+
+    Raises:
+        ConfigurationError: It is something else.
+    """
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not 0.0 < number < math.inf:
+        raise ConfigurationError(f"{name} is {value!r}; give a positive {what}")
+    return number

@@ -4,8 +4,8 @@ What tests of sweeps share: a study, and its store.
 """
 
 import pytest
+from helpers.sweeps import STUDY
 from hypothesis import settings
-from sweeps import STUDY
 
 import spacearm as sa
 

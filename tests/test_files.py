@@ -8,7 +8,7 @@ import pytest
 
 import spacearm as sa
 from spacearm import files
-from spacearm.cli.workspace import _points
+from spacearm.cli.workspaces import _points
 
 TEXTS = [sa.load, _points, *([sa.Study.read] if sys.version_info >= (3, 11) else [])]
 LOADERS = [*TEXTS, lambda path: sa.Trajectory.load(path, sa.load("planar2"))]

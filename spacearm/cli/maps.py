@@ -23,9 +23,9 @@ from spacearm.cli.options import (
     joint_values,
 )
 from spacearm.cli.output import check_picture, out, print_json, write_picture
-from spacearm.configuration import joint_name
 from spacearm.files import write
-from spacearm.singular_map import SingularMap, singular_map
+from spacearm.model.joints import joint_name
+from spacearm.singularities.map import SingularMap, singular_map
 
 
 def map_(
@@ -69,7 +69,7 @@ def map_(
 
 
 def _write_picture(path: Path, result: SingularMap, quiet: bool) -> None:
-    from spacearm.plot import draw_map  # imports matplotlib
+    from spacearm.plots.maps import draw_map  # imports matplotlib
 
     write_picture(path, draw_map(result))
     if not quiet:

@@ -8,9 +8,6 @@ import numpy as np
 import pinocchio as pin
 from rich.text import Text
 
-from spacearm.arm import SpaceArm
-from spacearm.arm_models import arms
-from spacearm.catalogue import catalogue
 from spacearm.cli.options import (
     AsJson,
     Checked,
@@ -23,7 +20,10 @@ from spacearm.cli.options import (
     arm_from,
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
-from spacearm.loading import load
+from spacearm.description.arms import arms
+from spacearm.description.catalogue import catalogue
+from spacearm.model.arm import SpaceArm
+from spacearm.model.loading import load
 
 
 def models(as_json: AsJson = False) -> None:

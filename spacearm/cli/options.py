@@ -13,17 +13,17 @@ import numpy as np
 import pinocchio as pin
 import typer
 
-from spacearm.arm import SpaceArm
 from spacearm.arrays import Array
-from spacearm.catalogue import find, read
-from spacearm.configuration import Configuration
+from spacearm.description.bodies import Joint
+from spacearm.description.catalogue import find, read
+from spacearm.description.readers.urdf import Check
+from spacearm.description.readers.urdf import read as read_urdf
 from spacearm.errors import ConfigurationError
-from spacearm.goal import Goal, goal_pose
-from spacearm.loading import load
-from spacearm.parts import Joint
-from spacearm.task import Task
-from spacearm.urdf import Check
-from spacearm.urdf import read as read_urdf
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.model.loading import load
+from spacearm.model.task import Task
+from spacearm.motion.goal import Goal, goal_pose
 
 ModelName = Annotated[
     str, typer.Argument(metavar="MODEL", help="Catalogue name (spacearm models) or URDF file.")

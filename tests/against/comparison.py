@@ -17,7 +17,7 @@ import numpy as np
 from conventions import DISTRIBUTIONS, ENGINES, MODULES, Answers, Spacearm, State, branches
 
 sys.path.append(str(Path(__file__).parents[1]))
-from arms import frame, joint, load_text, random_base, random_chain, random_tree
+from helpers.arms import frame, joint, load_text, random_base, random_chain, random_tree
 
 import spacearm as sa
 

@@ -38,10 +38,10 @@ from lxml import etree
 from lxml.builder import E
 
 import spacearm as sa
-from spacearm.dynamics import mass_matrix
-from spacearm.parts import Inertial, Joint
-from spacearm.tree import Tree
-from spacearm.writer import document
+from spacearm.description.bodies import Inertial, Joint
+from spacearm.description.tree import Tree
+from spacearm.description.urdf_writer import document
+from spacearm.mechanics.dynamics import mass_matrix
 
 
 class State(NamedTuple):

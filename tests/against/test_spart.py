@@ -9,9 +9,9 @@ Its velocities take the link listed before, not the parent, as the one that carr
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import load_text, random_tree
 from comparison import states
 from conventions import Answers, Spacearm, spart_model, urdf
+from helpers.arms import load_text, random_tree
 
 import spacearm as sa
 

@@ -1,0 +1,127 @@
+"""spacearm design: how masses, inertias and the mounting point change the workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.progress import Progress
+
+from spacearm.arrays import Array
+from spacearm.cli.options import (
+    AsJson,
+    Checked,
+    Degrees,
+    Length,
+    Lock,
+    ModelName,
+    Picture,
+    Spacecraft,
+    SpacecraftMode,
+    TaskRows,
+    Tip,
+    arm_from,
+)
+from spacearm.cli.output import check_picture, err, out, print_json, table, write_picture
+from spacearm.errors import ConfigurationError
+from spacearm.workspaces.design import sweep
+
+Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="One value or a range.")]
+COUNT = 9
+
+
+def design(
+    model: ModelName,
+    base_mass: Range = None,
+    base_inertia: Range = None,
+    mount_x: Range = None,
+    mount_y: Range = None,
+    mount_z: Range = None,
+    payload: Range = None,
+    link_mass: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LINK=A:B[:COUNT]", help="Mass of a link; may be repeated."),
+    ] = None,
+    base: SpacecraftMode = Spacecraft.FREE,
+    limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
+    effort: Annotated[
+        int | None, typer.Option(help="Singular configurations to search from, larger arms.", min=1)
+    ] = None,
+    output: Picture = None,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
+    as_json: AsJson = False,
+) -> None:
+    """Draws the path independent share over design parameters; Ctrl-C keeps what is done.
+
+    base-inertia is a factor at constant mass, mount-* in metres, masses in kg.
+    """
+    check_picture(output)
+    arm = arm_from(model, tip, task, length, lock, check, deg)
+    named = {
+        "base_mass": base_mass, "base_inertia": base_inertia, "mount_x": mount_x,
+        "mount_y": mount_y, "mount_z": mount_z, "payload": payload,
+    }  # fmt: skip
+    for text in link_mass or []:
+        link, _, values = text.partition("=")
+        named[f"mass:{link}"] = values
+    grid = {name: _values(name, text) for name, text in named.items() if text is not None}
+    if not grid:
+        raise ConfigurationError("nothing to vary; give --base-inertia 1:20, --mount-x 0:0.8, ...")
+    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
+        task_id = bar.add_task("designs", total=None)
+        result = sweep(
+            arm,
+            grid,
+            base=base.value,
+            limits=limits,
+            effort=effort,
+            progress=lambda done, of: bar.update(task_id, completed=done, total=of),
+        )
+    if as_json:
+        print_json(result.to_dict())
+    else:
+        _print(result, grid)
+    if not bool(result["done"].all()):
+        err.print(f"stopped: {int(result['done'].sum())} of {result['done'].size} designs done")
+    if output or not as_json:
+        from spacearm.plots.workspaces import draw_design  # imports matplotlib
+
+        where = output or Path(f"{arm.name}_design.png")
+        write_picture(where, draw_design(result))
+        if not as_json:
+            out.print(f"wrote {where}")
+
+
+def _print(result: Any, grid: Mapping[str, Array]) -> None:
+    rows = table(*grid, "path independent", "path dependent [m]")
+    for at in np.ndindex(result["done"].shape):
+        if result["done"].values[at]:
+            pdw = [r for r in result["pdw"].values[at] if np.isfinite(r).all()]
+            rows.add_row(
+                *(f"{values[i]:.6g}" for values, i in zip(grid.values(), at, strict=True)),
+                f"{result['fraction'].values[at]:.2%}",
+                "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none",
+            )
+    out.print(rows)
+
+
+def _values(name: str, text: str) -> Array:
+    low, high, count = (*text.split(":"), "", "")[:3]
+    try:
+        ends = float(low), float(high or low)
+        number = int(count or (COUNT if high else 1))
+    except ValueError:
+        number = 0
+    if number < 1 or text.count(":") > 2:
+        raise ConfigurationError(
+            f"{name} is {text!r}; give a number, LOW:HIGH or LOW:HIGH:COUNT, as in 1:20 or 1:20:5"
+        )
+    return np.linspace(*ends, number)

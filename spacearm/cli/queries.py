@@ -1,0 +1,135 @@
+"""spacearm query: what one configuration allows the tip to do."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.text import Text
+
+from spacearm.cli.options import (
+    AsJson,
+    Attitude,
+    Checked,
+    Degrees,
+    Length,
+    Lock,
+    ModelName,
+    Spacecraft,
+    SpacecraftMode,
+    TaskRows,
+    Tip,
+    arm_from,
+    joint_values,
+    spacecraft_pose,
+)
+from spacearm.cli.output import (
+    component,
+    heading,
+    joint_value,
+    number,
+    out,
+    print_json,
+    table,
+    vector,
+)
+from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
+from spacearm.singularities.report import RANK_TOLERANCE, SingularityReport, singularity
+
+ROUNDING = 1e-9
+"""By what a value that was entered in degrees may miss its limit [rad]."""
+STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
+
+
+def query(
+    model: ModelName,
+    q: Annotated[
+        list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
+    ] = None,
+    attitude: Attitude = (0.0, 0.0, 0.0),
+    base: SpacecraftMode = Spacecraft.FREE,
+    tolerance: Annotated[
+        float, typer.Option(help="Share of the largest singular value that counts as zero.")
+    ] = RANK_TOLERANCE,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
+    as_json: AsJson = False,
+) -> None:
+    """Reports whether a configuration is singular, what is lost and what is left."""
+    arm = arm_from(model, tip, task, length, lock, check, deg)
+    cfg = arm.at(joint_values(arm, q or [], deg), spacecraft_pose(attitude, deg))
+    mode: BaseMode = base.value
+    report = singularity(cfg, base=mode, tolerance=tolerance)
+    if as_json:
+        return print_json(_answer(cfg, report, mode))
+    _print(cfg, report, mode, deg)
+
+
+def _answer(cfg: Configuration, report: SingularityReport, mode: BaseMode) -> dict[str, Any]:
+    return {
+        "model": cfg.arm.name,
+        "joints": cfg.arm.joint_names,
+        "q": cfg.q,
+        "base": mode,
+        "attitude": cfg.base.rotation,
+        "tip": {"position": cfg.tip.translation, "rotation": cfg.tip.rotation},
+        "cm": cfg.com,
+        "radius": _radius(cfg),
+        "task": {"rows": cfg.arm.task.rows, "unit": cfg.arm.sigma_unit},
+        **report.to_dict(),
+    }
+
+
+def _radius(cfg: Configuration) -> float:
+    return float(np.linalg.norm(cfg.tip.translation - cfg.com))
+
+
+def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: bool) -> None:
+    arm, task = cfg.arm, cfg.arm.task
+    k = task.k
+    verdict = report.kind if report.rank == k else f"{report.kind} singularity"
+    lost = "" if report.rank == k else f", {k - report.rank} of {k} directions lost"
+    out.print(Text.assemble((arm.name, "bold"), f", {mode}: ", (verdict, STYLE[report.kind]), lost))
+
+    heading("Posture")
+    joints = table("joint", "q", "dsigma_min/dq", "")
+    inside = (arm.lower - ROUNDING <= cfg.q) & (cfg.q <= arm.upper + ROUNDING)
+    for name, q, slope, sound in zip(arm.joint_names, cfg.q, report.gradient, inside, strict=True):
+        value = joint_value(q, arm.tree.joints[name].kind, deg)
+        joints.add_row(name, value, number(slope, 4), "" if sound else "outside its limits")
+    out.print(joints)
+
+    heading("Tip")
+    facts = table("", "")
+    facts.add_row("position, inertial frame", f"{vector(cfg.tip.translation)} m")
+    facts.add_row("distance R from the system CM", f"{number(_radius(cfg))} m")
+    facts.add_row("sigma_min", f"{number(report.sigma_min)} {arm.sigma_unit}")
+    facts.add_row("condition", number(report.condition))
+    facts.add_row("manipulability", number(report.manipulability))
+    if report.determinant is not None:
+        facts.add_row("determinant", number(report.determinant))
+    if report.length is not None:
+        facts.add_row("linear rows divided by", f"{number(report.length)} m")
+    out.print(facts)
+
+    inertial = np.allclose(report.axes, np.eye(3))
+    axes = "inertial" if inertial else "task"
+    heading(f"Directions, {axes} axes, singular values in {arm.sigma_unit}")
+    directions = table("", "sigma", *task.rows)
+    for i, direction in enumerate(np.hstack((report.available, report.lost)).T):
+        label, style = ("available", "green") if i < report.rank else ("lost", "red")
+        components = (component(x) for x in direction)
+        directions.add_row(label, number(report.sigma[i], 4), *components, style=style)
+    out.print(directions)
+    if report.still.size:
+        heading("Joint motions that leave the tip at rest")
+        still = table(*arm.joint_names)
+        for motion in report.still.T:
+            still.add_row(*(component(x) for x in motion))
+        out.print(still)

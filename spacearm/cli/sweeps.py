@@ -1,0 +1,158 @@
+"""spacearm sweep: a study computed into a store, here or on a Dask cluster."""
+
+from __future__ import annotations
+
+import logging
+import math
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from spacearm.cli.output import err, out, table
+from spacearm.errors import ConfigurationError, SweepError
+from spacearm.kernels.processors import processors
+from spacearm.sweeps.runner import Tally, plan, status, sweep
+from spacearm.sweeps.study import Study
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+
+def sweep_(
+    study: Annotated[Path, typer.Argument(metavar="STUDY.TOML", help="See help(spacearm.Study).")],
+    store: Annotated[Path, typer.Option(help="Zarr directory; what is there is kept.")],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers do it."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes here; one a processor if not given.", min=1)
+    ] = None,
+    show_status: Annotated[bool, typer.Option("--status", help="Only say what is done.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what it will take: time, disk.")
+    ] = False,
+) -> int:
+    """Computes a study chunk by chunk; stopped or killed, it goes on where it was."""
+    read = Study.read(study)
+    if workers is not None and scheduler is not None:
+        raise ConfigurationError("--workers is for this machine; leave it out with --scheduler")
+    if show_status:
+        return _print_status(read, store)
+    if dry_run:
+        with _client(scheduler) as client:
+            cores = sum(client.nthreads().values()) if client else workers or processors()
+        _print_plan(read, store, cores)
+        return 0
+    latest = Tally(0, 0, 0, sum(map(read.count, read.quantities)))
+
+    def show(tally: Tally) -> None:
+        nonlocal latest
+        latest = tally
+        done = tally.kept + tally.computed + tally.failed
+        bar.update(task, completed=done, total=tally.total)
+
+    columns = (BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn(), TextColumn("left"))
+    code = 0
+    with (
+        _client(scheduler) as client,
+        Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar,
+    ):
+        task = bar.add_task("chunks", total=latest.total)
+        try:
+            sweep(read, store, client=client, workers=workers, progress=show)
+        except SweepError as error:
+            err.print(f"spacearm: {error}")
+            code = 1
+        except KeyboardInterrupt:
+            err.print("stopped; run the same command again to go on")
+            code = INTERRUPTED
+    out.print(
+        f"{store}: {latest.total:,} chunks, {latest.kept:,} kept, {latest.computed:,} computed, "
+        f"{latest.failed:,} failed"
+    )
+    return code
+
+
+class Rate(ProgressColumn):
+    """Chunks per second, lately."""
+
+    def render(self, task: Task) -> Text:
+        """The rate, once it is known."""
+        speed = task.speed or task.finished_speed
+        return Text(f"{speed:.1f}/s" if speed else "")
+
+
+@contextmanager
+def _client(scheduler: str | None) -> Iterator[Client | None]:
+    """A client of the scheduler, if one is named; its own reports of a lost one are not shown."""
+    if scheduler is None:
+        yield None
+        return
+    from spacearm.sweeps.dask import connect
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    client = connect(scheduler)
+    try:
+        yield client
+    finally:
+        with suppress(OSError, RuntimeError):  # the scheduler may be gone
+            client.close(timeout=2)
+
+
+def _print_status(study: Study, store: Path) -> int:
+    rows = table("quantity", "chunks", "done", "failed", "")
+    found = status(study, store)
+    for quantity, chunks, done, failed in found:
+        share = f"{done / chunks:.1%}"
+        rows.add_row(quantity, f"{chunks:,}", f"{done:,}", f"{len(failed):,}", share)
+    out.print(rows)
+    errors = [(q.quantity, i, text) for q in found for i, text in q.failed.items()]
+    for quantity, number, text in errors[:10]:
+        out.print(f"{quantity} {number}: {text}")
+    return 1 if errors else 0
+
+
+def _print_plan(study: Study, store: Path, cores: int) -> None:
+    done = {s.quantity: s.done for s in status(study, store)} if store.exists() else {}
+    rows = table("quantity", "chunks", "to do", "s a chunk", "core hours", "disk [MB]")
+    seconds = size = 0.0
+    for quantity, chunks, each, nbytes in plan(study):
+        left = chunks - done.get(quantity, 0)
+        seconds += left * each
+        size += nbytes
+        rows.add_row(
+            quantity,
+            f"{chunks:,}",
+            f"{left:,}",
+            f"{each:.3g}",
+            f"{left * each / 3600:.3g}",
+            f"{nbytes / 1e6:.3g}",
+        )
+    out.print(rows)
+    if not cores:
+        out.print("the cluster has no workers yet")
+    else:
+        time = timedelta(seconds=math.ceil(seconds / cores))
+        out.print(f"about {time} on {cores} cores, compilation and start of the workers apart")
+    folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.exists())
+    free = shutil.disk_usage(folder).free
+    out.print(f"disk: at most {size / 1e6:,.3g} MB of {free / 1e6:,.0f} MB free")

@@ -1,0 +1,83 @@
+"""spacearm view: a configuration in the browser, in a file, as a picture."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from spacearm.cli.options import (
+    Attitude,
+    Checked,
+    Degrees,
+    Length,
+    Lock,
+    ModelName,
+    TaskRows,
+    Tip,
+    arm_from,
+    joint_values,
+    spacecraft_pose,
+)
+from spacearm.cli.output import out
+from spacearm.viewer.show import view as show
+
+if TYPE_CHECKING:
+    from spacearm.viewer.viewer import Viewer
+
+
+def view(
+    model: ModelName,
+    q: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; zeros if none."),
+    ] = None,
+    attitude: Attitude = (0.0, 0.0, 0.0),
+    port: Annotated[
+        int | None, typer.Option(help="Port of the page; the first free from 7400 on if none.")
+    ] = None,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Serve the page, do not open a browser.")
+    ] = False,
+    save: Annotated[
+        Path | None, typer.Option(help="Write one self-contained page and end.", metavar="HTML")
+    ] = None,
+    png: Annotated[
+        Path | None, typer.Option(help="Write a picture and end.", metavar="PNG")
+    ] = None,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
+) -> None:
+    """Shows a configuration in the browser, with sliders; Ctrl-C ends it."""
+    arm = arm_from(model, tip, task, length, lock, check, deg)
+    start = joint_values(arm, q, deg) if q else np.clip(0.0, arm.lower, arm.upper)
+    viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
+    if save:
+        out.print(f"wrote {viewer.save(save)}")
+    if png:
+        out.print(f"wrote {viewer.png(png)}")
+    if save or png:
+        return
+    serve_until_interrupted(viewer, port, no_open)
+
+
+def serve_until_interrupted(viewer: Viewer, port: int | None = None, no_open: bool = False) -> None:
+    """Serves the page, opens it in the browser unless told not to, and waits for Ctrl-C."""
+    try:  # an interrupt may come at any moment
+        if no_open:
+            viewer.serve(port)
+        else:
+            viewer.open(port)
+        out.print(f"{viewer.session.cfg.arm.name}: {viewer.url}  (Ctrl-C ends)")
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        out.print()
+    finally:
+        viewer.close()

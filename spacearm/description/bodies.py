@@ -1,0 +1,188 @@
+"""Parts: what one link weighs and how one joint moves, as plain data."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import LARGEST, LEAST_MASS, Array
+from spacearm.errors import ModelError
+
+TRIANGLE_TOLERANCE = 1e-6
+"""By what share of the largest principal moment rounded data may miss the triangle inequality."""
+
+
+class Inertial(NamedTuple):
+    """Mass properties of one link.
+
+    Attributes:
+        mass: Mass [kg].
+        origin: Pose of the inertial frame, whose origin is the CM, in the link frame.
+        inertia: (3, 3) inertia about the CM in the axes of the inertial frame [kg m^2].
+    """
+
+    mass: float
+    origin: pin.SE3
+    inertia: Array
+
+    @classmethod
+    def of(
+        cls,
+        mass: float,
+        inertia: npt.ArrayLike,
+        com: npt.ArrayLike = (0.0, 0.0, 0.0),
+        *,
+        body: str,
+        prefix: str = "",
+    ) -> Inertial:
+        """A rigid body from numbers of a caller, checked.
+
+        Args:
+            mass: Mass [kg].
+            inertia: (3, 3) inertia about the CM, link axes [kg m^2]; all zero for a point mass.
+            com: (3,) CM in the link frame [m].
+            body: What the body is called in an error.
+            prefix: What the caller puts before "mass", "inertia" and "com", as in "base_mass".
+
+        Raises:
+            ModelError: They are no numbers, or no rigid body can have them.
+        """
+        try:
+            m = float(mass)
+            I, c = np.array(inertia, dtype=np.float64), np.array(com, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            named = ", ".join(f"{prefix}{name}" for name in ("mass", "inertia", "com"))
+            raise ModelError(f"{named} of {body} must be numbers: {error}") from None
+        if not LEAST_MASS <= m <= LARGEST:
+            raise ModelError(f"{prefix}mass is {m:g} kg; give a positive mass up to {LARGEST:g} kg")
+        if I.shape != (3, 3) or not (np.abs(I) <= LARGEST).all() or not np.allclose(I, I.T):
+            raise ModelError(f"{prefix}inertia must be a symmetric (3, 3) matrix; got {inertia!r}")
+        if c.shape != (3,) or not (np.abs(c) <= LARGEST).all():
+            raise ModelError(f"{prefix}com is {com!r}; give 3 finite numbers up to {LARGEST:g} m")
+        rigid = cls(m, pin.SE3(np.eye(3), c), I)
+        if I.any() and (fault := rigid.fault()):
+            raise ModelError(f"{body} {fault}; give {prefix}mass and {prefix}inertia of a body")
+        return rigid
+
+    @property
+    def point(self) -> bool:
+        """Whether it is a mass without any inertia about its CM."""
+        return self.mass > 0.0 and not self.inertia.any()
+
+    def spatial(self) -> pin.Inertia:
+        """The same as a Pinocchio spatial inertia in the link frame."""
+        inertia = pin.Inertia.Zero()
+        inertia.mass, inertia.inertia = self.mass, self.inertia
+        return self.origin.act(inertia)
+
+    def fault(self) -> str | None:
+        """Why no rigid body can have this inertia, or None if one can."""
+        if self.mass == 0.0 and not self.inertia.any():
+            return None
+        if self.mass <= 0.0:
+            return f"has an inertia but a mass of {self.mass:g} kg"
+        small, middle, large = np.linalg.eigvalsh(self.inertia)
+        moments = f"principal moments {small:.6g}, {middle:.6g}, {large:.6g} kg m^2"
+        if small <= 0.0:
+            return f"has an inertia that is not positive definite ({moments})"
+        if large - small - middle > TRIANGLE_TOLERANCE * large:
+            return f"has an inertia that breaks the triangle inequality ({moments})"
+        return None
+
+
+class Mimic(NamedTuple):
+    """The joint follows another: q = multiplier * q_leader + offset."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint between two links; limits are infinite where the URDF gives none.
+
+    Attributes:
+        kind: "revolute", "continuous", "prismatic" or "fixed"; "wheel" for one that turns without
+            limits and is no joint of the arm (see `spacearm.model.wheels`).
+        origin: Pose of the joint frame in the parent link's frame.
+        axis: (3,) unit vector in the joint frame.
+        lower: Least angle [rad] or displacement [m].
+        upper: Largest angle [rad] or displacement [m].
+        velocity: Largest rate [rad/s] or [m/s].
+        effort: Largest torque [N m] or force [N].
+        slid: How far a prismatic joint had slid when it was welded [m]; the origin includes it.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: pin.SE3
+    axis: Array
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    effort: float = math.inf
+    mimic: Mimic | None = None
+    slid: float = 0.0
+
+    @property
+    def movable(self) -> bool:
+        """Whether the joint can move and is the arm's."""
+        return self.kind not in ("fixed", "wheel")
+
+    @property
+    def effort_unit(self) -> str:
+        """Unit of the effort limit."""
+        return "N" if self.kind == "prismatic" else "N m"
+
+    def motion(self, value: float) -> pin.SE3:
+        """Displacement of the child link at `value` [rad] or [m], in the joint frame."""
+        if self.kind == "prismatic":
+            return pin.SE3(np.eye(3), self.axis * value)
+        return pin.SE3(pin.AngleAxis(float(value), self.axis).matrix(), np.zeros(3))
+
+    def frozen(self, value: float) -> Joint:
+        """The joint welded at `value` [rad] or [m]."""
+        slid = abs(value) if self.kind == "prismatic" else 0.0
+        origin = self.origin * self.motion(value)
+        return replace(self, kind="fixed", origin=origin, mimic=None, slid=slid)
+
+    def renamed(self, prefix: str) -> Joint:
+        """The joint with `prefix` before its name and the names of all that it refers to."""
+        mimic = self.mimic and self.mimic._replace(leader=prefix + self.mimic.leader)
+        name, parent, child = (prefix + text for text in (self.name, self.parent, self.child))
+        return replace(self, name=name, parent=parent, child=child, mimic=mimic)
+
+    def pinocchio(self) -> pin.JointModel:
+        """The matching Pinocchio joint; the unlimited ones too have one number each."""
+        names = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
+        letter = "P" if self.kind == "prismatic" else "R"
+        if name := names.get(tuple(self.axis)):
+            return getattr(pin, f"JointModel{letter}{name}")()
+        kind = "Prismatic" if self.kind == "prismatic" else "Revolute"
+        return getattr(pin, f"JointModel{kind}Unaligned")(self.axis)
+
+
+def solid_box(mass: float, inertia: Array) -> tuple[Array, Array]:
+    """The solid box of a mass [kg] and an inertia about its CM: axes (3, 3) and edges (3,) [m].
+
+    Edges of bodies that no box can have are taken as a thousandth of the longest.
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] *= -1.0
+    squares = 6.0 * (moments.sum() - 2.0 * moments) / mass
+    return axes, np.sqrt(np.maximum(squares, 1e-6 * squares.max()))
+
+
+def box_inertia(mass: float, size: Array) -> Array:
+    """(3, 3) inertia of a solid box with these edges [m] about its centre [kg m^2]."""
+    squares: Array = np.square(size)
+    return np.diag(mass / 12.0 * (squares.sum() - squares))

@@ -1,0 +1,1 @@
+"""Momentum, Jacobians and dynamics of a floating arm."""

@@ -1,0 +1,245 @@
+"""Many configurations at once: singular values and Jacobians by compiled kernels."""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import LARGEST, Array, whole
+from spacearm.description.tips import the_one
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.kernels.processors import processors
+from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.model.arm import SpaceArm
+
+QUANTITIES = ("sigma_min", "manipulability", "condition", "det", "radius")
+"""What `evaluate` can tell."""
+
+FEW = 50
+"""Batches smaller than this are not worth loading the compiler."""
+
+BLOCK = 16384
+"""Configurations that a thread takes at a time: their numbers fit its cache."""
+
+CARD_BLOCK = 2**20
+"""Configurations that a graphics card takes at a time."""
+
+BLOCKS_MAPPED = 32
+"""Blocks after which pages of memory maps are given back."""
+
+Progress = Callable[[int, int], object]
+
+
+def evaluate(
+    arm: SpaceArm,
+    Q: npt.ArrayLike,
+    quantities: Sequence[str] = QUANTITIES,
+    *,
+    out: Mapping[str, Array] | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    device: Literal["cpu", "cuda"] = "cpu",
+) -> dict[str, Array]:
+    """Measures of singularity at many configurations of the floating arm.
+
+    The same numbers as `singularity` gives one by one, by compiled kernels: singular values by
+    bidiagonal reduction and qd transforms, to a few units of rounding of the largest singular
+    value (the tests allow 2e-14 of it against numpy's svd), also where the arm is singular.
+
+    Args:
+        arm: The arm.
+        Q: (m, n) joint positions [rad] or [m], in any order of memory, or a memory map; it is
+            read block by block.
+        quantities: Of "sigma_min" (least singular value of the task Jacobian), "manipulability"
+            (product of the singular values), "condition" (largest over least), "det" (equation
+            (37); NaN unless the task has as many rows as the arm has joints) and "radius" (R of
+            equation (43), distance of the tip from the system CM [m]).
+        out: Arrays (m,) to write to, memory maps included, for some or all of the quantities.
+        threads: How many to use; as many as there are processors if None.
+        progress: Called as progress(done, m) after each block.
+        device: "cuda" computes on an NVIDIA graphics card: `pip install "spacearm[gpu]"`.
+
+    Returns:
+        An array (m,) for each quantity. Rows of Q that are not finite give NaN.
+
+    Raises:
+        ConfigurationError: Q or `out` has the wrong shape, or a quantity or device does
+            not exist.
+        UnsupportedError: No graphics card can be used.
+    """
+    if isinstance(quantities, str):
+        quantities = (quantities,)
+    for name in (*quantities, *(out or ())):
+        if name not in QUANTITIES:
+            raise ConfigurationError(unknown("quantity", name, QUANTITIES))
+    if extra := set(out or ()) - set(quantities):
+        raise ConfigurationError(
+            f"out has arrays for {', '.join(sorted(extra))}, which quantities does not name"
+        )
+    Q = _configurations(arm, Q)
+    m = len(Q)
+    given = {name: _checked(array, (m,), f"out[{name!r}]") for name, array in (out or {}).items()}
+    results = {name: given[name] if name in given else np.empty(m) for name in quantities}
+    wants_condition = "condition" in quantities
+    measures = _on(device) if device != "cpu" else _compiled().measures if m >= FEW else _measures
+
+    def do(block: slice) -> None:
+        values = measures(arm, _read(Q, block), wants_condition)
+        for name, array in results.items():
+            array[block] = values[name]
+
+    if device == "cuda":
+        _run(do, m, 1, progress, [Q, *results.values()], CARD_BLOCK)
+    else:
+        _run(do, m, threads, progress, [Q, *results.values()])
+    return results
+
+
+def generalized_jacobians(
+    arm: SpaceArm,
+    Q: npt.ArrayLike,
+    *,
+    out: Array | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Array:
+    """J* of equation (35) at many configurations, in spacecraft axes.
+
+    Args:
+        arm: The arm.
+        Q: (m, n) joint positions, as in `evaluate`.
+        out: (m, 6, n) array to write to.
+        threads: As in `evaluate`.
+        progress: As in `evaluate`.
+
+    Returns:
+        (m, 6, n) rows [linear [m/rad]; angular] as `generalized_jacobian` gives them with the
+        spacecraft's axes along the inertial ones. Rows of Q that are not finite give NaN.
+
+    Raises:
+        ConfigurationError: Q or `out` has the wrong shape.
+        UnsupportedError: The arm has several tips.
+    """
+    the_one(arm.tips, arm.name)
+    Q = _configurations(arm, Q)
+    m = len(Q)
+    J = np.empty((m, 6, arm.n)) if out is None else _checked(out, (m, 6, arm.n), "out")
+    jacobians = _compiled().jacobians if m >= FEW else _jacobians
+
+    def do(block: slice) -> None:
+        J[block] = jacobians(arm, _read(Q, block))
+
+    _run(do, m, threads, progress, [Q, J])
+    return J
+
+
+def _compiled() -> Any:
+    """The compiled kernels; to import them takes half a second, which `import spacearm` saves."""
+    from spacearm.mechanics import compiled
+
+    return compiled
+
+
+def _on(device: str) -> Any:
+    """The measures on another device."""
+    if device != "cuda":
+        raise ConfigurationError(unknown("device", device, ("cpu", "cuda")))
+    if fault := _compiled().no_card():
+        raise UnsupportedError(
+            f"device 'cuda' cannot be used: {fault}; it takes an NVIDIA graphics card and "
+            "pip install 'spacearm[gpu]'; device='cpu' works everywhere"
+        )
+    return _compiled().measures_on_card
+
+
+def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
+    """The measures at q (n, m) by name, each (m,), without compiled code."""
+    values = {name: np.full(q.shape[1], np.nan) for name in QUANTITIES}
+    for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
+        cfg = arm.at(q[:, i])
+        J = arm.task.jacobian(generalized_jacobian(cfg), cfg.base.rotation)
+        k, n = J.shape
+        sigma = np.pad(np.linalg.svd(J, compute_uv=False), (0, max(k - n, 0)))
+        values["sigma_min"][i] = sigma[-1]
+        values["manipulability"][i] = sigma.prod()
+        values["condition"][i] = sigma[0] / sigma[-1] if sigma[-1] > 0.0 else np.inf
+        values["det"][i] = np.linalg.det(J) if k == n else np.nan
+        values["radius"][i] = np.linalg.norm(cfg.tip.translation - cfg.com)
+    return values
+
+
+def _jacobians(arm: SpaceArm, q: Array) -> Array:
+    """(m, 6, n) generalized Jacobians at q (n, m), without compiled code."""
+    J = np.full((q.shape[1], 6, arm.n), np.nan)
+    for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
+        J[i] = generalized_jacobian(arm.at(q[:, i]))
+    return J
+
+
+def _configurations(arm: SpaceArm, Q: npt.ArrayLike) -> Array:
+    """Q as an array of numbers, (m, n), not copied where it is one."""
+    array: npt.NDArray[Any] = Q if isinstance(Q, np.ndarray) else np.asarray(Q)
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, arm.n)
+    if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != arm.n:
+        raise ConfigurationError(
+            f"Q has shape {array.shape} and type {array.dtype}; {arm.name} needs real numbers of "
+            f"shape (m, {arm.n}), one column for each of: {', '.join(arm.joint_names)}"
+        )
+    return array
+
+
+def _checked(array: Array, shape: tuple[int, ...], what: str) -> Array:
+    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
+        raise ConfigurationError(
+            f"{what} is {getattr(array, 'dtype', type(array).__name__)} of shape "
+            f"{np.shape(array)}; give an array of floats of shape {shape}"
+        )
+    if not array.flags.writeable:
+        raise ConfigurationError(f"{what} is read-only; give one that can be written to")
+    return array
+
+
+def _read(Q: Array, block: slice) -> Array:
+    """(n, m) one block of Q, NaN where it holds no position."""
+    q = np.array(Q[block].T, dtype=np.float64, order="C")
+    q[~(np.abs(q) <= LARGEST)] = np.nan
+    return q
+
+
+def _run(
+    do: Callable[[slice], None],
+    m: int,
+    threads: int | None,
+    progress: Progress | None,
+    arrays: Sequence[Array],
+    largest: int = BLOCK,
+) -> None:
+    """Does all blocks of m configurations, on several threads, with little memory."""
+    threads = processors() if threads is None else whole(threads, "threads", 1)
+    size = min(largest, -(-m // threads) or 1)
+    blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
+    maps = [found for array in arrays if (found := _memory_map(array)) is not None]
+    with ThreadPoolExecutor(threads) as pool:
+        done = pool.map(do, blocks) if len(blocks) > 1 else map(do, blocks)
+        for i, _ in enumerate(done):
+            if i % BLOCKS_MAPPED == 0:
+                for memory_map in maps:
+                    memory_map.madvise(mmap.MADV_DONTNEED)
+            if progress:
+                progress(blocks[i].stop, m)
+
+
+def _memory_map(array: Array) -> mmap.mmap | None:
+    """The file behind an array, whose pages need not stay in memory once used, if any."""
+    owner: object = array
+    while isinstance(owner, np.ndarray):
+        if isinstance(owner, np.memmap) and owner.mode == "c":
+            return None  # changes to a private copy are in memory only
+        owner = owner.base
+    return owner if isinstance(owner, mmap.mmap) else None

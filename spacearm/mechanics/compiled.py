@@ -1,0 +1,128 @@
+"""An arm as the compiled kernels want it. Importing this imports the compiler: only when needed."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.kernels import cpu
+from spacearm.kernels.floating import BODY, Bodies
+from spacearm.kernels.lanes import LARGEST_ANGLE
+from spacearm.kernels.measures import MEASURES
+from spacearm.model.arm import SpaceArm
+
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
+    """The measures at q (n, m) by name, each (m,)."""
+    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
+    values = np.empty((len(MEASURES), q.shape[1]))
+    cpu.measures(*bodies(arm), arm.n, rows, scale, _all_joints(arm, q), wants_condition, values)
+    return dict(zip(MEASURES, values, strict=True))
+
+
+def measures_on_card(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
+    """`measures` on the graphics card."""
+    from spacearm.kernels.cuda import THREADS, cuda, kernel
+
+    q = _all_joints(arm, q)
+    N, m = q.shape
+    values = cuda.device_array((len(MEASURES), m))
+    b, tip, E = bodies(arm)
+    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
+    launch = kernel(N, arm.n)[-(-m // THREADS), THREADS]
+    b, E, rows, scale, q = map(cuda.to_device, (b, E, rows, scale, q))
+    launch(b, tip, E, rows, scale, q, wants_condition, values)
+    return dict(zip(MEASURES, values.copy_to_host(), strict=True))
+
+
+def no_card() -> str | None:
+    """Why no graphics card can be used, or None if one can."""
+    try:
+        from spacearm.kernels.cuda import cuda
+    except ImportError as error:
+        return str(error)
+    return None if cuda.is_available() else "no NVIDIA driver or no card answers"
+
+
+def jacobians(arm: SpaceArm, q: Array) -> Array:
+    """(m, 6, n) generalized Jacobians at q (n, m)."""
+    J = np.empty((q.shape[1], 6, arm.n))
+    cpu.jacobians(*bodies(arm), _all_joints(arm, q), J)
+    return J
+
+
+class Reactions(NamedTuple):
+    """How an arm reacts at m configurations, in spacecraft axes.
+
+    Attributes:
+        J: (m, 6, n) J* [m/rad], [1].
+        A: (m, 3, n) the connection -D^-1 D_q of (33c): the spacecraft turns by A dq.
+        r: (m, 3) the tip from the system CM [m].
+        R: (m, 3, 3) attitude of the tip.
+    """
+
+    J: Array
+    A: Array
+    r: Array
+    R: Array
+
+
+def reactions(arm: SpaceArm, q: Array) -> Reactions:
+    """How the arm reacts at q (n, m)."""
+    m, n = q.shape[1], arm.n
+    at = Reactions(np.empty((m, 6, n)), np.empty((m, 3, n)), np.empty((m, 3)), np.empty((m, 3, 3)))
+    cpu.reactions(*bodies(arm), _all_joints(arm, q), *at)
+    model, frame = arm.model, arm.model.frames[arm.tip_frame]
+    own = arm.tree.joints[model.names[frame.parentJoint]].axis if frame.parentJoint > 1 else Z
+    return at._replace(R=at.R @ (_z_to(own).T @ frame.placement.rotation))
+
+
+@lru_cache(maxsize=64)
+def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
+    """The constants of the arm, the body that the tip is fixed to, and where [m], (3,)."""
+    model, names = arm.model, list(arm.model.names)
+    joints = [arm.tree.joints[name] for name in names[2:]]
+    coupling = np.eye(arm.n) if arm.coupling is None else arm.coupling
+    frame = model.frames[arm.tip_frame]
+    chain = [int(i) for i in model.supports[frame.parentJoint]]
+    turn = [np.eye(3), *(_z_to(joint.axis) for joint in joints)]
+    b = np.zeros(model.njoints - 1, BODY)  # Pinocchio's joint 1 carries the spacecraft, body 0
+    for i, S in enumerate(turn):
+        inertia = model.inertias[i + 1]
+        b[i]["m"] = b[i]["carried"] = inertia.mass
+        b[i]["c"], b[i]["I"] = S.T @ inertia.lever, S.T @ inertia.inertia @ S
+        if i > 0:
+            parent, placement = int(model.parents[i + 1]) - 1, model.jointPlacements[i + 1]
+            b[i]["parent"] = parent
+            b[i]["slides"] = joints[i - 1].kind == "prismatic"
+            b[i]["on_chain"] = i + 1 in chain
+            b[i]["column"] = column = int(np.abs(coupling[i - 1]).argmax())
+            b[i]["gain"] = coupling[i - 1, column]
+            b[i]["E"] = turn[parent].T @ placement.rotation @ S
+            b[i]["t"] = turn[parent].T @ placement.translation
+    for i in range(len(b) - 1, 0, -1):
+        b[b[i]["parent"]]["carried"] += b[i]["carried"]
+    tip = frame.parentJoint - 1
+    return b, tip, turn[tip].T @ frame.placement.translation
+
+
+def _z_to(axis: Array) -> Array:
+    """(3, 3) a rotation that takes z to the axis."""
+    rotation: Array = pin.Quaternion.FromTwoVectors(Z, axis).matrix()
+    return rotation
+
+
+def _all_joints(arm: SpaceArm, q: Array) -> Array:
+    """(N, m) positions of all joints, those that mimic included; angles within a few turns."""
+    if arm.coupling is not None:
+        q = arm.coupling @ q + arm.offsets[:, None]
+    turns = ~bodies(arm)[0]["slides"][1:]
+    if (np.abs(q[turns]) > LARGEST_ANGLE).any():
+        q[turns] = np.arctan2(np.sin(q[turns]), np.cos(q[turns]))
+    return q

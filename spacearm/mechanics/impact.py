@@ -1,0 +1,152 @@
+"""Capture: what all bodies do just after the tip has grasped a moving, tumbling target.
+
+The grasp is a plastic impact: in no time the target is fixed to the tip, by impulses at the tip
+alone. With v = (v_b, dq) and the target's twist t at the tip, J the tip's Jacobian and M_t the
+target's spatial inertia there, both momentum balances joined give
+
+    (M + J^T M_t J) v+ = M v- + J^T M_t t-,
+
+the balance of generalized momentum with the mass matrix of the arm that holds the target. It is the
+projection of (v-, t-) on the motions that the grasp leaves, in the metric of the kinetic energy,
+which therefore cannot grow. Joints with their brakes on are a further constraint, dq+ = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array, Result
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.mechanics.dynamics import generalized_velocity, in_inertial_axes, mass_matrix
+from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.frames import LWA
+
+Joints = Literal["free", "braked"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Capture(Result):
+    """The arm with its target just after the grasp.
+
+    Attributes:
+        configuration: The configuration, of the arm that holds the target.
+        twist: (6,) twist of the spacecraft, [linear [m/s]; angular [rad/s]], inertial axes.
+        dq: (n,) joint rates [rad/s] or [m/s].
+        momentum: (6,) momentum of all, [linear [kg m/s]; angular about the system CM
+            [kg m^2/s]], inertial axes: what `simulate` takes for the motion that follows.
+        impulse: (6,) what the target gave to the tip, [linear [N s]; angular about the tip frame's
+            origin [N m s]], inertial axes.
+        lost: Kinetic energy that the impact took [J], never negative.
+    """
+
+    configuration: Configuration
+    twist: Array
+    dq: Array
+    momentum: Array
+    impulse: Array
+    lost: float
+
+    @property
+    def velocities(self) -> dict[str, Array]:
+        """The twist (6,) of every link's frame, [linear; angular], inertial axes."""
+        cfg = self.configuration
+        model, data = cfg.arm.model, pin.Data(cfg.arm.model)
+        turned = (cfg.base.rotation.T @ self.twist.reshape(2, 3).T).T
+        v = np.concatenate((turned.ravel(), cfg.arm.all_rates(self.dq)))
+        pin.forwardKinematics(model, data, cfg.full_at_origin, v)
+        frames = {link: model.getFrameId(link, pin.BODY) for link in cfg.arm.tree.links}
+        return {
+            link: pin.getFrameVelocity(model, data, frame, LWA).vector
+            for link, frame in frames.items()
+        }
+
+    def __repr__(self) -> str:
+        name = self.configuration.arm.name
+        return f"Capture({name}: {self.lost:.6g} J lost, w_0 = {self.twist[3:]} rad/s)"
+
+
+def capture(
+    cfg: Configuration,
+    target_twist: npt.ArrayLike,
+    mass: float,
+    inertia: npt.ArrayLike | None = None,
+    com: npt.ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    dq: npt.ArrayLike | None = None,
+    momentum: npt.ArrayLike | None = None,
+    joints: Joints = "free",
+) -> Capture:
+    """The velocities just after the tip has grasped a target that moves and tumbles.
+
+    Linear and angular momentum of arm and target together are kept; the module's docstring has the
+    balance.
+
+    Args:
+        cfg: The arm at the moment of the grasp.
+        target_twist: (6,) the target before, [velocity of its CM [m/s]; angular velocity [rad/s]],
+            inertial axes.
+        mass: Mass of the target [kg].
+        inertia: (3, 3) its inertia about its CM, tip axes [kg m^2]; a point mass if None.
+        com: (3,) its CM in the tip frame [m].
+        dq: (n,) joint rates before [rad/s] or [m/s]; zeros if None.
+        momentum: (6,) momentum of the arm before, [linear; angular about its CM], inertial axes;
+            zero if None.
+        joints: "free": the joints give way, no torque is large enough to act in the instant;
+            "braked": brakes hold them, at rest from then on.
+
+    Raises:
+        ConfigurationError: An argument has the wrong shape or is not finite.
+        ModelError: No rigid body can have this mass and inertia.
+        UnsupportedError: The arm has several tips, or its wheels hold momentum.
+    """
+    if joints not in get_args(Joints):
+        raise ConfigurationError(unknown("joints", joints, get_args(Joints)))
+    still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
+    rates = np.zeros(cfg.arm.n) if dq is None else dq
+    before = generalized_velocity(cfg, rates, "free-floating", momentum)
+    held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, cfg.base)
+    M_t = _target(cfg, mass, inertia, com)
+    t = _at_tip(cfg, target_twist, com)
+    M, M_held = mass_matrix(cfg), mass_matrix(held)
+    h = M @ before + cfg.J.T @ M_t @ t
+    f = len(h) if joints == "free" else 6
+    after = np.zeros_like(h)
+    after[:f] = np.linalg.solve(M_held[:f, :f], h[:f])
+    dv, dt = after - before, cfg.J @ after - t
+    return Capture(
+        configuration=held,
+        twist=in_inertial_axes(cfg, after[:6]),
+        dq=after[6:],
+        momentum=held.A @ after,
+        impulse=-M_t @ dt,
+        lost=float(dv @ M @ dv + dt @ M_t @ dt) / 2.0,
+    )
+
+
+def _target(
+    cfg: Configuration, mass: float, inertia: npt.ArrayLike | None, com: npt.ArrayLike
+) -> Array:
+    """(6, 6) M_t, the spatial inertia of the target at the tip frame's origin, inertial axes."""
+    R = cfg.tip.rotation
+    I = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
+    matrix: Array = pin.Inertia(mass, R @ np.asarray(com), R @ I @ R.T).matrix()
+    return matrix
+
+
+def _at_tip(cfg: Configuration, target_twist: npt.ArrayLike, com: npt.ArrayLike) -> Array:
+    """(6,) t-, the twist of the target at the tip frame's origin, from that of its CM."""
+    try:
+        t = np.array(target_twist, dtype=np.float64)
+    except (TypeError, ValueError):
+        t = np.empty(0)
+    if t.shape != (6,) or not np.isfinite(t).all():
+        raise ConfigurationError(
+            f"target_twist is {target_twist!r}; give 6 finite numbers [linear; angular]"
+        )
+    lever = cfg.tip.rotation @ np.asarray(com)
+    return np.concatenate((t[:3] - np.cross(t[3:], lever), t[3:]))

@@ -1,0 +1,1 @@
+"""The arm, its configurations, tasks and wheels, as the equations need them."""

@@ -1,0 +1,167 @@
+"""Configuration: one posture of an arm and one pose of its spacecraft, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import LARGEST, Array
+from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.model.frames import LWA, sound_pose
+from spacearm.model.joints import joint_vector
+
+if TYPE_CHECKING:
+    from spacearm.model.arm import SpaceArm
+
+
+AT_REST = np.zeros(6)
+"""What wheels hold that do not spin."""
+AT_REST.flags.writeable = False
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Configuration:
+    """A posture q and a spacecraft pose, with the two matrices that everything follows from.
+
+    Made by `SpaceArm.at`; that it exists means that its kinematics have run. Nothing in it
+    changes: arrays are read-only, `base` and `tip` are copies.
+
+    The base columns of `A` and `J` act on the spacecraft's twist in spacecraft axes, as
+    Pinocchio has them; products such as J_b A_b^-1 do not depend on that choice.
+    `momentum_matrix` gives them for inertial axes.
+
+    Attributes:
+        arm: The arm.
+        q: (n,) joint angles [rad] or displacements [m].
+        wheels: (w,) momentum that each wheel of the arm holds about its axis [N m s].
+        stored: (6,) that momentum of all wheels, [linear (zero); angular], inertial axes: the total
+            is A_b v_b + A_q dq + stored.
+        com: (3,) system centre of mass in the inertial frame [m].
+        A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
+            system CM], inertial axes.
+        J: (6, 6 + n) Jacobian [J_b J_q] of the tip, rows [linear; angular], inertial axes; of
+            several tips (6 tips, 6 + n), stacked.
+    """
+
+    arm: SpaceArm
+    q: Array
+    wheels: Array
+    stored: Array
+    com: Array
+    A: Array
+    J: Array
+    _base: pin.SE3
+    _tips: tuple[pin.SE3, ...]
+
+    @property
+    def base(self) -> pin.SE3:
+        """Pose of the spacecraft frame in the inertial frame."""
+        return self._base.copy()
+
+    @property
+    def tip(self) -> pin.SE3:
+        """Pose of the tip frame in the inertial frame.
+
+        Raises:
+            UnsupportedError: The arm has several tips; see `tips`.
+        """
+        return self._tips[self.arm.tips.index(self.arm.tip)].copy()
+
+    @property
+    def tips(self) -> tuple[pin.SE3, ...]:
+        """Poses of the frames of all tips in the inertial frame."""
+        return tuple(tip.copy() for tip in self._tips)
+
+    @property
+    def full(self) -> Array:
+        """(nq,) configuration of the Pinocchio model: [x y z, qx qy qz qw, joints]."""
+        return np.concatenate((pin.SE3ToXYZQUAT(self._base), self.arm.all_joints(self.q)))
+
+    @property
+    def full_at_origin(self) -> Array:
+        """(nq,) the same with the spacecraft at the origin, where no digits are lost to orbits."""
+        full = self.full
+        full[:3] = 0.0
+        return full
+
+    def centred(self, com: Array) -> Configuration:
+        """The same posture and attitude, the spacecraft placed so that the system CM is at com."""
+        by = com - self.com
+        base, *tips = (pin.SE3(pose) for pose in (self._base, *self._tips))
+        for pose in (base, *tips):
+            pose.translation += by
+        return replace(self, com=self.com + by, _base=base, _tips=tuple(tips))
+
+    def __repr__(self) -> str:
+        base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
+        q = np.array2string(self.q, precision=6, separator=", ")
+        return f"Configuration({self.arm.name}, q={q}, base(xyz, xyzw)={base})"
+
+
+def configure(
+    arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None, wheels: npt.ArrayLike | None
+) -> Configuration:
+    """The configuration of `arm` at q with the spacecraft at `base`, all checked."""
+    base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
+    cfg = kinematics(arm, joint_vector(arm, q, "q"), base)
+    return cfg if wheels is None else _spinning(cfg, wheels)
+
+
+def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
+    """The configuration with momentum in the wheels."""
+    arm, names = cfg.arm, [wheel.name for wheel in cfg.arm.wheels]
+    try:
+        h = np.array(wheels, dtype=np.float64)
+    except (TypeError, ValueError):
+        h = np.empty((0, 0))
+    if h.shape != (len(names),) or not (np.abs(h) <= LARGEST).all():
+        raise ConfigurationError(
+            f"wheels is {wheels!r}; {arm.name} needs {len(names)} finite numbers [N m s], one for "
+            f"each of: {', '.join(names) or 'no wheel'}"
+        )
+    stored = np.zeros(6)
+    data = arm.borrow()
+    pin.framesForwardKinematics(arm.model, data, cfg.full_at_origin)
+    for wheel, spin in zip(arm.wheels, h, strict=True):
+        stored[3:] += data.oMf[wheel.frame].rotation @ wheel.axis * spin
+    arm.give_back(data)
+    for array in (h, stored):
+        array.flags.writeable = False
+    return replace(cfg, wheels=h, stored=stored)
+
+
+def still_wheels(cfg: Configuration, what: str) -> None:
+    """Refuses wheels that hold momentum.
+
+    Raises:
+        UnsupportedError: They do; `what` says why that is too much.
+    """
+    if cfg.wheels.any():
+        raise UnsupportedError(f"the wheels of {cfg.arm.name} hold momentum, and {what}")
+
+
+def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
+    """The configuration at (n,) numbers and a pose that are known to be sound, which it keeps."""
+    model = arm.model
+    full = np.zeros(model.nq)  # at the origin: far from it, as in orbit, digits would be lost
+    full[3:7] = pin.SE3ToXYZQUAT(base)[3:]
+    full[7:] = arm.all_joints(q)
+
+    data = arm.borrow()
+    A = arm.project(pin.computeCentroidalMap(model, data, full))
+    frames = [pin.computeFrameJacobian(model, data, full, frame, LWA) for frame in arm.tip_frames]
+    J = arm.project(frames[0] if len(frames) == 1 else np.vstack(frames))
+    com = data.com[0] + base.translation
+    tips = [pin.updateFramePlacement(model, data, frame).copy() for frame in arm.tip_frames]
+    for tip in tips:
+        tip.translation += base.translation
+    arm.give_back(data)
+
+    wheels = np.zeros(len(arm.wheels))
+    for array in (q, wheels, com, A, J):
+        array.flags.writeable = False
+    return Configuration(arm, q, wheels, AT_REST, com, A, J, base, tuple(tips))

@@ -1,0 +1,35 @@
+"""Defaults: what is taken for the task and its length where nothing is said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from spacearm.description.tips import movable
+from spacearm.description.tree import Tree
+from spacearm.errors import ModelError
+from spacearm.model.task import Task
+
+
+def default_task(tree: Tree, tips: Sequence[str]) -> Task:
+    """The rows of the plane of a planar arm, else pose from 6 joints on, else position."""
+    n = min(sum(joint.mimic is None for joint in movable(tree, tip)) for tip in tips)
+    if (normal := tree.plane_normal()) is not None:
+        x, y = (axis for i, axis in enumerate("xyz") if i != normal)
+        return Task(f"{x} {y} r{'xyz'[normal]}" if n >= 3 else f"{x} {y}")
+    return Task("pose" if n >= 6 else "position")
+
+
+def chain_length(tree: Tree, tip: str, path: Path) -> float:
+    """Sum of the distances between successive joints [m], from the first joint to the tip."""
+    chain = tree.chain(tip)
+    first = chain.index(movable(tree, tip)[0])
+    length = sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])
+    if length == 0.0:
+        raise ModelError(
+            f"{path}: the joints and the tip {tip!r} are in one point, so that the arm has no "
+            "length to scale a mixed task with; give one: task=Task('pose', length=...)"
+        )
+    return length

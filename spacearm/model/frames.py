@@ -1,0 +1,29 @@
+"""Frames: poses of a caller, checked, and the frame in which twists are given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import LARGEST
+from spacearm.errors import ConfigurationError
+
+LWA = pin.LOCAL_WORLD_ALIGNED
+"""Twists of the frame's origin in inertial axes."""
+
+
+def sound_pose(pose: pin.SE3, what: str) -> pin.SE3:
+    """A checked copy of a pose, its rotation orthonormal to rounding."""
+    if not isinstance(pose, pin.SE3):
+        raise ConfigurationError(f"{what} is a {type(pose).__name__}; give it as pin.SE3(R, p)")
+    R, p = pose.rotation, pose.translation
+    if not (np.isfinite(R).all() and np.abs(p).max() <= LARGEST):
+        raise ConfigurationError(
+            f"{what} holds NaN, infinity or a position over {LARGEST:g} m; give a finite pose"
+        )
+    if np.abs(R.T @ R - np.eye(3)).max() > 1e-9 or np.linalg.det(R) < 0.0:
+        raise ConfigurationError(
+            f"{what}.rotation is not a rotation matrix (R^T R = 1, det R = 1, to 1e-9); "
+            "build it from a unit quaternion or with pin.rpy.rpyToMatrix"
+        )
+    return pin.SE3(pin.Quaternion(R).normalized(), p)

@@ -1,0 +1,45 @@
+"""Joints: vectors with one number for each of the n joints that count, checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import LARGEST, Array
+from spacearm.errors import ConfigurationError, unknown
+
+if TYPE_CHECKING:
+    from spacearm.model.arm import SpaceArm
+
+
+def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
+    """A checked copy of one finite number per movable joint, (n,)."""
+    try:
+        vector = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{what} must be {arm.n} numbers: {error}") from None
+    if vector.shape != (arm.n,):
+        raise ConfigurationError(
+            f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "
+            f"of: {', '.join(arm.joint_names)}"
+        )
+    sound = np.abs(vector) <= LARGEST
+    if not sound.all():
+        worst = int(np.flatnonzero(~sound)[0])
+        raise ConfigurationError(
+            f"{what} of joint {arm.joint_names[worst]!r} is {vector[worst]:g}; give a finite "
+            f"number up to {LARGEST:g}"
+        )
+    return vector
+
+
+def joint_name(arm: SpaceArm, text: str) -> str:
+    """A joint by its name, or by its number as q1, q2, ..."""
+    numbers = {f"q{i}": name for i, name in enumerate(arm.joint_names, start=1)}
+    if text in arm.joint_names:
+        return text
+    if text not in numbers:
+        raise ConfigurationError(unknown("joint", text, [*arm.joint_names, *numbers]))
+    return numbers[text]

@@ -1,0 +1,108 @@
+"""Loading: a spacecraft with its arm from a URDF or the catalogue; arms bolted to a bus."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import pinocchio as pin
+
+from spacearm.description.assembly import bolted
+from spacearm.description.bus import Bus
+from spacearm.description.catalogue import find, read
+from spacearm.description.readers import urdf
+from spacearm.description.tree import Tree
+from spacearm.errors import ConfigurationError
+from spacearm.model.arm import SpaceArm
+from spacearm.model.frames import sound_pose
+from spacearm.model.task import Task
+
+
+def load(
+    model: str | os.PathLike[str],
+    *,
+    tip: str | Sequence[str] | None = None,
+    task: str | Task | None = None,
+    locked: Mapping[str, float] | None = None,
+    check: urdf.Check | None = None,
+    wheels: Collection[str] = (),
+) -> SpaceArm:
+    """Loads a spacecraft with its arm.
+
+    The spacecraft is the URDF's root link with all that fixed joints hold to it; a massless root
+    joined to the real bus is fine. Side branches (solar panels, other arms) are bodies and
+    joints like any other. Joints that mimic another follow it and are not counted in n; their
+    limits count as limits of the joint that they follow.
+
+    Args:
+        model: A catalogue name (see `catalogue`) or the path of a URDF.
+        tip: Link whose frame is the tip, or several, whose task rows are then stacked. Default:
+            what the URDF names by <tip link>, else the leaf link behind the most movable joints
+            (of several, the one behind the most joints of any kind).
+        task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
+            `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
+            the rotation); otherwise "pose" from 6 joints on, else "position".
+        locked: Joints to freeze, with their values [rad] or [m].
+        check: "error", "warn" or "accept": what to do with inertias that no rigid body can
+            have. Default: what the catalogue says for its models, "error" for files.
+        wheels: Joints of reaction wheels and other bodies that hold momentum, which are not among
+            the n; `SpaceArm.at` takes their momentum. Joints with a <wheel> in them are so anyway.
+
+    Raises:
+        ModelError: The model is unknown, cannot be read or is unsound.
+        ConfigurationError: tip, task or locked name something that does not exist.
+    """
+    info = find(model)
+    path = info.path if info else Path(model)
+    tree = read(info, check) if info else urdf.read(path, check or "error")
+    return SpaceArm.of(tree.locked(locked or {}).with_wheels(wheels), path, tip=tip, task=task)
+
+
+def mount(
+    arm: str | os.PathLike[str],
+    bus: Bus | SpaceArm | str | os.PathLike[str],
+    at: pin.SE3 | None = None,
+    *,
+    name: str | None = None,
+    tip: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    check: urdf.Check | None = None,
+) -> SpaceArm:
+    """Bolts an arm to a spacecraft; do it again for a second and a third arm.
+
+    The arm's own fixed base becomes part of the spacecraft. The names of its links and joints are
+    prefixed with its name and "_", and a frame with its name alone stands at its tip, so that two
+    arms mounted as "left" and "right" have the tips "left" and "right". The result asks about the
+    arm mounted last; `SpaceArm.replace` takes another tip, or both: `tip=("left", "right")`. The
+    order of mounting changes nothing else.
+
+    Args:
+        arm: A URDF of an arm without a spacecraft: its path or a name that `arms` lists.
+        bus: A `Bus`, a spacecraft that has arms already, or the path of a URDF of a bus (its
+            solar panels and wheels come along).
+        at: Pose of the arm's root link in the frame of the bus; the identity if None.
+        name: What the arm is called. Default: the robot's name, numbered from the second on.
+        tip: Link of the arm that is its tip, as in `load`.
+        locked: Joints of the arm to freeze, with their values [rad] or [m]; fingers of arms that
+            `arms` lists are frozen anyway.
+        check: What to do with inertias that no rigid body can have; see `load`.
+
+    Raises:
+        ModelError: A URDF is unknown or unsound, or the name is taken.
+        ConfigurationError: bus, at, tip or locked is wrong.
+    """
+    at = pin.SE3.Identity() if at is None else sound_pose(at, "at")
+    base = _tree(bus, check)
+    tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, check=check)
+    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"))
+
+
+def _tree(bus: Bus | SpaceArm | str | os.PathLike[str], check: urdf.Check | None) -> Tree:
+    if isinstance(bus, Bus):
+        return bus.tree()
+    if isinstance(bus, SpaceArm):
+        return bus.tree
+    if not isinstance(bus, (str, os.PathLike)):
+        raise ConfigurationError(f"bus is {bus!r}; give a Bus, a SpaceArm or the path of a URDF")
+    return urdf.read(bus, check or "error")

@@ -1,0 +1,1 @@
+"""Motions of a floating arm: controllers, simulation, following a path of the tip."""

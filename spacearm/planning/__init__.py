@@ -1,0 +1,1 @@
+"""Joint motions that arrive although the straight way is singular."""

@@ -1,0 +1,175 @@
+"""Joint curves: how far they turn the spacecraft, and how that changes with the curve.
+
+A curve leads from q_0 to q_1 in joint space, s from 0 to 1:
+
+    q(s) = q_0 + s (q_1 - q_0) + sum_j c_j sin(j pi s).
+
+Without momentum the attitude follows T' = T [A(q) q']x with the connection A = -D^-1 D_q of (33c),
+in spacecraft axes. It is integrated by the fourth-order Magnus method as in `reaction`, and
+differentiated exactly: changes dw of the angular velocity turn the end by dphi, the sum of all dw
+carried to the end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.mechanics.floating import GAUSS
+from spacearm.model.arm import SpaceArm
+from spacearm.model.frames import LWA
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """What an optimiser needs to know at (m,) configurations, the spacecraft at the identity.
+
+    Attributes:
+        A: (m, 6, 6 + n) centroidal momentum matrices.
+        J: (m, 6, 6 + n) tip Jacobians.
+        dA: (m, n, 6, 6 + n) derivatives with respect to each joint.
+        dJ: (m, n, 6, 6 + n) likewise.
+        tip: m tip poses from the system CM.
+    """
+
+    A: Array
+    J: Array
+    dA: Array
+    dJ: Array
+    tip: list[pin.SE3]
+
+    @cached_property
+    def X(self) -> Array:
+        """(m, 6, n) A_b^-1 A_q: the spacecraft moves with -X dq."""
+        X: Array = np.linalg.solve(self.A[..., :6], self.A[..., 6:])
+        return X
+
+    @cached_property
+    def dX(self) -> Array:
+        """(m, n, 6, n) its derivatives."""
+        right = self.dA[..., 6:] - self.dA[..., :6] @ self.X[:, None]
+        dX: Array = np.linalg.solve(self.A[:, None, :, :6], right)
+        return dX
+
+    @cached_property
+    def J_star(self) -> Array:
+        """(m, 6, n) J*."""
+        J_star: Array = self.J[..., 6:] - self.J[..., :6] @ self.X
+        return J_star
+
+    @cached_property
+    def dJ_star(self) -> Array:
+        """(m, n, 6, n) its derivatives with respect to each joint."""
+        moved = self.dJ[..., :6] @ self.X[:, None] + self.J[:, None, :, :6] @ self.dX
+        dJ_star: Array = self.dJ[..., 6:] - moved
+        return dJ_star
+
+
+def sample(arm: SpaceArm, Q: Array) -> Samples:
+    """All of it at Q (m, n)."""
+    m, n = Q.shape
+    A, J = np.empty((2, m, 6, 6 + n))
+    dA, dJ = np.empty((2, m, n, 6, 6 + n))
+    model, data, frame = arm.model, arm.borrow(), arm.tip_frame
+    full = pin.neutral(model)
+    unit = [np.concatenate((np.zeros(6), arm.all_rates(e))) for e in np.eye(n)]
+    tips = []
+    for i, q in enumerate(Q):
+        full[7:] = arm.all_joints(q)
+        for j, v in enumerate(unit):
+            dA[i, j] = arm.project(pin.computeCentroidalMapTimeVariation(model, data, full, v))
+            pin.computeJointJacobiansTimeVariation(model, data, full, v)
+            dJ[i, j] = arm.project(pin.getFrameJacobianTimeVariation(model, data, frame, LWA))
+        A[i] = arm.project(pin.computeCentroidalMap(model, data, full))
+        J[i] = arm.project(pin.computeFrameJacobian(model, data, full, frame, LWA))
+        tip = pin.updateFramePlacement(model, data, frame).copy()
+        tip.translation -= data.com[0]
+        tips.append(tip)
+    arm.give_back(data)
+    return Samples(A, J, dA, dJ, tips)
+
+
+class CurveFamily:
+    """All curves of some number of waves from one configuration.
+
+    A curve is the vector p = (q_1, c_1, ..., c_waves), (waves + 1, n).
+
+    Args:
+        arm: The arm.
+        q0: (n,) where the curves begin.
+        waves: Number of sines.
+        intervals: Steps of the integration along a curve.
+    """
+
+    def __init__(self, arm: SpaceArm, q0: Array, waves: int, intervals: int) -> None:
+        self.arm, self.q0, self.h = arm, q0, 1.0 / intervals
+        s = np.add.outer(np.arange(intervals), GAUSS).ravel() / intervals
+        self.s = np.append(s, 1.0)
+        self.basis, self.slope = sines(self.s, waves)
+
+    def points(self, p: Array) -> Array:
+        """(2 intervals + 1, n) the Gauss points of every interval, and the end."""
+        points: Array = self.q0 + self.basis @ (p - self._offset)
+        return points
+
+    def rows(self, p: Array, m: int) -> Array:
+        """(m + 1, n) joint positions evenly along s."""
+        basis, _ = sines(np.linspace(0.0, 1.0, m + 1), len(p) - 1)
+        rows: Array = self.q0 + basis @ (p - self._offset)
+        return rows
+
+    @cached_property
+    def _offset(self) -> Array:
+        """(waves + 1, n) q_0 in the row of q_1: the curve depends on their difference."""
+        offset = np.zeros((self.basis.shape[1], self.arm.n))
+        offset[0] = self.q0
+        return offset
+
+    def length_squared(self, p: Array) -> tuple[float, Array]:
+        """The integral of |q'|^2, which the shortest curve minimises, and its gradient."""
+        weight = np.append(1.0, 0.5 * (np.pi * np.arange(1, len(p))) ** 2)[:, None]
+        d = p - self._offset
+        return float((weight * d * d).sum()), 2.0 * weight * d
+
+    def turn(self, p: Array, at: Samples) -> tuple[Array, Array]:
+        """How the spacecraft turns along the curve.
+
+        Args:
+            p: The curve.
+            at: The samples at its `points`.
+
+        Returns:
+            (3, 3) rotation from the spacecraft axes at the end to those at the start;
+            (3, waves + 1, n) dphi per change of p, spacecraft axes at the end.
+        """
+        rates = self.slope @ (p - self._offset)
+        A = -at.X[:-1, 3:]  # (33c)
+        w = np.einsum("mij,mj->mi", A, rates)
+        G = -np.einsum("mkij,mj->mik", at.dX[:-1, :, 3:], rates)
+        dw = np.einsum("ma,mik->miak", self.basis[:-1], G)
+        dw += np.einsum("ma,mik->miak", self.slope, A)
+        h, cross = self.h, math.sqrt(3.0) / 12.0 * self.h**2
+        w1, w2 = w[::2], w[1::2]
+        dw1, dw2 = (part.reshape(len(part), 3, -1) for part in (dw[::2], dw[1::2]))
+        angles = 0.5 * h * (w1 + w2) + cross * np.cross(w1, w2)
+        changes = 0.5 * h * (dw1 + dw2)
+        T, dphi = np.eye(3), np.zeros((3, p.size))
+        for a, b, da, db, angle, change in zip(w1, w2, dw1, dw2, angles, changes, strict=True):
+            change = change + cross * (pin.skew(a) @ db - pin.skew(b) @ da)
+            step = pin.exp3(angle)
+            dphi = step.T @ dphi + pin.Jexp3(angle) @ change
+            T = T @ step
+        return T, dphi.reshape(3, *p.shape)
+
+
+def sines(s: Array, waves: int) -> tuple[Array, Array]:
+    """(m, waves + 1) the functions s and sin(j pi s), and their derivatives (all but the last)."""
+    j = np.pi * np.arange(1, waves + 1)
+    basis = np.column_stack((s, np.sin(np.outer(s, j))))
+    slope = np.column_stack((np.ones(len(s) - 1), j * np.cos(np.outer(s[:-1], j))))
+    return basis, slope

@@ -1,0 +1,96 @@
+"""Many joint curves at once: how far each turns the spacecraft, and where its tip comes to rest.
+
+All of it by compiled kernels, without derivatives along the curves: `curve` has those, for one
+curve at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from spacearm.arrays import Array
+from spacearm.model.arm import SpaceArm
+from spacearm.singularities.polynomial import plane_of_motion
+
+STRIDE = 0.5
+"""Largest joint motion of one step of Newton's method [rad] or [m]."""
+
+Turns = Callable[[Array], Array]
+"""From ends (K, n) of curves to the attitudes (K, 3, 3) of the spacecraft there."""
+
+
+@lru_cache(maxsize=64)
+def turning_axes(arm: SpaceArm) -> tuple[int, ...]:
+    """The axes about which an arm turns its spacecraft: the normal of a plane, or all three."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
+    normal = plane_of_motion(arm, [arm.at(q) for q in Q])
+    return (0, 1, 2) if normal is None else (normal,)
+
+
+def turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
+    """(K, 3, 3) how far curves turn the spacecraft, by the Magnus method of `reaction`.
+
+    Args:
+        arm: The arm.
+        Q: (K, 2 g, n) positions at the Gauss points of g equal intervals.
+        rates: (K, 2 g, n) derivatives there, the curve's parameter from 0 to 1.
+    """
+    from spacearm.mechanics.compiled import reactions  # imports the compiler
+
+    K, points, n = Q.shape
+    A = reactions(arm, Q.reshape(-1, n).T).A.reshape(K, points, 3, n)
+    w = np.einsum("kgij,kgj->kgi", A, rates)
+    w1, w2, h = w[:, ::2], w[:, 1::2], 2.0 / points
+    steps = 0.5 * h * (w1 + w2) + math.sqrt(3.0) / 12.0 * h * h * np.cross(w1, w2)
+    R = Rotation.from_rotvec(steps.reshape(-1, 3)).as_matrix().reshape(K, points // 2, 3, 3)
+    whole = R[:, 0]
+    for i in range(1, points // 2):
+        whole = whole @ R[:, i]
+    return whole
+
+
+def landed(
+    arm: SpaceArm, q: Array, tip: pin.SE3, attitude: Array | Turns, axes: Array, steps: int
+) -> tuple[Array, Array]:
+    """Joint positions that bring the tip to a pose, by damped Newton steps from first guesses.
+
+    Args:
+        arm: The arm.
+        q: (K, n) first guesses.
+        tip: The pose, from the system CM.
+        attitude: (K, 3, 3) attitudes of the spacecraft, held; or how they follow from q: then the
+            spacecraft turns with each step as (33c) has it.
+        axes: (3, 3) the goal axes; see `goal_axes`.
+        steps: How many.
+
+    Returns:
+        (K, n) positions; (K,) how far the tip's task rows are from the pose [m], [rad].
+    """
+    from spacearm.mechanics.compiled import reactions  # imports the compiler
+
+    rows, tip = arm.task.indices, pin.SE3(axes.T, np.zeros(3)) * tip
+    for step in range(steps + 1):
+        T = axes.T @ (attitude(q) if callable(attitude) else attitude)
+        at = reactions(arm, q.T)
+        turn = Rotation.from_matrix(tip.rotation @ np.swapaxes(T @ at.R, 1, 2)).as_rotvec()
+        reached = (T @ at.r[:, :, None])[:, :, 0]
+        left = np.concatenate((tip.translation - reached, turn), axis=1)[:, rows]
+        miss = np.linalg.norm(left, axis=1)
+        if step == steps:
+            break
+        J = at.J
+        if not callable(attitude):  # the joints' own part: J* without the turning by A dq
+            swept = np.cross(at.r[:, None], np.swapaxes(at.A, 1, 2))
+            J = J + np.concatenate((np.swapaxes(swept, 1, 2), -at.A), axis=1)
+        J = (T[:, None] @ J.reshape(-1, 2, 3, arm.n)).reshape(-1, 6, arm.n)[:, rows]
+        Jt, damping = np.swapaxes(J, 1, 2), 1e-3 + 0.1 * np.minimum(1.0, miss)
+        square = J @ Jt + (damping**2)[:, None, None] * np.eye(len(rows))
+        dq = (Jt @ np.linalg.solve(square, left[:, :, None]))[:, :, 0]
+        q = q + dq * np.minimum(1.0, STRIDE / np.maximum(np.abs(dq).max(axis=1), 1e-12))[:, None]
+    return q, miss

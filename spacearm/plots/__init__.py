@@ -1,0 +1,1 @@
+"""Figures of everything that spacearm computes."""

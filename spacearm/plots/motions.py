@@ -1,0 +1,209 @@
+"""Plots of motions: figures 5 and 6 of Papadopoulos & Dubowsky (1993), for any arm."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from matplotlib.figure import Figure
+from matplotlib.patches import Annulus, Circle
+from matplotlib.ticker import NullFormatter
+from scipy.optimize import isotonic_regression
+
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError
+from spacearm.motion.following import Followed
+from spacearm.motion.goal import goal_axes
+from spacearm.motion.trajectory import Trajectory
+from spacearm.planning.result import Plan
+from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
+from spacearm.workspaces.path_dependent import Workspace
+
+Drawn: TypeAlias = Trajectory | Followed | Plan
+
+CLOSE = 0.05
+"""Share of the tip path's extent within which its end needs no name beside the target's."""
+LABEL = 0.13
+"""Share of an axis that a label beside it takes."""
+MOST_MARKS = 12
+"""Events of a kind that are marked; later ones of a chattering motion are not."""
+ROUNDING = 1e-16
+"""What sigma_min is drawn as where it is less."""
+
+
+def draw_motion(
+    motion: Drawn, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
+) -> Figure:
+    """Draws a motion: tip path (figure 5), attitude and joints (figure 6), nearness to singularity.
+
+    All along the axes in which goals are given: a plane that is tilted is drawn as a flat one.
+
+    Args:
+        motion: From `sa.simulate`, `sa.follow` or `sa.plan`.
+        target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
+        workspace: Of a planar arm, to draw its shells about the system CM.
+
+    Raises:
+        ConfigurationError: The target has another shape or is not finite.
+    """
+    mark = None if target is None else _in_picture(motion, target)
+    with style():
+        figure = Figure(figsize=(11.0, 6.4))
+        both: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.1])
+        left, right = both
+        _draw_path(left, motion, mark, workspace)
+        attitude, joints, nearness = right.subplots(3, 1, sharex=True)
+        _draw_attitude(attitude, motion)
+        _draw_joints(joints, motion)
+        sigma = np.maximum(motion.sigma_min, ROUNDING)
+        nearness.semilogy(motion.t, sigma, color=RED, lw=1.8)
+        high = float(sigma.max())
+        low = np.clip(float(sigma.min()), 1e-6 * high, 0.9 * high)
+        decades = (10.0 ** np.floor(np.log10(low)), 10.0 ** np.ceil(np.log10(high)))
+        nearness.set(ylabel=f"sigma_min\n[{motion.arm.sigma_unit}]", xlabel="time [s]")
+        nearness.set_ylim(*decades)
+        nearness.yaxis.set_minor_formatter(NullFormatter())
+        for axes in (attitude, joints, nearness):
+            for t in _singular_times(motion):
+                axes.axvline(t, color=GREY, lw=0.8, ls=":")
+        figure.align_ylabels()
+        return figure
+
+
+def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
+    """The components of a point that are drawn: 3, or the 2 in the plane of a planar arm."""
+    normal = motion.arm.tree.plane_normal()
+    try:
+        x = np.asarray(target, dtype=np.float64)
+    except (TypeError, ValueError):
+        x = np.empty(0)
+    if x.shape == (3,) and normal is not None:
+        x = np.delete(x @ goal_axes(motion.at(0)), normal)
+    if x.shape != (3 if normal is None else 2,) or not np.isfinite(x).all():
+        raise ConfigurationError(
+            f"target is {target!r}; give 3 finite numbers [m]"
+            + (", or 2 in the plane" if normal is not None else "")
+        )
+    return x
+
+
+def _draw_path(
+    figure: Any, motion: Drawn, target: Array | None, workspace: Workspace | None
+) -> None:
+    normal = motion.arm.tree.plane_normal()
+    start = motion.at(0)
+    x = motion.tip[:, :3] @ goal_axes(start)
+    if normal is None:
+        axes = figure.add_subplot(projection="3d")
+        axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    else:
+        axes = figure.add_subplot()
+        x = np.delete(x, normal, axis=1)
+        labels = [f"{name} [m]" for i, name in enumerate("xyz") if i != normal]
+        axes.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", adjustable="datalim")
+        axes.grid(alpha=0.3)
+        if workspace is not None:
+            _draw_shells(axes, np.delete(start.com @ goal_axes(start), normal), workspace)
+    axes.plot(*x.T, color=BLUE, lw=2)
+    axes.plot(*x[:1].T, "o", color=BLUE)
+    marks = [("start", x[0], BLUE)]
+    if target is None or np.linalg.norm(x[-1] - target) > CLOSE * np.ptp(x, axis=0).max():
+        marks.append(("end", x[-1], BLUE))
+    first = _singular_times(motion)[:1]
+    if first:
+        at = np.array([np.interp(first[0], motion.t, column) for column in x.T])
+        axes.plot(*at[:, None], "x", color=RED, ms=10, mew=2.5)
+        marks.append(("singular", at, RED))
+    if target is not None:
+        axes.plot(*target[:, None], "*", color=GREEN, ms=13)
+        marks.append(("target", target, GREEN))
+    for label, at, color in marks:
+        if normal is None:
+            axes.text(*at, f"  {label}", color=color)
+        else:
+            axes.annotate(label, at, (8, 6), textcoords="offset points", color=color)
+    if normal is None:
+        axes.set_aspect("equal", adjustable="datalim")
+    figure.suptitle(f"{motion.arm.name}, {_story(motion)}", x=0.02, ha="left")
+
+
+def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
+    """The path dependent shells, and the edge of what can be reached."""
+    x, y = map(float, com)
+    outer = float(workspace.reachable[0, 1])
+    axes.add_patch(Circle((x, y), outer, facecolor="none", edgecolor=GREY, lw=1.2))
+    for low, high in workspace.pdw:
+        if high > low:
+            ring = Annulus((x, y), high, high - low) if low > 0.0 else Circle((x, y), high)
+            ring.set(facecolor=ORANGE, alpha=0.3, lw=0)
+            axes.add_patch(ring)
+    low, high = workspace.pdw[-1] if len(workspace.pdw) else (outer, outer)
+    axes.text(
+        x,
+        y - 0.5 * (low + high),
+        "path dependent",
+        ha="center",
+        va="center",
+        fontsize=9,
+        color=GREY,
+    )
+    axes.plot(x, y, "P", color="black", ms=7)
+
+
+def _story(motion: Drawn) -> str:
+    """What kind of motion it is and how it ended."""
+    if isinstance(motion, Plan):
+        return f"{motion.method}: joint travel {motion.length:.3g}, {motion.t[-1]:.3g} s"
+    ended = f"{motion.t[-1]:.4g} s" if motion.ended == "duration" else f"ended by {motion.ended}"
+    return f"{motion.mode}: {ended}"
+
+
+def _draw_attitude(axes: Any, motion: Drawn) -> None:
+    along = goal_axes(motion.at(0)).T
+    rotations = [along @ pin.XYZQUATToSE3(pose).rotation for pose in motion.base]
+    turns = np.degrees([pin.log3(R) for R in rotations])
+    normal = motion.arm.tree.plane_normal()
+    if normal is None:
+        for i, color in enumerate((BLUE, ORANGE, GREEN)):
+            axes.plot(motion.t, turns[:, i], color=color, lw=1.8)
+        _name(axes, motion.t[-1], turns[-1], list("xyz"))
+        axes.set_ylabel("rotation\nvector [deg]")
+    else:
+        axes.plot(motion.t, np.unwrap(turns[:, normal], period=360.0), color=BLUE, lw=1.8)
+        axes.set_ylabel("attitude\n[deg]")
+
+
+def _draw_joints(axes: Any, motion: Drawn) -> None:
+    arm = motion.arm
+    slides = [arm.tree.joints[name].kind == "prismatic" for name in arm.joint_names]
+    q = motion.q * np.where(slides, 100.0, 180.0 / np.pi)
+    for i in range(arm.n):
+        axes.plot(motion.t, q[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5)
+    _name(axes, motion.t[-1], q[-1], [f"q{i + 1}" for i in range(arm.n)])
+    unit = "cm" if all(slides) else "deg" if not any(slides) else "deg, cm"
+    axes.set_ylabel(f"joints\n[{unit}]")
+
+
+def _name(axes: Any, x: float, ends: Array, labels: list[str]) -> None:
+    """Labels at the ends of curves, in their colours, apart from each other."""
+    low, high = axes.get_ylim()
+    apart = LABEL * (high - low)
+    order = np.argsort(ends)
+    steps = apart * np.arange(len(ends))
+    at = steps + isotonic_regression(ends[order] - steps).x
+    for i, y in zip(order, at, strict=True):
+        axes.annotate(
+            labels[i], (x, y), (4, 0), textcoords="offset points", va="center", fontsize=9,
+            color=axes.lines[i].get_color(), annotation_clip=False,
+        )  # fmt: skip
+
+
+def _singular_times(motion: Drawn) -> list[float]:
+    """When the motion met singularities."""
+    if isinstance(motion, Plan):
+        return []
+    if isinstance(motion, Followed):
+        return [float(motion.t[-1])] if motion.ended == "singularity" else []
+    return [event.t for event in motion.events if event.kind == "singularity"][:MOST_MARKS]

@@ -1,0 +1,158 @@
+"""Workspaces, risk profiles and designs: figure 7 of Papadopoulos & Dubowsky (1993)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Annulus, Circle
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from spacearm.arrays import Array
+from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, style
+from spacearm.singularities.risk import RiskProfile
+from spacearm.workspaces.path_dependent import Workspace
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def draw_workspace(
+    result: Workspace, path: Array | None = None, profile: RiskProfile | None = None
+) -> Figure:
+    """Draws a workspace: for planar arms figure 7 of Papadopoulos & Dubowsky (1993).
+
+    Args:
+        result: The workspace.
+        path: (m, 2) or (m, 3) a tip path from the system CM to draw over a planar one [m].
+        profile: A risk profile to draw beside the shells of a spatial arm.
+    """
+    with style():
+        if result.planar:
+            figure = Figure(figsize=(7.2, 6.4))
+            _draw_rings(figure.subplots(), result, path)
+        else:
+            figure = Figure(figsize=(11.0 if profile else 6.4, 5.4))
+            columns = 2 if profile else 1
+            _draw_cut_away(figure.add_subplot(1, columns, 1, projection="3d"), result)
+            if profile:
+                _draw_profile(figure.add_subplot(1, 2, 2), profile)
+        return figure
+
+
+def draw_profile(result: RiskProfile) -> Figure:
+    """Draws the share of configurations near a singularity over the distance from the CM."""
+    with style():
+        figure = Figure(figsize=(7.2, 4.4))
+        _draw_profile(figure.subplots(), result)
+        return figure
+
+
+def draw_design(result: xr.Dataset) -> Figure:
+    """Draws the path independent share over one design parameter, or over two as a map."""
+    names = [str(name) for name in result["fraction"].dims]
+    varied = [name for name in names if result.sizes[name] > 1] or names[:1]
+    share = result["fraction"].isel({name: 0 for name in names if name not in varied[:2]}) * 100.0
+    labels = [f"{name} [{result[name].attrs['unit']}]" for name in varied]
+    with style():
+        figure = Figure(figsize=(7.2, 4.8))
+        axes = figure.subplots()
+        if len(varied) == 1:
+            axes.plot(result[varied[0]], share, "o-", color=BLUE, lw=2)
+            axes.set(xlabel=labels[0], ylabel="path independent share [%]", ylim=(0.0, None))
+        else:
+            image = axes.pcolormesh(
+                result[varied[0]],
+                result[varied[1]],
+                share.transpose(*varied[1::-1]),
+                cmap="cividis",
+            )
+            figure.colorbar(image, ax=axes, label="path independent share [%]")
+            axes.set(xlabel=labels[0], ylabel=labels[1])
+        axes.set_title(f"{result.attrs['arm']}, {result.attrs['base']}")
+        return figure
+
+
+def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
+    outer = float(result.reachable[0, 1])
+    axes.add_patch(Circle((0, 0), outer, facecolor="none", edgecolor=GREY, lw=1.5))
+    regions = (("path independent", result.piw, GREEN), ("path dependent", result.pdw, ORANGE))
+    for label, radii, color in regions:
+        for low, high in radii:
+            width = max(high - low, 1e-3 * outer)  # a shell may be a circle
+            shape = Annulus((0, 0), high, width) if width < high else Circle((0, 0), high)
+            shape.set(facecolor=color, alpha=0.45)
+            axes.add_patch(shape)
+        if len(radii):
+            low, high = radii[np.argmax(radii[:, 1] - radii[:, 0])]
+            at = 0.5 * (low + high)
+            axes.text(0, at, label, ha="center", va="center", fontweight="bold")
+    ends = np.unique(np.concatenate([result.reachable.ravel(), result.pdw.ravel()]).round(9))
+    ends = ends[ends > 0]
+    for R, angle in zip(ends, np.radians(np.linspace(-15, -75, len(ends))), strict=True):
+        towards = np.array([np.cos(angle), np.sin(angle)])
+        axes.annotate(
+            f"{R:.4g}", R * towards, 1.15 * outer * towards, va="center", ha="center",
+            arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.8},
+        )  # fmt: skip
+    axes.plot(0, 0, marker="P", color="black", ms=9)
+    if path is not None:
+        rows = [i for i in range(3) if i != result.arm.tree.plane_normal()]
+        x, y = path.T if path.shape[1] == 2 else path[:, rows].T
+        axes.plot(x, y, color=BLUE, lw=2)
+        axes.plot(x[0], y[0], "o", color=BLUE)
+        axes.annotate("tip path", (x[0], y[0]), (8, 8), textcoords="offset points", color=BLUE)
+    reach = 1.3 * outer
+    axes.set(
+        xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
+        xlabel="from the system CM [m]", ylabel="from the system CM [m]",
+    )  # fmt: skip
+    axes.set_title(_title(result))
+
+
+def _draw_cut_away(axes: Any, result: Workspace) -> None:
+    """Spheres with a quarter taken out; the cut faces show which distances are what."""
+    outer = float(result.reachable[0, 1])
+    polar, around = np.linspace(0, np.pi, 40), np.linspace(0, 1.5 * np.pi, 60)
+    sphere = np.stack((
+        np.outer(np.sin(polar), np.cos(around)),
+        np.outer(np.sin(polar), np.sin(around)),
+        np.outer(np.cos(polar), np.ones_like(around)),
+    ))  # fmt: skip
+    color = ORANGE if len(result.pdw) and result.pdw[-1, 1] >= outer - 1e-9 else GREEN
+    axes.plot_surface(*(outer * sphere), color=color, alpha=0.25, linewidth=0)
+    for label, radii, color in (
+        ("path independent", result.piw, GREEN), ("path dependent", result.pdw, ORANGE)
+    ):  # fmt: skip
+        for low, high in radii:
+            arc = np.stack((np.sin(polar), np.cos(polar)))
+            ring = np.concatenate((high * arc, low * arc[:, ::-1]), axis=1)
+            for face in ([ring[0], 0 * ring[0], ring[1]], [0 * ring[0], -ring[0], ring[1]]):
+                axes.add_collection3d(Poly3DCollection([np.array(face).T], color=color, alpha=0.8))
+        if len(radii):
+            low, high = radii[-1]
+            axes.text(0.55 * (low + high), 0, 0, label, zorder=10)
+    span = (-outer, outer)
+    axes.set(xlim=span, ylim=span, zlim=span, xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.set_box_aspect((1, 1, 1))
+    axes.view_init(elev=22, azim=-45)
+    axes.set_title(_title(result))
+
+
+def _draw_profile(axes: Any, profile: RiskProfile) -> None:
+    share, error = 100.0 * profile.share, 100.0 * profile.error
+    axes.fill_between(profile.radius, share - 2 * error, share + 2 * error, color=RED, alpha=0.25)
+    axes.plot(profile.radius, share, color=RED, lw=2)
+    axes.set(
+        xlabel="distance of the tip from the system CM [m]",
+        ylabel="configurations near a singularity [%]",
+        ylim=(0.0, None),
+    )
+    name = "sigma_min" if profile.measure == "sigma_min" else "joint distance"
+    axes.set_title(f"near: {name} up to {profile.bound:.3g} {profile.unit}")
+
+
+def _title(result: Workspace) -> str:
+    share = f"{result.fraction:.1%} path independent"
+    return f"{result.arm.name}, {result.base}: {share} ({result.kind})"

@@ -1,0 +1,1 @@
+"""Trigonometric polynomials of several angles: arrays only, no robots."""

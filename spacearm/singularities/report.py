@@ -1,0 +1,144 @@
+"""Singularity: where the tip cannot move, in which direction, and which way out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from spacearm.arrays import Array, Result
+from spacearm.errors import ConfigurationError
+from spacearm.mechanics.jacobian import (
+    fixed_base_jacobian,
+    generalized_jacobian,
+    generalized_jacobian_derivative,
+)
+from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
+
+Kind = Literal["regular", "kinematic", "dynamic"]
+
+NO_INVERSE = 1e-9
+"""Share of the largest singular value below which J* has no inverse to move on by."""
+RANK_TOLERANCE = 1e-4
+"""A singular value counts as zero up to this share of the largest one.
+
+It lets a singular configuration that is written down in hundredths of a degree (as figure 3 of
+the paper has it) be recognised; give `singularity` another one where more digits are at hand.
+"""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SingularityReport(Result):
+    """What a posture allows the tip to do.
+
+    Directions are given in the task's rows: along the task axes, linear rows divided by `length`
+    where the task mixes linear and angular rows. Revolute arms: the Jacobian is in m/rad for
+    linear tasks, without unit for angular and mixed ones.
+
+    Attributes:
+        sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
+            the arm has fewer joints than the task has rows.
+        sigma_min: Least singular value; `error_bars` says what its digits are worth.
+        rank: Number of singular values above `tolerance` times the largest.
+        manipulability: Yoshikawa's sqrt(det(J J^T)), the product of the singular values.
+        condition: Largest over least singular value; infinite if the least is zero.
+        determinant: det(J), equation (37), for square tasks; else None.
+        kind: "regular" at full rank; "kinematic" if the fixed-base task Jacobian loses rank at
+            the same posture too; else "dynamic".
+        available: (k, rank) orthonormal directions in which the tip can move.
+        lost: (k, k - rank) orthonormal directions in which it cannot.
+        still: (n, n - rank) orthonormal joint motions that leave the tip at rest.
+        gradient: (n,) derivative of sigma_min with respect to q. At sigma_min = 0, and where
+            the least singular value is repeated, the one-sided derivative of one branch.
+        jacobian: (k, n) the task Jacobian J.
+        axes: (3, 3) columns: the task axes in inertial axes; see `Task.axes`.
+        length: The length [m] that divides the linear rows of a mixed task; else None.
+        tolerance: The relative tolerance that decided the rank.
+    """
+
+    sigma: Array
+    sigma_min: float
+    rank: int
+    manipulability: float
+    condition: float
+    determinant: float | None
+    kind: Kind
+    available: Array
+    lost: Array
+    still: Array
+    gradient: Array
+    jacobian: Array
+    axes: Array
+    length: float | None
+    tolerance: float
+
+    def __repr__(self) -> str:
+        k, n = self.jacobian.shape
+        return (
+            f"SingularityReport({self.kind}, rank {self.rank} of {k}, {n} joints, "
+            f"sigma_min={self.sigma_min:.6g}, condition={self.condition:.6g})"
+        )
+
+
+def singularity(
+    cfg: Configuration, *, base: BaseMode = "free-floating", tolerance: float = RANK_TOLERANCE
+) -> SingularityReport:
+    """Reports whether and how the posture is singular for the arm's task.
+
+    Dynamic singularities: section IV of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406.
+    Nothing in the report depends on the spacecraft's position, and the singular values do not
+    depend on its attitude either.
+
+    Args:
+        cfg: The configuration.
+        base: What the spacecraft does; see `generalized_jacobian`.
+        tolerance: Singular values up to this share of the largest count as zero.
+
+    Raises:
+        ConfigurationError: `base` or `tolerance` is not valid.
+    """
+    if not 0.0 <= tolerance < 1.0:
+        raise ConfigurationError(f"tolerance is {tolerance}; give a share from 0 to below 1")
+    task, R = cfg.arm.task, cfg.base.rotation
+    J = task.jacobian(generalized_jacobian(cfg, base), R)
+    k, n = J.shape
+    U, sigma, V = _svd(J)
+    rank = _rank(sigma, tolerance)
+    fixed_rank = _rank(_svd(task.jacobian(fixed_base_jacobian(cfg), R))[1], tolerance)
+    dJ = task.jacobian(generalized_jacobian_derivative(cfg, base), R)
+    return SingularityReport(
+        sigma=sigma,
+        sigma_min=float(sigma[-1]),
+        rank=rank,
+        manipulability=float(np.prod(sigma)),
+        condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else float("inf"),
+        determinant=float(np.linalg.det(J)) if k == n else None,
+        kind="regular" if rank == k else "kinematic" if fixed_rank < k else "dynamic",
+        available=U[:, :rank],
+        lost=U[:, rank:],
+        still=V[:, rank:],
+        gradient=U[:, -1] @ dJ @ V[:, k - 1] if k <= n else np.zeros(n),
+        jacobian=J,
+        axes=task.axes(R),
+        length=task.length if task.mixed else None,
+        tolerance=tolerance,
+    )
+
+
+def singular_values(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+    """(k,) singular values of the task Jacobian, largest first: `sigma` of the report alone."""
+    J = cfg.arm.task.jacobian(generalized_jacobian(cfg, base), cfg.base.rotation)
+    sigma = np.linalg.svd(J, compute_uv=False)
+    return np.append(sigma, np.zeros(len(J) - len(sigma)))
+
+
+def _svd(J: Array) -> tuple[Array, Array, Array]:
+    """J = U diag(sigma) V^T with U (k, k), V (n, n) and sigma (k,), padded by zeros."""
+    U, sigma, VT = np.linalg.svd(J)
+    return U, np.pad(sigma, (0, len(J) - len(sigma))), VT.T
+
+
+def _rank(sigma: Array, tolerance: float) -> int:
+    return int(np.count_nonzero(sigma > tolerance * sigma[0]))

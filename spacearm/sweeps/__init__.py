@@ -1,0 +1,1 @@
+"""Design studies computed chunk by chunk into a store."""

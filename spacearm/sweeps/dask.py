@@ -1,0 +1,82 @@
+"""Cluster: chunks done by the workers of a Dask cluster, which the user starts and ends."""
+
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import Future
+from typing import TYPE_CHECKING
+
+from spacearm.errors import StoreError, UnsupportedError
+from spacearm.sweeps.study import Chunk, Recipe
+from spacearm.sweeps.worker import do
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+WIDTH = 2000
+"""Chunks that the scheduler knows at a time: enough for a thousand cores, little to keep."""
+PATIENCE = 5
+"""How long a scheduler may take to answer [s]."""
+
+
+def connect(address: str) -> Client:
+    """A client of the scheduler at an address such as tcp://127.0.0.1:8786.
+
+    Raises:
+        UnsupportedError: Dask is not installed.
+        StoreError: No scheduler answers there.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise UnsupportedError("Dask is not installed: pip install 'spacearm[cluster]'") from None
+    try:
+        asyncio.run(_greet(address))  # a Client that fails while it is made cannot be closed
+        return Client(address, timeout=PATIENCE, set_as_default=False)
+    except Exception as error:  # whatever a transport makes of an address
+        raise StoreError(
+            f"no Dask scheduler at {address!r} ({error}); start one: "
+            "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
+        ) from None
+
+
+async def _greet(address: str) -> None:
+    """Opens a connection to a scheduler and closes it."""
+    from distributed import Security
+    from distributed.comm.core import connect as open_comm
+
+    options = Security().get_connection_args("client")
+    comm = await open_comm(address, timeout=PATIENCE, **options)
+    await comm.close()
+
+
+class Cluster:
+    """The workers of a Dask cluster.
+
+    Attributes:
+        width: Chunks to have under way so that no worker waits.
+        final: What is not tried again: Dask has, on several workers.
+    """
+
+    def __init__(self, client: Client, recipe: Recipe, path: str) -> None:
+        from distributed import KilledWorker
+
+        self.width = WIDTH
+        self.final: tuple[type[BaseException], ...] = (KilledWorker,)
+        self._client = client
+        self._executor = client.get_executor(pure=False)
+        self._order = (recipe, path)
+
+    @property
+    def lost(self) -> bool:
+        """Whether the scheduler is."""
+        return bool(self._client.status != "running")
+
+    def submit(self, chunk: Chunk) -> Future[str]:
+        """Has a chunk done; Dask moves it to another worker if its own dies."""
+        future: Future[str] = self._executor.submit(do, *self._order, chunk)
+        return future
+
+    def close(self) -> None:
+        """Cancels what has not begun."""
+        self._executor.shutdown(wait=False)

@@ -1,0 +1,261 @@
+"""Store: the Zarr directory that a sweep fills chunk by chunk, and that opens as one dataset.
+
+Each chunk of each array is one file, with its CRC-32C in it, written beside its place and renamed.
+When all files of a chunk are there, its mark is written: the CRC-32 of its numbers. A chunk
+counts as done if its mark is there and what the files hold agrees with it. No file holds pickled
+objects: numbers, text and JSON only, in Zarr's third format.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spacearm.arrays import Array
+from spacearm.errors import StoreError
+from spacearm.files import read, write
+from spacearm.sweeps.study import Chunk, Study
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MARKS = "chunks"
+"""Group of the marks, an array for each quantity."""
+DONE, FAILED = "done", "failed"
+DAMAGED = (ValueError, MemoryError)
+"""What Zarr makes of a file whose checksum is wrong, or that says that it holds no end of text."""
+LAYOUT = (
+    "node_type", "shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value",
+    "dimension_names",
+)  # fmt: skip
+"""What must agree in the description of an array."""
+
+
+class Store:
+    """The store of one study.
+
+    Attributes:
+        path: Its directory.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], study: Study) -> None:
+        """Opens a store that `create` made.
+
+        Raises:
+            StoreError: There is none, or it is that of another study, model or version.
+        """
+        import zarr
+
+        self.path, self.study = Path(path), study
+        with self._files():
+            _compare(self.path, study)
+            group: Any = zarr.open_group(self.path, mode="r+", zarr_format=3)
+            self._marks = {name: group[f"{MARKS}/{name}"] for name in study.quantities}
+            self._arrays = {
+                name: group[name]
+                for quantity in study.quantities.values()
+                for name in quantity.variables
+            }
+
+    @classmethod
+    def create(cls, path: str | os.PathLike[str], study: Study) -> Store:
+        """Opens the store of a study, and makes it first if nothing is there.
+
+        Raises:
+            StoreError: Something else is there, or nothing can be written.
+        """
+        path = Path(path)
+        if path.exists():
+            return cls(path, study)
+        beside: Path | None = None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            _describe(beside, study)
+            beside.chmod(0o755)
+            beside.rename(path)
+        except OSError as error:
+            if beside:
+                shutil.rmtree(beside, ignore_errors=True)
+            raise _trouble(path, error) from None
+        return cls(path, study)
+
+    def marks(self, quantity: str) -> list[str]:
+        """(count,) the marks of a quantity: "", "done CRC" or "failed ERROR"; "" if damaged."""
+        with self._files():
+            marks = self._marks[quantity]
+            try:
+                return [str(mark) for mark in marks[:]]
+            except DAMAGED:
+                return [self._mark(Chunk(quantity, i)) for i in range(marks.shape[0])]
+
+    def is_done(self, chunk: Chunk) -> bool:
+        """Whether the chunk is marked as done and its files hold what they should."""
+        with self._files():
+            mark = self._mark(chunk)
+            if not mark.startswith(DONE):
+                return False
+            try:
+                region = self.study.region(chunk)
+                names = self.study.quantities[chunk.quantity].variables
+                return mark == _done({name: self._arrays[name][region] for name in names})
+            except DAMAGED:
+                return False
+
+    def write(self, chunk: Chunk, values: Mapping[str, Array]) -> None:
+        """Writes a chunk, then its mark.
+
+        Raises:
+            StoreError: It cannot be written.
+        """
+        with self._files():
+            region = self.study.region(chunk)
+            for name, array in values.items():
+                self._arrays[name][region] = array
+            self._marks[chunk.quantity][chunk.number] = _done(values)
+
+    def record_failure(self, chunk: Chunk, error: str) -> None:
+        """Marks a chunk as failed.
+
+        Raises:
+            StoreError: It cannot be written.
+        """
+        with self._files():
+            self._marks[chunk.quantity][chunk.number] = f"{FAILED} {error}"
+
+    def tidy(self) -> None:
+        """Removes what killed processes left unfinished."""
+        for partial in self.path.rglob("*.partial"):
+            partial.unlink(missing_ok=True)
+
+    def dataset(self) -> xr.Dataset:
+        """All of it, labelled; numbers are read when they are used, NaN where none are yet."""
+        import xarray as xr
+
+        found: xr.Dataset = xr.open_zarr(self.path, chunks=None, consolidated=False, zarr_format=3)
+        return found
+
+    def _mark(self, chunk: Chunk) -> str:
+        try:
+            return str(self._marks[chunk.quantity][chunk.number])
+        except DAMAGED:
+            return ""
+
+    @contextmanager
+    def _files(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise _trouble(self.path, error) from None
+
+
+def _describe(path: Path, study: Study) -> None:
+    """Writes attributes, labels and the descriptions of all arrays, without their numbers."""
+    import zarr
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    options: Any = {"compressors": [ZstdCodec(level=1), Crc32cCodec()]}
+    group = zarr.open_group(path, mode="w", zarr_format=3, attributes=study.attributes)
+    labels = [study.coords, *(quantity.coords for quantity in study.quantities.values())]
+    for name, (values, attrs) in (label for part in labels for label in part.items()):
+        kind: Any = str if values.dtype == object else values.dtype
+        axis = group.create_array(
+            name,
+            shape=values.shape,
+            dtype=kind,
+            dimension_names=(name,),
+            attributes=dict(attrs),
+            **options,
+        )
+        axis[:] = values
+    marks = group.create_group(MARKS)
+    for name, quantity in study.quantities.items():
+        marks.create_array(
+            name, shape=(study.count(name),), chunks=(1,), dtype=str, fill_value="", **options
+        )
+        for array, variable in quantity.variables.items():
+            group.create_array(
+                array,
+                shape=(*study.shape, *quantity.shape, *variable.shape),
+                chunks=(*(1 for _ in study.shape), *quantity.tile, *variable.shape),
+                dtype=variable.dtype,
+                fill_value=np.nan,
+                dimension_names=("arm", *study.axes, *quantity.dims, *variable.dims),
+                attributes=dict(variable.attrs),
+                config={"write_empty_chunks": True},
+                **options,
+            )
+
+
+def _compare(path: Path, study: Study) -> None:
+    """Refuses a store that is not this study's.
+
+    Labels that are damaged and descriptions that are lost are written again, as the study gives
+    them.
+    """
+    remedy = "give another --store, or finish that sweep with its own study, arms and version"
+    found = _description(path / "zarr.json")
+    if not found:
+        raise StoreError(f"{path} is no store of a sweep; give another --store")
+    attributes = found.get("attributes", {})
+    for key, ours in study.attributes.items():
+        if attributes.get(key) != ours:
+            was, now = _difference(attributes.get(key), ours)
+            raise StoreError(
+                f"{path} is the store of another sweep: its {key} has {was!r} where this one has "
+                f"{now!r}; {remedy}"
+            )
+    with tempfile.TemporaryDirectory() as folder:
+        _describe(Path(folder), study)
+        for ours in (p for p in Path(folder).rglob("*") if p.is_file()):
+            theirs = path / ours.relative_to(folder)
+            if ours.name == "zarr.json":
+                expected, there = _description(ours), _description(theirs)
+                if there and any(expected.get(key) != there.get(key) for key in LAYOUT):
+                    raise StoreError(f"{theirs} does not describe this study's numbers; {remedy}")
+                sound = bool(there)
+            else:
+                sound = theirs.is_file() and theirs.read_bytes() == ours.read_bytes()
+            if not sound:
+                theirs.parent.mkdir(parents=True, exist_ok=True)
+                write(theirs, ours.read_bytes())
+
+
+def _description(path: Path) -> dict[str, Any]:
+    """What a zarr.json says, nothing if it is none."""
+    try:
+        found = json.loads(read(path))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _difference(theirs: object, ours: object) -> tuple[str, str]:
+    """The first lines in which two values differ."""
+    lines = zip_longest(str(theirs).splitlines(), str(ours).splitlines(), fillvalue="")
+    return next((a, b) for a, b in lines if a != b)
+
+
+def _done(values: Mapping[str, Array]) -> str:
+    """The mark of a chunk with these numbers."""
+    crc = 0
+    for array in values.values():
+        crc = zlib.crc32(np.ascontiguousarray(array).tobytes(), crc)
+    return f"{DONE} {crc:08x}"
+
+
+def _trouble(path: Path, error: OSError) -> StoreError:
+    return StoreError(
+        f"store {path}: {error.strerror or error}; what is in it is kept: when the cause is "
+        "removed, run the same command again"
+    )

@@ -1,0 +1,37 @@
+"""Work: one chunk done, in whatever process."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal
+
+from spacearm.errors import SpaceArmError, StoreError
+from spacearm.sweeps.store import Store
+from spacearm.sweeps.study import Chunk, Recipe, remade
+
+Outcome = Literal["kept", "computed"]
+
+
+def do(recipe: Recipe, path: str, chunk: Chunk) -> Outcome:
+    """Computes a chunk and writes it, unless it is there and sound.
+
+    Returns:
+        Which of the two was the case.
+
+    Raises:
+        StoreError: The store cannot be read or written, or the study not be made here.
+    """
+    store = _store(recipe, path)
+    if store.is_done(chunk):
+        return "kept"
+    store.write(chunk, store.study.compute(chunk))
+    return "computed"
+
+
+@lru_cache(maxsize=4)
+def _store(recipe: Recipe, path: str) -> Store:
+    try:
+        study = remade(recipe)
+    except SpaceArmError as error:  # it could be made where the sweep began
+        raise StoreError(f"a worker cannot make the study: {error}") from None
+    return Store(path, study)

@@ -1,0 +1,271 @@
+"""Scene: what is drawn of a configuration, in layers that can be switched off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import meshcat
+import meshcat.geometry as g
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.errors import UnsupportedError
+from spacearm.mechanics.barycentric_formulation import barycentric
+from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.singularities.report import SingularityReport
+from spacearm.viewer.shapes import along, shapes
+from spacearm.viewer.window import Window
+
+RED, GREEN, BLUE, PURPLE, ORANGE = 0xD62728, 0x009E73, 0x0072B2, 0x9467BD, 0xE69F00
+INK = 0x30363D
+
+LAYERS = {
+    "bodies": "#8a8f98",
+    "centre of mass": "#e69f00",
+    "virtual manipulator": "#9467bd",
+    "tip frame": "#555555",
+    "ellipsoid": "#0072b2",
+    "directions": "#d62728",
+    "shells": "#56b4e9",
+    "trace": "#0072b2",
+}
+"""The layers and the colours that stand for them in the panel."""
+
+NEAR = 0.05
+"""Below this ratio of least to largest singular value the weakest direction is drawn."""
+FIT = 1.5
+"""Distance of the camera over the radius of the system: fills the view at meshcat's 75 degrees."""
+ELLIPSOID_SECONDS = 0.3
+"""Size of the ellipsoid and the directions: how far the tip gets in this time at unit rates."""
+
+
+class Scene:
+    """Draws one arm into a window and keeps the drawing up to date."""
+
+    def __init__(self, window: Window, arm: SpaceArm) -> None:
+        self.root = meshcat.Visualizer(window=window)["/spacearm"]
+        self.arm = arm
+        self._data = pin.Data(arm.model)
+        self._links: dict[str, int] = {}
+        self._virtual_links = 0
+        self._draw_bodies()
+        self.size = self._extent(arm.at(np.zeros(arm.n)))[1]
+        self._draw_markers()
+
+    # --- once -----------------------------------------------------------------------------
+
+    def _layer(self, name: str) -> meshcat.Visualizer:
+        return self.root[name]
+
+    def _draw_bodies(self) -> None:
+        for i, shape in enumerate(shapes(self.arm)):
+            self._links[shape.link] = self.arm.model.getFrameId(shape.link, pin.BODY)
+            node = self._layer("bodies")[_name(shape.link)][str(i)]
+            r, gr, b, opacity = shape.color
+            color = (int(255 * r) << 16) + (int(255 * gr) << 8) + int(255 * b)
+            node.set_object(shape.geometry, g.MeshPhongMaterial(color=color, opacity=opacity))
+            node.set_transform(shape.pose)
+
+    def _draw_markers(self) -> None:
+        size = self.size
+        ball = self._layer("centre of mass")["ball"]
+        ball.set_object(g.Sphere(0.022 * size), _overlay(ORANGE))
+        tip = self._layer("tip frame")["axes"]
+        for axis, color in enumerate((RED, GREEN, BLUE)):
+            node = tip[str(axis)]
+            node.set_object(g.Cylinder(0.14 * size, 0.005 * size), _overlay(color))
+            node.set_transform(along(np.zeros(3), 0.14 * size * np.eye(3)[axis]))
+        ellipsoid = self._layer("ellipsoid")["body"]
+        ellipsoid.set_object(g.Sphere(1.0), g.MeshPhongMaterial(color=BLUE, opacity=0.35))
+        arrow = self._layer("directions")
+        for name, color in (("lost", RED), ("weak", ORANGE)):
+            _arrow(arrow[name], color)
+        arrow["line"].set_object(g.Cylinder(1.0, 0.007 * size), _overlay(GREEN))
+        disc = g.Cylinder(0.004 * size, 0.3 * size)
+        arrow["plane"].set_object(disc, g.MeshBasicMaterial(color=GREEN, opacity=0.3))
+        arrow["turn"].set_object(_ring(0.16 * size, 0.008 * size), _overlay(RED))
+
+    # --- at every configuration -------------------------------------------------------------
+
+    def draw(self, cfg: Configuration, report: SingularityReport) -> None:
+        """Moves everything to a configuration; `report` is its free-floating report."""
+        pin.framesForwardKinematics(self.arm.model, self._data, cfg.full)
+        bodies = self._layer("bodies")
+        for link, frame in self._links.items():
+            bodies[_name(link)].set_transform(self._data.oMf[frame].homogeneous)
+        self._layer("centre of mass").set_transform(_at(cfg.com))
+        self._layer("shells").set_transform(_at(cfg.com))
+        self._layer("tip frame").set_transform(cfg.tip.homogeneous)
+        self._draw_virtual_manipulator(cfg)
+        self._draw_ellipsoid(cfg)
+        self._draw_directions(cfg, report)
+
+    def _draw_virtual_manipulator(self, cfg: Configuration) -> None:
+        try:
+            points = barycentric(cfg).virtual_manipulator.points
+        except UnsupportedError:
+            return  # prismatic joints or movable side branches: there is none to draw
+        layer = self._layer("virtual manipulator")
+        for i, (start, end) in enumerate(pairwise(points)):
+            if i >= self._virtual_links:
+                self._virtual_links += 1
+                layer[str(i)].set_object(g.Cylinder(1.0, 0.006 * self.size), _overlay(PURPLE))
+                layer[f"joint_{i}"].set_object(g.Sphere(0.013 * self.size), _overlay(PURPLE))
+            stretch = np.diag([1.0, max(float(np.linalg.norm(end - start)), 1e-9), 1.0, 1.0])
+            layer[str(i)].set_transform(along(start, end) @ stretch)
+            layer[f"joint_{i}"].set_transform(_at(end))
+
+    def _draw_ellipsoid(self, cfg: Configuration) -> None:
+        U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg)[:3])
+        radii = np.zeros(3)
+        radii[: len(sigma)] = ELLIPSOID_SECONDS * sigma
+        pose = _at(cfg.tip.translation)
+        U[:, 2] *= np.sign(np.linalg.det(U))
+        pose[:3, :3] = U * np.maximum(radii, 0.004 * self.size)
+        self._layer("ellipsoid")["body"].set_transform(pose)
+
+    def _draw_directions(self, cfg: Configuration, report: SingularityReport) -> None:
+        layer, tip = self._layer("directions"), cfg.tip.translation
+        indices = cfg.arm.task.indices
+        singular = report.kind != "regular"
+        weakest = (report.lost if singular else report.available)[:, -1]
+        twist = np.zeros(6)
+        twist[indices] = weakest
+        linear, angular = report.axes @ twist[:3], report.axes @ twist[3:]
+        near = report.sigma_min < NEAR * report.sigma[0]
+        moves, turns = np.linalg.norm(linear) > 0.3, np.linalg.norm(angular) > 0.3
+        _show(layer["lost"], singular and moves)
+        _show(layer["weak"], near and not singular and moves)
+        _show(layer["turn"], singular and turns)
+        if moves:
+            direction = linear / np.linalg.norm(linear)
+            pose = along(tip - direction, tip + direction)
+            pose[:3, :3] *= 0.3 * self.size
+            for name in ("lost", "weak"):
+                layer[name].set_transform(pose)
+        if turns:
+            layer["turn"].set_transform(along(tip - angular, tip + angular))
+        self._draw_available(layer, tip, report, indices, singular)
+
+    def _draw_available(
+        self,
+        layer: meshcat.Visualizer,
+        tip: Array,
+        report: SingularityReport,
+        indices: Sequence[int],
+        singular: bool,
+    ) -> None:
+        """The line or plane of the tip's linear motions that are left."""
+        linear = [row for row, index in enumerate(indices) if index < 3]
+        columns = [indices[row] for row in linear]
+        U, sigma, _ = np.linalg.svd(report.jacobian[linear]) if linear else (np.eye(0), [], None)
+        rank = int(np.count_nonzero(np.asarray(sigma) > report.tolerance * report.sigma[0]))
+        axes = report.axes[:, columns] @ U if linear else np.zeros((3, 0))
+        _show(layer["line"], singular and rank == 1)
+        _show(layer["plane"], singular and rank == 2 and len(linear) == 3)
+        if rank == 1:
+            reach = 0.3 * self.size * axes[:, 0]
+            pose = along(tip - reach, tip + reach) @ np.diag([1.0, 0.6 * self.size, 1.0, 1.0])
+            layer["line"].set_transform(pose)
+        if rank == 2 and len(linear) == 3:
+            normal = axes[:, 2]
+            pose = along(tip - normal, tip + normal)
+            layer["plane"].set_transform(pose)
+
+    # --- on request -----------------------------------------------------------------------
+
+    def show_layer(self, name: str, visible: bool) -> None:
+        """Switches a layer on or off."""
+        self._layer(name).set_property("visible", visible)
+
+    def shells(self, radii: Sequence[tuple[float, int]]) -> None:
+        """Draws translucent spheres about the system CM: pairs of radius [m] and colour."""
+        layer = self._layer("shells")
+        layer.delete()
+        for i, (radius, color) in enumerate(radii):
+            material = g.MeshPhongMaterial(color=color, opacity=0.12, depthWrite=False)
+            layer[str(i)].set_object(g.Sphere(radius), material)
+
+    def trace(self, points: Array, values: Array) -> None:
+        """Draws a path (m, 3) coloured by values in [0, 1], red at 0 to blue at 1."""
+        low, high = np.array([0.84, 0.15, 0.16]), np.array([0.0, 0.45, 0.7])
+        colors = low + np.clip(values, 0.0, 1.0)[:, None] * (high - low)
+        pairs, hues = (np.repeat(a, 2, axis=0)[1:-1].T.astype(np.float32) for a in (points, colors))
+        geometry = g.PointsGeometry(pairs, hues)
+        material = g.LineBasicMaterial(vertexColors=True, linewidth=3)
+        self._layer("trace")["line"].set_object(g.LineSegments(geometry, material))
+
+    def aim(self, cfg: Configuration) -> None:
+        """Puts the camera where the system fills the view."""
+        centre, radius = self._extent(cfg)
+        normal = self.arm.tree.plane_normal()
+        view = np.array([0.55, -0.75, 0.5]) if normal is None else _over_the_plane(normal)
+        x, y, z = FIT * radius * view / np.linalg.norm(view)
+        self.root.set_transform(_at(-centre))  # the camera turns about the origin, always
+        root = meshcat.Visualizer(window=self.root.window)
+        camera = root["/Cameras/default/rotated/<object>"]
+        camera.set_property("position", [x, z, -y])
+        camera.set_property("near", 0.01 * radius)
+        camera.set_property("far", 100.0 * radius)
+        for name in ("/Grid", "/Axes"):
+            root[name].set_property("visible", False)
+
+    def _extent(self, cfg: Configuration) -> tuple[Array, float]:
+        """Centre and radius of a ball that holds the system [m]."""
+        model = self.arm.model
+        pin.framesForwardKinematics(model, self._data, cfg.full)
+        base = model.inertias[1]
+        gyration = 1.3 * np.sqrt(float(np.trace(base.inertia)) / (2.0 * base.mass))
+        points = np.array([M.translation for M in list(self._data.oMf)[1:]])
+        body = self._data.oMi[1].act(base.lever)
+        low = np.minimum(points.min(axis=0), body - gyration)
+        high = np.maximum(points.max(axis=0), body + gyration)
+        return (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-3)
+
+
+def _over_the_plane(normal: int) -> Array:
+    """From where a planar arm is seen: across its plane, a little from the side."""
+    return np.array([(1.0, -0.2, 0.3), (0.2, -1.0, 0.3), (0.0, -0.35, 1.0)][normal])
+
+
+def _name(link: str) -> str:
+    """A link's name as one element of a meshcat path."""
+    return link.replace("/", "\u2215")
+
+
+def _at(position: Array) -> Array:
+    pose = np.eye(4)
+    pose[:3, 3] = position
+    return pose
+
+
+def _overlay(color: int, opacity: float = 1.0) -> g.MeshLambertMaterial:
+    """Seen through the bodies that it lies in: what matters is never hidden."""
+    return g.MeshLambertMaterial(
+        color=color, opacity=opacity, transparent=True, depthTest=False, depthWrite=False
+    )
+
+
+def _show(node: meshcat.Visualizer, visible: bool | np.bool_) -> None:
+    node.set_property("visible", bool(visible))
+
+
+def _arrow(node: meshcat.Visualizer, color: int) -> None:
+    """A double arrow of half length 1 along y."""
+    node["shaft"].set_object(g.Cylinder(1.7, 0.035), _overlay(color))
+    for sign in (1.0, -1.0):
+        head = node[f"head{sign:+.0f}"]
+        head.set_object(g.Cylinder(0.25, radiusTop=0.0, radiusBottom=0.1), _overlay(color))
+        head.set_transform(along(np.array([0, 0.75 * sign, 0]), np.array([0, sign, 0])))
+
+
+def _ring(radius: float, thickness: float) -> g.TriangularMeshGeometry:
+    """A torus about the y axis."""
+    import trimesh
+
+    torus = trimesh.creation.torus(radius, thickness)  # about z
+    return g.TriangularMeshGeometry(torus.vertices[:, [1, 2, 0]], torus.faces)

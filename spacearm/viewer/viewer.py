@@ -1,0 +1,247 @@
+"""Viewer: the handle on what is shown, and the ways to keep it."""
+
+from __future__ import annotations
+
+import html
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, SpaceArmError, unknown
+from spacearm.files import write
+from spacearm.model.configuration import Configuration
+from spacearm.motion.motion import Motion
+from spacearm.singularities.report import singularity
+from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
+from spacearm.viewer.scene import LAYERS, Scene
+from spacearm.viewer.server import Server
+from spacearm.viewer.session import Session, finite
+from spacearm.viewer.window import Window
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+MOST_FRAMES = 9000
+"""Frames of a motion in a page; each takes some kilobytes."""
+RENDERING = 120.0
+"""What a picture may take [s]."""
+SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
+
+
+class Viewer:
+    """A scene of one arm: in the browser, in a notebook, in a file.
+
+    Attributes:
+        session: The configuration that is shown, and how it is moved.
+        window: The drawing.
+    """
+
+    def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
+        self.window = Window()
+        self.session = Session(cfg.arm, cfg)
+        self._motion = motion
+        self._scene = Scene(self.window, cfg.arm)
+        self._lock = threading.RLock()
+        self._server: Server | None = None
+        self._hidden: set[str] = set()
+        self._time = float(motion.t[0]) if motion else 0.0
+        self._scene.aim(cfg)
+        self.draw()
+        if motion:
+            self._draw_trace(motion)
+
+    # --- what is shown ----------------------------------------------------------------------
+
+    def show(self, q: npt.ArrayLike, base: pin.SE3 | None = None) -> None:
+        """Shows another configuration; the spacecraft stays where it is if base is None."""
+        with self._lock:
+            cfg = self.session.cfg
+            self.session.show(cfg.arm.at(q, cfg.base if base is None else base))
+        self._changed()
+
+    def shells(self, radii: Sequence[float]) -> None:
+        """Draws spheres about the system CM with these radii [m], translucent."""
+        colors = [SHELL_COLORS[i % len(SHELL_COLORS)] for i in range(len(radii))]
+        for radius in radii:
+            if not 0.0 < radius < np.inf:
+                raise ConfigurationError(f"shell radius is {radius}; give a positive length")
+        self._scene.shells(list(zip(radii, colors, strict=True)))
+        self._changed()
+
+    def layer(self, name: str, visible: bool) -> None:
+        """Switches a layer on or off: see `spacearm.viewer.scene.LAYERS`."""
+        if name not in LAYERS:
+            raise ConfigurationError(unknown("layer", name, LAYERS))
+        self._hidden = self._hidden - {name} if visible else self._hidden | {name}
+        self._scene.show_layer(name, visible)
+        self._changed()
+
+    def _changed(self) -> None:
+        if self._server:
+            self._server.refresh()
+        else:
+            self.draw()
+
+    # --- the panel (see server.Panel) -------------------------------------------------------
+
+    def handle(self, message: object) -> None:
+        """Does what a message of the page asks."""
+        with self._lock:
+            kind = message.get("do") if isinstance(message, dict) else None
+            if isinstance(message, dict) and kind == "layer":
+                self.layer(str(message.get("name")), bool(message.get("visible")))
+            elif isinstance(message, dict) and kind == "time" and self._motion:
+                self._seek(self._motion, message.get("t"))
+            else:
+                self.session.handle(message)
+
+    def readout(self) -> dict[str, Any]:
+        """What the panel shows of the configuration."""
+        with self._lock:
+            return {**self.session.readout(), "hidden": sorted(self._hidden), "t": self._time}
+
+    def draw(self) -> None:
+        """Draws the configuration."""
+        with self._lock:
+            self._scene.draw(self.session.cfg, self.session.report)
+
+    def about(self) -> dict[str, Any]:
+        """What the page needs once."""
+        motion = self._motion
+        span = [float(motion.t[0]), float(motion.t[-1])] if motion else None
+        return {**self.session.about(), "layers": LAYERS, "motion": span}
+
+    def _seek(self, motion: Motion, t: object) -> None:
+        self._time = float(np.clip(finite(t, "time"), motion.t[0], motion.t[-1]))
+        self.session.show(motion.at(self._time))
+
+    # --- in the browser ---------------------------------------------------------------------
+
+    @property
+    def url(self) -> str | None:
+        """Where the page is, or None while it is not served."""
+        return self._server.url if self._server else None
+
+    def serve(self, port: int | None = None) -> str:
+        """Serves the page on 127.0.0.1 and returns where."""
+        if self._server is None:
+            self._server = Server(self, port)
+        return self._server.url
+
+    def open(self, port: int | None = None) -> None:
+        """Serves the page and opens it in the browser."""
+        webbrowser.open(self.serve(port))
+
+    def close(self) -> None:
+        """Ends the server and frees its port; files and pictures can still be made."""
+        if self._server:
+            self._server.close()
+            self._server = None
+
+    # --- to keep ----------------------------------------------------------------------------
+
+    def html(self) -> str:
+        """One self-contained page with the scene as it is now, or with the whole motion.
+
+        A motion has at least 30 frames a second; where these were more than 9000 (5 min) it has
+        9000, evenly spread. Between them the page interpolates.
+        """
+        with self._lock:
+            self.draw()
+            span = self._animate(self._motion) if self._motion else None
+            about = {"layers": LAYERS, "hidden": sorted(self._hidden), "motion": span}
+            return self.window.static_html(f"{self.session.arm.name} - spacearm", about)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes `html` to a file, whole or not at all."""
+        return write(Path(path), self.html().encode("utf-8"))
+
+    def png(
+        self, path: str | os.PathLike[str], size: tuple[int, int] = (1200, 800), scale: int = 1
+    ) -> Path:
+        """Renders the scene to a picture, by a headless browser on this machine.
+
+        Args:
+            path: Where to write it.
+            size: Width and height of the page [px].
+            scale: Device pixels per page pixel.
+
+        Raises:
+            SpaceArmError: No browser is found, or it draws nothing in two minutes.
+        """
+        browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+        if browser is None:
+            raise SpaceArmError(
+                f"no browser to render with; install one of {', '.join(BROWSERS)} "
+                "(Debian: apt-get install chromium), or use .save(path) and open the page"
+            )
+        with tempfile.TemporaryDirectory() as folder:
+            page, picture = Path(folder, "scene.html"), Path(folder, "scene.png")
+            page.write_text(self.html(), encoding="utf-8")
+            options = [
+                *HEADLESS, f"--user-data-dir={folder}/profile", f"--screenshot={picture}",
+                f"--window-size={size[0]},{size[1]}", f"--force-device-scale-factor={scale}",
+            ]  # fmt: skip
+            command = [browser, *options, page.as_uri() + "#picture"]
+            try:
+                run = subprocess.run(command, capture_output=True, timeout=RENDERING, check=False)
+            except subprocess.TimeoutExpired:
+                raise SpaceArmError(
+                    f"{browser} has not drawn the picture after {RENDERING:g} s; use .save(path) "
+                    "and open the page"
+                ) from None
+            if not picture.is_file():
+                raise SpaceArmError(f"{browser} drew nothing: {run.stderr.decode()[-300:]}")
+            return write(Path(path), picture.read_bytes())
+
+    def _repr_html_(self) -> str:
+        """The scene inside a notebook: by itself, so that it stays."""
+        source = html.escape(self.html())
+        style = "width: 100%; height: 480px; border: 0"
+        return f'<iframe srcdoc="{source}" style="{style}"></iframe>'
+
+    def __repr__(self) -> str:
+        return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"
+
+    # --- motions ----------------------------------------------------------------------------
+
+    def _draw_trace(self, motion: Motion) -> None:
+        """The tip's path, coloured by sigma_min relative to its largest value."""
+        cfgs = [motion.at(float(t)) for t in motion.t]
+        sigma = np.array([singularity(cfg).sigma_min for cfg in cfgs])
+        points: Array = np.array([cfg.tip.translation for cfg in cfgs])
+        self._scene.trace(points, sigma / max(sigma.max(), 1e-300))
+
+    def _animate(self, motion: Motion) -> list[float]:
+        """Records the motion into the window and returns its first and last time."""
+        first, last = float(motion.t[0]), float(motion.t[-1])
+        recorder = Recorder()
+        self.window.recorder = recorder
+        try:
+            frames = min(math.ceil((last - first) * FRAMES_PER_SECOND) + 1, MOST_FRAMES)
+            for t in np.linspace(first, last, frames):
+                recorder.frame = float(t - first) * FRAMES_PER_SECOND
+                cfg = motion.at(float(t))
+                self._scene.draw(cfg, singularity(cfg))
+        finally:
+            self.window.recorder = None
+        self.window.send(recorder)
+        return [first, last]
+
+
+HEADLESS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run",
+    "--disable-sync", "--disable-component-update", "--hide-scrollbars",
+    "--virtual-time-budget=4000",
+)  # fmt: skip

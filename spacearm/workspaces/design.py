@@ -1,0 +1,227 @@
+"""Design: how masses, inertias and the mounting point change the workspaces of an arm.
+
+Section VI of Papadopoulos & Dubowsky (1993): a larger spacecraft inertia shrinks the path dependent
+workspace, and an arm mounted at the spacecraft's CM has none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import product
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.optimize import Bounds, direct, minimize
+
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.model.arm import SpaceArm
+from spacearm.model.mode import BaseMode
+from spacearm.singularities.risk import risk_profile
+from spacearm.workspaces.path_dependent import Workspace, workspace
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOUNTS = ("mount_x", "mount_y", "mount_z")
+PARAMETERS = {
+    "base_mass": "kg",
+    "base_inertia": "times the inertia, at the same mass",
+    **dict.fromkeys(MOUNTS, "m"),
+    "payload": "kg at the tip",
+    "mass:LINK": "kg",
+}
+"""What can be varied, and its unit."""
+
+Progress = Callable[[int, int], object]
+
+
+class Mounted(NamedTuple):
+    """An arm mounted for the largest path independent workspace that was found.
+
+    Attributes:
+        arm: The arm.
+        mount: Where its first joint stands, in the spacecraft frame.
+        workspace: Its workspace.
+        tried: Number of mounting points that were tried.
+    """
+
+    arm: SpaceArm
+    mount: pin.SE3
+    workspace: Workspace
+    tried: int
+
+
+def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
+    """The arm with some design parameters changed.
+
+    Args:
+        arm: The arm.
+        parameters: Values by name: "base_mass" [kg], "base_inertia" (factor at constant mass),
+            "mount_x", "mount_y", "mount_z" (first joint in the spacecraft frame [m]), "payload"
+            (point mass at the tip [kg]), "mass:LINK" (mass of a link [kg]).
+
+    Raises:
+        ConfigurationError: A name is none of these.
+        ModelError: No rigid body can have such a mass.
+    """
+    mount, link_mass = arm.mount, {}
+    for name, value in parameters.items():
+        if name in MOUNTS:
+            mount.translation[MOUNTS.index(name)] = value
+        elif name.startswith("mass:"):
+            link_mass[name.removeprefix("mass:")] = float(value)
+        elif name not in PARAMETERS:
+            raise ConfigurationError(unknown("design parameter", name, PARAMETERS))
+    factor = parameters.get("base_inertia")
+    return arm.replace(
+        base_mass=parameters.get("base_mass"),
+        base_inertia=None if factor is None else factor * arm.model.inertias[1].inertia,
+        mount=mount if set(MOUNTS) & set(parameters) else None,
+        link_mass=link_mass,
+        payload=parameters.get("payload"),
+    )
+
+
+def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
+    """Sizes and shells of an arm's workspaces: what a sweep keeps of a design.
+
+    Args:
+        arm: The design.
+        **options: As in `workspace`.
+
+    Returns:
+        `piw` and `reachable` (volumes [m^3], areas [m^2] for planar arms), `fraction` (path
+        independent share) and `pdw` (k, 2) (radii [m]).
+    """
+    found = workspace(arm, **options)
+    sizes = {name: found.volumes[name] for name in ("piw", "reachable")}
+    return {**sizes, "fraction": found.fraction, "pdw": found.pdw}
+
+
+def sweep(
+    arm: SpaceArm,
+    parameters: Mapping[str, npt.ArrayLike],
+    *,
+    base: BaseMode = "free-floating",
+    limits: bool = False,
+    effort: int | None = None,
+    risk_bins: int = 0,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Workspaces over a grid of designs, in memory; `spacearm.sweep` computes larger studies.
+
+    Args:
+        arm: The arm to start from.
+        parameters: Values to try, by name; see `vary`. All combinations are computed.
+        base: See `workspace`.
+        limits: See `workspace`.
+        effort: See `workspace`.
+        risk_bins: Classes of the risk profile, over the distance as a share of the largest; none
+            if 0. For free-floating spacecraft.
+        progress: Called as progress(done, all) after each design.
+
+    Returns:
+        Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
+        planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN where
+        there are fewer shells), `risk` (class), `done`. After Ctrl-C what was done is returned and
+        `done` says what that is.
+
+    Raises:
+        ConfigurationError: A parameter does not exist or has no values.
+        UnsupportedError: The arm has no shells; see `workspace`.
+    """
+    import xarray as xr
+
+    axes = {name: np.atleast_1d(np.asarray(v, float)) for name, v in parameters.items()}
+    if not axes or any(values.size == 0 or values.ndim != 1 for values in axes.values()):
+        raise ConfigurationError(
+            f"parameters are {dict(parameters)!r}; give values for one or more"
+        )
+    shape = tuple(len(values) for values in axes.values())
+    numbers = {name: np.full(shape, np.nan) for name in ("piw", "reachable", "fraction")}
+    done = np.zeros(shape, dtype=bool)
+    risk = np.full((*shape, risk_bins), np.nan)
+    radii: dict[tuple[int, ...], np.ndarray] = {}
+    options = {} if effort is None else {"effort": effort}
+    designs = list(product(*map(range, shape)))
+    vary(arm, {name: values[0] for name, values in axes.items()})  # names are wrong now or never
+    try:
+        for count, at in enumerate(designs, start=1):
+            values = {name: float(axes[name][i]) for name, i in zip(axes, at, strict=True)}
+            varied = vary(arm, values)
+            found = shell_measures(varied, base=base, limits=limits, **options)
+            radii[at] = found.pop("pdw")
+            for name, value in found.items():
+                numbers[name][at] = value
+            if risk_bins:
+                risk[at] = risk_profile(varied, limits=limits, bins=risk_bins).share
+            done[at] = True
+            if progress:
+                progress(count, len(designs))
+    except KeyboardInterrupt:
+        pass  # what is done stays
+    most = max((len(r) for r in radii.values()), default=0)
+    pdw = np.full((*shape, most, 2), np.nan)
+    for at, r in radii.items():
+        pdw[at][: len(r)] = r
+    names = tuple(axes)
+    data = {name: (names, values) for name, values in numbers.items()} | {"done": (names, done)}
+    data["pdw"] = ((*names, "shell", "bound"), pdw)
+    if risk_bins:
+        data["risk"] = ((*names, "class"), risk)
+    result = xr.Dataset(data, coords={**axes, "bound": ["least", "largest"]})
+    result.attrs = {"arm": arm.name, "base": base, "limits": int(limits)}
+    for name in axes:
+        result[name].attrs["unit"] = PARAMETERS.get(name, "kg")
+    volume = "m^2" if arm.tree.plane_normal() is not None else "m^3"
+    for name, unit in (("piw", volume), ("reachable", volume), ("fraction", "1"), ("pdw", "m")):
+        result[name].attrs["unit"] = unit
+    return result
+
+
+def optimise_mount(
+    arm: SpaceArm,
+    bounds: Mapping[str, tuple[float, float]],
+    *,
+    base: BaseMode = "free-floating",
+    limits: bool = False,
+    most: int = 120,
+) -> Mounted:
+    """Moves the mounting point to where the path independent workspace is largest.
+
+    A global search (DIRECT; Jones, Perttunen & Stuckman 1993, DOI 10.1007/BF00941892), then
+    Nelder and Mead's method from the best point.
+
+    Args:
+        arm: The arm.
+        bounds: Where each of "mount_x", "mount_y", "mount_z" may be [m]; others stay.
+        base: See `workspace`.
+        limits: See `workspace`.
+        most: Mounting points that the global search may try.
+
+    Raises:
+        ConfigurationError: A name or a bound does not make sense.
+    """
+    for name, (low, high) in bounds.items():
+        if name not in MOUNTS:
+            raise ConfigurationError(unknown("mounting coordinate", name, MOUNTS))
+        if not (np.isfinite(high - low) and low < high):
+            raise ConfigurationError(f"bounds of {name} are {low}, {high}; give low < high [m]")
+    if not bounds:
+        raise ConfigurationError(f"no bounds; give them for one or more of: {', '.join(MOUNTS)}")
+    tried: dict[tuple[float, ...], Workspace] = {}
+
+    def loss(x: np.ndarray) -> float:
+        key = tuple(map(float, x))
+        if key not in tried:
+            moved = vary(arm, dict(zip(bounds, key, strict=True)))
+            tried[key] = workspace(moved, base=base, limits=limits)
+        return -tried[key].volumes["piw"]
+
+    box = list(bounds.values())
+    start = direct(loss, Bounds(*np.array(box).T), maxfun=most, locally_biased=True).x
+    minimize(loss, start, method="Nelder-Mead", bounds=box, options={"xatol": 1e-6, "maxfev": most})
+    best = max(tried.values(), key=lambda found: found.volumes["piw"])
+    return Mounted(best.arm, best.arm.mount, best, len(tried))

@@ -1,0 +1,168 @@
+"""The free workspace of Vafa & Dubowsky: where the tip can be at every spacecraft attitude.
+
+In spacecraft axes the tip stands at p(q) from the system CM, p a trigonometric polynomial of degree
+one in each joint. A point at distance R from the CM can be reached at every attitude when the whole
+sphere of radius R (for planar arms the circle) is in the image of p. That can change with R only
+where a critical value of p has an extreme distance: between those radii one test decides.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import KDTree
+
+from spacearm.arrays import Array
+from spacearm.model.arm import SpaceArm
+from spacearm.model.mode import BaseMode
+from spacearm.polynomial.trig import Sampler, TrigPolynomial
+from spacearm.singularities.exact_set import SingularSet, singular_set
+from spacearm.singularities.polynomial import tip_from_centre
+from spacearm.workspaces.shells import Box, merged
+
+SAMPLE = 20_000
+"""Configurations whose tip positions the search for a point starts from."""
+DIRECTIONS = {2: 720, 3: 500}
+"""Points of a circle or sphere that are looked for."""
+HARDEST = 24
+"""Of them, those farthest from the sample that are tried first; the others are near a tip."""
+NEIGHBOURS = 6
+STEPS = 30
+REACHED = 1e-9
+"""Share of the largest distance by which a point may be missed."""
+SCAN = 48
+"""Radii tried where no critical radii are known."""
+SHARPNESS = 1e-4
+"""How sharply a bound between them is found, as a share of the largest radius."""
+
+
+def free_workspace(arm: SpaceArm, base: BaseMode, limits: bool, reachable: Array) -> Array:
+    """(k, 2) the radii of the free workspace within the reachable ones (2,) [m]."""
+    box = Box.of(arm.lower, arm.upper, limits)
+    reach = Reach(arm, base, box, np.random.default_rng(0))
+    low, high = (float(R) for R in reachable)
+    critical = None
+    if arm.n == len(reach.rows) and not box.limited:
+        rows = " ".join("xyz"[i] for i in reach.rows)
+        held: BaseMode = "fixed" if base == "fixed" else "attitude-controlled"
+        found = singular_set(arm.replace(task=rows), held)
+        if isinstance(found, SingularSet):
+            critical = [float(R) for piece in found.components() for R in piece.R]
+    return free_radii(reach, low, high, critical)
+
+
+class Reach:
+    """Which points, in spacecraft axes from the system CM, the tip can reach.
+
+    Args:
+        arm: The arm.
+        base: What the spacecraft does; from a fixed one points count from its own CM.
+        box: Where its joints may be.
+        rng: For the sample.
+    """
+
+    def __init__(self, arm: SpaceArm, base: BaseMode, box: Box, rng: np.random.Generator) -> None:
+        normal = arm.tree.plane_normal()
+        self.rows = [i for i in range(3) if i != normal]
+        self.p = [TrigPolynomial.fit(_component(arm, base, i), arm.n) for i in self.rows]
+        self.box = box
+        self.Q = rng.uniform(box.low, box.high, (SAMPLE, arm.n))
+        self.tips = self._position(self.Q)
+        self.tree = KDTree(self.tips)
+        self.size = float(np.linalg.norm(self.tips, axis=1).max())
+        self.directions = _directions(len(self.rows))
+
+    def everywhere(self, R: float) -> bool:
+        """Whether all points at distance R can be reached."""
+        targets = R * self.directions
+        order = np.argsort(self.tree.query(targets)[0])[::-1]
+        hardest, others = targets[order[:HARDEST]], targets[order[HARDEST:]]
+        return bool(self.reached(hardest).all() and self.reached(others).all())
+
+    def reached(self, targets: Array) -> npt.NDArray[np.bool_]:
+        """(m,) whether each point (m, d) can be reached: Newton's method from near tips."""
+        found = np.zeros(len(targets), dtype=bool)
+        _, near = self.tree.query(targets, k=NEIGHBOURS)
+        for column in np.asarray(near).T:
+            left = np.flatnonzero(~found)
+            if not len(left):
+                break
+            found[left] = self._solve(targets[left], self.Q[column[left]])
+        return found
+
+    def _solve(self, targets: Array, Q: Array) -> npt.NDArray[np.bool_]:
+        for _ in range(STEPS):
+            miss = targets - self._position(Q)
+            J = np.stack([p.gradient(Q) for p in self.p], axis=1)
+            damped = J @ J.swapaxes(1, 2) + 1e-12 * self.size**2 * np.eye(len(self.rows))
+            step = np.einsum("mij,mi->mj", J, np.linalg.solve(damped, miss[..., None])[..., 0])
+            size = np.linalg.norm(step, axis=1, keepdims=True)
+            Q = Q + step * np.minimum(1.0, 0.3 / np.maximum(size, 1e-300))
+            if self.box.limited:
+                Q = np.clip(Q, self.box.low, self.box.high)
+        hit: npt.NDArray[np.bool_] = (
+            np.linalg.norm(targets - self._position(Q), axis=1) <= REACHED * self.size
+        )
+        return hit
+
+    def _position(self, Q: Array) -> Array:
+        return np.stack([p(Q) for p in self.p], axis=1)
+
+
+def free_radii(reach: Reach, low: float, high: float, critical: list[float] | None) -> Array:
+    """(k, 2) intervals of radius [m] between low and high at which every point can be reached.
+
+    Args:
+        reach: The test.
+        low: Least distance of the tip from the system CM [m].
+        high: Largest.
+        critical: Radii at which alone the answer may change; None if they are not known, for arms
+            with more joints than the position has components: the bounds are then found by
+            bisection.
+    """
+    edges: Array
+    if critical is None:
+        edges = np.linspace(low, high, SCAN + 1)
+    else:
+        inside = [R for R in critical if low < R < high]
+        edges = np.unique([low, *inside, high])
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    free = [reach.everywhere(float(R)) for R in middles]
+    if critical is None:
+        edges = _sharpened(reach, edges, middles, free, SHARPNESS * high)
+    spans = np.stack((edges[:-1], edges[1:]), axis=1)
+    return merged(list(spans[free]))
+
+
+def _sharpened(reach: Reach, edges: Array, middles: Array, free: list[bool], width: float) -> Array:
+    """The edges, those between a free and another span moved to where the answer changes."""
+    edges = np.array(edges, dtype=np.float64)
+    for i in range(1, len(free)):
+        if free[i] != free[i - 1]:
+            low, high = middles[i - 1], middles[i]
+            while high - low > width:
+                R = 0.5 * (low + high)
+                low, high = (R, high) if reach.everywhere(R) == free[i - 1] else (low, R)
+            edges[i] = low if free[i - 1] else high
+    return edges
+
+
+def _directions(dimension: int) -> Array:
+    """(m, d) directions spread evenly over the circle, or by Fibonacci's spiral over the sphere."""
+    m = DIRECTIONS[dimension]
+    i = np.arange(m) + 0.5
+    if dimension == 2:
+        angle = 2.0 * np.pi * i / m
+        return np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    z, angle = 1.0 - 2.0 * i / m, np.pi * (1.0 + 5.0**0.5) * i
+    r = np.sqrt(1.0 - z * z)
+    return np.stack((r * np.cos(angle), r * np.sin(angle), z), axis=1)
+
+
+def _component(arm: SpaceArm, base: BaseMode, i: int) -> Sampler:
+    """Component i of the tip's position from the system CM, in spacecraft axes."""
+
+    def sampler(Q: Array) -> Array:
+        return np.array([tip_from_centre(arm, q, base)[i] for q in Q])
+
+    return sampler

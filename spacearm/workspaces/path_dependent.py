@@ -1,0 +1,237 @@
+"""Workspaces of a floating arm: path independent, path dependent, free.
+
+Dynamic singularities depend on the joints alone, but the tip reaches a point with different joints
+after different paths. A singular configuration puts the tip at a distance R from the system CM,
+which does not move: the distances of all of them, the *path dependent workspace* (PDW), are shells;
+the rest of what can be reached, where no path meets a singularity, is the *path independent
+workspace* (PIW). Papadopoulos & Dubowsky (1993), section V, equations (43) to (47),
+DOI 10.1115/1.2897406.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array, Result, whole
+from spacearm.errors import UnsupportedError
+from spacearm.model.arm import SpaceArm
+from spacearm.model.mode import BaseMode
+from spacearm.singularities.exact_set import SingularSet
+from spacearm.singularities.polynomial import check_square, singularity_polynomial
+from spacearm.singularities.risk import RiskProfile, risk_profile
+from spacearm.workspaces.free import free_workspace
+from spacearm.workspaces.regions import Region, off_plane, position, singular_at
+from spacearm.workspaces.shells import (
+    Box,
+    Shell,
+    exact_shells,
+    found_shells,
+    merged,
+    prove,
+    shell_about,
+)
+
+TOLERANCE = 1e-9
+"""To what bounds are proven, where they are [m]."""
+MOST_CERTIFIED = 3
+"""Joints up to which branch and bound proves bounds."""
+EFFORT = 200_000
+"""Singular configurations that shells of larger arms are sought from."""
+
+Kind = Literal["certified", "found"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Workspace(Result):
+    """Where the tip can be, by its distance R from the system CM.
+
+    Which promise holds for which arm:
+
+    =================================  ==========================================================
+    arm                                bounds of `reachable` and `pdw`
+    =================================  ==========================================================
+    up to 3 turning joints, as many    "certified": attained, and nothing lies outside them by
+    as task rows                       more than `gap`, proven by branch and bound
+    more joints, as many as task rows  "found": attained; the largest and least that a search
+                                       from `effort` singular configurations found
+    redundant, sliding or mimic        none: `workspace` raises UnsupportedError; `sa.risk_profile`
+    joints                             works for all arms
+    =================================  ==========================================================
+
+    Attributes:
+        arm: The arm.
+        base: What the spacecraft does.
+        limits: Whether joint limits count.
+        reachable: (1, 2) distances that the tip can have [m].
+        pdw: (k, 2) path dependent workspace: distances of singular configurations [m], disjoint.
+        piw: (k, 2) path independent workspace: the rest of the reachable distances [m].
+        shells: A shell for each piece of the singular set that was told apart.
+        reachable_at: (2, n) configurations of the least and the largest distance.
+        kind: "certified" or "found".
+        gap: By how much R may still lie outside `reachable` or the shells [m]: proven if
+            certified, else NaN.
+        effort: Number of singular configurations that were sampled; 0 if certified.
+    """
+
+    arm: SpaceArm
+    base: BaseMode
+    limits: bool
+    reachable: Array
+    pdw: Array
+    piw: Array
+    shells: tuple[Shell, ...]
+    reachable_at: Array
+    kind: Kind
+    gap: float
+    effort: int
+
+    @property
+    def planar(self) -> bool:
+        """Whether the arm moves in a plane, so that shells are rings."""
+        return self.arm.tree.plane_normal() is not None
+
+    @property
+    def volumes(self) -> dict[str, float]:
+        """Volumes [m^3] of reachable, pdw and piw; areas [m^2] for planar arms."""
+        names = ("reachable", "pdw", "piw")
+        return {name: self._volume(getattr(self, name)) for name in names}
+
+    @property
+    def fraction(self) -> float:
+        """Share of the reachable workspace that is path independent."""
+        volumes = self.volumes
+        return volumes["piw"] / volumes["reachable"]
+
+    def _volume(self, radii: Array) -> float:
+        power = 2 if self.planar else 3
+        factor = np.pi if self.planar else 4.0 / 3.0 * np.pi
+        return float(factor * (radii[:, 1] ** power - radii[:, 0] ** power).sum())
+
+    @cached_property
+    def free(self) -> Array:
+        """(k, 2) free workspace: distances at which every point is reached at every attitude [m].
+
+        Vafa and Dubowsky's notion, from a numerical search for tip positions. Its bounds are exact
+        where the arm has as many joints as the position has components and no joint limits
+        count, else good to 1e-4 of the largest radius.
+        """
+        return free_workspace(self.arm, self.base, self.limits, self.reachable[0])
+
+    def regions(self, point: npt.ArrayLike) -> Region:
+        """What can happen at a point: see `Region`.
+
+        Args:
+            point: (3,) from the system CM in inertial axes [m], or (2,) in the plane of a planar
+                arm, beside which all points are unreachable.
+
+        Raises:
+            ConfigurationError: The point has the wrong shape or is not finite.
+        """
+        p = position(self.arm, point, self.base)
+        R = float(np.linalg.norm(p))
+        beside = off_plane(self.arm, p, self.base) > TOLERANCE
+        if beside or not _within(R, self.reachable):
+            return Region("unreachable", R, ())
+        if not _within(R, self.pdw):
+            return Region("path independent", R, ())
+        box = Box.of(self.arm.lower, self.arm.upper, self.limits)
+        return Region("path dependent", R, singular_at(p, self.arm, self.base, box, self.shells))
+
+    def profile(self, **options: Any) -> RiskProfile:
+        """How likely singularities are at each distance: see `risk_profile`."""
+        return risk_profile(self.arm, base=self.base, limits=self.limits, **options)
+
+    def __repr__(self) -> str:
+        def text(radii: Array) -> str:
+            return " ".join(f"[{low:.7g}, {high:.7g}]" for low, high in radii) or "none"
+
+        return (
+            f"Workspace({self.arm.name}, {self.base}, {self.kind}: reachable "
+            f"{text(self.reachable)}, PDW {text(self.pdw)}, PIW {text(self.piw)} m)"
+        )
+
+
+def workspace(
+    arm: SpaceArm,
+    *,
+    base: BaseMode = "free-floating",
+    limits: bool = False,
+    effort: int = EFFORT,
+    seed: int = 0,
+) -> Workspace:
+    """The path dependent and path independent workspaces of an arm, section V of the paper.
+
+    Args:
+        arm: An arm with as many turning joints as its task has rows.
+        base: What the spacecraft does: "free-floating"; "attitude-controlled" or "fixed", which
+            leave the kinematic singularities only (section VI). For a fixed spacecraft distances
+            count from its own CM.
+        limits: Whether only configurations within the joint limits count; if not, every joint
+            turns freely, as the paper has it.
+        effort: Singular configurations to search from, for arms of more than three joints.
+        seed: Of that search.
+
+    Raises:
+        ConfigurationError: An argument makes no sense.
+        UnsupportedError: The arm is redundant, has sliding or mimic joints, or can never do its
+            task.
+    """
+    effort = whole(effort, "effort", 1)
+    check_shells(arm)
+    found = SingularSet(arm, singularity_polynomial(arm, base), base)
+    rng = np.random.default_rng(seed)
+    box = Box.of(arm.lower, arm.upper, limits)
+    points = rng.uniform(box.low, box.high, (4096, arm.n))
+    reach = [shell_about(arm, base, None, points, box, 0)]
+    certified = arm.n <= MOST_CERTIFIED
+    if certified:
+        reach, reach_gap = prove(arm, base, None, reach, box, TOLERANCE)
+        shells, gap = prove(arm, base, found.S, exact_shells(found, box), box, TOLERANCE)
+        gap = max(gap, reach_gap)
+    else:
+        shells, gap = found_shells(found, box, effort, rng), float("nan")
+    reachable = merged([shell.R for shell in reach])
+    pdw = merged([shell.R for shell in shells])
+    return Workspace(
+        arm=arm,
+        base=base,
+        limits=limits,
+        reachable=reachable,
+        pdw=pdw,
+        piw=_outside(reachable[0], pdw),
+        shells=tuple(sorted(shells, key=lambda shell: shell.R[0])),
+        reachable_at=reach[0].at,
+        kind="certified" if certified else "found",
+        gap=gap,
+        effort=0 if certified else effort,
+    )
+
+
+def check_shells(arm: SpaceArm) -> None:
+    """Refuses arms that have no shells.
+
+    Raises:
+        UnsupportedError: The arm has no singularity polynomial; says why.
+    """
+    try:
+        check_square(arm)
+    except UnsupportedError as error:
+        raise UnsupportedError(
+            f"{error}; without a singularity polynomial there are no shells, but "
+            "sa.risk_profile takes every arm"
+        ) from None
+
+
+def _outside(whole: Array, parts: Array) -> Array:
+    """(k, 2) what sorted, disjoint parts leave of the whole."""
+    edges = np.concatenate(([whole[0]], parts.ravel(), [whole[1]])).reshape(-1, 2)
+    return edges[edges[:, 1] - edges[:, 0] > TOLERANCE]
+
+
+def _within(R: float, radii: Array) -> bool:
+    return bool(((radii[:, 0] - TOLERANCE <= R) & (radii[:, 1] + TOLERANCE >= R)).any())

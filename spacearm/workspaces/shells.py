@@ -1,0 +1,259 @@
+"""Shells: between which distances from the system CM an arm's singular configurations put the tip.
+
+R^2 is a trigonometric polynomial like S, so that each shell, equations (44), (46) and (47), is the
+range of one polynomial on the roots of another, over the torus or within the joint limits.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from spacearm.arrays import Array
+from spacearm.model.arm import SpaceArm
+from spacearm.model.mode import BaseMode
+from spacearm.polynomial import level_set
+from spacearm.polynomial.extremes import enclose
+from spacearm.polynomial.trig import NOISE, TrigPolynomial
+from spacearm.singularities.exact_set import SingularSet
+from spacearm.singularities.polynomial import distances, radius_squared
+
+STARTS = 12
+"""Best configurations of a sample that each bound is sought from."""
+GAP_SHARE = 1 / 300
+"""Share of the range of R that, empty of a large sample, parts two shells."""
+SHORT = 0.4
+"""How far each joint moves in one go of an optimisation [rad]."""
+MOST_WAYS = 60
+"""How often it goes on from there."""
+AT_LIMIT = 1e-7
+"""A joint as near as this to its limit stands there [rad]."""
+
+
+MOST_ADDED = 20
+"""Shells that a proof may find missing."""
+SPREAD = 400
+"""Values of joints that do not matter that an isolated root is tried with."""
+
+Pairs = npt.NDArray[np.intp]
+
+
+class Box(NamedTuple):
+    """Where joints may be: a box that spans at most one turn in each.
+
+    Attributes:
+        low: (n,) lower corner.
+        high: (n,) upper corner.
+        limited: Whether it is less than the torus.
+    """
+
+    low: Array
+    high: Array
+    limited: bool
+
+    @classmethod
+    def of(cls, lower: Array, upper: Array, limits: bool) -> Box:
+        """Within joint limits, or the torus."""
+        whole = np.logical_or(upper - lower >= 2.0 * np.pi, not limits)
+        low = np.where(whole, -np.pi, lower)
+        return cls(low, np.where(whole, np.pi, upper), not whole.all())
+
+    def fold(self, Q: Array) -> Array:
+        """Angles moved by whole turns to where the box begins."""
+        return self.low + (Q - self.low) % (2.0 * np.pi)
+
+    def holds(self, Q: Array) -> Any:
+        """(m,) whether folded configurations are in the box."""
+        return (self.high + 1e-12 >= Q).all(axis=-1)
+
+
+class Shell(NamedTuple):
+    """Between which distances of the tip from the system CM one piece of the singular set lies.
+
+    Attributes:
+        R: (2,) least and largest distance [m].
+        at: (2, n) configurations at which they are attained.
+        component: Number of the component in `SingularSet.components`, for arms with up to three
+            relevant joints and without joint limits; else the number of the piece.
+    """
+
+    R: Array
+    at: Array
+    component: int
+
+
+def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
+    """A shell for each connected piece of a singular set of one or two dimensions."""
+    if not found.relevant:
+        return []  # S is a constant: nothing is singular
+    components = found.components()
+    if not box.limited:
+        return [Shell(c.R, c.at, i) for i, c in enumerate(components)]
+    pieces = [
+        piece for points, edges in _pieces(found, box) for piece in _clipped(points, edges, box)
+    ]
+    arm, base = found.arm, found.base
+    return [shell_about(arm, base, found.S, piece, box, i) for i, piece in enumerate(pieces)]
+
+
+def found_shells(
+    found: SingularSet, box: Box, effort: int, rng: np.random.Generator
+) -> list[Shell]:
+    """Shells from a sample of `effort` singular configurations, each bound then optimised."""
+    R2 = radius_squared(found.arm, found.base)
+    Q = box.fold(found.sample(effort, rng))
+    Q = Q[box.holds(Q)]
+    if not len(Q):
+        return []
+    order = np.argsort(R2(Q))
+    Q = Q[order]
+    R = np.sqrt(np.maximum(R2(Q), 0.0))
+    parted = np.flatnonzero(np.diff(R) > GAP_SHARE * (R[-1] - R[0]) + 1e-9) + 1
+    pieces = np.split(Q, parted)
+    arm, base = found.arm, found.base
+    return [shell_about(arm, base, found.S, piece, box, i) for i, piece in enumerate(pieces)]
+
+
+def shell_about(
+    arm: SpaceArm, base: BaseMode, S: TrigPolynomial | None, points: Array, box: Box, number: int
+) -> Shell:
+    """The shell of a piece of the set (of the whole box if S is None) with points (m, n) on it."""
+    R2 = radius_squared(arm, base)
+    order = np.argsort(R2(points))
+    ends = []
+    for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
+        found = [bounded_extreme(R2, S, points[i], box, sign) for i in best]
+        ends.append(min(found, key=lambda q: sign * float(R2(q))))
+    at = np.array(ends)
+    return Shell(distances(arm, at, base), at, number)
+
+
+def bounded_extreme(
+    F: TrigPolynomial, S: TrigPolynomial | None, start: Array, box: Box, sign: float
+) -> Array:
+    """Where sign * F is least on S = 0 in the box, near `start`, which is returned if no better.
+
+    Sequential quadratic programming, a short way at a time so that it stays on its piece of the
+    set, finds which limits hold; Newton's method on the free joints then gives all digits.
+    """
+    on_set: Any = []
+    if S is not None:
+        scaled = TrigPolynomial(S.coefficients / S.scale)
+        on_set = [{"type": "eq", "fun": scaled, "jac": scaled.gradient}]
+    search: Any = minimize  # its stubs are for functions of float64 only
+    options: Any = {"maxiter": 50, "ftol": 1e-15}
+    x = start
+    for _ in range(MOST_WAYS):
+        low, high = x - SHORT, x + SHORT
+        if box.limited:
+            low, high = np.maximum(low, box.low), np.minimum(high, box.high)
+        result = search(
+            lambda q: sign * F(q),
+            x,
+            jac=lambda q: sign * F.gradient(q),
+            bounds=list(zip(low, high, strict=True)),
+            constraints=on_set,
+            method="SLSQP",
+            options=options,
+        )
+        moved, x = result.x - x, np.clip(result.x, low, high)
+        if np.abs(moved).max() < 0.999 * SHORT:
+            break
+    held = np.zeros(len(x), dtype=bool)
+    if box.limited:
+        held = (x - box.low < AT_LIMIT) | (box.high - x < AT_LIMIT)
+        x = np.where(x - box.low < AT_LIMIT, box.low, x)
+        x = np.where(box.high - x < AT_LIMIT, box.high, x)
+    if not held.all():
+        fixed = {int(j): float(x[j]) for j in np.flatnonzero(held)}
+        free_F, free_S = (F.fix(fixed), S and S.fix(fixed)) if fixed else (F, S)
+        x[~held] = level_set.stationary(free_F, free_S, x[~held])
+    if box.limited and ((x < box.low - 1e-12) | (x > box.high + 1e-12)).any():
+        return start
+    sound = S is None or abs(float(S(x))) <= NOISE * S.scale
+    return x if sound and sign * F(x) <= sign * F(start) else start
+
+
+def prove(
+    arm: SpaceArm,
+    base: BaseMode,
+    S: TrigPolynomial | None,
+    shells: list[Shell],
+    box: Box,
+    tolerance: float,
+) -> tuple[list[Shell], float]:
+    """Adds shells until all roots of S (the whole box if S is None) are in one: proven.
+
+    Returns:
+        The shells, and by how much R may be outside of all of them [m].
+    """
+    R2 = radius_squared(arm, base)
+    for _ in range(MOST_ADDED):
+        intervals = merged([shell.R for shell in shells])
+        ends = intervals[intervals > tolerance]
+        to_R = 2.0 * float(ends.min()) if len(ends) else 1.0
+        squares = np.where(intervals <= tolerance, -1.0, intervals**2)
+        proof = enclose(R2, S, squares, box.low, box.high, to_R * tolerance)
+        if proof.outside is None:
+            return shells, tolerance
+        root = proof.outside if S is None else level_set.polish(S, proof.outside[None])[0]
+        root = box.fold(root)
+        R = float(distances(arm, root[None], base)[0])
+        known = any(low - tolerance <= R <= high + tolerance for low, high in intervals)
+        if known or not box.holds(root) or (S is not None and abs(S(root)) > NOISE * S.scale):
+            break
+        shells = [*shells, shell_about(arm, base, S, root[None], box, len(shells))]
+    return shells, proof.gap / to_R
+
+
+def merged(ranges: list[Array]) -> Array:
+    """(k, 2) the union of ranges, sorted and disjoint."""
+    union: list[list[float]] = []
+    for low, high in sorted(map(tuple, ranges)):
+        if union and low <= union[-1][1]:
+            union[-1][1] = max(union[-1][1], high)
+        else:
+            union.append([low, high])
+    return np.array(union, dtype=np.float64).reshape(-1, 2)
+
+
+def _pieces(found: SingularSet, box: Box) -> list[tuple[Array, Pairs]]:
+    """Points (m, n) of the set and the pairs of neighbours among them (e, 2).
+
+    Joints that do not matter stand anywhere in the box.
+    """
+    pieces: list[tuple[Array, Pairs]] = []
+    points: Array
+    if found.dimension == 2:
+        mesh = found.surface()
+        edges = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+        points = np.zeros((len(mesh.vertices), found.S.n))
+        points[:, list(found.relevant)] = mesh.vertices
+        pieces.append((points, edges))
+    else:
+        for component in found.components():
+            isolated = len(component.points) == 1
+            points = component.points.repeat(SPREAD if isolated else 1, axis=0)
+            number = np.arange(len(points))
+            pieces.append((points, np.stack((number[:-1], number[1:]), axis=1)))
+    rng = np.random.default_rng(0)
+    for points, _ in pieces:
+        for j in set(range(found.S.n)) - set(found.relevant):
+            points[:, j] = rng.uniform(box.low[j], box.high[j], len(points))
+    return pieces
+
+
+def _clipped(points: Array, edges: Pairs, box: Box) -> list[Array]:
+    """The connected pieces of a curve or surface within the box."""
+    Q = box.fold(points)
+    inside = box.holds(Q)
+    kept = edges[inside[edges].all(axis=1)]
+    m = len(points)
+    graph = csr_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(m, m))
+    _, labels = connected_components(graph, directed=False)
+    return [Q[inside & (labels == label)] for label in np.unique(labels[inside])]

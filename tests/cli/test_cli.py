@@ -1,0 +1,188 @@
+"""The command line, from outside: output, exit codes, one line for bad input."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.arms import frame, joint, link, robot, two_links
+from helpers.commands import answer, spacearm
+
+import spacearm as sa
+
+
+def test_the_main_job():
+    run = spacearm("query", "planar2", "--deg", "-65", "-11.41")
+    assert run.returncode == 0
+    assert run.stderr == ""
+    for words in ("dynamic singularity", "-65°", "sigma_min", "m/rad", "lost", "available"):
+        assert words in run.stdout
+
+
+@pytest.mark.parametrize(
+    "words", [("--deg", "-65", "-11.41"), ("-65", "-11.41", "--deg"), ("-65", "--deg", "-11.41")]
+)
+def test_options_and_negative_numbers_in_any_order(words):
+    assert answer("query", "planar2", *words)["kind"] == "dynamic"
+
+
+def test_json_is_the_report():
+    got = answer("query", "planar2", "-1e-1", "-.5")
+    report = sa.singularity(sa.load("planar2").at([-0.1, -0.5]))
+    assert got["q"] == [-0.1, -0.5]
+    assert got["sigma"] == list(report.sigma)
+    assert got["gradient"] == list(report.gradient)
+    assert got["jacobian"] == report.jacobian.tolist()
+
+
+def test_infinite_condition_is_null_in_json():
+    assert answer("query", "planar2", "0", "0", "--task", "pose")["condition"] is None
+
+
+def test_attitude_task_tip_lock_and_base():
+    turned = answer("query", "planar2", "--deg", "0", "0", "--attitude", "0", "0", "-90")
+    assert np.allclose(turned["tip"]["position"], [0, -2.5, 0])
+    assert answer("query", "planar2", "0.1", "0.2", "--task", "x")["task"]["rows"] == ["x"]
+    assert answer("query", "planar2", "0", "0", "--tip", "link_1")["tip"]["position"][0] == 0.5
+    locked = answer("query", "mda6", "0", "1", "0", "0", "--deg", "--lock", "joint_3=-90",
+                    "--lock", "joint_6=0")  # fmt: skip
+    assert locked["joints"] == ["joint_1", "joint_2", "joint_4", "joint_5"]
+    held = answer("query", "planar2", "--deg", "-65", "-11.41", "--base", "attitude-controlled")
+    assert held["kind"] == "regular"
+    assert answer("query", "mda6", *"010101", "--length", "2")["length"] == 2.0
+
+
+def test_lock_takes_degrees_with_deg():
+    a = answer("query", "planar2", "--deg", "10", "--lock", "joint_2=90")
+    b = answer("query", "planar2", str(np.radians(10)), "--lock", f"joint_2={np.pi / 2}")
+    assert np.allclose(a["tip"]["position"], b["tip"]["position"])
+
+
+def test_models_and_info():
+    run = spacearm("models")
+    assert run.returncode == 0
+    assert all(info.name in run.stdout for info in sa.catalogue())
+    assert [entry["name"] for entry in answer("models")] == [i.name for i in sa.catalogue()]
+    run = spacearm("info", "planar2", "--deg")
+    assert run.returncode == 0
+    for words in ("47 kg", "joint_1", "180°", "spacecraft", "tip", "system CM"):
+        assert words in run.stdout
+    facts = answer("info", "planar2")
+    assert [body["mass"] for body in facts["bodies"]] == [40, 4, 3]
+
+
+def test_help_and_version():
+    assert "query" in spacearm().stdout
+    assert "query" in spacearm("--help").stdout
+    assert spacearm("--version").stdout.strip() == f"spacearm {sa.__version__}"
+    assert "--attitude" in spacearm("query", "--help").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("query", "planar2"), "0 joint values given; planar2 needs 2: joint_1, joint_2"),
+        (("query", "planar2", "1", "2", "3"), "3 joint values given"),
+        (("query", "planar2", "1", "x"), "'x' is no number"),
+        (("query", "planar2", "1", "nan"), "q of joint 'joint_2' is nan"),
+        (("query", "planar2", "1", "--", "-inf"), "q of joint 'joint_2' is -inf"),
+        (("query", "planar2", "1", "2", "--dge"), "'--dge' is no option"),
+        (("query", "planar", "1", "2"), "unknown model 'planar'; valid, nearest first: planar2"),
+        (("query", "nowhere.urdf", "1"), "nowhere.urdf: no such file"),
+        (("query", "planar2", "1", "2", "--tip", "hand"), "unknown link 'hand'"),
+        (("query", "planar2", "1", "2", "--task", "w"), "unknown task row 'w'"),
+        (("query", "planar2", "1", "2", "--attitude", "1"), "--attitude"),
+        (("query", "planar2", "1", "2", "--attitude", "1", "nan", "0"), "three finite angles"),
+        (("query", "planar2", "1", "--lock", "joint_2"), "give JOINT=VALUE"),
+        (("query", "planar2", "1", "2", "--base", "free"), "free"),
+        (("query", "planar2", "1", "2", "--tolerance", "2"), "tolerance is 2"),
+        (("query", "planar2", "1", "2", "--tolerance", "x"), "--tolerance"),
+        (("query", "planar2", "1", "2", "--length", "3"), "would scale nothing"),
+        (("query", "planar2", "1", "2", "--tip", ""), "unknown link ''"),
+        (("query", "planar2", "1", "2", "--check", "no"), "unknown check 'no'"),
+        (("query",), "MODEL"),
+        (("dance",), "dance"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line_and_exit_code_2(words, message):
+    run = spacearm(*words)
+    assert run.returncode == 2
+    assert run.stdout == ""
+    assert run.stderr.startswith("spacearm: error: ")
+    assert len(run.stderr.splitlines()) == 1
+    assert message in run.stderr
+
+
+def test_warnings_are_one_line_on_stderr(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(*two_links(inside="")))
+    run = spacearm("query", path, "0.1", "--json")
+    assert run.returncode == 0
+    assert json.loads(run.stdout)["q"] == [0.1]
+    assert run.stderr.startswith("spacearm: warning: ")
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_markup_in_names_is_printed_as_it_is(tmp_path):
+    path = tmp_path / "r.urdf"
+    elements = (link("[red]bus", 50.0), link("a[/]"), joint("[bold]j", "[red]bus", "a[/]"))
+    path.write_text(robot(*elements))
+    for words in (("info", path), ("query", path, "0.5")):
+        run = spacearm(*words)
+        assert run.returncode == 0, run.stderr
+        assert "[bold]j" in run.stdout
+
+
+def test_nothing_is_cut_off_in_a_narrow_terminal_or_a_pipe():
+    for columns in ("30", "200"):
+        run = spacearm("query", "mda6", "--deg", 0, 60, -100, -50, 0, 0, COLUMNS=columns)
+        assert "…" not in run.stdout
+        assert "-0.003313" in run.stdout
+
+
+def test_names_that_look_like_emoji_stay(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(link(":smile:", 50.0), link("a"), joint("j", ":smile:", "a")))
+    assert ":smile:" in spacearm("info", path).stdout
+
+
+def test_a_terminal_without_the_letters_and_a_full_disk():
+    run = spacearm("info", "mda6", "--deg", PYTHONIOENCODING="ascii")
+    assert run.returncode == 0
+    assert "mda6" in run.stdout
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "spacearm", "models"]
+        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert run.returncode == 1
+    assert run.stderr.startswith("spacearm: error: cannot write the output")
+    assert len(run.stderr.splitlines()) == 1
+
+
+def test_locks_and_lengths_count_when_the_arm_is_loaded(tmp_path):
+    path = tmp_path / "two.urdf"
+    other = (link("other"), joint("elbow_2", "bus", "other"))
+    path.write_text(robot(*two_links(), *other))
+    assert answer("query", path, "0.1", "--lock", "elbow_2=0")["joints"] == ["elbow"]
+    task = ("--tip", "arm", "--task", "pose", "--length", "1")
+    assert answer("query", path, "0", "0", *task)["length"] == 1.0
+
+
+def test_help_keeps_its_units():
+    assert "[rad] or [m]" in spacearm("query", "--help").stdout
+
+
+def test_the_body_is_named_by_its_mass_not_by_a_massless_root(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(frame("world"), joint("weld", "world", "bus", "fixed"), *two_links()))
+    assert [body["link"] for body in answer("info", path)["bodies"]] == ["bus", "arm"]
+
+
+def test_a_value_at_its_limit_is_inside():
+    for words in (("planar2", 180, -180), ("mda6", 0, 60, -170, 0, 0, 180)):
+        assert "outside" not in spacearm("query", "--deg", *words).stdout
+
+
+def test_a_value_outside_its_limits_is_marked():
+    assert "outside its limits" in spacearm("query", "planar2", "4", "0").stdout

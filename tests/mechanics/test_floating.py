@@ -1,0 +1,120 @@
+"""Moving with a floating spacecraft, and motions sampled in time."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import random_base, random_configuration, trees
+from hypothesis import given, settings
+from scipy.integrate import solve_ivp
+
+import spacearm as sa
+from spacearm.mechanics import floating as reaction
+
+
+@given(trees())
+@settings(max_examples=20)
+def test_moving_agrees_with_an_independent_integration_of_momentum(cfg):
+    """scipy integrates the pose from `base_velocity`; `move` has its own way."""
+    target = cfg.q + np.random.default_rng(1).uniform(-1, 1, cfg.arm.n)
+    dq = target - cfg.q
+
+    def rate(s, y):
+        R = y[:9].reshape(3, 3)
+        base = pin.SE3(pin.Quaternion(R).normalized(), y[9:])
+        v = sa.base_velocity(cfg.arm.at(cfg.q + s * dq, base), dq)
+        return np.concatenate(((pin.skew(v[3:]) @ R).ravel(), v[:3]))
+
+    start = np.concatenate((cfg.base.rotation.ravel(), cfg.base.translation))
+    end = solve_ivp(rate, (0, 1), start, "DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
+    moved = sa.move(cfg, target)
+    assert np.abs(moved.base.rotation - end[:9].reshape(3, 3)).max() < 1e-6
+    assert np.abs(moved.base.translation - end[9:]).max() < 1e-6
+    assert np.allclose(moved.com, cfg.com, atol=1e-12)
+    assert np.array_equal(moved.q, target)
+
+
+def test_moving_is_of_fourth_order(monkeypatch):
+    arm = sa.load("chaser7")
+    cfg = random_configuration(arm, 2)
+    target = cfg.q + 1.0
+    monkeypatch.setattr(reaction, "STEP", 0.002)
+    exact = sa.move(cfg, target).base.rotation
+    errors = []
+    for step in (0.2, 0.1, 0.05):
+        monkeypatch.setattr(reaction, "STEP", step)
+        errors.append(np.linalg.norm(pin.log3(exact.T @ sa.move(cfg, target).base.rotation)))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 3.7).all()
+
+
+def test_there_and_back_is_where_it_was_and_a_loop_is_not():
+    cfg = sa.load("planar2").at([0.3, -0.4], random_base(np.random.default_rng(3)))
+    back = sa.move(sa.move(cfg, [1.3, 0.6]), cfg.q)
+    assert back.base.isApprox(cfg.base, 1e-9)
+    loop = cfg
+    for corner in ([1.3, -0.4], [1.3, 0.6], [0.3, 0.6], [0.3, -0.4]):
+        loop = sa.move(loop, corner)
+    assert np.linalg.norm(pin.log3(cfg.base.rotation.T @ loop.base.rotation)) > 0.01
+
+
+def test_a_small_loop_turns_by_the_curvature_it_encloses():
+    """Stokes: the turn of planar2 is the integral of d(w2)/dq1 - d(w1)/dq2 over the loop."""
+    arm = sa.load("planar2")
+    a, q = 1e-2, np.array([0.5, 0.9])
+
+    def w(q):
+        return sa.barycentric(arm.at(q)).base_rates[2]
+
+    h = 1e-5
+    x, y = np.eye(2)
+    centre = q + a / 2
+    curvature = (
+        (w(centre + h * x)[1] - w(centre - h * x)[1])
+        - (w(centre + h * y)[0] - w(centre - h * y)[0])
+    ) / (2 * h)
+    loop = arm.at(q)
+    for corner in (q + a * x, q + a, q + a * y, q):
+        loop = sa.move(loop, corner)
+    assert pin.log3(loop.base.rotation)[2] == pytest.approx(curvature * a * a, rel=1e-4)
+
+
+def motion():
+    arm = sa.load("planar2")
+    cfgs = [arm.at([0, 0]), sa.move(arm.at([0, 0]), [0.5, 1.0])]
+    return SimpleNamespace(
+        arm=arm, t=[0.0, 2.0], q=[c.q for c in cfgs], base=[c.base for c in cfgs]
+    )
+
+
+def test_a_motion_is_linear_between_its_samples():
+    m = sa.Motion.of(motion())
+    assert np.allclose(m.at(1.0).q, [0.25, 0.5])
+    assert np.allclose(m.at(-1.0).q, [0, 0])
+    assert np.allclose(m.at(9.0).q, [0.5, 1.0])
+    assert m.at(2.0).base.isApprox(motion().base[1], 1e-12)
+    assert sa.Motion.of(m).at(0.3).base.isApprox(m.at(0.3).base, 1e-12)
+    lists = sa.Motion(m.arm, m.t.tolist(), m.q.tolist(), m.base.tolist())
+    assert np.array_equal(lists.at(0.3).q, m.at(0.3).q)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"t": [0.0]}, r"q has shape \(2, 2\); give \(1, 2\)"),
+        ({"t": [0.0, 0.0]}, "growing times"),
+        ({"q": [[0, 0], [0, np.nan]]}, "q .* all finite"),
+        ({"t": [0.0, 1e300]}, "t .* up to 1e"),
+        ({"base": [[0] * 7] * 2}, "base .* quaternions of length 1"),
+        ({"base": [[0] * 6] * 2}, r"base has shape \(2, 6\)"),
+        ({"t": None}, r"t has shape \(\)"),
+        ({"q": [[0, 0], [1]]}, "q must be numbers"),
+        ({"base": None}, "cannot be played"),
+    ],
+)
+def test_bad_motions_are_refused(change, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.Motion.of(SimpleNamespace(**{**vars(motion()), **change}))
+    with pytest.raises(sa.ConfigurationError, match="a dict cannot be played"):
+        sa.Motion.of({})

@@ -1,0 +1,302 @@
+"""Collisions: contacts are found, freedom is proven, and plans keep bodies apart."""
+
+import zipfile
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import trimesh
+from helpers.arms import LIMIT, frame, joint, link, numbers, robot
+from hypothesis import given
+from hypothesis import strategies as st
+
+import spacearm as sa
+from spacearm.description.meshes import read_mesh
+from spacearm.planning.collisions import Collisions
+
+ALONG_X = 'rpy="0 1.5707963267948966 0"'
+
+
+def solid(geometry, xyz=(0, 0, 0), extra=""):
+    return (
+        f'<collision><origin xyz="{numbers(xyz)}" {extra}/><geometry>{geometry}</geometry>'
+        "</collision>"
+    )
+
+
+def boxy(folder, hull='<box size="1 1 1"/>', third=False, inside=LIMIT):
+    """Planar arm on a box: cylinders as links, half a metre and more from the box's face."""
+    bar = solid('<cylinder radius="0.05" length="0.7"/>', (0.4, 0, 0), ALONG_X)
+    names = ["l1", "l2", "l3"][: 3 if third else 2]
+    parts = [link("hull", 50.0, inertia=10 * np.eye(3), inside=solid(hull))]
+    parts += [link(name, 5.0, (0.4, 0, 0), 0.5 * np.eye(3), bar) for name in names]
+    parts += [
+        joint(f"j{i}", parent, child, xyz=(0.6 if i == 0 else 0.8, 0, 0), inside=inside)
+        for i, (parent, child) in enumerate(zip(["hull", *names], names, strict=False))
+    ]
+    parts += [frame("tip"), joint("jt", names[-1], "tip", "fixed", (0.8, 0, 0))]
+    path = folder / "boxy.urdf"
+    path.write_text(robot(*parts))
+    return sa.load(path)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return boxy(tmp_path_factory.mktemp("boxy"))
+
+
+@pytest.fixture(scope="module")
+def bodies(arm):
+    return Collisions(arm)
+
+
+@pytest.fixture(scope="module")
+def three(tmp_path_factory):
+    return Collisions(boxy(tmp_path_factory.mktemp("three"), third=True))
+
+
+def test_a_distance_in_closed_form(bodies):
+    """Only the outer link may meet the hull; stretched, its bar begins 0.95 m from the face."""
+    np.testing.assert_allclose(bodies.distances(np.zeros(2)), [0.95], atol=1e-6)
+
+
+def test_bodies_without_geometry_never_meet():
+    free = Collisions(sa.load("planar2"))
+    assert not free
+    assert free.contact(np.zeros((1, 2))) is None
+
+
+@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=3))
+def test_contact_or_proof_as_dense_sampling_has_it(bodies, path):
+    path = np.array(path)
+    dense = [a + (b - a) * s for a, b in pairwise(path) for s in np.linspace(0, 1, 60)]
+    least = min(bodies.distances(q).min() for q in (*path, *dense))
+    contact = bodies.contact(path)
+    if least <= 0.0:
+        assert contact is not None
+        assert contact.links == ("hull", "l2")
+        assert bodies.distances(contact.q).min() < 2e-3
+    elif least > 0.02:
+        assert contact is None
+
+
+@given(st.integers(0, 10**6))
+def test_no_joint_motion_outruns_its_bound(three, seed):
+    """|d(q + dq) - d(q)| <= gain |dq|, which the proof rests on."""
+    rng = np.random.default_rng(seed)
+    q, dq = rng.uniform(-3, 3, 3), rng.normal(size=3) * 10 ** rng.uniform(-3, 0)
+    change = np.abs(three.distances(q + dq) - three.distances(q))
+    assert (change <= three.gains(np.array([q, q + dq])) @ np.abs(dq) + 1e-6).all()
+
+
+def test_a_mesh_counts_as_its_convex_hull(tmp_path, bodies):
+    cube = trimesh.creation.box((1000, 1000, 1000))
+    cube.export(tmp_path / "cube.stl")
+    mesh = Collisions(boxy(tmp_path, '<mesh filename="cube.stl" scale="0.001 0.001 0.001"/>'))
+    for q in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
+        expected = bodies.distances(q)
+        if expected > 0.0:
+            np.testing.assert_allclose(mesh.distances(q), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"), [((1.8, 0.9), (0.45, 2.65)), ((0.4, 2.68), (1.54, 1.93))]
+)
+def test_plans_go_around_the_spacecraft(arm, bodies, start, goal):
+    assert bodies.contact(np.array([start, goal])) is not None
+    plan = sa.plan(arm, start, sa.Joints(goal))
+    assert plan.apart
+    np.testing.assert_allclose(plan.q[-1], goal, atol=1e-8)
+    dense = [a + (b - a) * s for a, b in pairwise(plan.q) for s in (0.25, 0.5, 0.75)]
+    assert min(bodies.distances(q).min() for q in (*plan.q, *dense)) > 0.0
+
+
+def test_a_start_in_collision(arm):
+    q = np.array([1.2, 3.0])
+    with pytest.raises(sa.NoSolutionError, match="start is in collision: 'hull' meets 'l2'"):
+        sa.plan(arm, q, sa.Joints([0.5, 0.5]))
+    assert sa.plan(arm, q, sa.Joints([1.1, 2.5]), collisions=False).q[-1] == pytest.approx(
+        [1.1, 2.5]
+    )
+
+
+def test_a_goal_in_collision(arm):
+    with pytest.raises(sa.NoSolutionError, match="goal is in collision: 'hull' meets 'l2'"):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([1.2, 3.0]))
+
+
+@pytest.mark.parametrize("geometry", ["<cone/>", ""])
+def test_a_geometry_of_no_known_kind(tmp_path, geometry):
+    arm = boxy(tmp_path, geometry)
+    with pytest.raises(sa.ModelError, match=r"'hull' has a collision .* collisions=False"):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
+
+
+SIZES = [
+    '<box size="-2 -2 -2"/>', '<box size="1 0 1"/>', '<sphere radius="-1"/>',
+    '<cylinder radius="-1" length="1"/>', '<cylinder radius="1" length="0"/>',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("geometry", SIZES)
+def test_sizes_that_no_body_has_are_no_proof(tmp_path, geometry):
+    """coal takes them, and finds such bodies far from everything."""
+    with pytest.raises(sa.ModelError, match=r"hull.* has .*; give positive lengths"):
+        Collisions(boxy(tmp_path, geometry))
+
+
+MESHES = {
+    "box.stl": "",
+    "flat.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 3 4\n",
+    "vast.obj": "v 1e308 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1e300\nf 1 2 3\nf 1 2 4\nf 2 3 4\n",
+    "large.obj": "v 2 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n",
+    "nan.obj": "v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\n",
+    "bare.obj": "v 0 0 0\nv 1 0 0\n",
+    "box.zip": "",
+    "zipped.dae": "",
+    "text.urdf": "<robot/>",
+    "broken.glb": "glTF",
+}
+
+
+NODES = "".join(
+    f'<node id="n{i + 1}"><instance_node url="#n{i}"/><instance_node url="#n{i}"/></node>'
+    for i in range(60)
+)
+ENTITIES = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(30))
+MESHES |= {
+    "many.dae": f'<COLLADA xmlns="c"><node id="n0"/>{NODES}'
+    '<visual_scene><instance_node url="#n60"/></visual_scene></COLLADA>',
+    "round.dae": '<COLLADA><visual_scene><node id="n"><instance_node url="#n"/></node>'
+    "</visual_scene></COLLADA>",
+    "entities.dae": f'<!DOCTYPE c [<!ENTITY e0 "e">{ENTITIES}]><COLLADA>&e30;</COLLADA>',
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "message"),
+    [
+        ("box.stl", "1 1 0", "is flat"),
+        ("box.stl", "0 0 0", "is flat"),
+        ("box.stl", "1e12 1e-12 1", "is flat"),
+        ("large.obj", "1e12 1 1", "is larger than 1e"),
+        ("box.stl", "1e12 1e12 1e13", "3 finite numbers up to 1e"),
+        ("flat.obj", "1 1 1", "is flat"),
+        ("vast.obj", "1 1 1", "not finite or beyond"),
+        ("nan.obj", "1 1 1", "not finite or beyond"),
+        ("bare.obj", "1 1 1", "'bare.obj' cannot be read"),
+        ("box.zip", "1 1 1", "'box.zip' cannot be read .give one of .stl"),
+        ("zipped.dae", "1 1 1", "'zipped.dae' cannot be read .it is an archive"),
+        ("many.dae", "1 1 1", "'many.dae' cannot be read .it places more than 10,000 nodes"),
+        ("round.dae", "1 1 1", "'round.dae' cannot be read .maximum recursion depth"),
+        ("entities.dae", "1 1 1", "'entities.dae' cannot be read .it declares a DOCTYPE"),
+        ("text.urdf", "1 1 1", "'text.urdf' cannot be read .give one of .stl"),
+        ("broken.glb", "1 1 1", "'broken.glb' cannot be read"),
+    ],
+)
+def test_meshes_without_a_hull_are_named(tmp_path, name, scale, message):
+    (tmp_path / name).write_text(MESHES[name])
+    if name == "box.stl":
+        trimesh.creation.box().export(tmp_path / name)
+    if name in ("box.zip", "zipped.dae"):
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.writestr("box.obj", MESHES["vast.obj"])
+    arm = boxy(tmp_path, f'<mesh filename="{name}" scale="{scale}"/>')
+    with pytest.raises(sa.ModelError, match=message):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
+
+
+def test_a_corner_with_more_neighbours_than_coal_counts(tmp_path):
+    trimesh.creation.cone(1.0, 2.0, sections=600).export(tmp_path / "cone.stl")
+    with pytest.raises(sa.ModelError, match="is too fine for coal"):
+        Collisions(boxy(tmp_path, '<mesh filename="cone.stl"/>'))
+
+
+@pytest.mark.parametrize("shape", ["box", "icosphere", "cylinder"])
+def test_the_hull_of_a_mesh_is_as_far_away_as_the_body(tmp_path, shape):
+    """Mirrored and stretched too: along x, of the hull's nearest point."""
+    mesh = getattr(trimesh.creation, shape)(**SHAPES[shape])
+    mesh.export(tmp_path / "body.ply")
+    for scale in ("0.5 1 1", "-0.5 1 1"):
+        bodies = Collisions(boxy(tmp_path, f'<mesh filename="body.ply" scale="{scale}"/>'))
+        expected = 0.6 + 0.8 + 0.05 - 0.5 * mesh.vertices[:, 0].max()
+        np.testing.assert_allclose(bodies.distances(np.zeros(2)), [expected], atol=1e-5)
+
+
+SHAPES = {
+    "box": {"extents": (1, 1, 1)},
+    "icosphere": {"radius": 0.5},
+    "cylinder": {"radius": 0.5, "height": 1.0, "sections": 64},
+}
+
+
+# --- slides, locks, branches ----------------------------------------------------------------
+
+
+def telescope(folder, slide, follower="", hull=(4.4, 2.4, 0)):
+    """A turning joint, a slide on it, a ball at its end; a ball of the hull in its way."""
+    ball = solid('<sphere radius="0.1"/>')
+    parts = [
+        link("hull", 50.0, inertia=10 * np.eye(3), inside=solid('<sphere radius="0.1"/>', hull)),
+        link("boom", 5.0), link("slider", 5.0, inside="" if follower else ball),
+        joint("j1", "hull", "boom", xyz=(0, 0, 0)),
+        joint("j2", "boom", "slider", "prismatic", (0, 0, 0), axis=(1, 0, 0), inside=slide),
+    ]  # fmt: skip
+    if follower:
+        parts += [
+            link("end", 1.0, inside=ball),
+            joint("j3", "slider", "end", "prismatic", (0, 0, 0), axis=(1, 0, 0), inside=follower),
+        ]
+    path = folder / "telescope.urdf"
+    path.write_text(robot(*parts))
+    return sa.load(path, tip="end" if follower else "slider", task="x y")
+
+
+@pytest.mark.parametrize(
+    ("slide", "follower", "out"),
+    [
+        ('<limit lower="0" upper="0.1" effort="1" velocity="1"/>', "", 5.0),
+        ('<limit effort="1" velocity="1"/>', "", 5.0),
+        (
+            '<limit lower="0" upper="5" effort="1" velocity="1"/>',
+            '<limit lower="0" upper="0.1" effort="1" velocity="1"/>'
+            '<mimic joint="j2" multiplier="3"/>',
+            1.25,
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*no limits on:spacearm.ModelWarning")
+def test_slides_reach_as_far_as_they_are_out(tmp_path, slide, follower, out):
+    bodies = Collisions(telescope(tmp_path, slide, follower))
+    path = np.array([[-1.0, out], [1.0, out]])
+    contact = bodies.contact(path)
+    assert contact is not None
+    assert contact.q[0] == pytest.approx(np.arctan2(2.4, 4.4), abs=0.06)
+    assert bodies.contact(path - [2.0, 0.0]) is None
+
+
+def test_a_locked_joint_does_not_join_the_links_beyond_it(tmp_path):
+    """Links that no joint of the URDF connects are watched, also where a lock makes them one."""
+    arm = boxy(tmp_path)
+    locked = Collisions(sa.load(arm.path, locked={"j0": 1.2}))
+    assert locked.contact(np.array([[3.0]])).links == ("hull", "l2")
+    np.testing.assert_allclose(
+        locked.distances(np.array([2.0])), Collisions(arm).distances(np.array([1.2, 2.0]))
+    )
+
+
+def test_what_a_reader_of_meshes_grumbles_about_is_not_logged(tmp_path, caplog):
+    text = trimesh.creation.box().export(file_type="stl_ascii")
+    path = tmp_path / "box.stl"
+    path.write_text(text.replace("facet normal", "facet normal there"))
+    assert len(read_mesh(path).faces) == 12
+    assert not caplog.records
+
+
+def test_a_missing_mesh_is_no_proof(tmp_path):
+    with pytest.warns(sa.ModelWarning, match="meshes not found"):
+        arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
+    with pytest.raises(sa.ModelError, match=r"nowhere.stl.*collisions=False"):
+        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))

@@ -1,0 +1,90 @@
+"""Many curves at once: they turn the spacecraft as one does, and arrive where they should."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import load_text, one_to_eight, random_base, random_tree, seeds
+from hypothesis import given
+
+import spacearm as sa
+from spacearm.mechanics.compiled import reactions
+from spacearm.planning.curve import CurveFamily, sample
+from spacearm.planning.free_space import FreeSpace
+from spacearm.planning.guesses import INTERVALS, Search
+from spacearm.planning.many_curves import landed, turns
+from spacearm.planning.optimiser import Steering, Task
+from spacearm.planning.result import walk
+
+
+@given(seeds, one_to_eight)
+def test_reactions_on_random_trees(seed, n):
+    rng = np.random.default_rng(seed)
+    arm = load_text(random_tree(seed, n), tip=f"link_{n}", task=sa.Task("pose", length=1.0))
+    Q = rng.uniform(-4, 4, (9, arm.n))
+    at = reactions(arm, Q.T)
+    for i, q in enumerate(Q):
+        cfg = arm.at(q)
+        J = sa.generalized_jacobian(cfg)
+        np.testing.assert_allclose(at.J[i], J, atol=1e-12 * abs(J).max())
+        turned = np.array([sa.base_velocity(cfg, dq)[3:] for dq in np.eye(arm.n)]).T
+        np.testing.assert_allclose(at.A[i], turned, atol=1e-12)
+        np.testing.assert_allclose(at.r[i], cfg.tip.translation - cfg.com, atol=1e-12)
+        np.testing.assert_allclose(at.R[i], cfg.tip.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
+def test_many_curves_turn_the_spacecraft_as_each_alone(name):
+    arm, rng = sa.load(name), np.random.default_rng(1)
+    family = CurveFamily(arm, rng.normal(size=arm.n), 3, INTERVALS)
+    curves = rng.normal(size=(5, 4, arm.n))
+    Q = np.array([family.points(p)[:-1] for p in curves])
+    rates = np.array([family.slope @ (p - family._offset) for p in curves])
+    for p, turn in zip(curves, turns(arm, Q, rates), strict=True):
+        alone, _ = family.turn(p, sample(arm, family.points(p)))
+        np.testing.assert_allclose(turn, alone, atol=1e-12)
+
+
+def test_landing_with_the_attitude_held():
+    arm, rng = sa.load("mda6"), np.random.default_rng(2)
+    T = np.array([random_base(rng).rotation for _ in range(40)])
+    goal = arm.at(rng.uniform(-1, 1, 6)).centred(np.zeros(3)).tip
+    Q, miss = landed(arm, rng.uniform(-3, 3, (40, 6)), goal, T, np.eye(3), 40)
+    there = np.flatnonzero(miss < 1e-9)
+    assert len(there) > 10
+    for i in there:
+        tip = arm.at(Q[i], pin.SE3(T[i], np.zeros(3))).centred(np.zeros(3)).tip
+        np.testing.assert_allclose(tip.homogeneous, goal.homogeneous, atol=1e-8)
+
+
+def test_free_space_ends_at_limits_and_singularities():
+    arm = sa.load("mda6")
+    q = np.radians([0, 60, -100, -50, 30, 0])
+    free = FreeSpace(arm, q, arm.lower, arm.upper)
+    inside = q + 1e-3 * np.linspace(0, 1, 5)[:, None] * np.ones(6)
+    beyond = q + np.linspace(0, 1, 5)[:, None] * np.array([0, 0, 0, 0, 0, 4.0])
+    elbow = q + np.linspace(0, 1, 41)[:, None] * np.array([0, 0, np.radians(200), 0, 0, 0])
+    room = free.room(np.array([np.resize(inside, (41, 6)), np.resize(beyond, (41, 6)), elbow]))
+    assert room[0] == pytest.approx(sa.evaluate(arm, inside)["sigma_min"].min())
+    assert (room[1:] < 0.0).all()
+    np.testing.assert_allclose(free.wrapped(q[None] + 2 * np.pi), q[None], atol=1e-12)
+
+
+@pytest.mark.parametrize("way", ["direct", "looped"])
+@pytest.mark.parametrize("name", ["planar2", "mda6"])
+def test_guesses_arrive_and_are_free(name, way):
+    arm, rng = sa.load(name), np.random.default_rng(3)
+    q = np.array([0.7, 1.1]) if name == "planar2" else np.radians([0, 60, -100, -50, 30, 0])
+    start = arm.at(q).centred(np.zeros(3))
+    turned = arm.at(q + 0.3, pin.SE3(pin.exp3(np.array([0, 0, 0.2])), np.zeros(3)))
+    tip = turned.centred(np.zeros(3)).tip
+    task = Task(tip, None, None, 1e-3, arm.lower, arm.upper)
+    search = Search(start, task, 3, rng)
+    guesses = list(search.direct(0.5) if way == "direct" else search.looped())
+    free = [guess for guess in guesses if guess.room > 0.0][:5]
+    assert free
+    for guess in free:
+        steering = Steering(start, task, 3, guess.loops)
+        motion = walk(start, steering.rows(guess.x))
+        assert np.linalg.norm(steering.left(motion[-1])) < 5e-3  # its integration is coarse
+        assert min(sa.singularity(cfg).sigma_min for cfg in motion) > 0.5 * guess.room
+        assert (search.points(guess) <= arm.upper).all()

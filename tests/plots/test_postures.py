@@ -1,0 +1,90 @@
+"""Plots of postures: what is drawn is where the arm is, and what its tip can do."""
+
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from matplotlib.figure import Figure
+
+import spacearm as sa
+from spacearm.plots.postures import (
+    SECONDS,
+    draw_barycentres,
+    draw_posture,
+    draw_velocities,
+    draw_virtual_manipulator,
+)
+from spacearm.plots.style import Shown, show
+
+TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
+
+
+@pytest.fixture
+def axes():
+    return Figure().subplots()
+
+
+@pytest.mark.parametrize("name", ["planar2", "planar3"])
+def test_the_arm_is_drawn_where_it_is(axes, name):
+    cfg = sa.load(name).at(np.full(int(name[-1]), 0.4), TURNED)
+    draw_posture(axes, cfg)
+    arm, com = (line.get_xydata() for line in axes.lines)
+    np.testing.assert_allclose(arm[0], TURNED.act(cfg.arm.mount.translation)[:2], atol=1e-12)
+    np.testing.assert_allclose(arm[-1], cfg.tip.translation[:2], atol=1e-12)
+    np.testing.assert_allclose(com[0], cfg.com[:2], atol=1e-12)
+    assert len(arm) == cfg.arm.n + 1
+
+
+def test_the_ellipse_has_the_singular_values_as_axes(axes):
+    cfg = sa.load("planar2").at([0.3, 1.1], TURNED)
+    draw_velocities(axes, cfg)
+    from_tip = axes.lines[0].get_xydata() - cfg.tip.translation[:2]
+    far = np.linalg.norm(from_tip, axis=1) / SECONDS
+    np.testing.assert_allclose([far.max(), far.min()], sa.singularity(cfg).sigma, rtol=1e-3)
+    inverse = np.linalg.inv(sa.generalized_jacobian(cfg)[:2])
+    np.testing.assert_allclose(np.linalg.norm(inverse @ from_tip.T, axis=0), SECONDS)
+
+
+def test_the_lost_direction_is_named(axes):
+    draw_velocities(axes, sa.load("planar2").at(np.radians([-65, -11.4108])))
+    assert any("no motion" in text.get_text() for text in axes.texts)
+
+
+def test_the_virtual_manipulator_ends_at_the_tip(axes):
+    cfg = sa.load("planar2").at([0.3, 1.1], TURNED)
+    draw_virtual_manipulator(axes, cfg)
+    arrows = [text for text in axes.texts if text.get_text() == ""]
+    np.testing.assert_allclose(arrows[0].xyann, cfg.com[:2], atol=1e-12)
+    for one, other in pairwise(arrows):
+        np.testing.assert_allclose(one.xy, other.xyann, atol=1e-12)
+    np.testing.assert_allclose(arrows[-1].xy, cfg.tip.translation[:2], atol=1e-12)
+
+
+def test_the_system_cm_is_the_mean_of_the_bodies_cms(axes):
+    cfg = sa.load("planar2").at([0.3, 1.1], TURNED)
+    draw_barycentres(axes, cfg)
+    masses = np.array([40.0, 4.0, 3.0])
+    np.testing.assert_allclose(
+        masses @ axes.lines[0].get_xydata() / masses.sum(), cfg.com[:2], atol=1e-12
+    )
+
+
+def test_arms_that_are_not_planar_are_refused(axes):
+    cfg = sa.load("mda6").at(np.zeros(6))
+    for draw in (draw_posture, draw_velocities, draw_virtual_manipulator, draw_barycentres):
+        with pytest.raises(sa.UnsupportedError, match=r"does not move in a plane; use sa\.view"):
+            draw(axes, cfg)
+    with pytest.raises(sa.UnsupportedError, match="tip velocities are drawn for the task 'x y'"):
+        draw_velocities(axes, sa.load("planar3").at([0.1, 0.2, 0.3]))
+
+
+def test_a_figure_shown_outside_a_notebook_is_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shown = show(Figure(figsize=(2, 1)), "name")
+    assert isinstance(shown, Shown)
+    png, size = shown._repr_png_()
+    assert (tmp_path / "name.png").read_bytes() == png
+    assert png.startswith(b"\x89PNG")
+    assert size == {"width": 180, "height": 90}
+    assert capsys.readouterr().out == "wrote name.png\n"

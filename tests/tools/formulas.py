@@ -1,0 +1,315 @@
+"""Formulas that matter, each with a way to break it, for `mutants`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Mutant(NamedTuple):
+    """One broken formula.
+
+    Attributes:
+        formula: What is broken, with its equation number in the paper.
+        file: Module of the package that holds it.
+        text: How the formula stands there, once.
+        broken: What takes its place.
+        tests: The test files that concern it.
+    """
+
+    formula: str
+    file: str
+    text: str
+    broken: str
+    tests: str
+
+
+BARYCENTRIC = [
+    Mutant(*row, "mechanics/test_barycentric_formulation")
+    for row in (
+        (
+            "(2) system CM", "mechanics/barycentric_formulation.py", "(chain.first_cm - rho[0])",
+            "(chain.first_cm + rho[0])",
+        ),
+        ("(3) tip from its body's CM", "mechanics/barycentric_formulation.py", "v_E[tip] += p_E", "v_E[tip] -= p_E"),
+        (
+            "(7) mass distribution", "mechanics/barycentric_formulation.py",
+            "np.concatenate(([0.0], np.cumsum(m) / M))",
+            "np.concatenate((np.cumsum(m) / M, [1.0]))",
+        ),
+        ("(8) barycentres", "mechanics/barycentric_formulation.py", "c = l * mu[:-1, None]", "c = l * mu[1:, None]"),
+        ("(9) barycentric vectors", "mechanics/barycentric_formulation.py", "= -c, r - c, l - c", "= c, r - c, l - c"),
+        ("(11) CMs from the system CM", "mechanics/barycentric_formulation.py", "v.sum(axis=0)", "v.sum(axis=1)"),
+        (
+            "(12) selection law", "mechanics/barycentric_formulation.py",
+            "r_star[i] if i < k else c_star[i] if i == k else l_star[i]",
+            "l_star[i] if i < k else c_star[i] if i == k else r_star[i]",
+        ),
+        (
+            "(21) inertia of pairs, i < j", "mechanics/barycentric_formulation.py",
+            "np.outer(l_star[j], r_star[i])", "np.outer(r_star[i], l_star[j])",
+        ),
+        (
+            "(22) inertia of augmented bodies", "mechanics/barycentric_formulation.py",
+            "identity - np.outer(v[i, k], v[i, k])", "identity + np.outer(v[i, k], v[i, k])",
+        ),
+        (
+            "(23) inertia of pairs, i > j", "mechanics/barycentric_formulation.py",
+            "r_star[j] @ l_star[i] * identity -", "r_star[j] @ l_star[i] * identity +",
+        ),
+        (
+            "(27) attitude of Euler parameters", "mechanics/barycentric_formulation.py",
+            "+ 2.0 * n * _cross(e)", "- 2.0 * n * _cross(e)",
+        ),
+        (
+            "(27) scalar part", "mechanics/barycentric_formulation.py",
+            "(n * n - e @ e) * np.eye", "(n * n + e @ e) * np.eye",
+        ),
+        ("(28) half angles", "mechanics/barycentric_formulation.py", "np.sin(angle / 2.0)", "np.sin(angle)"),
+        ("(29) twice e e^T", "mechanics/barycentric_formulation.py", "+ 2.0 * np.outer(e, e)", "+ np.outer(e, e)"),
+        ("(31) rates of the bodies", "mechanics/barycentric_formulation.py", "np.arange(N) < j", "np.arange(N) <= j"),
+        (
+            "(33c) reaction", "mechanics/barycentric_formulation.py",
+            "return -np.linalg.solve(self.D", "return np.linalg.solve(self.D",
+        ),
+        ("(34a) J11", "mechanics/barycentric_formulation.py", "J11=-sum(", "J11=sum("),
+        ("(34a) J12", "mechanics/barycentric_formulation.py", "range(1, N + 1)), np.zeros(F", "range(1, N)), np.zeros(F"),
+        ("(34a) J22", "mechanics/barycentric_formulation.py", "J22=F[tip]", "J22=F[N]"),
+        ("(34b) D", "mechanics/barycentric_formulation.py", "D=D_j.sum(axis=0)", "D=D_j[1:].sum(axis=0)"),
+        ("(34b) D_j", "mechanics/barycentric_formulation.py", "D_j = D_ij.sum(axis=0)", "D_j = D_ij.sum(axis=1)"),
+        ("(34b) D_q", "mechanics/barycentric_formulation.py", '"jab,jbn->an"', '"jba,jbn->an"'),
+        ("(35) J*", "mechanics/barycentric_formulation.py", "self.T0 @ (w + self.J22)", "self.T0.T @ (w + self.J22)"),
+        (
+            "(36) rates of Euler parameters", "mechanics/barycentric_formulation.py",
+            "(_cross(e) @ w + n * w) / 2.0", "(n * w - _cross(e) @ w) / 2.0",
+        ),
+        ("(36) scalar part", "mechanics/barycentric_formulation.py", "float(-e @ w) / 2.0", "float(e @ w) / 2.0"),
+        (
+            "virtual manipulator's [J12; J22]", "mechanics/barycentric_formulation.py",
+            "np.vstack((self.T0 @ self.J12,", "np.vstack((self.J12,",
+        ),
+        (
+            "virtual manipulator", "mechanics/barycentric_formulation.py",
+            "self.v_E @ self.T0.T, jacobian", "self.v_E @ self.T0, jacobian",
+        ),
+    )
+]  # fmt: skip
+
+ACCURACY = [
+    Mutant(*row, "singularities/test_rounding")
+    for row in (
+        (
+            "error bars: rounding of the rotations", "singularities/rounding.py",
+            "turns = crossed @ (1.0 +", "turns = crossed @ (0.01 +",
+        ),
+        ("error bars: rounding of a term", "singularities/rounding.py", "ROUNDING = 4.0", "ROUNDING = 0.02"),
+        (
+            "error bars: sums of many bodies", "singularities/rounding.py",
+            "max(len(bodies), turns[bodies + tips].max())", "turns[bodies + tips].max()",
+        ),
+        (
+            "error bars: angles of mimic joints are sums", "singularities/rounding.py",
+            "np.where(slides, 0.0, term)", "0.0 * term",
+        ),
+        (
+            "error bars: displacements", "singularities/rounding.py",
+            "np.where(slides, term,", "np.where(slides, 0.0,",
+        ),
+        (
+            "error bars: displacements locked", "singularities/rounding.py",
+            "[joint.slid for joint in joints]", "0.0",
+        ),
+        (
+            "error bars: ways by fixed frames", "singularities/rounding.py",
+            "way = crossed @ (_lengths([joint", "way = distance + 0.0 * crossed @ (_lengths([joint",
+        ),
+        (
+            "error bars: ways to CMs", "singularities/rounding.py",
+            "far = way[bodies] +", "far = distance[bodies] +",
+        ),
+        (
+            "error bars: CMs in the model", "singularities/rounding.py",
+            "near = distance[bodies] + _lengths(r) + u * far", "near = distance[bodies]",
+        ),
+        ("error bars: turning, momentum", "singularities/rounding.py", "2.0 * w,", "0.0 * w,"),
+        ("error bars: turning, inertia", "singularities/rounding.py", "i + c * w", "0.05 * i + c * w"),
+        ("error bars: inertias", "singularities/rounding.py", "2.0 * np.linalg", "0.05 * np.linalg"),
+        ("error bars: second moments", "singularities/rounding.py", "3.0 * np.multiply", "0.0 * np.multiply"),
+        ("error bars: turning, CM", "singularities/rounding.py", "+ c * w + way_to_c * s", ""),
+        ("error bars: sliding, CM", "singularities/rounding.py", "w + way_to_c * m", "0.0 * m"),
+        ("error bars: tip and spacecraft", "singularities/rounding.py", "[[1.0, way], [", "[[1.0, 0.0], ["),
+        ("error bars: tip and joints", "singularities/rounding.py", "[[way], [1.0]]", "[[0.0], [1.0]]"),
+        ("error bars: E_b amplified", "singularities/rounding.py", "np.eye(len(G)) - G", "np.eye(len(G))"),
+        ("error bars: of X", "singularities/rounding.py", "X = X + np.linalg.solve", "X = np.linalg.solve"),
+        (
+            "accuracy of a joint welded far turned", "description/bodies.py",
+            "pin.AngleAxis(float(value), self.axis).matrix()", "pin.exp3(self.axis * value)",
+        ),
+    )
+]  # fmt: skip
+
+MUTANTS = [
+    *BARYCENTRIC,
+    *ACCURACY,
+    # --- momentum and Jacobians -------------------------------------------------------------
+    Mutant(
+        "A_b in inertial axes", "mechanics/momentum.py",
+        "np.hstack((A[:, :3] @ R.T,", "np.hstack((A[:, :3] @ R,",
+        "mechanics/test_momentum",
+    ),
+    Mutant(
+        "base velocity", "mechanics/momentum.py", "h - A_q @ joint_vector", "h + A_q @ joint_vector",
+        "mechanics/test_momentum mechanics/test_jacobian",
+    ),
+    Mutant(
+        "J* = J_q - J_b A_b^-1 A_q", "mechanics/jacobian.py",
+        "J_star: Array = J[:, 6:] - J[:, :f] @ np", "J_star: Array = J[:, 6:] + J[:, :f] @ np",
+        "mechanics/test_jacobian mechanics/test_barycentric_formulation",
+    ),
+    Mutant(
+        "attitude control leaves three components", "mechanics/jacobian.py",
+        '"attitude-controlled": 3', '"attitude-controlled": 6', "mechanics/test_jacobian singularities/test_report",
+    ),
+    Mutant(
+        "derivative of J*", "mechanics/jacobian.py",
+        "dA[:, :f, 6:] - dA[:, :f, :f] @ X", "dA[:, :f, 6:] + dA[:, :f, :f] @ X", "mechanics/test_jacobian",
+    ),
+    Mutant(
+        "rate of J*", "mechanics/jacobian.py",
+        "pin.skew(base_velocity(cfg, dq, momentum)[3:])",
+        "pin.skew(base_velocity(cfg, dq, momentum)[3:]).T",
+        "mechanics/test_jacobian",
+    ),
+    Mutant(
+        "drift of prescribed motion", "mechanics/jacobian.py",
+        "drift = J @ dq + cfg.J", "drift = J @ dq - cfg.J", "model/test_multi_arm",
+    ),
+    Mutant(
+        "drift J_b A_b^-1 h, every joint free", "mechanics/jacobian.py",
+        "J[:, free], drift)", "J[:, free], drift * bool(rates))", "model/test_multi_arm",
+    ),
+    Mutant(
+        "(36) rate of the attitude", "mechanics/floating.py",
+        "n * w - pin.skew(e) @ w", "n * w + pin.skew(e) @ w", "motion/test_following motion/test_simulation",
+    ),
+    Mutant(
+        "(33c) integrated: Magnus' commutator", "mechanics/floating.py",
+        "+ math.sqrt(3.0) / 12.0 * np.cross(w1, w2)", "- math.sqrt(3.0) / 12.0 * np.cross(w1, w2)",
+        "mechanics/test_floating",
+    ),
+    Mutant(
+        "(33c) differentiated along a curve", "planning/curve.py",
+        "pin.skew(a) @ db - pin.skew(b) @ da", "pin.skew(a) @ db + pin.skew(b) @ da",
+        "planning/test_planner",
+    ),
+    # --- singularities ----------------------------------------------------------------------
+    Mutant(
+        "(37) lost directions", "singularities/report.py", "lost=U[:, rank:]", "lost=V[:, rank:]",
+        "singularities/test_report",
+    ),
+    Mutant(
+        "gradient of sigma_min", "singularities/report.py", "@ dJ @ V[:, k - 1]", "@ dJ @ V[:, n - 1]",
+        "singularities/test_report",
+    ),
+    Mutant(
+        "kinematic or dynamic", "singularities/report.py",
+        '"kinematic" if fixed_rank < k', '"kinematic" if fixed_rank == k', "singularities/test_report",
+    ),
+    Mutant(
+        "S = det(A_b) det(J*), spatial", "singularities/polynomial.py",
+        "det *= np.linalg.det(D) if", "det /= np.linalg.det(D) if", "singularities/test_sets",
+    ),
+    Mutant(
+        "(41) S of planar arms", "singularities/polynomial.py",
+        "else D[:, normal, normal]", "else 1.0", "singularities/test_sets",
+    ),
+    Mutant(
+        "(43) R^2", "singularities/polynomial.py",
+        "cfg.tip.translation - centre", "cfg.tip.translation + centre",
+        "workspaces/test_workspace",
+    ),
+    Mutant(
+        "roots of degree one", "polynomial/univariate.py", "cosine = -c / r", "cosine = c / r", "polynomial/test_trig",
+    ),
+    Mutant(
+        "(44) shells: largest distance", "workspaces/shells.py",
+        "(-1.0, order[: -STARTS - 1 : -1])", "(1.0, order[: -STARTS - 1 : -1])", "workspaces/test_workspace",
+    ),
+    Mutant(
+        "free workspace: every direction", "workspaces/free.py",
+        "self.reached(hardest).all() and self.reached(others).all()",
+        "self.reached(hardest).any()", "workspaces/test_workspace",
+    ),
+    Mutant(
+        "free workspace: where it may end", "workspaces/free.py",
+        'else "attitude-controlled"', 'else "free-floating"', "workspaces/test_workspace",
+    ),
+    Mutant(
+        "roots of higher degree", "polynomial/univariate.py",
+        "companion[:, :, -1] = -monic", "companion[:, :, -1] = monic", "polynomial/test_trig",
+    ),
+    Mutant(
+        "redundant arms: u^T J* V = 0", "singularities/searched_set.py",
+        "u, V = U[:, -1]", "u, V = U[:, 0]", "singularities/test_sets",
+    ),
+    Mutant(
+        "certificate: off the chord", "polynomial/certificate.py",
+        "step) / 8.0", "step) / 800.0", "singularities/test_sets polynomial/test_trig",
+    ),
+    Mutant(
+        "certificate: bound of the curvature", "polynomial/certificate.py",
+        "0.5 * B * h * h", "0.0005 * B * h * h", "singularities/test_sets polynomial/test_trig",
+    ),
+    Mutant(
+        "derivative of a polynomial", "polynomial/trig.py",
+        "self.coefficients * (1j * self._k(j))", "self.coefficients * (-1j * self._k(j))",
+        "polynomial/test_trig",
+    ),
+    Mutant(
+        "bound of the curvature", "polynomial/trig.py",
+        "float((size * a * b).sum())", "float((size * a * b).sum()) / 16.0",
+        "polynomial/test_trig singularities/test_sets",
+    ),
+    # --- dynamics and control ---------------------------------------------------------------
+    Mutant(
+        "H*, the inertia that joints feel", "mechanics/dynamics.py",
+        "H: Array = M[6:, 6:] - M[6:, :f]", "H: Array = M[6:, 6:] + M[6:, :f]", "mechanics/test_dynamics",
+    ),
+    Mutant(
+        "c* of the reduced form", "mechanics/dynamics.py",
+        "c_star = c[6:] - M[6:, :f]", "c_star = c[6:] + M[6:, :f]", "mechanics/test_dynamics",
+    ),
+    Mutant(
+        "classical acceleration", "mechanics/dynamics.py",
+        "a[:3] += pin.skew(v[3:6])", "a[:3] -= pin.skew(v[3:6])", "mechanics/test_dynamics",
+    ),
+    Mutant(
+        "gyration of wheels", "mechanics/dynamics.py",
+        "np.cross(J @ full, spin * wheel.axis)", "np.cross(spin * wheel.axis, J @ full)",
+        "model/test_wheels",
+    ),
+    Mutant(
+        "(42) transposed Jacobian", "motion/controllers.py",
+        "kd * (self.feed(t, cfg) - J @ dq)", "kd * (self.feed(t, cfg) + J @ dq)", "motion/test_simulation",
+    ),
+    Mutant(
+        "balance of a capture", "mechanics/impact.py",
+        "M @ before + cfg.J.T @ M_t @ t", "M @ before - cfg.J.T @ M_t @ t", "mechanics/test_impact",
+    ),
+    Mutant(
+        "twist of a captured target", "mechanics/impact.py",
+        "t[:3] - np.cross(t[3:], lever)", "t[:3] + np.cross(t[3:], lever)", "mechanics/test_impact",
+    ),
+    # --- compiled ---------------------------------------------------------------------------
+    Mutant(
+        "kernel: a joint turns", "kernels/floating.py",
+        "R_y * cos - R_x * sin", "R_y * cos + R_x * sin", "mechanics/test_batch",
+    ),
+    Mutant(
+        "kernel: parallel axes", "kernels/floating.py",
+        "dot(IX, Y) - m * x * y", "dot(IX, Y) + m * x * y", "mechanics/test_batch",
+    ),
+    Mutant(
+        "kernel: (34a) J11 acts as a cross product", "kernels/floating.py",
+        "J11_X = cross(X, r_E)", "J11_X = cross(r_E, X)", "mechanics/test_batch",
+    ),
+]  # fmt: skip

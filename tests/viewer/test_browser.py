@@ -1,0 +1,288 @@
+"""The view in a real browser: Debian's chromium, headless, driven by playwright."""
+
+import os
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import frame, joint, link, robot, two_links
+
+import spacearm as sa
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+if CHROMIUM is None and not os.environ.get("CI"):
+    pytest.skip("no chromium on this machine", allow_module_level=True)
+
+OPTIONS = [
+    "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-background-networking", "--no-first-run", "--disable-sync",
+    "--disable-component-update",
+]  # fmt: skip
+
+
+MISSING_MESH = '<visual><geometry><mesh filename="no.stl"/></geometry></visual>'
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as tool:
+        chromium = tool.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield chromium
+        chromium.close()
+
+
+class Page:
+    """A page that remembers what it asked for and what went wrong."""
+
+    def __init__(self, browser, url, width=700, height=600, **options):
+        self.context = browser.new_context(
+            viewport={"width": width, "height": height}, **options
+        )  # fmt: skip
+        self.page = self.context.new_page()
+        self.requests, self.errors = [], []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
+        self.page.goto(url)
+        self.url = url
+
+    def ready(self):
+        self.page.wait_for_selector("body[data-ready=yes]", state="attached")
+        return self
+
+    def text(self, selector):
+        return self.page.text_content(selector)
+
+    def move(self, index, degrees):
+        """Moves a slider as a hand does: the value, then the event; waits for the answer."""
+        wanted = f"{degrees:.2f}"
+        number = f".joint:nth-child({index + 1}) input[type=number]"
+        self.page.eval_on_selector(
+            f".joint:nth-child({index + 1}) input[type=range]",
+            f"s => {{ s.step = 'any'; s.value = {degrees}; s.dispatchEvent(new Event('input')); }}",
+        )
+        self.page.wait_for_function(
+            f"() => document.querySelector('{number}').value === '{wanted}'"
+        )
+
+    def wait_text(self, selector, text):
+        """Waits until an element holds a text."""
+        self.page.wait_for_function(
+            "([selector, text]) => document.querySelector(selector).textContent.includes(text)",
+            arg=[selector, text],
+        )
+
+    def seek(self, t):
+        """Drags the time slider."""
+        self.page.eval_on_selector(
+            "#motion input", f"s => {{ s.value = {t}; s.dispatchEvent(new Event('input')); }}"
+        )
+        self.wait_text("#motion output", f"{t:.2f} s")
+
+    def visible(self, *path):
+        """Whether an object of the drawing is visible."""
+        return self.page.evaluate(
+            "path => window.spacearm.viewer.scene_tree.find(path).object.visible",
+            ["spacearm", *path],
+        )
+
+    def wait_visible(self, *path, wanted=True):
+        self.page.wait_for_function(
+            "([path, on]) => window.spacearm.viewer.scene_tree.find(path).object.visible === on",
+            arg=[["spacearm", *path], wanted],
+        )
+
+    def colours(self):
+        """How many different colours the drawing has: an empty screen has few."""
+        return self.page.evaluate(
+            """async () => {
+              const image = new Image();
+              image.src = window.spacearm.viewer.capture_image();
+              await image.decode();
+              const canvas = new OffscreenCanvas(image.width, image.height);
+              const context = canvas.getContext("2d");
+              context.drawImage(image, 0, 0);
+              const data = context.getImageData(0, 0, image.width, image.height).data;
+              const seen = new Set();
+              for (let i = 0; i < data.length; i += 4)
+                seen.add((data[i] >> 4) * 256 + (data[i + 1] >> 4) * 16 + (data[i + 2] >> 4));
+              return seen.size;
+            }"""
+        )
+
+    def close(self):
+        self.context.close()
+
+
+@pytest.fixture
+def viewer():
+    viewer = sa.view(sa.load("planar2"), np.radians([-65, -40]), open=False)
+    viewer.serve()
+    yield viewer
+    viewer.close()
+
+
+@pytest.fixture
+def page(browser, viewer):
+    page = Page(browser, viewer.url).ready()
+    yield page
+    page.close()
+
+
+def test_the_page_needs_nothing_from_elsewhere_and_logs_no_error(page, viewer):
+    page.page.wait_for_timeout(300)
+    assert page.errors == []
+    assert all(url.startswith((viewer.url, "data:")) for url in page.requests)
+    assert page.colours() > 12
+    assert page.text("#model") == "planar2"
+    assert page.text("#kind") == "regular"
+
+
+def test_a_slider_at_the_singularity_shows_dynamic_and_the_arrow(page, viewer):
+    assert not page.visible("directions", "lost")
+    page.move(1, -11.41)
+    page.wait_text("#kind", "dynamic")
+    page.wait_visible("directions", "lost")
+    page.wait_visible("directions", "line")
+    assert page.text("#rank") == "1 of 2"
+    assert "m/rad" in page.text("#sigma_min")
+    assert viewer.session.cfg.q[1] == pytest.approx(np.radians(-11.41), abs=1e-6)
+    page.move(1, -40)
+    page.wait_visible("directions", "lost", wanted=False)
+
+
+def test_floating_turns_the_attitude_by_the_momentum_integral(page, viewer):
+    page.page.check("[value=free-floating]")
+    start = viewer.session.cfg
+    path = [(0, 120), (1, 150), (0, -65), (1, -40)]
+    expected, q = start, np.degrees(start.q)
+    for index, degrees in path:
+        page.move(index, degrees)
+        q[index] = degrees
+        expected = sa.move(expected, np.radians(q))
+    yaw = np.degrees(pin.rpy.matrixToRpy(expected.base.rotation)[2])
+    assert abs(yaw) > 1.0, "a closed loop leaves the attitude changed"
+    shown = float(page.page.input_value("#attitude label:nth-child(3) input"))
+    assert shown == pytest.approx(yaw, abs=0.006)
+
+
+def test_number_fields_keyboard_and_errors(page):
+    field = ".joint:nth-child(1) input[type=number]"
+    page.page.fill(field, "30")
+    page.page.press(field, "Enter")
+    page.wait_text("#tip", "2.351")
+    page.page.fill(field, "300")
+    page.page.press(field, "Enter")
+    page.page.wait_for_selector("#error:not([hidden])")
+    assert "outside its range" in page.text("#error")
+    page.page.focus(".joint:nth-child(1) input[type=range]")
+    before = page.text("#tip")
+    page.page.keyboard.press("ArrowRight")
+    page.page.wait_for_function(
+        "before => document.querySelector('#tip').textContent !== before", arg=before
+    )
+    page.page.focus("[data-do=home]")
+    page.page.keyboard.press("Enter")
+    page.wait_text("#kind", "kinematic")
+    assert page.errors == []
+
+
+def test_layers_can_be_switched(page):
+    page.page.uncheck("[data-layer=ellipsoid]")
+    page.wait_visible("ellipsoid", wanted=False)
+    page.page.check("[data-layer=ellipsoid]")
+    page.wait_visible("ellipsoid")
+
+
+def test_reload_second_tab_and_closed_tab(browser, page, viewer):
+    page.move(0, 33)
+    page.page.reload()
+    page.ready()
+    page.page.wait_for_function(
+        "() => document.querySelector('.joint input[type=number]').value === '33.00'"
+    )
+    other = Page(browser, viewer.url).ready()
+    other.move(0, -20)
+    page.page.wait_for_function(
+        "() => document.querySelector('.joint input[type=number]').value === '-20.00'"
+    )
+    other.close()
+    page.move(0, 10)
+    assert page.errors == []
+
+
+def test_a_saved_page_opens_offline_and_shows_the_arm(browser, viewer, tmp_path):
+    viewer.show(np.radians([-65, -11.41]))
+    path = viewer.save(tmp_path / "scene.html")
+    saved = Page(browser, path.as_uri(), offline=True)
+    assert saved.visible("directions", "lost")
+    saved.page.wait_for_timeout(300)
+    assert saved.colours() > 12
+    saved.page.uncheck("[data-layer=bodies]")
+    assert not saved.visible("bodies")
+    assert saved.errors == []
+    assert [url for url in saved.requests if not url.startswith(("file:", "data:"))] == []
+    saved.close()
+
+
+def motion():
+    arm = sa.load("planar2")
+    cfgs = [arm.at(np.radians([-65, 40]))]
+    for q2 in (20, 0, -11.41, -40):
+        cfgs.append(sa.move(cfgs[-1], np.radians([-65, q2])))
+    q, base = [c.q for c in cfgs], [c.base for c in cfgs]
+    return SimpleNamespace(arm=arm, t=np.arange(5) / 2, q=q, base=base)
+
+
+def position(page, name):
+    return np.array(
+        page.page.evaluate(
+            "name => window.spacearm.viewer.scene_tree.find(['spacearm', 'bodies', name])"
+            ".object.position.toArray()",
+            name,
+        )
+    )
+
+
+def test_a_motion_plays_live_and_from_a_file(browser, tmp_path):
+    viewer = sa.view(motion(), open=False)
+    wanted = sa.Motion.of(motion()).at(1.25)
+    elbow = wanted.arm.replace(tip="link_2").at(wanted.q, wanted.base).tip.translation
+    live = Page(browser, viewer.serve()).ready()
+    live.seek(1.25)
+    live.page.wait_for_timeout(300)
+    assert np.allclose(position(live, "link_2"), elbow, atol=1e-6)
+    live.page.click("#motion button")
+    live.wait_text("#motion output", "2.00 s")
+    live.close()
+    viewer.close()
+
+    saved = Page(browser, viewer.save(tmp_path / "motion.html").as_uri(), offline=True)
+    saved.seek(1.25)
+    assert np.allclose(position(saved, "link_2"), elbow, atol=2e-3)  # between frames of 1/30 s
+    assert saved.errors == []
+    saved.close()
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+@pytest.mark.parametrize("inside", ["", MISSING_MESH])
+def test_links_without_a_drawing_still_show_a_scene(browser, tmp_path, inside):
+    path = tmp_path / "plain.urdf"
+    bus, _, elbow = two_links()
+    tip = (frame("tip"), joint("end", "arm", "tip", "fixed"))
+    path.write_text(robot(bus, link("arm", inside=inside), elbow, *tip))
+    viewer = sa.view(sa.load(path), open=False)
+    page = Page(browser, viewer.serve()).ready()
+    page.page.wait_for_timeout(300)
+    assert page.colours() > 12
+    page.close()
+    viewer.close()
+
+
+def test_a_picture_is_rendered(viewer, tmp_path):
+    path = viewer.png(tmp_path / "scene.png", size=(400, 300))
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert path.stat().st_size > 5_000

@@ -1,0 +1,561 @@
+"""The view without a browser: session, server, files, notebooks, odd URDFs."""
+
+import asyncio
+import http.client
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import tornado.httpclient
+import tornado.websocket
+import umsgpack
+from helpers.arms import frame, joint, link, robot, two_links
+
+import spacearm as sa
+
+with warnings.catch_warnings():  # meshcat imports what is deprecated
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer import scene
+    from spacearm.viewer import viewer as pages
+    from spacearm.viewer.session import Session
+    from spacearm.viewer.shapes import shapes
+
+
+BOX = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
+
+
+@pytest.fixture
+def session():
+    arm = sa.load("planar2")
+    return Session(arm, arm.at([0.1, 0.2]))
+
+
+@pytest.fixture
+def viewer():
+    viewer = sa.view(sa.load("planar2"), np.radians([-65, -40]), open=False)
+    yield viewer
+    viewer.close()
+
+
+# --- the session ----------------------------------------------------------------------------
+
+
+def test_posture_mode_holds_the_attitude_and_floating_mode_lets_it_turn(session):
+    session.handle({"do": "joint", "index": 0, "value": 1.0})
+    assert np.allclose(session.cfg.base.rotation, np.eye(3))
+    session.handle({"do": "mode", "mode": "free-floating"})
+    before = session.cfg
+    session.handle({"do": "joint", "index": 1, "value": 1.5})
+    assert session.cfg.base.isApprox(sa.move(before, [1.0, 1.5]).base, 1e-12)
+    assert not np.allclose(session.cfg.base.rotation, np.eye(3))
+
+
+def test_home_random_and_attitude(session):
+    session.handle({"do": "attitude", "rpy": [0.1, 0.2, 0.3]})
+    assert session.readout()["attitude"] == pytest.approx([0.1, 0.2, 0.3])
+    session.handle({"do": "random"})
+    assert (session.cfg.q >= session.arm.lower).all()
+    assert (session.cfg.q <= session.arm.upper).all()
+    session.handle({"do": "home"})
+    assert session.readout()["q"] == [0, 0]
+    assert session.readout()["attitude"] == [0, 0, 0]
+    assert session.readout()["kind"] == "kinematic"
+
+
+def test_the_nearest_singularity_is_one_click_away(session):
+    session.handle({"do": "nearest"})
+    assert session.readout()["kind"] != "regular"
+    assert session.readout()["sigma_min"] < 1e-10
+    redundant = sa.load("chaser7")
+    other = Session(redundant, redundant.at(np.full(7, 0.3)))
+    other.handle({"do": "nearest"})
+    assert other.report.sigma_min < 1e-9
+    never = sa.load("planar2", task="z rx")
+    with pytest.raises(sa.ConfigurationError, match="singular at every configuration"):
+        Session(never, never.at([0.1, 0.2])).handle({"do": "nearest"})
+
+
+def test_readout_is_the_report_and_the_code_is_the_configuration(session):
+    session.handle({"do": "attitude", "rpy": [0.1, 0.2, 0.3]})
+    readout, report = session.readout(), sa.singularity(session.cfg)
+    assert readout["sigma"] == report.sigma.tolist()
+    assert readout["radius"] == pytest.approx(
+        np.linalg.norm(session.cfg.tip.translation - session.cfg.com)
+    )
+    names = {}
+    exec(readout["python"], names)
+    assert np.array_equal(names["cfg"].q, session.cfg.q)
+    assert names["cfg"].base.isApprox(session.cfg.base, 1e-15)
+
+
+@pytest.mark.parametrize(
+    ("message", "error"),
+    [
+        ("home", "unknown message 'home'"),
+        ([], "unknown message"),
+        (None, "unknown message"),
+        ({"do": "fly"}, "unknown message 'fly'; valid, nearest first"),
+        ({"do": ["home"]}, "unknown message"),
+        ({"do": "joint"}, "value is 'None'"),
+        ({"do": "joint", "index": 2, "value": 0}, "joint index is 2; give 0 to 1"),
+        ({"do": "joint", "index": -1, "value": 0}, "joint index is -1"),
+        ({"do": "joint", "index": True, "value": 0}, "joint index is True"),
+        ({"do": "joint", "index": 0, "value": "1"}, "value is '1'; give a finite number"),
+        ({"do": "joint", "index": 0, "value": float("nan")}, "value is 'nan'"),
+        ({"do": "joint", "index": 0, "value": 10**400}, "give a finite number"),
+        ({"do": "joint", "index": 0, "value": 3.5}, "joint_1 at 3.5 is outside its range"),
+        ({"do": "attitude", "rpy": [1, 2]}, "attitude is"),
+        ({"do": "attitude", "rpy": [1, 2, None]}, "attitude is 'None'"),
+        ({"do": "mode", "mode": "fast"}, "unknown mode 'fast'"),
+    ],
+)
+def test_malformed_messages_are_refused_and_change_nothing(session, message, error):
+    before = session.readout()
+    with pytest.raises(sa.ConfigurationError, match=error):
+        session.handle(message)
+    assert session.readout() == before
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "ends"),
+    [(-1e12, 1e12, (-25, 25)), (-1, 1e12, (-1, 25)), (1e3, 1e6, (1000, 1025)), (-2, 1, (-2, 1))],
+)
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_sliders_end_where_the_spacecraft_can_be_followed(tmp_path, kind, lower, upper, ends):
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(*two_links(kind=kind, inside=limit)))
+    arm = sa.load(path)
+    session = Session(arm, arm.at(np.clip([0.0], lower, upper)))
+    assert np.ravel(session.range).tolist() == list(ends)
+    session.handle({"do": "mode", "mode": "free-floating"})
+    before = session.cfg
+    session.handle({"do": "joint", "index": 0, "value": ends[1]})
+    assert session.cfg.base.isApprox(sa.move(before, [ends[1]]).base)
+    with pytest.raises(sa.ConfigurationError, match="outside its range"):
+        session.handle({"do": "joint", "index": 0, "value": 1e7})
+
+
+def test_a_way_that_is_too_long_is_not_followed(session):
+    """Only Python shows such a configuration; then the page may ask to come home."""
+    session.show(session.arm.at([1e9, 0.0]))
+    session.handle({"do": "mode", "mode": "free-floating"})
+    for message in ({"do": "home"}, {"do": "random"}, {"do": "joint", "index": 0, "value": 1}):
+        with pytest.raises(sa.ConfigurationError, match=r"move by 1e\+09 .* switch to posture"):
+            session.handle(message)
+    session.handle({"do": "mode", "mode": "posture"})
+    session.handle({"do": "home"})
+    assert session.cfg.q.tolist() == [0, 0]
+
+
+# --- the server -----------------------------------------------------------------------------
+
+
+def get(url, path="", **headers):
+    """Status of a GET request."""
+    host, port = url.removeprefix("http://").rstrip("/").split(":")
+    connection = http.client.HTTPConnection(host, int(port), timeout=10)
+    try:
+        connection.request("GET", f"/{path}", headers=headers)
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+async def ended(ws):
+    ws.close()
+    while await ws.read_message() is not None:
+        pass
+
+
+async def exchange(url, *messages, answers=1, headers=None):
+    """Opens a socket, sends, and returns the JSON messages that come back after the first ones."""
+    request = tornado.httpclient.HTTPRequest(url.replace("http", "ws") + "socket", headers=headers)
+    ws = await tornado.websocket.websocket_connect(request)
+    texts = []
+    while "complete" not in (texts[-1] if texts else {}):
+        message = await ws.read_message()
+        texts += [json.loads(message)] if isinstance(message, str) else []
+    texts.clear()
+    for message in messages:
+        await ws.write_message(message, binary=isinstance(message, bytes))
+    while len(texts) < answers:
+        message = await asyncio.wait_for(ws.read_message(), 10)
+        texts += [json.loads(message)] if isinstance(message, str) else []
+    await ended(ws)
+    return texts
+
+
+def talk(url, *messages, **options):
+    return asyncio.run(exchange(url, *messages, **options))
+
+
+def test_page_and_socket_answer(viewer):
+    url = viewer.serve()
+    assert url.startswith("http://127.0.0.1:")
+    for name in ("", "index.html", "page.css", "page.js", "scene.js", "meshcat.js"):
+        assert get(url, name) == 200
+    (answer,) = talk(url, json.dumps({"do": "joint", "index": 1, "value": -0.1991}))
+    assert answer["readout"]["kind"] == "dynamic"
+
+
+@pytest.mark.parametrize("path", ["", "page.js", "socket"])
+def test_other_host_names_are_refused(viewer, path):
+    url = viewer.serve()
+    port = url.rstrip("/").rpartition(":")[2]
+    for host in ("evil.example", f"evil.example:{port}", f"127.0.0.1.evil.example:{port}"):
+        assert get(url, path, Host=host) == 403
+
+
+def test_other_origins_are_refused(viewer):
+    url = viewer.serve()
+    assert talk(url, "{}", headers={"Origin": url.rstrip("/")})
+    for origin in ("http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"):
+        with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+            talk(url, "{}", headers={"Origin": origin})
+
+
+def test_files_outside_the_page_are_not_served(viewer):
+    for path in ("saved.html", "../viewer.py", "%2e%2e/viewer.py", "etc/passwd"):
+        assert get(viewer.serve(), path) == 404
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "", "\ufffd", "[" * 50_000, "9" * 5000, "nan", '{"do": "dance"}', b"\xff\xfe"]
+)
+def test_malformed_text_is_answered_and_the_server_goes_on(viewer, text):
+    url = viewer.serve()
+    (answer,) = talk(url, text)
+    assert answer["error"]
+    assert "readout" in talk(url, '{"do": "home"}')[0]
+
+
+def test_a_thousand_rapid_messages_end_in_the_last_state(viewer):
+    url = viewer.serve()
+    values = np.linspace(-3, 3, 1000)
+    texts = [json.dumps({"do": "joint", "index": 0, "value": v}) for v in values]
+    start = time.perf_counter()
+
+    async def flood():
+        ws = await tornado.websocket.websocket_connect(url.replace("http", "ws") + "socket")
+        for text in texts:
+            await ws.write_message(text)
+        while True:
+            message = await asyncio.wait_for(ws.read_message(), 20)
+            if isinstance(message, str):
+                readout = json.loads(message).get("readout", {})
+                if readout.get("q", [None])[0] == values[-1]:
+                    return await ended(ws)
+
+    asyncio.run(flood())
+    assert time.perf_counter() - start < 20
+
+
+def test_the_readout_comes_before_the_drawing(viewer):
+    """A browser draws for longer than it shows numbers: these must not wait."""
+    url = viewer.serve()
+
+    async def kinds():
+        ws = await tornado.websocket.websocket_connect(url.replace("http", "ws") + "socket")
+        while "complete" not in str(await ws.read_message()):
+            pass
+        await ws.write_message('{"do": "joint", "index": 0, "value": 0.5}')
+        first, second = [await asyncio.wait_for(ws.read_message(), 10) for _ in range(2)]
+        await ended(ws)
+        return first, second
+
+    first, second = asyncio.run(kinds())
+    assert json.loads(first)["readout"]["q"][0] == 0.5
+    assert isinstance(second, bytes)
+
+
+def test_two_tabs_see_the_same(viewer):
+    url = viewer.serve()
+
+    async def both():
+        ws = await tornado.websocket.websocket_connect(url.replace("http", "ws") + "socket")
+        await exchange(url, '{"do": "home"}')
+        while True:
+            message = await asyncio.wait_for(ws.read_message(), 10)
+            readout = json.loads(message).get("readout", {}) if isinstance(message, str) else {}
+            if readout.get("q") == [0, 0]:
+                return await ended(ws)
+
+    asyncio.run(both())
+
+
+def test_only_loopback_is_bound(viewer):
+    port = int(viewer.serve().rstrip("/").rpartition(":")[2])
+    with socket.socket() as everywhere:  # free on other addresses, so it can be bound there
+        everywhere.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        everywhere.bind(("127.0.0.2", port))
+    with pytest.raises(ConnectionRefusedError):
+        get(f"http://127.0.0.2:{port}/")
+
+
+def test_closing_frees_the_port_and_a_port_in_use_is_named(viewer):
+    port = int(viewer.serve().rstrip("/").rpartition(":")[2])
+    other = sa.view(sa.load("planar2"), open=False)
+    with pytest.raises(sa.SpaceArmError, match=f"port {port} of 127.0.0.1 is in use"):
+        other.serve(port)
+    with pytest.raises(sa.SpaceArmError, match=r"port 99999 .* not allowed"):
+        other.serve(99999)
+    free = other.serve()
+    assert free != viewer.url
+    viewer.close()
+    assert viewer.url is None
+    other.close()
+    assert str(port) in other.serve(port)
+    other.close()
+
+
+def test_ctrl_c_ends_the_command_and_leaves_nothing():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-u", "-m", "spacearm", "view", "planar2", "--no-open", "--port"]
+    run = subprocess.Popen(
+        [*command, str(port)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # children of a script's background jobs are born deaf to Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert f"http://127.0.0.1:{port}/" in run.stdout.readline()
+    assert get(f"http://127.0.0.1:{port}/") == 200
+    run.send_signal(signal.SIGINT)
+    _, errors = run.communicate(timeout=60)
+    assert run.returncode == 0
+    assert errors == ""
+    with pytest.raises(ConnectionRefusedError):
+        get(f"http://127.0.0.1:{port}/")
+
+
+# --- what is drawn --------------------------------------------------------------------------
+
+
+def test_a_workspace_shows_its_shells():
+    result = sa.workspace(sa.load("planar2"))
+    viewer = sa.view(result, open=False)
+    assert viewer.session.cfg.arm is result.arm
+    commands = [umsgpack.unpackb(command) for command in viewer.window.commands()]
+    radii = [
+        geometry["radius"]
+        for command in commands
+        if command["type"] == "set_object" and "shells" in command["path"]
+        for geometry in command["object"]["geometries"]
+    ]
+    np.testing.assert_allclose(sorted(radii), result.pdw.ravel())
+
+
+def test_every_link_is_drawn_even_without_visuals(tmp_path):
+    path = tmp_path / "plain.urdf"
+    path.write_text(
+        robot(
+            *two_links(),
+            link("hand"),
+            joint("wrist", "arm", "hand"),
+            frame("tip"),
+            joint("end", "hand", "tip", "fixed"),
+        )
+    )
+    arm = sa.load(path)
+    with pytest.warns(sa.ModelWarning, match="no visuals for bus, arm, hand") as caught:
+        assert {shape.link for shape in shapes(arm)} == {"bus", "arm", "hand"}
+    assert len(caught) == 1
+    with pytest.warns(sa.ModelWarning):
+        assert "BoxGeometry" in str(sa.view(arm, open=False).window.commands())
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(b"not a mesh", "cannot be read"), (None, "meshes not found")]
+)
+@pytest.mark.parametrize("name", ["package://r/arm.stl", "arm.dae", "arm.xyz"])
+def test_meshes_that_cannot_be_had_give_one_warning_and_a_scene(tmp_path, name, content, message):
+    if content:
+        (tmp_path / name.rpartition("/")[2]).write_bytes(content)
+    mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    _, _, elbow = two_links()
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(link("bus", 50.0, inside=BOX), link("arm", inside=mesh), elbow))
+    with pytest.warns(sa.ModelWarning, match=message) as caught:
+        viewer = sa.view(sa.load(path), open=False)
+    assert len([w for w in caught if issubclass(w.category, sa.ModelWarning)]) == 1
+    assert b"CylinderGeometry" in b"".join(viewer.window.commands())
+
+
+def test_meshes_are_drawn(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box().export(tmp_path / "arm.stl")
+    mesh = '<visual><geometry><mesh filename="arm.stl" scale="2 1 1"/></geometry></visual>'
+    bus, _, elbow = two_links()
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(bus, link("arm", inside=mesh), elbow))
+    with pytest.warns(sa.ModelWarning, match="no visuals for bus"):
+        (shape,) = [s for s in shapes(sa.load(path)) if s.link == "arm"]
+    assert len(shape.geometry.faces) == 12
+    assert np.allclose(shape.pose, np.diag([2, 1, 1, 1]))
+
+
+def test_prismatic_and_branched_arms_have_a_scene(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(*two_links(kind="prismatic"), link("p"), joint("wing", "bus", "p")))
+    with pytest.warns(sa.ModelWarning, match="no visuals"):
+        viewer = sa.view(sa.load(path, tip="arm"), open=False)
+    viewer.show([0.2, 0.3])
+    assert viewer.session.cfg.q[0] == 0.2
+
+
+def recorded(viewer, path, kind="visible"):
+    node = viewer.window._tree["spacearm"]
+    for part in path.split("/"):
+        node = node[part]
+    import umsgpack
+
+    return {umsgpack.unpackb(data)["property"]: umsgpack.unpackb(data)["value"]
+            for _, data in node.properties}[kind]  # fmt: skip
+
+
+def test_the_lost_direction_appears_at_the_singularity_only(viewer):
+    assert not recorded(viewer, "directions/lost")
+    viewer.show(np.radians([-65, -11.41]))
+    assert recorded(viewer, "directions/lost")
+    assert recorded(viewer, "directions/line")
+    viewer.show(np.radians([-65, -13]))
+    assert not recorded(viewer, "directions/lost")
+    assert recorded(viewer, "directions/weak")
+
+
+def test_layers_and_shells(viewer):
+    viewer.shells([0.351, 2.287])
+    viewer.layer("shells", False)
+    assert recorded(viewer, "shells") is False
+    assert viewer.readout()["hidden"] == ["shells"]
+    with pytest.raises(sa.ConfigurationError, match="unknown layer 'shell'"):
+        viewer.layer("shell", True)
+    with pytest.raises(sa.ConfigurationError, match="shell radius is -1"):
+        viewer.shells([-1])
+    assert set(scene.LAYERS) == {"bodies", "centre of mass", "virtual manipulator", "tip frame",
+                                 "ellipsoid", "directions", "shells", "trace"}  # fmt: skip
+
+
+def test_the_window_keeps_only_what_matters(viewer):
+    counts = []
+    for _ in range(3):
+        for q in np.linspace(0, 1, 20):
+            viewer.show([q, q])
+        counts.append(len(viewer.window.commands()))
+    assert counts[0] == counts[1] == counts[2]
+
+
+# --- files and notebooks --------------------------------------------------------------------
+
+
+def test_saved_page_is_self_contained(viewer, tmp_path):
+    path = viewer.save(tmp_path / "scene ü.html")
+    text = path.read_text(encoding="utf-8")
+    assert "<title>planar2 - spacearm</title>" in text
+    assert "%%" not in text.replace("%%%", "")
+    body = text[text.index("</script>") :]  # after the viewer's own source
+    assert "http" not in body
+    assert not [f for f in tmp_path.iterdir() if f != path], "nothing half-written is left"
+
+
+def test_saving_where_nothing_can_be_written_says_so(viewer, tmp_path):
+    with pytest.raises(sa.SpaceArmError, match=r"nowhere.* cannot be written: No such file"):
+        viewer.save(tmp_path / "nowhere" / "scene.html")
+
+
+def test_a_picture_without_a_browser_says_what_to_install(viewer, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(sa.SpaceArmError, match="apt-get install chromium"):
+        viewer.png(tmp_path / "scene.png")
+
+
+def test_notebooks_get_the_scene_inline(viewer):
+    assert viewer._repr_html_().startswith("<iframe srcdoc=")
+    assert viewer.url is None
+
+
+def test_nothing_is_opened_in_a_notebook(monkeypatch):
+    monkeypatch.setitem(
+        sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1))
+    )
+    assert sa.view(sa.load("planar2")).url is None
+
+
+def test_a_motion_is_saved_with_its_animation():
+    arm = sa.load("planar2")
+    cfgs = [arm.at([0.0, 0.5])]
+    cfgs.append(sa.move(cfgs[0], [1.0, 1.5]))
+    motion = sa.Motion.of(
+        SimpleNamespace(arm=arm, t=[0, 1], q=[c.q for c in cfgs], base=[c.base for c in cfgs])
+    )
+    viewer = sa.view(motion, open=False)
+    viewer.handle({"do": "time", "t": 0.5})
+    assert np.allclose(viewer.session.cfg.q, [0.5, 1.0])
+    with pytest.raises(sa.ConfigurationError, match="time is"):
+        viewer.handle({"do": "time", "t": "x"})
+    text = viewer.html()
+    assert '"motion": [0.0, 1.0]' in text
+    assert b"set_animation" in b"".join(viewer.window.commands())
+
+
+@pytest.mark.parametrize(("end", "step"), [(1.01, 1.01 / 31), (1e12, 1e12 / 59)])
+def test_a_long_motion_is_thinned_evenly(monkeypatch, end, step):
+    """At least 30 frames a second, as long as they are not too many; the last is the end."""
+    monkeypatch.setattr(pages, "MOST_FRAMES", 60)
+    base = [pin.SE3.Identity()] * 2
+    motion = SimpleNamespace(arm=sa.load("planar2"), t=[0, end], q=[[0, 0], [1, 2]], base=base)
+    viewer = sa.view(sa.Motion.of(motion), open=False)
+    viewer.html()
+    commands = [umsgpack.unpackb(command) for command in viewer.window.commands()]
+    (clips,) = [c["animations"] for c in commands if c["type"] == "set_animation"]
+    tracks = [track["keys"] for clip in clips for track in clip["clip"]["tracks"]]
+    times = [key["time"] for key in max(tracks, key=len)]
+    np.testing.assert_allclose(np.diff(times), 30 * step, rtol=1e-9)
+    assert times[-1] == pytest.approx(30 * end)
+
+
+def test_a_browser_that_does_not_end(viewer, tmp_path, monkeypatch):
+    browser = tmp_path / "chromium"
+    browser.write_text("#!/bin/sh\nexec sleep 60\n")
+    browser.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setattr(pages, "RENDERING", 0.2)
+    with pytest.raises(sa.SpaceArmError, match=r"has not drawn the picture after 0.2 s; use .save"):
+        viewer.png(tmp_path / "scene.png")
+
+
+def test_bad_input_to_view():
+    with pytest.raises(sa.ConfigurationError, match="a str cannot be played"):
+        sa.view("planar2", open=False)
+    with pytest.raises(sa.ConfigurationError, match=r"q has shape \(3,\)"):
+        sa.view(sa.load("planar2"), [1, 2, 3], open=False)
+
+
+def test_view_starts_inside_the_limits():
+    viewer = sa.view(sa.load("planar2"), open=False)
+    assert np.array_equal(viewer.session.cfg.q, [0, 0])
+    assert "planar2" in repr(viewer)
+    assert isinstance(viewer.session.cfg.base, pin.SE3)
+
+
+def test_the_command_writes_a_page(tmp_path):
+    command = [sys.executable, "-m", "spacearm", "view", "planar2", "--deg", "-65", "-11.41"]
+    run = subprocess.run(
+        [*command, "--save", tmp_path / "a.html"],
+        capture_output=True, text=True, check=False, env=os.environ | {"COLUMNS": "200"},
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "a.html").stat().st_size > 800_000

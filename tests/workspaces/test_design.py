@@ -1,0 +1,131 @@
+"""Design sweeps: physics, labels, interruption."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import spacearm as sa
+from spacearm.workspaces.design import optimise_mount, sweep, vary
+
+ARM = sa.load("planar2")
+
+
+def test_vary_changes_what_it_names():
+    arm = vary(ARM, {"base_mass": 80, "mount_y": 0.1, "mass:link_1": 8, "payload": 5})
+    assert arm.mass == pytest.approx(80 + 8 + 3 + 5)
+    np.testing.assert_allclose(arm.mount.translation, (0.5, 0.1, 0))
+    inertia = vary(ARM, {"base_inertia": 3}).model.inertias[1].inertia
+    np.testing.assert_allclose(inertia, 3 * ARM.model.inertias[1].inertia)
+    assert vary(ARM, {}).mass == ARM.mass
+    link = [arm.model.getJointId("joint_1"), ARM.model.getJointId("joint_1")]
+    heavy, light = arm.model.inertias[link[0]], ARM.model.inertias[link[1]]
+    np.testing.assert_allclose(heavy.inertia, 2 * light.inertia)
+
+
+def test_a_payload_moves_the_cm_and_no_singularity():
+    """Singularities do not depend on the last body; distances from the CM shrink by M / M'."""
+    loaded = vary(ARM, {"payload": 13.0})
+    rng = np.random.default_rng(0)
+    for q in sa.singular_set(ARM).sample(20, rng):
+        assert sa.singularity(loaded.at(q)).sigma_min < 1e-12
+    scale = ARM.mass / loaded.mass
+    np.testing.assert_allclose(sa.workspace(loaded).pdw, scale * sa.workspace(ARM).pdw, atol=1e-9)
+
+
+def test_a_sweep_equals_its_points():
+    result = sweep(ARM, {"base_inertia": [1, 5], "mount_x": [0.0, 0.3, 0.5]}, risk_bins=4)
+    assert result["piw"].dims == ("base_inertia", "mount_x")
+    assert result["done"].all()
+    for k in (1, 5):
+        for x in (0.0, 0.3, 0.5):
+            alone = sa.workspace(vary(ARM, {"base_inertia": k, "mount_x": x}))
+            here = result.sel(base_inertia=k, mount_x=x)
+            assert float(here["piw"]) == pytest.approx(alone.volumes["piw"])
+            assert float(here["fraction"]) == pytest.approx(alone.fraction)
+            np.testing.assert_allclose(here["pdw"].dropna("shell"), alone.pdw)
+    assert result["risk"].sizes["class"] == 4
+    assert (result["fraction"].sel(mount_x=0.0) > 0.999).all()  # r_0 = 0
+    assert (result["fraction"].diff("base_inertia") >= -1e-9).all()
+
+
+def test_ctrl_c_keeps_what_is_done():
+    def stop(done, _):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    result = sweep(ARM, {"mount_x": [0.1, 0.2, 0.3, 0.4]}, progress=stop)
+    assert result["done"].values.tolist() == [True, True, False, False]
+    assert np.isfinite(result["piw"].values[:2]).all()
+    assert np.isnan(result["piw"].values[2:]).all()
+
+
+def test_the_best_mount_is_nearest_the_spacecraft_s_cm():
+    best = optimise_mount(ARM, {"mount_x": (0.1, 0.8)}, most=20)
+    assert best.mount.translation[0] == pytest.approx(0.1, abs=1e-2)
+    assert best.workspace.fraction > sa.workspace(ARM).fraction
+    assert isinstance(best.mount, pin.SE3)
+    assert best.tried >= 10
+
+
+def run(*arguments, cwd):
+    command = [sys.executable, "-m", "spacearm", "design", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    "ranges", [("--base-inertia", "1:20:3", "--mount-x", "0:0.5:2"), ("--mount-x", "0:0.5:2")]
+)
+def test_command_prints_and_draws(ranges, tmp_path):
+    done = run("planar2", *ranges, "--output", "d.svg", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "100.00%" in done.stdout  # mounted at the spacecraft's CM
+    assert "35.92%" in done.stdout
+    assert "<svg" in (tmp_path / "d.svg").read_text()
+
+
+def test_command_as_json(tmp_path):
+    done = run("planar2", "--link-mass", "link_1=4:8:2", "--json", cwd=tmp_path)
+    data = json.loads(done.stdout)
+    assert data["coords"]["mass:link_1"]["data"] == [4.0, 8.0]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("planar2",), "nothing to vary"),
+        (("planar2", "--mount-x", "a:b"), "mount_x is 'a:b'"),
+        (("planar2", "--mount-x", "0:1:0"), "LOW:HIGH:COUNT"),
+        (("planar2", "--mount-x", "0:1", "--output", "d.gif"), "gif"),
+        (("planar2", "--base-mass=-3"), "positive"),
+    ],
+)
+def test_bad_commands(arguments, message, tmp_path):
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: vary(ARM, {"base_weight": 3}), sa.ConfigurationError, "base_mass"),
+        (lambda: vary(ARM, {"base_mass": -3}), sa.ModelError, "positive"),
+        (lambda: vary(ARM, {"mass:wing": 3}), sa.ModelError, "wing"),
+        (lambda: vary(ARM, {"payload": -1}), sa.ModelError, "payload"),
+        (lambda: sweep(ARM, {}), sa.ConfigurationError, "one or more"),
+        (lambda: sweep(ARM, {"base_mass": []}), sa.ConfigurationError, "one or more"),
+        (lambda: optimise_mount(ARM, {}), sa.ConfigurationError, "bounds"),
+        (lambda: optimise_mount(ARM, {"mount_x": (1, 0)}), sa.ConfigurationError, "low < high"),
+        (lambda: optimise_mount(ARM, {"payload": (0, 1)}), sa.ConfigurationError, "mount_x"),
+    ],
+)
+def test_bad_input(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
