@@ -49,7 +49,7 @@ def draw() -> None:
         bound = REGULAR * np.median(some)
         rows = []
         while len(rows) < NUMBER:
-            ends = [arm.at(rng.uniform(low, high), attitude(arm, rng)) for _ in range(2)]
+            ends = [arm.at(rng.uniform(low, high), base=attitude(arm, rng)) for _ in range(2)]
             start, goal = (end.centred(np.zeros(3)) for end in ends)
             if sa.singularity(start).sigma_min > bound:
                 poses = [pin.SE3ToXYZQUAT(pose) for pose in (start.base, goal.tip)]
@@ -81,7 +81,7 @@ def replay(plan: sa.Plan) -> pin.SE3:
         end = solve_ivp(rate, (0, 1), T.ravel(), method="DOP853", rtol=1e-11, atol=1e-12)
         T = end.y[:, -1].reshape(3, 3)
     U, _, Vt = np.linalg.svd(T)
-    return arm.at(plan.q[-1], pin.SE3(U @ Vt, np.zeros(3))).centred(start.com).tip
+    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(start.com).tip
 
 
 class Outcome(NamedTuple):

@@ -34,7 +34,7 @@ TARGET = np.array([1.5, 1.5])
 def start(attitude: float) -> pin.SE3:
     """The spacecraft at the start of figures 5 and 7, the system CM at the origin."""
     turned = pin.SE3(pin.utils.rotate("z", np.radians(attitude)), np.zeros(3))
-    return sa.load("planar2").at(START, turned).centred(np.zeros(3)).base
+    return sa.load("planar2").at(START, base=turned).centred(np.zeros(3)).base
 
 
 def singular_posture() -> Figure:
@@ -47,8 +47,8 @@ def singular_posture() -> Figure:
         (left, regular, "Regular: the tip moves every way"),
         (middle, singular, "Dynamic singularity: one way is lost"),
     ):
-        draw_posture(axes, arm.at(q, attitude))
-        draw_velocities(axes, arm.at(q, attitude))
+        draw_posture(axes, arm.at(q, base=attitude))
+        draw_velocities(axes, arm.at(q, base=attitude))
         axes.set(xlim=(-0.9, 3.1), ylim=(-1.9, 1.5), title=title)
     left.text(1.15, -1.78, "tip velocities for unit joint rates", color=BLUE, ha="center")
 

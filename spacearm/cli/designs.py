@@ -45,7 +45,7 @@ def design(
         list[str] | None,
         typer.Option(metavar="LINK=A:B[:COUNT]", help="Mass of a link; may be repeated."),
     ] = None,
-    base: SpacecraftMode = Spacecraft.FREE,
+    mode: SpacecraftMode = Spacecraft.FREE,
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
         int | None, typer.Option(help="Singular configurations to search from, larger arms.", min=1)
@@ -80,7 +80,7 @@ def design(
         result = sweep(
             arm,
             grid,
-            base=base.value,
+            mode=mode.value,
             limits=limits,
             effort=effort,
             progress=lambda done, of: bar.update(task_id, completed=done, total=of),

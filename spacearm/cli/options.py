@@ -61,7 +61,7 @@ class Spacecraft(str, Enum):
     FIXED = "fixed"
 
 
-SpacecraftMode = Annotated[Spacecraft, typer.Option("--base", help="What the spacecraft does.")]
+SpacecraftMode = Annotated[Spacecraft, typer.Option("--mode", help="What the spacecraft does.")]
 Picture = Annotated[
     Path | None, typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.")
 ]
@@ -123,7 +123,7 @@ def spacecraft_about_cm(
     arm: SpaceArm, q: Array, attitude: tuple[float, float, float], deg: bool
 ) -> pin.SE3:
     """The spacecraft with this attitude, the system CM at the origin."""
-    return arm.at(q, spacecraft_pose(attitude, deg)).centred(np.zeros(3)).base
+    return arm.at(q, base=spacecraft_pose(attitude, deg)).centred(np.zeros(3)).base
 
 
 def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.SE3:

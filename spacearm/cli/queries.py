@@ -49,7 +49,7 @@ def query(
         list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
     ] = None,
     attitude: Attitude = (0.0, 0.0, 0.0),
-    base: SpacecraftMode = Spacecraft.FREE,
+    mode: SpacecraftMode = Spacecraft.FREE,
     tolerance: Annotated[
         float, typer.Option(help="Share of the largest singular value that counts as zero.")
     ] = RANK_TOLERANCE,
@@ -63,12 +63,11 @@ def query(
 ) -> None:
     """Reports whether a configuration is singular, what is lost and what is left."""
     arm = arm_from(model, tip, task, length, lock, check, deg)
-    cfg = arm.at(joint_values(arm, q or [], deg), spacecraft_pose(attitude, deg))
-    mode: BaseMode = base.value
-    report = singularity(cfg, base=mode, tolerance=tolerance)
+    cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
+    report = singularity(cfg, mode=mode.value, tolerance=tolerance)
     if as_json:
-        return print_json(_answer(cfg, report, mode))
-    _print(cfg, report, mode, deg)
+        return print_json(_answer(cfg, report, mode.value))
+    _print(cfg, report, mode.value, deg)
 
 
 def _answer(cfg: Configuration, report: SingularityReport, mode: BaseMode) -> dict[str, Any]:
@@ -76,7 +75,7 @@ def _answer(cfg: Configuration, report: SingularityReport, mode: BaseMode) -> di
         "model": cfg.arm.name,
         "joints": cfg.arm.joint_names,
         "q": cfg.q,
-        "base": mode,
+        "mode": mode,
         "attitude": cfg.base.rotation,
         "tip": {"position": cfg.tip.translation, "rotation": cfg.tip.rotation},
         "cm": cfg.com,

@@ -85,7 +85,7 @@ def simulate_(
     earthbound: Annotated[
         bool, typer.Option("--earthbound", help="The law ignores that the spacecraft moves.")
     ] = False,
-    base: SpacecraftMode = Spacecraft.FREE,
+    mode: SpacecraftMode = Spacecraft.FREE,
     attitude: Attitude = (0.0, 0.0, 0.0),
     stop: Annotated[
         list[str] | None,
@@ -110,13 +110,12 @@ def simulate_(
     check_picture(output)
     arm = arm_from(model, tip, task, length, lock, check, deg)
     q0 = joint_values(arm, start.split(), deg)
-    mode: BaseMode = base.value
-    believed: BaseMode = "fixed" if earthbound else mode
+    believed: BaseMode = "fixed" if earthbound else mode.value
     law, goal = _law(arm, controller, target, kp, kd, gain, believed, deg)
     with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
         task_id = bar.add_task("simulated", total=duration)
         run = simulate(
-            arm, q0, law, duration, base=spacecraft_about_cm(arm, q0, attitude, deg), mode=mode,
+            arm, q0, law, duration, base=spacecraft_about_cm(arm, q0, attitude, deg), mode=mode.value,
             stop=stop or [], rtol=rtol, progress=lambda t: bar.update(task_id, completed=t),
         )  # fmt: skip
     if save:
@@ -153,7 +152,7 @@ def _law(
     kp: str,
     kd: str,
     gain: float,
-    base: BaseMode,
+    mode: BaseMode,
     deg: bool,
 ) -> tuple[Controller, Goal | None]:
     """The controller, and the goal of the tip, if it has one."""
@@ -162,11 +161,11 @@ def _law(
         return JointPD(joint_values(arm, target.split(), deg), K_p, K_d), None
     goal = goal_from(arm, "--target", target, deg)
     if law is Law.TRANSPOSED:
-        return TransposedJacobian(target=goal, kp=K_p, kd=K_d, base=base), goal
+        return TransposedJacobian(target=goal, kp=K_p, kd=K_d, mode=mode), goal
     kinds = {
         Law.RESOLVED: ResolvedRate, Law.DAMPED: DampedLeastSquares, Law.REACTIONLESS: Reactionless
     }  # fmt: skip
-    return kinds[law](target=goal, gain=gain, base=base), goal
+    return kinds[law](target=goal, gain=gain, mode=mode), goal
 
 
 def _print(run: Trajectory, deg: bool) -> None:

@@ -32,7 +32,7 @@ from spacearm.workspaces.path_dependent import EFFORT, Workspace, workspace
 
 def workspace_(
     model: ModelName,
-    base: SpacecraftMode = Spacecraft.FREE,
+    mode: SpacecraftMode = Spacecraft.FREE,
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
         int, typer.Option(help="Singular configurations to search from, larger arms.", min=1)
@@ -55,9 +55,8 @@ def workspace_(
     """Prints and draws the path dependent and path independent workspaces."""
     check_picture(output)
     arm = arm_from(model, tip, task, length, lock, check, deg)
-    mode: BaseMode = base.value
     points = None if path is None else _points(path)
-    result = workspace(arm, base=mode, limits=limits, effort=effort, seed=seed)
+    result = workspace(arm, mode=mode.value, limits=limits, effort=effort, seed=seed)
     if as_json:
         data = {**result.to_dict(), "arm": arm.name, "fraction": result.fraction}
         shells = [{"R": s.R.tolist(), "at": s.at.tolist()} for s in result.shells]
@@ -83,7 +82,7 @@ def workspace_(
 def _print(result: Workspace) -> None:
     unit = "m^2" if result.planar else "m^3"
     how = "proven" if result.kind == "certified" else f"found, effort {result.effort:,}"
-    out.print(f"{result.arm.name}, {result.base}: distances of the tip from the system CM ({how})")
+    out.print(f"{result.arm.name}, {result.mode}: distances of the tip from the system CM ({how})")
     rows = table("workspace", "from [m]", "to [m]", f"volume [{unit}]")
     volumes = result.volumes
     for label, name in (

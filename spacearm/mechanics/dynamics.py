@@ -38,7 +38,7 @@ class Dynamics(NamedTuple):
     Attributes:
         ddq: (n,) joint accelerations [rad/s^2] or [m/s^2].
         tau: (n,) joint torques [N m] or forces [N].
-        base: (6,) acceleration of the spacecraft frame's origin, [linear [m/s^2]; angular
+        base_acceleration: (6,) acceleration of the spacecraft frame's origin, [linear [m/s^2]; angular
             [rad/s^2]], inertial axes.
         reaction: (6,) wrench on the spacecraft that holds what is held, [force [N]; torque [N m]]
             at the origin of its frame, inertial axes: the torque that wheels or jets must give to
@@ -48,14 +48,14 @@ class Dynamics(NamedTuple):
 
     ddq: Array
     tau: Array
-    base: Array
+    base_acceleration: Array
     reaction: Array
     twist: Array
 
 
-def generalized_inertia(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """(n, n) H*, the inertia that the joints feel; see the module's docstring."""
-    f = free_components(base)
+    f = free_components(mode)
     M = mass_matrix(cfg)
     H: Array = M[6:, 6:] - M[6:, :f] @ _solve(M[:f, :f], M[:f, 6:])
     return 0.5 * (H + H.T)
@@ -66,7 +66,7 @@ def forward_dynamics(
     dq: npt.ArrayLike,
     tau: npt.ArrayLike,
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
     wrenches: Wrenches | None = None,
 ) -> Dynamics:
@@ -76,7 +76,7 @@ def forward_dynamics(
         cfg: The configuration.
         dq: (n,) joint rates [rad/s] or [m/s].
         tau: (n,) joint torques [N m] or forces [N].
-        base: What the spacecraft does; see `generalized_jacobian`.
+        mode: What the spacecraft does; see `generalized_jacobian`.
         momentum: (6,) [linear; angular about the system CM], inertial axes; zero if None. What is
             held takes no part: of an attitude-controlled spacecraft's only the linear one counts.
         wrenches: External wrenches on links (contacts, thrusters).
@@ -86,9 +86,9 @@ def forward_dynamics(
     Raises:
         ConfigurationError: An argument has the wrong shape, is not finite or names no link.
     """
-    f = free_components(base)
+    f = free_components(mode)
     tau = joint_vector(cfg.arm, tau, "tau")
-    v = generalized_velocity(cfg, dq, base, momentum)
+    v = generalized_velocity(cfg, dq, mode, momentum)
     M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
     X = _eliminated(M, c, f)
     H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
@@ -101,7 +101,7 @@ def inverse_dynamics(
     dq: npt.ArrayLike,
     ddq: npt.ArrayLike,
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
     wrenches: Wrenches | None = None,
 ) -> Dynamics:
@@ -111,39 +111,39 @@ def inverse_dynamics(
         cfg: The configuration.
         dq: (n,) joint rates [rad/s] or [m/s].
         ddq: (n,) joint accelerations [rad/s^2] or [m/s^2].
-        base: As in `forward_dynamics`.
+        mode: As in `forward_dynamics`.
         momentum: As in `forward_dynamics`.
         wrenches: As in `forward_dynamics`.
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
-    v = generalized_velocity(cfg, dq, base, momentum)
+    v = generalized_velocity(cfg, dq, mode, momentum)
     M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
-    return _dynamics(cfg, v, M, c, _eliminated(M, c, free_components(base)), ddq)
+    return _dynamics(cfg, v, M, c, _eliminated(M, c, free_components(mode)), ddq)
 
 
 def kinetic_energy(
     cfg: Configuration,
     dq: npt.ArrayLike,
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> float:
     """The kinetic energy of all bodies [J], without the spin of wheels.
 
     Arguments as in `forward_dynamics`.
     """
-    v = generalized_velocity(cfg, dq, base, momentum)
+    v = generalized_velocity(cfg, dq, mode, momentum)
     return float(0.5 * v @ mass_matrix(cfg) @ v)
 
 
 def spacecraft_twist(
     cfg: Configuration,
     dq: npt.ArrayLike,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> Array:
     """(6,) twist of the spacecraft, inertial axes, whatever it does; see `forward_dynamics`."""
-    return in_inertial_axes(cfg, generalized_velocity(cfg, dq, base, momentum)[:6])
+    return in_inertial_axes(cfg, generalized_velocity(cfg, dq, mode, momentum)[:6])
 
 
 def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
@@ -153,10 +153,10 @@ def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
 
 
 def generalized_velocity(
-    cfg: Configuration, dq: npt.ArrayLike, base: BaseMode, momentum: npt.ArrayLike | None
+    cfg: Configuration, dq: npt.ArrayLike, mode: BaseMode, momentum: npt.ArrayLike | None
 ) -> Array:
     """(6 + n,) the spacecraft's twist in its own axes, as momentum demands, and the joint rates."""
-    f, dq = free_components(base), joint_vector(cfg.arm, dq, "dq")
+    f, dq = free_components(mode), joint_vector(cfg.arm, dq, "dq")
     v = np.concatenate((np.zeros(6), dq))
     h = momentum_vector(momentum) - cfg.stored - cfg.A[:, 6:] @ dq
     v[:f] = dgesv(cfg.A[:f, :f], h[:f])[2] if f else 0.0
@@ -217,5 +217,5 @@ def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: A
     force = M @ a + c
     force[:f] = 0.0
     a[:3] += pin.skew(v[3:6]) @ v[:3]  # from spatial to classical acceleration
-    base, reaction, twist = in_inertial_axes(cfg, np.array((a[:6], force[:6], v[:6])))
-    return Dynamics(ddq, force[6:], base, reaction, twist)
+    acceleration, reaction, twist = in_inertial_axes(cfg, np.array((a[:6], force[:6], v[:6])))
+    return Dynamics(ddq, force[6:], acceleration, reaction, twist)

@@ -48,7 +48,7 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
         )
         T = T @ pin.exp3((w1 + w2) / 2.0 + math.sqrt(3.0) / 12.0 * np.cross(w1, w2))
     attitude = pin.Quaternion(T).normalized().matrix()
-    return arm.at(cfg.q + dq, pin.SE3(attitude, np.zeros(3))).centred(cfg.com)
+    return arm.at(cfg.q + dq, base=pin.SE3(attitude, np.zeros(3))).centred(cfg.com)
 
 
 GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)

@@ -109,7 +109,7 @@ def capture(
     still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
     rates = np.zeros(cfg.arm.n) if dq is None else dq
     before = generalized_velocity(cfg, rates, "free-floating", momentum)
-    held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, cfg.base)
+    held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, base=cfg.base)
     M_t = _target(cfg, mass, inertia, com)
     t = _at_tip(cfg, target_twist, com)
     M, M_held = mass_matrix(cfg), mass_matrix(held)

@@ -27,7 +27,7 @@ from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode, free_components
 
 
-def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """J* with [rdot_E; w_E] = J* dq at zero momentum, equation (35).
 
     Papadopoulos & Dubowsky, J. Dyn. Sys. Meas. Control 115(1), 44-52 (1993),
@@ -37,7 +37,7 @@ def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -
 
     Args:
         cfg: The configuration.
-        base: What the spacecraft does: "free-floating" (linear and angular momentum zero),
+        mode: What the spacecraft does: "free-floating" (linear and angular momentum zero),
             "attitude-controlled" (w_0 = 0, linear momentum zero: section VI of the paper) or
             "fixed" (the earth-bound arm).
 
@@ -46,9 +46,9 @@ def generalized_jacobian(cfg: Configuration, base: BaseMode = "free-floating") -
         several tips (6 tips, n), stacked in the order of `arm.tips`.
 
     Raises:
-        ConfigurationError: `base` is none of the three.
+        ConfigurationError: `mode` is none of the three.
     """
-    f = free_components(base)
+    f = free_components(mode)
     A, J = cfg.A, cfg.J
     J_star: Array = J[:, 6:] - J[:, :f] @ np.linalg.solve(A[:f, :f], A[:f, 6:])
     return J_star
@@ -60,7 +60,7 @@ def fixed_base_jacobian(cfg: Configuration) -> Array:
     Returns:
         (6, n) Jacobian, rows [linear; angular], inertial axes, for the tip frame's origin.
     """
-    return generalized_jacobian(cfg, base="fixed")
+    return generalized_jacobian(cfg, mode="fixed")
 
 
 class PrescribedMotion(NamedTuple):
@@ -81,7 +81,7 @@ def prescribed_motion(
     cfg: Configuration,
     rates: Mapping[str, float],
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> PrescribedMotion:
     """J* of some joints with the rates of the others prescribed, such as a second arm's.
@@ -91,18 +91,18 @@ def prescribed_motion(
     Args:
         cfg: The configuration.
         rates: Rates [rad/s] or [m/s] of the prescribed joints by name; zero for one that rests.
-        base: What the spacecraft does; see `generalized_jacobian`.
+        mode: What the spacecraft does; see `generalized_jacobian`.
         momentum: (6,) momentum, zero if None; what a held spacecraft takes up is left out.
 
     Raises:
         ConfigurationError: A joint does not exist, or a value is not finite.
     """
-    arm, f = cfg.arm, free_components(base)
+    arm, f = cfg.arm, free_components(mode)
     for name in rates:
         if name not in arm.joint_names:
             raise ConfigurationError(f"rates: {unknown('joint', name, arm.joint_names)}")
     dq = joint_vector(arm, [rates.get(name, 0.0) for name in arm.joint_names], "the rate")
-    J = generalized_jacobian(cfg, base)
+    J = generalized_jacobian(cfg, mode=mode)
     h = (momentum_vector(momentum) - cfg.stored)[:f]
     free = [name not in rates for name in arm.joint_names]
     names = tuple(name for name in arm.joint_names if name not in rates)
@@ -110,7 +110,9 @@ def prescribed_motion(
     return PrescribedMotion(names, J[:, free], drift)
 
 
-def generalized_jacobian_derivative(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+def generalized_jacobian_derivative(
+    cfg: Configuration, *, mode: BaseMode = "free-floating"
+) -> Array:
     """dJ*/dq_j for every joint j, the spacecraft's pose held.
 
     From dA/dq_j and dJ/dq_j, which Pinocchio computes analytically, by differentiating
@@ -119,7 +121,7 @@ def generalized_jacobian_derivative(cfg: Configuration, base: BaseMode = "free-f
     Returns:
         (n, 6, n): entry j is the partial derivative of J* with respect to q_j.
     """
-    f = free_components(base)
+    f = free_components(mode)
     A, J = cfg.A, cfg.J
     dA, dJ = _partial_derivatives(cfg)
     X = np.linalg.solve(A[:f, :f], A[:f, 6:])

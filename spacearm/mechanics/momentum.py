@@ -19,12 +19,12 @@ class MomentumMatrix(NamedTuple):
     Wheels that spin add what they hold, `Configuration.stored`.
 
     Attributes:
-        base: (6, 6) A_b, acts on the spacecraft's twist in inertial axes [kg, kg m, kg m^2].
-        joints: (6, n) A_q, acts on the joint rates.
+        A_b: (6, 6), acts on the spacecraft's twist in inertial axes [kg, kg m, kg m^2].
+        A_q: (6, n), acts on the joint rates.
     """
 
-    base: Array
-    joints: Array
+    A_b: Array
+    A_q: Array
 
     def to_dict(self) -> dict[str, Any]:
         """Both blocks as nested lists."""

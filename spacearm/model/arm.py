@@ -152,8 +152,8 @@ class SpaceArm:
     def at(
         self,
         q: npt.ArrayLike,
-        base: pin.SE3 | None = None,
         *,
+        base: pin.SE3 | None = None,
         wheels: npt.ArrayLike | None = None,
     ) -> Configuration:
         """The configuration at joint positions q, inside the joint limits or not.

@@ -1,7 +1,7 @@
 """Control: laws that turn a configuration and its rates into joint torques.
 
 A controller is anything that is called as controller(t, cfg, dq) and returns (n,) torques; those
-here are data, so that a simulation can be written down and read. `base` says which Jacobian a law
+here are data, so that a simulation can be written down and read. `mode` says which Jacobian a law
 believes in: "fixed" is the law of an earth-bound arm, which on a floating one shows what goes wrong
 if the spacecraft's motion is ignored.
 
@@ -47,11 +47,11 @@ class TipLaw(ABC):
     Attributes:
         target: Where the tip shall be: a point for tasks of linear rows only, along the goal axes
             (see `follow`), a pose, or a function of time that gives either.
-        base: Which Jacobian.
+        mode: Which Jacobian.
     """
 
     target: Target
-    base: BaseMode = "free-floating"
+    mode: BaseMode = "free-floating"
 
     @abstractmethod
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
@@ -74,7 +74,7 @@ class TipLaw(ABC):
 
     def jacobian(self, cfg: Configuration) -> Array:
         """(k, n) rows of J* that the task names."""
-        return in_rows(cfg, generalized_jacobian(cfg, self.base))
+        return in_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +122,7 @@ class RateLaw(TipLaw):
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """(n,) torques [N m] or forces [N]."""
         ddq = self.servo * (self.rates(t, cfg) - dq)
-        return inverse_dynamics(cfg, dq, ddq, base=self.base).tau
+        return inverse_dynamics(cfg, dq, ddq, mode=self.mode).tau
 
 
 @dataclass(frozen=True, kw_only=True)

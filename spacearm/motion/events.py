@@ -90,11 +90,11 @@ def singular(arm: SpaceArm, mode: BaseMode) -> Watch:
     """A root of the singularity polynomial where the arm has one, else a small sigma_min."""
 
     def nearness(_: float, y: Array) -> float:
-        sigma = singular_values(arm.at(y[: arm.n]), mode)
+        sigma = singular_values(arm.at(y[: arm.n]), mode=mode)
         return float(sigma[-1] - NEAR * sigma[0])
 
     try:
-        S = singularity_polynomial(arm, mode)
+        S = singularity_polynomial(arm, mode=mode)
     except UnsupportedError:
         return Watch("singularity", f"sigma_min {NEAR:g} of sigma_max", nearness, True)
     return Watch("singularity", "S = 0", lambda _, y: float(S(y[: arm.n])) / S.scale, False)

@@ -77,7 +77,7 @@ class Followed(Result):
 
     def at(self, index: int) -> Configuration:
         """The configuration of one output."""
-        return self.arm.at(self.q[index], pin.XYZQUATToSE3(self.base[index]))
+        return self.arm.at(self.q[index], base=pin.XYZQUATToSE3(self.base[index]))
 
     def __repr__(self) -> str:
         return f"Followed({self.arm.name}, {self.mode}: {self.reason})"
@@ -116,7 +116,7 @@ def follow(
         ConfigurationError: An argument does not make sense, or the start is singular.
         UnsupportedError: The task has more rows than the arm has joints.
     """
-    cfg = arm.at(q0, base)
+    cfg = arm.at(q0, base=base)
     if not (np.isfinite(speed) and speed > 0.0):
         raise ConfigurationError(f"speed is {speed}; give a positive number [m/s]")
     if arm.task.k > arm.n:
@@ -180,14 +180,14 @@ class _Walk:
         """The configuration in a state (q, attitude quaternion, s)."""
         n = self.arm.n
         if self.mode == "fixed":
-            return self.arm.at(y[:n], self.start.base)
+            return self.arm.at(y[:n], base=self.start.base)
         attitude = pin.Quaternion(y[n : n + 4] / np.linalg.norm(y[n : n + 4]))
         turned = kinematics(self.arm, y[:n].copy(), pin.SE3(attitude, np.zeros(3)))
         return turned.centred(self.start.com)
 
     def jacobian(self, cfg: Configuration) -> Array:
         """(k, n) the task's rows of J*."""
-        return in_rows(cfg, generalized_jacobian(cfg, self.mode))
+        return in_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
 
     def determinant(self, _: float, y: Array) -> float:
         """det J*, whose sign tells the two sides of a singularity apart."""
@@ -253,7 +253,7 @@ def _state(cfg: Configuration, s: float) -> Array:
 
 def _sigma(cfg: Configuration, mode: BaseMode) -> Array:
     """(k,) singular values of the task Jacobian along the goal axes."""
-    J = cfg.arm.task.scale * in_rows(cfg, generalized_jacobian(cfg, mode))
+    J = cfg.arm.task.scale * in_rows(cfg, generalized_jacobian(cfg, mode=mode))
     sigma: Array = np.linalg.svd(J, compute_uv=False)
     return sigma
 

@@ -101,7 +101,7 @@ class Motion:
         span = self.t[j] - self.t[i]
         s = float(np.clip((t - self.t[i]) / span, 0.0, 1.0)) if span > 0.0 else 0.0
         pose = pin.SE3.Interpolate(self._pose(i), self._pose(j), s)
-        return self.arm.at((1.0 - s) * self.q[i] + s * self.q[j], pose)
+        return self.arm.at((1.0 - s) * self.q[i] + s * self.q[j], base=pose)
 
     def _pose(self, i: int) -> pin.SE3:
         x, y, z, *quaternion = self.base[i]

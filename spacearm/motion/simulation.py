@@ -113,7 +113,7 @@ def simulate(
     if method not in tuple(METHODS):
         raise ConfigurationError(unknown("method", method, METHODS))
     the_one(arm.tips, arm.name)  # whose path the trajectory holds
-    system = _System(arm, controller, mode, momentum, arm.at(q0, base))
+    system = _System(arm, controller, mode, momentum, arm.at(q0, base=base))
     if mode != "fixed" and not system.h[:3].any():
         check_target(controller, system.start)
     dq = np.zeros(arm.n) if dq0 is None else joint_vector(arm, dq0, "dq0")
@@ -257,7 +257,7 @@ class _System:
         n = self.arm.n
         q, dq, quaternion = y[:n].copy(), y[n : 2 * n], y[2 * n : 2 * n + 4]
         if self.mode == "fixed":
-            return self.arm.at(q, self.start.base), dq
+            return self.arm.at(q, base=self.start.base), dq
         attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
         turned = kinematics(self.arm, q, pin.SE3(attitude, np.zeros(3)))
         return turned.centred(self.start.com + self.h[:3] / self.mass * t), dq
@@ -283,7 +283,7 @@ class _System:
         """The rate of the state (q, dq, attitude quaternion, work)."""
         cfg, dq = self.configuration(t, y)
         tau = self.torques(t, cfg, dq)
-        motion = forward_dynamics(cfg, dq, tau, base=self.mode, momentum=self.h)
+        motion = forward_dynamics(cfg, dq, tau, mode=self.mode, momentum=self.h)
         turning = quaternion_rate(y[2 * self.arm.n :][:4], motion.twist[3:])
         return np.concatenate((dq, motion.ddq, turning, [tau @ dq]))
 

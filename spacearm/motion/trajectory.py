@@ -93,9 +93,9 @@ class Trajectory(Result):
         momentum, energy, sigma_min = [], [], []
         for cfg, dq, _, h, _ in rows:
             matrix = momentum_matrix(cfg)
-            momentum.append(matrix.base @ spacecraft_twist(cfg, dq, mode, h) + matrix.joints @ dq)
-            energy.append(kinetic_energy(cfg, dq, base=mode, momentum=h))
-            sigma_min.append(singular_values(cfg, mode)[-1])
+            momentum.append(matrix.A_b @ spacecraft_twist(cfg, dq, mode, h) + matrix.A_q @ dq)
+            energy.append(kinetic_energy(cfg, dq, mode=mode, momentum=h))
+            sigma_min.append(singular_values(cfg, mode=mode)[-1])
         cfgs = [row[0] for row in rows]
         return cls(
             arm=start.arm,
@@ -130,14 +130,14 @@ class Trajectory(Result):
     def drift(self) -> float:
         """Largest change of the momentum that is kept, over what the joints alone brought."""
         f = free_components(self.mode)
-        brought = [momentum_matrix(self.at(i)).joints[:f] @ dq for i, dq in enumerate(self.dq)]
+        brought = [momentum_matrix(self.at(i)).A_q[:f] @ dq for i, dq in enumerate(self.dq)]
         change = np.abs(self.momentum[:, :f] - self.momentum[0, :f]).max(initial=0.0)
         most = np.abs([*brought, self.momentum[0, :f]]).max(initial=0.0)
         return float(change / most) if most > 0.0 else 0.0
 
     def at(self, index: int) -> Configuration:
         """The configuration of one time."""
-        return self.arm.at(self.q[index], pin.XYZQUATToSE3(self.base[index]))
+        return self.arm.at(self.q[index], base=pin.XYZQUATToSE3(self.base[index]))
 
     def to_xarray(self) -> xr.Dataset:
         """All arrays, labelled, with units in their attributes."""

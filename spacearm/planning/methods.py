@@ -186,7 +186,7 @@ def _turns_under_tip(start: Configuration) -> list[tuple[str, Configuration]]:
         Q, off = landed(start.arm, Q, tip, T, goal_axes(start), 4)
     there = (off < CLOSE) & (np.abs(Q - start.q).max(axis=1) < 2.0 * np.pi)
     return [
-        (_turn(w[i]), start.arm.at(Q[i], pin.SE3(T[i], np.zeros(3))).centred(start.com))
+        (_turn(w[i]), start.arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(start.com))
         for i in np.flatnonzero(there)
     ]
 

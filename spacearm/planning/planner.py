@@ -36,7 +36,7 @@ METHODS: dict[str, Callable[[Problem], Motion]] = {
 
 def plan(
     arm: SpaceArm,
-    start: npt.ArrayLike,
+    q0: npt.ArrayLike,
     goal: Goal | Joints,
     *,
     base: pin.SE3 | None = None,
@@ -61,7 +61,7 @@ def plan(
 
     Args:
         arm: The arm.
-        start: (n,) joint positions at the start [rad] or [m].
+        q0: (n,) joint positions at the start [rad] or [m].
         goal: A point in the task's linear rows [m], a pose, or `Joints`.
         base: Pose of the spacecraft at the start; the identity if None.
         clearance: Least sigma_min of the task Jacobian on the way; if None, 0.002 of the median
@@ -92,7 +92,7 @@ def plan(
             f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "
             f"never do this task; take one with {arm.n} rows"
         )
-    cfg, ends = arm.at(start, base), time.monotonic() + float(timeout)
+    cfg, ends = arm.at(q0, base=base), time.monotonic() + float(timeout)
     try:
         task, ample = what_it_takes(cfg, goal, clearance, final_attitude, limits, seed)
         bodies = bodies_apart(cfg, task) if collisions else None

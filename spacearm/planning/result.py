@@ -142,7 +142,7 @@ class Plan(Result):
 
     def at(self, index: int) -> Configuration:
         """The configuration of one row."""
-        return self.arm.at(self.q[index], pin.XYZQUATToSE3(self.base[index]))
+        return self.arm.at(self.q[index], base=pin.XYZQUATToSE3(self.base[index]))
 
     def __repr__(self) -> str:
         return (

@@ -70,7 +70,7 @@ def draw_design(result: xr.Dataset) -> Figure:
             )
             figure.colorbar(image, ax=axes, label="path independent share [%]")
             axes.set(xlabel=labels[0], ylabel=labels[1])
-        axes.set_title(f"{result.attrs['arm']}, {result.attrs['base']}")
+        axes.set_title(f"{result.attrs['arm']}, {result.attrs['mode']}")
         return figure
 
 
@@ -155,4 +155,4 @@ def _draw_profile(axes: Any, profile: RiskProfile) -> None:
 
 def _title(result: Workspace) -> str:
     share = f"{result.fraction:.1%} path independent"
-    return f"{result.arm.name}, {result.base}: {share} ({result.kind})"
+    return f"{result.arm.name}, {result.mode}: {share} ({result.kind})"

@@ -50,12 +50,12 @@ class Component(NamedTuple):
         return f"Component({len(self.points)} points, R from {self.R[0]:.7g} to {self.R[1]:.7g} m)"
 
 
-def singular_set(arm: SpaceArm, base: BaseMode = "free-floating") -> SingularSet | FoundSet:
+def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> SingularSet | FoundSet:
     """The singular configurations of an arm.
 
     Args:
         arm: The arm.
-        base: What the spacecraft does; see `generalized_jacobian`. Attitude-controlled and fixed
+        mode: What the spacecraft does; see `generalized_jacobian`. Attitude-controlled and fixed
             ones leave the kinematic singularities only.
 
     Returns:
@@ -68,8 +68,8 @@ def singular_set(arm: SpaceArm, base: BaseMode = "free-floating") -> SingularSet
     """
     turning = all(arm.tree.joints[name].kind != "prismatic" for name in arm.joint_names)
     if arm.n >= arm.task.k and not (arm.n == arm.task.k and turning and arm.coupling is None):
-        return FoundSet(arm, base)
-    return SingularSet(arm, singularity_polynomial(arm, base), base)
+        return FoundSet(arm, mode)
+    return SingularSet(arm, singularity_polynomial(arm, mode=mode), mode)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,13 +79,13 @@ class SingularSet:
     Attributes:
         arm: The arm.
         S: The singularity polynomial.
-        base: What the spacecraft does.
+        mode: What the spacecraft does.
         complete: True: every singular configuration is in the set.
     """
 
     arm: SpaceArm
     S: TrigPolynomial
-    base: BaseMode = "free-floating"
+    mode: BaseMode = "free-floating"
     complete: bool = True
 
     @cached_property
@@ -225,7 +225,7 @@ class SingularSet:
 
     def _component(self, points: Array) -> Component:
         """The range of R over a component, over the joints that do not matter to S too."""
-        R2 = radius_squared(self.arm, self.base)
+        R2 = radius_squared(self.arm, self.mode)
         free = [j for j in range(self.S.n) if j not in self.relevant]
         starts = points
         for j in free:
@@ -237,7 +237,7 @@ class SingularSet:
             for pick, better in ((np.argmin, operator.lt), (np.argmax, operator.gt))
         )
         at = np.array([low, high])
-        return Component(points, distances(self.arm, at, self.base), at)
+        return Component(points, distances(self.arm, at, self.mode), at)
 
     def _needs_dimension(self, dimension: int) -> None:
         if self.dimension != dimension:

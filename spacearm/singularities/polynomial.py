@@ -27,8 +27,7 @@ NEVER = 1e-9
 """A task whose condition is worse than this everywhere is one that the arm can never do."""
 
 
-@lru_cache(maxsize=16)
-def singularity_polynomial(arm: SpaceArm, base: BaseMode = "free-floating") -> TrigPolynomial:
+def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPolynomial:
     """S(q), which vanishes exactly where the task Jacobian is singular, up to a constant factor.
 
     For planar arms only the angular momentum about the normal of the plane couples, and the scalar
@@ -41,7 +40,7 @@ def singularity_polynomial(arm: SpaceArm, base: BaseMode = "free-floating") -> T
 
     Args:
         arm: An arm with as many joints as its task has rows, all of them turning.
-        base: What the spacecraft does; see `generalized_jacobian`.
+        mode: What the spacecraft does; see `generalized_jacobian`.
 
     Returns:
         Polynomial of the n joint angles, in the order of q.
@@ -54,7 +53,7 @@ def singularity_polynomial(arm: SpaceArm, base: BaseMode = "free-floating") -> T
     rng = np.random.default_rng(0)
     probes = [arm.at(q) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))]
     normal = plane_of_motion(arm, probes)
-    jacobians = np.array([_task_jacobian(cfg, base) for cfg in probes])
+    jacobians = np.array([_task_jacobian(cfg, mode) for cfg in probes])
     sigma = np.linalg.svd(jacobians, compute_uv=False)
     if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
         raise UnsupportedError(
@@ -67,9 +66,9 @@ def singularity_polynomial(arm: SpaceArm, base: BaseMode = "free-floating") -> T
 
     def S(Q: Array) -> Array:
         cfgs = [arm.at(q) for q in Q]
-        J = np.array([_task_jacobian(cfg, base) for cfg in cfgs]) / J_unit
+        J = np.array([_task_jacobian(cfg, mode) for cfg in cfgs]) / J_unit
         det: Array = np.linalg.det(J)
-        if base != "free-floating":
+        if mode != "free-floating":
             return det
         D = np.array([cfg.A[3:, 3:6] for cfg in cfgs]) / D_unit
         det *= np.linalg.det(D) if normal is None else D[:, normal, normal]
@@ -79,40 +78,40 @@ def singularity_polynomial(arm: SpaceArm, base: BaseMode = "free-floating") -> T
 
 
 @lru_cache(maxsize=16)
-def radius_squared(arm: SpaceArm, base: BaseMode = "free-floating") -> TrigPolynomial:
+def radius_squared(arm: SpaceArm, mode: BaseMode = "free-floating") -> TrigPolynomial:
     """R^2, the squared distance of the tip from the system CM, equation (43) [m^2].
 
     For a fixed spacecraft from its own CM, to which that of the system tends as it grows heavy.
     """
 
     def sampler(Q: Array) -> Array:
-        tips = np.array([tip_from_centre(arm, q, base) for q in Q])
+        tips = np.array([tip_from_centre(arm, q, mode) for q in Q])
         squares: Array = (tips**2).sum(axis=1)
         return squares
 
     return TrigPolynomial.fit(sampler, arm.n)
 
 
-def distances(arm: SpaceArm, Q: Array, base: BaseMode = "free-floating") -> Array:
+def distances(arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating") -> Array:
     """(m,) R, to rounding, at configurations (m, n): where R is small, R^2 would not tell [m]."""
-    R = np.array([np.linalg.norm(tip_from_centre(arm, q, base)) for q in Q])
-    R[ROUNDING * np.sqrt(radius_squared(arm, base).scale) > R] = 0.0
+    R = np.array([np.linalg.norm(tip_from_centre(arm, q, mode)) for q in Q])
+    R[ROUNDING * np.sqrt(radius_squared(arm, mode).scale) > R] = 0.0
     return R
 
 
-def tip_from_centre(arm: SpaceArm, q: Array, base: BaseMode = "free-floating") -> Array:
+def tip_from_centre(arm: SpaceArm, q: Array, mode: BaseMode = "free-floating") -> Array:
     """(3,) the tip from the system CM (from its own CM if the spacecraft is fixed) [m].
 
     In spacecraft axes.
     """
     cfg = arm.at(q)
-    centre = arm.model.inertias[1].lever if base == "fixed" else cfg.com
+    centre = arm.model.inertias[1].lever if mode == "fixed" else cfg.com
     tip: Array = cfg.tip.translation - centre
     return tip
 
 
-def _task_jacobian(cfg: Configuration, base: BaseMode) -> Array:
-    return cfg.arm.task.jacobian(generalized_jacobian(cfg, base), cfg.base.rotation)
+def _task_jacobian(cfg: Configuration, mode: BaseMode) -> Array:
+    return cfg.arm.task.jacobian(generalized_jacobian(cfg, mode=mode), cfg.base.rotation)
 
 
 def check_square(arm: SpaceArm) -> None:

@@ -83,7 +83,7 @@ class SingularityReport(Result):
 
 
 def singularity(
-    cfg: Configuration, *, base: BaseMode = "free-floating", tolerance: float = RANK_TOLERANCE
+    cfg: Configuration, *, mode: BaseMode = "free-floating", tolerance: float = RANK_TOLERANCE
 ) -> SingularityReport:
     """Reports whether and how the posture is singular for the arm's task.
 
@@ -93,21 +93,21 @@ def singularity(
 
     Args:
         cfg: The configuration.
-        base: What the spacecraft does; see `generalized_jacobian`.
+        mode: What the spacecraft does; see `generalized_jacobian`.
         tolerance: Singular values up to this share of the largest count as zero.
 
     Raises:
-        ConfigurationError: `base` or `tolerance` is not valid.
+        ConfigurationError: `mode` or `tolerance` is not valid.
     """
     if not 0.0 <= tolerance < 1.0:
         raise ConfigurationError(f"tolerance is {tolerance}; give a share from 0 to below 1")
     task, R = cfg.arm.task, cfg.base.rotation
-    J = task.jacobian(generalized_jacobian(cfg, base), R)
+    J = task.jacobian(generalized_jacobian(cfg, mode=mode), R)
     k, n = J.shape
     U, sigma, V = _svd(J)
     rank = _rank(sigma, tolerance)
     fixed_rank = _rank(_svd(task.jacobian(fixed_base_jacobian(cfg), R))[1], tolerance)
-    dJ = task.jacobian(generalized_jacobian_derivative(cfg, base), R)
+    dJ = task.jacobian(generalized_jacobian_derivative(cfg, mode=mode), R)
     return SingularityReport(
         sigma=sigma,
         sigma_min=float(sigma[-1]),
@@ -127,9 +127,9 @@ def singularity(
     )
 
 
-def singular_values(cfg: Configuration, base: BaseMode = "free-floating") -> Array:
+def singular_values(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """(k,) singular values of the task Jacobian, largest first: `sigma` of the report alone."""
-    J = cfg.arm.task.jacobian(generalized_jacobian(cfg, base), cfg.base.rotation)
+    J = cfg.arm.task.jacobian(generalized_jacobian(cfg, mode=mode), cfg.base.rotation)
     sigma = np.linalg.svd(J, compute_uv=False)
     return np.append(sigma, np.zeros(len(J) - len(sigma)))
 

@@ -69,7 +69,7 @@ class RiskProfile(Result):
 def risk_profile(
     arm: SpaceArm,
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     limits: bool = False,
     sigma_min: float | None = None,
     distance: float | None = None,
@@ -82,7 +82,7 @@ def risk_profile(
 
     Args:
         arm: Any arm.
-        base: "free-floating"; others are not supported.
+        mode: "free-floating"; others are not supported.
         limits: Whether configurations are drawn within the joint limits or from the full turn.
             Sliding joints are always drawn within theirs.
         sigma_min: Near means a least singular value up to this; a tenth of its median if None.
@@ -99,8 +99,8 @@ def risk_profile(
         UnsupportedError: The arm has a sliding joint without limits, no polynomial where `distance`
             is asked for, or the spacecraft does not float.
     """
-    if base != "free-floating":
-        raise UnsupportedError(f"risk profiles are for free-floating spacecraft; base is {base!r}")
+    if mode != "free-floating":
+        raise UnsupportedError(f"risk profiles are for free-floating spacecraft; mode is {mode!r}")
     if sigma_min is not None and distance is not None:
         raise ConfigurationError(
             f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "

@@ -47,19 +47,19 @@ class ErrorBars(NamedTuple):
     jacobian: Array
 
 
-def error_bars(cfg: Configuration, base: BaseMode = "free-floating") -> ErrorBars:
+def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> ErrorBars:
     """Error bars of `generalized_jacobian` and of the singular values in `singularity`.
 
     See the module's docstring. Infinite where rounding alone could make A_b singular.
 
     Args:
         cfg: The configuration.
-        base: What the spacecraft does; see `generalized_jacobian`.
+        mode: What the spacecraft does; see `generalized_jacobian`.
 
     Raises:
-        ConfigurationError: `base` is none of the three.
+        ConfigurationError: `mode` is none of the three.
     """
-    f = free_components(base)
+    f = free_components(mode)
     E_b, E_q, E_Jb, E_Jq, rounding = _rounding(cfg)
     free = slice(f // 3)
     E_b, E_q, E_Jb = E_b[free, free], E_q[free], E_Jb[:, free]
@@ -73,7 +73,7 @@ def error_bars(cfg: Configuration, base: BaseMode = "free-floating") -> ErrorBar
     task = cfg.arm.task
     scale = np.zeros((len(E), 1))
     scale[[index // 3 for index in task.indices]] = task.scale
-    of_J = np.linalg.norm(scale * _norms(generalized_jacobian(cfg, base), 1))
+    of_J = np.linalg.norm(scale * _norms(generalized_jacobian(cfg, mode=mode), 1))
     sigma = np.linalg.norm(scale * E) + rounding * of_J
     return ErrorBars(float(sigma), np.repeat(E, 3, axis=0))
 

@@ -36,12 +36,12 @@ class FoundSet:
 
     Attributes:
         arm: The arm.
-        base: What the spacecraft does.
+        mode: What the spacecraft does.
         complete: False: other singular configurations may exist beside those found.
     """
 
     arm: SpaceArm
-    base: BaseMode = "free-floating"
+    mode: BaseMode = "free-floating"
     complete: bool = False
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
@@ -57,7 +57,7 @@ class FoundSet:
         for _ in range(20 * m + 100):
             if len(found) == m:
                 break
-            q = lose_rank(self.arm, self._random(rng), self.base)
+            q = lose_rank(self.arm, self._random(rng), self.mode)
             if q is not None:
                 found.append(q)
         if len(found) < m:
@@ -80,7 +80,7 @@ class FoundSet:
         spread = np.append(0.0, np.geomspace(0.05, np.pi, STARTS - 1))[:, None]
         starts = centre + spread * rng.uniform(-1.0, 1.0, (STARTS, self.arm.n))
         ends = [
-            end for start in starts if (end := lose_rank(self.arm, start, self.base)) is not None
+            end for start in starts if (end := lose_rank(self.arm, start, self.mode)) is not None
         ]
         if not ends:
             raise NoSolutionError(f"{self.arm.name}: no singular configuration found")
@@ -104,13 +104,13 @@ class FoundSet:
         return rng.uniform(low, np.maximum(low, high))
 
 
-def lose_rank(arm: SpaceArm, q: Array, base: BaseMode) -> Array | None:
+def lose_rank(arm: SpaceArm, q: Array, mode: BaseMode) -> Array | None:
     """A singular configuration near q (n,) by the Gauss-Newton method, or None."""
     most = 0.0
     for _ in range(STEPS):
         cfg = arm.at(q)
         R = cfg.base.rotation
-        U, sigma, VT = np.linalg.svd(arm.task.jacobian(generalized_jacobian(cfg, base), R))
+        U, sigma, VT = np.linalg.svd(arm.task.jacobian(generalized_jacobian(cfg, mode=mode), R))
         k = len(U)
         most = max(most, sigma[0])
         if sigma[-1] <= LOST * most:
@@ -118,7 +118,7 @@ def lose_rank(arm: SpaceArm, q: Array, base: BaseMode) -> Array | None:
         u, V = U[:, -1], VT[k - 1 :].T
         residual = np.zeros(V.shape[1])
         residual[0] = sigma[-1]
-        dJ = arm.task.jacobian(generalized_jacobian_derivative(cfg, base), R)
+        dJ = arm.task.jacobian(generalized_jacobian_derivative(cfg, mode=mode), R)
         slope = np.einsum("a,jan,nr->rj", u, dJ, V)
         step = -np.linalg.lstsq(slope, residual, rcond=1e-9)[0]
         q = q + step * min(1.0, 0.3 / max(float(np.linalg.norm(step)), 1e-300))

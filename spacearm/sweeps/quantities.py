@@ -76,15 +76,15 @@ def shells(table: Table, seed: int, arms: Sequence[SpaceArm]) -> Quantity:
     """Path dependent shells and path independent share, as `workspace` finds them."""
     for arm in arms:
         check_shells(arm)
-    table.knows("base", "limits", "effort")
+    table.knows("mode", "limits", "effort")
     modes: dict[str, BaseMode] = {mode: mode for mode in get_args(BaseMode)}
-    if (wanted := table.take("base", str, "free-floating")) not in modes:
-        raise table.fail("base", unknown("mode", wanted, modes))
-    base, limits = modes[wanted], table.take("limits", bool, False)
+    if (wanted := table.take("mode", str, "free-floating")) not in modes:
+        raise table.fail("mode", unknown("mode", wanted, modes))
+    mode, limits = modes[wanted], table.take("limits", bool, False)
     effort = table.positive("effort", int, EFFORT)
 
     def compute(arm: SpaceArm, _: Region, __: Sequence[int]) -> Mapping[str, Any]:
-        found = shell_measures(arm, base=base, limits=limits, effort=effort, seed=seed)
+        found = shell_measures(arm, mode=mode, limits=limits, effort=effort, seed=seed)
         pdw = np.full((MOST_SHELLS, 2), np.nan)
         if len(found["pdw"]) > MOST_SHELLS:
             raise UnsupportedError(

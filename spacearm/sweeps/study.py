@@ -78,8 +78,8 @@ class Study:
         base_inertia = [1, 2, 5]
         mount_x = {from = 0.0, to = 0.8, points = 9}
 
-        [shells]                        # as `workspace`: base, limits, effort
-        base = "free-floating"
+        [shells]                        # as `workspace`: mode, limits, effort
+        mode = "free-floating"
 
         [risk]                          # as `risk_profile`: near is sigma_min up to this
         sigma_min = 0.05

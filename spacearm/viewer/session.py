@@ -65,7 +65,7 @@ class Session:
             ConfigurationError: The way there is too long to follow the spacecraft on it.
         """
         if self.mode == "posture":
-            self.show(self.arm.at(q, self.cfg.base))
+            self.show(self.arm.at(q, base=self.cfg.base))
             return
         way = np.abs(q - self.cfg.q).max()
         if way > LONGEST:
@@ -125,7 +125,7 @@ class Session:
         if not isinstance(rpy, list) or len(rpy) != 3:
             raise ConfigurationError(f"attitude is {rpy!r}; give [roll, pitch, yaw]")
         R = pin.rpy.rpyToMatrix(np.array([finite(angle, "attitude") for angle in rpy]))
-        self.show(self.arm.at(self.cfg.q, pin.SE3(R, self.cfg.base.translation)))
+        self.show(self.arm.at(self.cfg.q, base=pin.SE3(R, self.cfg.base.translation)))
 
     def _mode(self, message: dict[str, Any]) -> None:
         mode = str(message.get("mode"))
@@ -191,7 +191,7 @@ class Session:
             f"arm = sa.load({source!r}, tip={self.arm.tip!r}, task={self.arm.task.names!r})"
             f"{written}\n"
             f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
-            f"cfg = arm.at({cfg.q.tolist()!r}, base)\n"
+            f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"
         )
 
 

@@ -53,7 +53,7 @@ def view(
         viewer.shells([R for R in np.unique(thing.pdw) if R > 0.0] or [thing.reachable[0, 1]])
     elif isinstance(thing, SpaceArm):
         start = np.clip(0.0, thing.lower, thing.upper) if q is None else q
-        viewer = Viewer(thing.at(start, base))
+        viewer = Viewer(thing.at(start, base=base))
     else:
         motion = Motion.of(thing)
         viewer = Viewer(motion.at(float(motion.t[0])), motion)

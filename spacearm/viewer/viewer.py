@@ -62,11 +62,11 @@ class Viewer:
 
     # --- what is shown ----------------------------------------------------------------------
 
-    def show(self, q: npt.ArrayLike, base: pin.SE3 | None = None) -> None:
+    def show(self, q: npt.ArrayLike, *, base: pin.SE3 | None = None) -> None:
         """Shows another configuration; the spacecraft stays where it is if base is None."""
         with self._lock:
             cfg = self.session.cfg
-            self.session.show(cfg.arm.at(q, cfg.base if base is None else base))
+            self.session.show(cfg.arm.at(q, base=cfg.base if base is None else base))
         self._changed()
 
     def shells(self, radii: Sequence[float]) -> None:

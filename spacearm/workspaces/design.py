@@ -104,7 +104,7 @@ def sweep(
     arm: SpaceArm,
     parameters: Mapping[str, npt.ArrayLike],
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     limits: bool = False,
     effort: int | None = None,
     risk_bins: int = 0,
@@ -115,7 +115,7 @@ def sweep(
     Args:
         arm: The arm to start from.
         parameters: Values to try, by name; see `vary`. All combinations are computed.
-        base: See `workspace`.
+        mode: See `workspace`.
         limits: See `workspace`.
         effort: See `workspace`.
         risk_bins: Classes of the risk profile, over the distance as a share of the largest; none
@@ -151,7 +151,7 @@ def sweep(
         for count, at in enumerate(designs, start=1):
             values = {name: float(axes[name][i]) for name, i in zip(axes, at, strict=True)}
             varied = vary(arm, values)
-            found = shell_measures(varied, base=base, limits=limits, **options)
+            found = shell_measures(varied, mode=mode, limits=limits, **options)
             radii[at] = found.pop("pdw")
             for name, value in found.items():
                 numbers[name][at] = value
@@ -172,7 +172,7 @@ def sweep(
     if risk_bins:
         data["risk"] = ((*names, "class"), risk)
     result = xr.Dataset(data, coords={**axes, "bound": ["least", "largest"]})
-    result.attrs = {"arm": arm.name, "base": base, "limits": int(limits)}
+    result.attrs = {"arm": arm.name, "mode": mode, "limits": int(limits)}
     for name in axes:
         result[name].attrs["unit"] = PARAMETERS.get(name, "kg")
     volume = "m^2" if arm.tree.plane_normal() is not None else "m^3"
@@ -185,7 +185,7 @@ def optimise_mount(
     arm: SpaceArm,
     bounds: Mapping[str, tuple[float, float]],
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     limits: bool = False,
     most: int = 120,
 ) -> Mounted:
@@ -197,7 +197,7 @@ def optimise_mount(
     Args:
         arm: The arm.
         bounds: Where each of "mount_x", "mount_y", "mount_z" may be [m]; others stay.
-        base: See `workspace`.
+        mode: See `workspace`.
         limits: See `workspace`.
         most: Mounting points that the global search may try.
 
@@ -217,7 +217,7 @@ def optimise_mount(
         key = tuple(map(float, x))
         if key not in tried:
             moved = vary(arm, dict(zip(bounds, key, strict=True)))
-            tried[key] = workspace(moved, base=base, limits=limits)
+            tried[key] = workspace(moved, mode=mode, limits=limits)
         return -tried[key].volumes["piw"]
 
     box = list(bounds.values())

@@ -36,16 +36,16 @@ SHARPNESS = 1e-4
 """How sharply a bound between them is found, as a share of the largest radius."""
 
 
-def free_workspace(arm: SpaceArm, base: BaseMode, limits: bool, reachable: Array) -> Array:
+def free_workspace(arm: SpaceArm, mode: BaseMode, limits: bool, reachable: Array) -> Array:
     """(k, 2) the radii of the free workspace within the reachable ones (2,) [m]."""
     box = Box.of(arm.lower, arm.upper, limits)
-    reach = Reach(arm, base, box, np.random.default_rng(0))
+    reach = Reach(arm, mode, box, np.random.default_rng(0))
     low, high = (float(R) for R in reachable)
     critical = None
     if arm.n == len(reach.rows) and not box.limited:
         rows = " ".join("xyz"[i] for i in reach.rows)
-        held: BaseMode = "fixed" if base == "fixed" else "attitude-controlled"
-        found = singular_set(arm.replace(task=rows), held)
+        held: BaseMode = "fixed" if mode == "fixed" else "attitude-controlled"
+        found = singular_set(arm.replace(task=rows), mode=held)
         if isinstance(found, SingularSet):
             critical = [float(R) for piece in found.components() for R in piece.R]
     return free_radii(reach, low, high, critical)
@@ -56,15 +56,15 @@ class Reach:
 
     Args:
         arm: The arm.
-        base: What the spacecraft does; from a fixed one points count from its own CM.
+        mode: What the spacecraft does; from a fixed one points count from its own CM.
         box: Where its joints may be.
         rng: For the sample.
     """
 
-    def __init__(self, arm: SpaceArm, base: BaseMode, box: Box, rng: np.random.Generator) -> None:
+    def __init__(self, arm: SpaceArm, mode: BaseMode, box: Box, rng: np.random.Generator) -> None:
         normal = arm.tree.plane_normal()
         self.rows = [i for i in range(3) if i != normal]
-        self.p = [TrigPolynomial.fit(_component(arm, base, i), arm.n) for i in self.rows]
+        self.p = [TrigPolynomial.fit(_component(arm, mode, i), arm.n) for i in self.rows]
         self.box = box
         self.Q = rng.uniform(box.low, box.high, (SAMPLE, arm.n))
         self.tips = self._position(self.Q)
@@ -159,10 +159,10 @@ def _directions(dimension: int) -> Array:
     return np.stack((r * np.cos(angle), r * np.sin(angle), z), axis=1)
 
 
-def _component(arm: SpaceArm, base: BaseMode, i: int) -> Sampler:
+def _component(arm: SpaceArm, mode: BaseMode, i: int) -> Sampler:
     """Component i of the tip's position from the system CM, in spacecraft axes."""
 
     def sampler(Q: Array) -> Array:
-        return np.array([tip_from_centre(arm, q, base)[i] for q in Q])
+        return np.array([tip_from_centre(arm, q, mode)[i] for q in Q])
 
     return sampler

@@ -65,7 +65,7 @@ class Workspace(Result):
 
     Attributes:
         arm: The arm.
-        base: What the spacecraft does.
+        mode: What the spacecraft does.
         limits: Whether joint limits count.
         reachable: (1, 2) distances that the tip can have [m].
         pdw: (k, 2) path dependent workspace: distances of singular configurations [m], disjoint.
@@ -79,7 +79,7 @@ class Workspace(Result):
     """
 
     arm: SpaceArm
-    base: BaseMode
+    mode: BaseMode
     limits: bool
     reachable: Array
     pdw: Array
@@ -120,7 +120,7 @@ class Workspace(Result):
         where the arm has as many joints as the position has components and no joint limits
         count, else good to 1e-4 of the largest radius.
         """
-        return free_workspace(self.arm, self.base, self.limits, self.reachable[0])
+        return free_workspace(self.arm, self.mode, self.limits, self.reachable[0])
 
     def regions(self, point: npt.ArrayLike) -> Region:
         """What can happen at a point: see `Region`.
@@ -132,26 +132,26 @@ class Workspace(Result):
         Raises:
             ConfigurationError: The point has the wrong shape or is not finite.
         """
-        p = position(self.arm, point, self.base)
+        p = position(self.arm, point, self.mode)
         R = float(np.linalg.norm(p))
-        beside = off_plane(self.arm, p, self.base) > TOLERANCE
+        beside = off_plane(self.arm, p, self.mode) > TOLERANCE
         if beside or not _within(R, self.reachable):
             return Region("unreachable", R, ())
         if not _within(R, self.pdw):
             return Region("path independent", R, ())
         box = Box.of(self.arm.lower, self.arm.upper, self.limits)
-        return Region("path dependent", R, singular_at(p, self.arm, self.base, box, self.shells))
+        return Region("path dependent", R, singular_at(p, self.arm, self.mode, box, self.shells))
 
     def profile(self, **options: Any) -> RiskProfile:
         """How likely singularities are at each distance: see `risk_profile`."""
-        return risk_profile(self.arm, base=self.base, limits=self.limits, **options)
+        return risk_profile(self.arm, mode=self.mode, limits=self.limits, **options)
 
     def __repr__(self) -> str:
         def text(radii: Array) -> str:
             return " ".join(f"[{low:.7g}, {high:.7g}]" for low, high in radii) or "none"
 
         return (
-            f"Workspace({self.arm.name}, {self.base}, {self.kind}: reachable "
+            f"Workspace({self.arm.name}, {self.mode}, {self.kind}: reachable "
             f"{text(self.reachable)}, PDW {text(self.pdw)}, PIW {text(self.piw)} m)"
         )
 
@@ -159,7 +159,7 @@ class Workspace(Result):
 def workspace(
     arm: SpaceArm,
     *,
-    base: BaseMode = "free-floating",
+    mode: BaseMode = "free-floating",
     limits: bool = False,
     effort: int = EFFORT,
     seed: int = 0,
@@ -168,7 +168,7 @@ def workspace(
 
     Args:
         arm: An arm with as many turning joints as its task has rows.
-        base: What the spacecraft does: "free-floating"; "attitude-controlled" or "fixed", which
+        mode: What the spacecraft does: "free-floating"; "attitude-controlled" or "fixed", which
             leave the kinematic singularities only (section VI). For a fixed spacecraft distances
             count from its own CM.
         limits: Whether only configurations within the joint limits count; if not, every joint
@@ -183,15 +183,15 @@ def workspace(
     """
     effort = whole(effort, "effort", 1)
     check_shells(arm)
-    found = SingularSet(arm, singularity_polynomial(arm, base), base)
+    found = SingularSet(arm, singularity_polynomial(arm, mode=mode), mode)
     rng = np.random.default_rng(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
-    reach = [shell_about(arm, base, None, points, box, 0)]
+    reach = [shell_about(arm, mode, None, points, box, 0)]
     certified = arm.n <= MOST_CERTIFIED
     if certified:
-        reach, reach_gap = prove(arm, base, None, reach, box, TOLERANCE)
-        shells, gap = prove(arm, base, found.S, exact_shells(found, box), box, TOLERANCE)
+        reach, reach_gap = prove(arm, mode, None, reach, box, TOLERANCE)
+        shells, gap = prove(arm, mode, found.S, exact_shells(found, box), box, TOLERANCE)
         gap = max(gap, reach_gap)
     else:
         shells, gap = found_shells(found, box, effort, rng), float("nan")
@@ -199,7 +199,7 @@ def workspace(
     pdw = merged([shell.R for shell in shells])
     return Workspace(
         arm=arm,
-        base=base,
+        mode=mode,
         limits=limits,
         reachable=reachable,
         pdw=pdw,

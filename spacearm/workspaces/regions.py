@@ -41,7 +41,7 @@ class Region(NamedTuple):
     singular: tuple[Configuration, ...]
 
 
-def position(arm: SpaceArm, point: npt.ArrayLike, base: BaseMode) -> Array:
+def position(arm: SpaceArm, point: npt.ArrayLike, mode: BaseMode) -> Array:
     """(3,) a checked point; (2,) counts in the plane of a planar arm."""
     try:
         p = np.asarray(point, dtype=np.float64)
@@ -49,7 +49,7 @@ def position(arm: SpaceArm, point: npt.ArrayLike, base: BaseMode) -> Array:
         p = np.empty(0)
     normal = arm.tree.plane_normal()
     if p.shape == (2,) and normal is not None:
-        p = np.insert(p, normal, _height(arm, normal, base))
+        p = np.insert(p, normal, _height(arm, normal, mode))
     if p.shape != (3,) or not np.isfinite(p).all():
         raise ConfigurationError(
             f"point is {point!r}; give 3 finite numbers from the system CM [m]"
@@ -58,25 +58,25 @@ def position(arm: SpaceArm, point: npt.ArrayLike, base: BaseMode) -> Array:
     return p
 
 
-def off_plane(arm: SpaceArm, point: Array, base: BaseMode) -> float:
+def off_plane(arm: SpaceArm, point: Array, mode: BaseMode) -> float:
     """How far a point (3,) is from the plane in which a planar arm moves its tip [m]."""
     normal = arm.tree.plane_normal()
-    return 0.0 if normal is None else abs(float(point[normal]) - _height(arm, normal, base))
+    return 0.0 if normal is None else abs(float(point[normal]) - _height(arm, normal, mode))
 
 
-def _height(arm: SpaceArm, normal: int, base: BaseMode) -> float:
+def _height(arm: SpaceArm, normal: int, mode: BaseMode) -> float:
     """How high a planar arm carries its tip over the system CM, along the normal [m]."""
-    return float(tip_from_centre(arm, np.zeros(arm.n), base)[normal])
+    return float(tip_from_centre(arm, np.zeros(arm.n), mode)[normal])
 
 
 def singular_at(
-    point: Array, arm: SpaceArm, base: BaseMode, box: Box, shells: Iterable[Shell]
+    point: Array, arm: SpaceArm, mode: BaseMode, box: Box, shells: Iterable[Shell]
 ) -> tuple[Configuration, ...]:
     """Singular configurations with the tip at the point (3,), from each shell that holds it."""
-    found, R = singular_set(arm, base), float(np.linalg.norm(point))
+    found, R = singular_set(arm, mode=mode), float(np.linalg.norm(point))
     if not isinstance(found, SingularSet):
         return ()
-    R2 = radius_squared(arm, base)
+    R2 = radius_squared(arm, mode)
     Q = box.fold(found.sample(SAMPLE, np.random.default_rng(0)))
     Q = Q[box.holds(Q)]
     near = Q[np.argsort(np.abs(R2(Q) - R * R))[:BEST]]
@@ -87,7 +87,7 @@ def singular_at(
             meetings = (_meeting(found.S, R2, R * R, start) for start in starts)
             inside = (box.fold(q) for q in meetings if q is not None and box.holds(box.fold(q)))
             if (q := next(inside, None)) is not None:
-                results.append(_brought_to(arm, q, point, base))
+                results.append(_brought_to(arm, q, point, mode))
     return tuple(results)
 
 
@@ -103,10 +103,10 @@ def _meeting(S: TrigPolynomial, F: TrigPolynomial, value: float, start: Array) -
     return x if there else None
 
 
-def _brought_to(arm: SpaceArm, q: Array, point: Array, base: BaseMode) -> Configuration:
+def _brought_to(arm: SpaceArm, q: Array, point: Array, mode: BaseMode) -> Configuration:
     """The configuration turned about the CM so that the tip, at its distance, is at the point."""
     cfg = arm.at(q)
-    centre = arm.model.inertias[1].lever if base == "fixed" else cfg.com
+    centre = arm.model.inertias[1].lever if mode == "fixed" else cfg.com
     tip = cfg.tip.translation - centre
     normal = arm.tree.plane_normal()
     if normal is None or not tip.any():
@@ -115,4 +115,4 @@ def _brought_to(arm: SpaceArm, q: Array, point: Array, base: BaseMode) -> Config
         n = np.eye(3)[normal]
         along = tip @ point - (n @ tip) * (n @ point)
         R = pin.exp3(np.arctan2(n @ np.cross(tip, point), along) * n)
-    return arm.at(q, pin.SE3(R, -R @ centre))
+    return arm.at(q, base=pin.SE3(R, -R @ centre))

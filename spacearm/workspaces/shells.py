@@ -97,15 +97,15 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
     pieces = [
         piece for points, edges in _pieces(found, box) for piece in _clipped(points, edges, box)
     ]
-    arm, base = found.arm, found.base
-    return [shell_about(arm, base, found.S, piece, box, i) for i, piece in enumerate(pieces)]
+    arm, mode = found.arm, found.mode
+    return [shell_about(arm, mode, found.S, piece, box, i) for i, piece in enumerate(pieces)]
 
 
 def found_shells(
     found: SingularSet, box: Box, effort: int, rng: np.random.Generator
 ) -> list[Shell]:
     """Shells from a sample of `effort` singular configurations, each bound then optimised."""
-    R2 = radius_squared(found.arm, found.base)
+    R2 = radius_squared(found.arm, found.mode)
     Q = box.fold(found.sample(effort, rng))
     Q = Q[box.holds(Q)]
     if not len(Q):
@@ -115,22 +115,22 @@ def found_shells(
     R = np.sqrt(np.maximum(R2(Q), 0.0))
     parted = np.flatnonzero(np.diff(R) > GAP_SHARE * (R[-1] - R[0]) + 1e-9) + 1
     pieces = np.split(Q, parted)
-    arm, base = found.arm, found.base
-    return [shell_about(arm, base, found.S, piece, box, i) for i, piece in enumerate(pieces)]
+    arm, mode = found.arm, found.mode
+    return [shell_about(arm, mode, found.S, piece, box, i) for i, piece in enumerate(pieces)]
 
 
 def shell_about(
-    arm: SpaceArm, base: BaseMode, S: TrigPolynomial | None, points: Array, box: Box, number: int
+    arm: SpaceArm, mode: BaseMode, S: TrigPolynomial | None, points: Array, box: Box, number: int
 ) -> Shell:
     """The shell of a piece of the set (of the whole box if S is None) with points (m, n) on it."""
-    R2 = radius_squared(arm, base)
+    R2 = radius_squared(arm, mode)
     order = np.argsort(R2(points))
     ends = []
     for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
         found = [bounded_extreme(R2, S, points[i], box, sign) for i in best]
         ends.append(min(found, key=lambda q: sign * float(R2(q))))
     at = np.array(ends)
-    return Shell(distances(arm, at, base), at, number)
+    return Shell(distances(arm, at, mode), at, number)
 
 
 def bounded_extreme(
@@ -181,7 +181,7 @@ def bounded_extreme(
 
 def prove(
     arm: SpaceArm,
-    base: BaseMode,
+    mode: BaseMode,
     S: TrigPolynomial | None,
     shells: list[Shell],
     box: Box,
@@ -192,7 +192,7 @@ def prove(
     Returns:
         The shells, and by how much R may be outside of all of them [m].
     """
-    R2 = radius_squared(arm, base)
+    R2 = radius_squared(arm, mode)
     for _ in range(MOST_ADDED):
         intervals = merged([shell.R for shell in shells])
         ends = intervals[intervals > tolerance]
@@ -203,11 +203,11 @@ def prove(
             return shells, tolerance
         root = proof.outside if S is None else level_set.polish(S, proof.outside[None])[0]
         root = box.fold(root)
-        R = float(distances(arm, root[None], base)[0])
+        R = float(distances(arm, root[None], mode)[0])
         known = any(low - tolerance <= R <= high + tolerance for low, high in intervals)
         if known or not box.holds(root) or (S is not None and abs(S(root)) > NOISE * S.scale):
             break
-        shells = [*shells, shell_about(arm, base, S, root[None], box, len(shells))]
+        shells = [*shells, shell_about(arm, mode, S, root[None], box, len(shells))]
     return shells, proof.gap / to_R
 
 

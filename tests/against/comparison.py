@@ -52,7 +52,7 @@ def subjects() -> dict[str, sa.SpaceArm]:
 def states(arm, count=STATES):
     rng = np.random.default_rng(arm.n)
     for _ in range(count):
-        cfg = arm.at(rng.uniform(-2, 2, arm.n), random_base(rng))
+        cfg = arm.at(rng.uniform(-2, 2, arm.n), base=random_base(rng))
         yield State(cfg, rng.normal(size=6 + arm.n), rng.normal(size=arm.n) * 5)
 
 

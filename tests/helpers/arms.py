@@ -150,11 +150,11 @@ def trees(draw, joints=one_to_eight) -> sa.Configuration:
 
 def random_configuration(arm: sa.SpaceArm, seed: int) -> sa.Configuration:
     rng = np.random.default_rng(seed + 1)
-    return arm.at(rng.uniform(-np.pi, np.pi, arm.n), random_base(rng))
+    return arm.at(rng.uniform(-np.pi, np.pi, arm.n), base=random_base(rng))
 
 
 def moved(cfg: sa.Configuration, dq, v_b, h: float) -> sa.Configuration:
     """The configuration after time h with joint rates dq and spacecraft twist v_b."""
     turned = pin.exp3(h * v_b[3:]) @ cfg.base.rotation
     shifted = cfg.base.translation + h * v_b[:3]
-    return cfg.arm.at(cfg.q + h * dq, pin.SE3(turned, shifted))
+    return cfg.arm.at(cfg.q + h * dq, base=pin.SE3(turned, shifted))

@@ -73,7 +73,7 @@ def test_virtual_manipulator_ends_at_the_tip(cfg):
     vm = b.virtual_manipulator
     assert np.allclose(vm.end, cfg.tip.translation, atol=1e-12)
     assert np.allclose(vm.points[0], cfg.com, atol=1e-12)
-    J = sa.generalized_jacobian(cfg, "attitude-controlled")
+    J = sa.generalized_jacobian(cfg, mode="attitude-controlled")
     assert np.abs(vm.jacobian - J).max() < 1e-12 * np.abs(J).max()
 
 
@@ -82,13 +82,13 @@ def test_virtual_manipulator_ends_at_the_tip(cfg):
 def test_virtual_manipulator_has_constant_links_and_its_own_jacobian(cfg):
     """Held by its first link, it moves its end as its links turning about the axes say."""
     vm = sa.barycentric(cfg).virtual_manipulator
-    other = sa.barycentric(cfg.arm.at(cfg.q + 0.3, cfg.base)).virtual_manipulator
+    other = sa.barycentric(cfg.arm.at(cfg.q + 0.3, base=cfg.base)).virtual_manipulator
     lengths, others = (np.linalg.norm(v.links, axis=1) for v in (vm, other))
     assert np.allclose(lengths, others, atol=1e-12)
     h = 1e-6
     for j, step in enumerate(np.eye(cfg.arm.n) * h):
         ahead, behind = (
-            sa.barycentric(cfg.arm.at(cfg.q + s, cfg.base)).virtual_manipulator
+            sa.barycentric(cfg.arm.at(cfg.q + s, base=cfg.base)).virtual_manipulator
             for s in (step, -step)
         )
         relative = ((ahead.end - ahead.ground) - (behind.end - behind.ground)) / (2 * h)

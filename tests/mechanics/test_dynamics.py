@@ -66,11 +66,11 @@ def test_generalized_inertia_from_the_centroidal_blocks(cfg):
     c = np.zeros((6, 6))
     c[:3, :3], c[3:, 3:] = cfg.arm.mass * np.eye(3), cfg.A[3:, 3:6] @ cfg.base.rotation.T
     A_q = cfg.A[:, 6:]
-    M_qq = sa.generalized_inertia(cfg, "fixed")
+    M_qq = sa.generalized_inertia(cfg, mode="fixed")
     expected = M_qq - A_q.T @ np.linalg.solve(c, A_q)
     assert np.abs(H - expected).max() <= 1e-9 * np.abs(M_qq).max()
     assert (np.linalg.eigvalsh(H) > -1e-12 * np.abs(M_qq).max()).all()
-    held = sa.generalized_inertia(cfg, "attitude-controlled")
+    held = sa.generalized_inertia(cfg, mode="attitude-controlled")
     for smaller, larger in ((H, held), (held, M_qq)):  # what yields feels lighter
         assert np.linalg.eigvalsh(larger - smaller).min() > -1e-9 * np.abs(M_qq).max()
 
@@ -80,23 +80,23 @@ def test_power_is_the_rate_of_kinetic_energy(cfg, base):
     """dT/dt = tau . dq, by central differences along the motion; momentum held."""
     dq, tau, h = state(cfg)
     h = h if base == "free-floating" else 0 * h
-    found = sa.forward_dynamics(cfg, dq, tau, base=base, momentum=h)
+    found = sa.forward_dynamics(cfg, dq, tau, mode=base, momentum=h)
     step = 1e-6
     energy = []
     for s in (-step, step):
         rate = dq + s * found.ddq
         v_b = spacecraft_twist(cfg, dq + 0.5 * s * found.ddq, base, h)
         there = moved(cfg, dq + 0.5 * s * found.ddq, v_b, s)
-        energy.append(sa.kinetic_energy(there, rate, base=base, momentum=h))
+        energy.append(sa.kinetic_energy(there, rate, mode=base, momentum=h))
     power = (energy[1] - energy[0]) / (2 * step)
-    scale = np.abs(tau * dq).sum() + sa.kinetic_energy(cfg, dq, base=base, momentum=h)
+    scale = np.abs(tau * dq).sum() + sa.kinetic_energy(cfg, dq, mode=base, momentum=h)
     assert power == pytest.approx(tau @ dq, abs=1e-5 * scale)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_kinetic_energy_is_that_of_the_bodies(name):
     cfg = sa.load(name).at(
-        np.linspace(-1, 1, sa.load(name).n), random_base(np.random.default_rng(1))
+        np.linspace(-1, 1, sa.load(name).n), base=random_base(np.random.default_rng(1))
     )
     dq, _, h = state(cfg)
     model = cfg.arm.model
@@ -109,7 +109,7 @@ def test_kinetic_energy_is_that_of_the_bodies(name):
 def test_at_rest_without_torques_nothing_moves(name):
     cfg = sa.load(name).at(np.full(sa.load(name).n, 0.3))
     for base in MODES:
-        found = sa.forward_dynamics(cfg, np.zeros(cfg.arm.n), np.zeros(cfg.arm.n), base=base)
+        found = sa.forward_dynamics(cfg, np.zeros(cfg.arm.n), np.zeros(cfg.arm.n), mode=base)
         for part in found:
             assert not part.any()
 
@@ -140,7 +140,7 @@ def test_an_external_wrench_changes_momentum(cfg, size):
 def test_the_reaction_torque_is_what_holds_the_attitude(cfg):
     """Without external wrenches it is the rate of the angular momentum about the system CM."""
     dq, tau, _ = state(cfg)
-    found = sa.forward_dynamics(cfg, dq, tau, base="attitude-controlled")
+    found = sa.forward_dynamics(cfg, dq, tau, mode="attitude-controlled")
     assert not found.reaction[:3].any()
     step = 1e-6
     momenta = []
@@ -170,7 +170,7 @@ def test_a_heavy_spacecraft_is_a_fixed_one():
         cfg = heavy.at([0.3, 0.8, -1.1, 0.4, 0.5, -0.2])
         dq, tau, _ = state(cfg)
         floating = sa.forward_dynamics(cfg, dq, tau)
-        fixed = sa.forward_dynamics(cfg, dq, tau, base="fixed")
+        fixed = sa.forward_dynamics(cfg, dq, tau, mode="fixed")
         differences.append(np.abs(floating.ddq - fixed.ddq).max() / np.abs(fixed.ddq).max())
     assert differences[0] / differences[1] == pytest.approx(100, rel=0.05)
     assert differences[1] / differences[2] == pytest.approx(100, rel=0.05)

@@ -23,7 +23,7 @@ def test_moving_agrees_with_an_independent_integration_of_momentum(cfg):
     def rate(s, y):
         R = y[:9].reshape(3, 3)
         base = pin.SE3(pin.Quaternion(R).normalized(), y[9:])
-        v = sa.base_velocity(cfg.arm.at(cfg.q + s * dq, base), dq)
+        v = sa.base_velocity(cfg.arm.at(cfg.q + s * dq, base=base), dq)
         return np.concatenate(((pin.skew(v[3:]) @ R).ravel(), v[:3]))
 
     start = np.concatenate((cfg.base.rotation.ravel(), cfg.base.translation))
@@ -50,7 +50,7 @@ def test_moving_is_of_fourth_order(monkeypatch):
 
 
 def test_there_and_back_is_where_it_was_and_a_loop_is_not():
-    cfg = sa.load("planar2").at([0.3, -0.4], random_base(np.random.default_rng(3)))
+    cfg = sa.load("planar2").at([0.3, -0.4], base=random_base(np.random.default_rng(3)))
     back = sa.move(sa.move(cfg, [1.3, 0.6]), cfg.q)
     assert back.base.isApprox(cfg.base, 1e-9)
     loop = cfg

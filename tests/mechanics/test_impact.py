@@ -17,7 +17,7 @@ def random_state(seed: int):
     """A random tree with its tip, in motion and with momentum, and a random target in motion."""
     rng = np.random.default_rng(seed)
     arm = load_text(random_tree(seed, 5), tip="link_5", task=sa.Task("pose", 1.0))
-    cfg = arm.at(rng.uniform(-np.pi, np.pi, arm.n), random_base(rng))
+    cfg = arm.at(rng.uniform(-np.pi, np.pi, arm.n), base=random_base(rng))
     mass = 10 ** rng.uniform(-1, 3)
     target = {"mass": mass, "inertia": random_inertia(rng, mass), "com": rng.normal(size=3)}
     motion = {"dq": rng.normal(size=arm.n), "momentum": 10 * rng.normal(size=6)}
@@ -55,7 +55,7 @@ def velocities_before(cfg, dq, momentum):
         pose = pin.SE3(
             pin.exp3(t * v_b[3:]) @ cfg.base.rotation, cfg.base.translation + t * v_b[:3]
         )
-        ends.append(links_of(cfg.arm.at(cfg.q + t * dq, pose)))
+        ends.append(links_of(cfg.arm.at(cfg.q + t * dq, base=pose)))
     twists = {}
     for name in ends[0]:
         a, b = ends[0][name][0], ends[1][name][0]

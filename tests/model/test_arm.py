@@ -115,7 +115,7 @@ def test_locking_is_welding(seed, n):
     welded = load_text(text, tip=f"link_{n}", task="position", locked=locked)
     columns = [i for i, name in enumerate(free.joint_names) if name not in locked]
     assert welded.joint_names == tuple(free.joint_names[i] for i in columns)
-    other = welded.at(cfg.q[columns], cfg.base)
+    other = welded.at(cfg.q[columns], base=cfg.base)
     assert other.tip.isApprox(cfg.tip, 1e-10)
     assert np.allclose(other.com, cfg.com, atol=1e-11)
     J, K = sa.generalized_jacobian(cfg)[:, columns], sa.generalized_jacobian(other)
@@ -154,7 +154,7 @@ def test_massless_root_on_the_real_bus():
                  BUS, ARM, ELBOW)  # fmt: skip
     arm, plain = load_text(text), load_text(robot(BUS, ARM, ELBOW))
     weld = arm.tree.joints["weld"].origin
-    cfg, other = arm.at([0.4]), plain.at([0.4], weld)
+    cfg, other = arm.at([0.4]), plain.at([0.4], base=weld)
     assert np.allclose(cfg.com, other.com)
     assert np.allclose(sa.generalized_jacobian(cfg), sa.generalized_jacobian(other), atol=1e-14)
 

@@ -50,13 +50,13 @@ def test_bad_q_is_named(q, message):
 )
 def test_bad_base_is_named(base, message):
     with pytest.raises(sa.ConfigurationError, match=message):
-        sa.load("planar2").at([0, 0], base)
+        sa.load("planar2").at([0, 0], base=base)
 
 
 def test_nothing_in_a_configuration_can_be_changed():
     arm = sa.load("planar2")
     q, base = np.array([0.1, 0.2]), random_base(np.random.default_rng(0))
-    cfg = arm.at(q, base)
+    cfg = arm.at(q, base=base)
     q[0] = 5.0
     base.translation = np.ones(3)
     assert cfg.q[0] == 0.1

@@ -47,7 +47,7 @@ def same(a: sa.SpaceArm, b: sa.SpaceArm, seed=0, tolerance=1e-12) -> None:
     """Mass, CM, momentum matrix (and with it the inertia) and J* are equal."""
     rng = np.random.default_rng(seed)
     q, base = rng.uniform(-np.pi, np.pi, a.n), random_base(rng)
-    x, y = a.at(q, base), b.at(q, base)
+    x, y = a.at(q, base=base), b.at(q, base=base)
     assert a.joint_names == b.joint_names
     for u, v in [
         (a.mass, b.mass),

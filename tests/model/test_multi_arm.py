@@ -21,7 +21,7 @@ BASES = ("free-floating", "attitude-controlled", "fixed")
 
 def dual(seed=1, tip=("left", "right")) -> sa.Configuration:
     rng = np.random.default_rng(seed)
-    return sa.load("dual_ur5", tip=tip).at(rng.uniform(-3, 3, 12), random_base(rng))
+    return sa.load("dual_ur5", tip=tip).at(rng.uniform(-3, 3, 12), base=random_base(rng))
 
 
 def planar_pair(**spacecraft) -> sa.SpaceArm:
@@ -48,13 +48,13 @@ def test_stacked_rows_are_the_single_ones(seed):
     both = load_text(text, tip=tips, task=sa.Task("x z ry", 0.7))
     q, base = rng.uniform(-3, 3, both.n), random_base(rng)
     dq, h = rng.normal(size=both.n), rng.normal(size=6)
-    cfg = both.at(q, base)
-    stack = {mode: sa.generalized_jacobian(cfg, mode) for mode in BASES}
+    cfg = both.at(q, base=base)
+    stack = {mode: sa.generalized_jacobian(cfg, mode=mode) for mode in BASES}
     report = sa.singularity(cfg)
     for i, tip in enumerate(tips):
-        rows, one = slice(6 * i, 6 * i + 6), both.replace(tip=tip).at(q, base)
+        rows, one = slice(6 * i, 6 * i + 6), both.replace(tip=tip).at(q, base=base)
         for mode in BASES:
-            np.testing.assert_array_equal(stack[mode][rows], sa.generalized_jacobian(one, mode))
+            np.testing.assert_array_equal(stack[mode][rows], sa.generalized_jacobian(one, mode=mode))
         for of in (
             sa.generalized_jacobian_derivative,
             lambda c: sa.generalized_jacobian_rate(c, dq, h),
@@ -84,7 +84,7 @@ def test_the_report_of_two_tips_is_that_of_the_stack():
 def test_the_second_arm_locked_is_a_single_arm_with_its_mass_lumped(base):
     cfg = dual(2, "left")
     q_left, q_right = cfg.q[:6], cfg.q[6:]
-    J = sa.generalized_jacobian(cfg, base)[:, :6]
+    J = sa.generalized_jacobian(cfg, mode=base)[:, :6]
     names = cfg.arm.joint_names[6:]
     locked = cfg.arm.replace(locked=dict(zip(names, q_right, strict=True)))
     other = sa.mount("ur5", SERVICER, at=RIGHT).at(q_right)
@@ -92,10 +92,10 @@ def test_the_second_arm_locked_is_a_single_arm_with_its_mass_lumped(base):
     pin.ccrba(other.arm.model, data, other.full, np.zeros(12))
     lump = sa.Bus(mass=data.Ig.mass, inertia=data.Ig.inertia, com=other.com)
     single = sa.mount("ur5", lump, at=LEFT, name="left")
-    rest = sa.prescribed_motion(cfg, dict.fromkeys(names, 0.0), base=base)
+    rest = sa.prescribed_motion(cfg, dict.fromkeys(names, 0.0), mode=base)
     for found in (
-        sa.generalized_jacobian(locked.at(q_left, cfg.base), base),
-        sa.generalized_jacobian(single.at(q_left, cfg.base), base),
+        sa.generalized_jacobian(locked.at(q_left, base=cfg.base), mode=base),
+        sa.generalized_jacobian(single.at(q_left, base=cfg.base), mode=base),
         rest.jacobian,
     ):
         np.testing.assert_allclose(found, J, atol=1e-12)
@@ -108,7 +108,7 @@ def test_the_second_arm_locked_is_a_single_arm_with_its_mass_lumped(base):
 def test_prescribed_rates_and_momentum_move_the_tip_as_differences_do(seed):
     rng = np.random.default_rng(seed)
     arm = load_text(random_tree(seed, 5), tip="link_5", task="position")
-    cfg = arm.at(rng.uniform(-3, 3, arm.n), random_base(rng))
+    cfg = arm.at(rng.uniform(-3, 3, arm.n), base=random_base(rng))
     dq, h = rng.normal(size=arm.n), rng.normal(size=6)
     v_b, step = sa.base_velocity(cfg, dq, h), 1e-6
     ends = [moved(cfg, dq, v_b, t).tip for t in (-step, step)]

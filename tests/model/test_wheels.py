@@ -46,8 +46,8 @@ def pair(seed: int):
     dq = rng.normal(size=full.n)
     mine = [full.joint_names.index(name) for name in arm.joint_names]
     spin = dq[[full.joint_names.index(wheel.name) for wheel in arm.wheels]]
-    cfg = arm.at(q[mine], base, wheels=0.45 * spin)
-    return full.at(q, base), dq, cfg, dq[mine], mine, rng.normal(size=6)
+    cfg = arm.at(q[mine], base=base, wheels=0.45 * spin)
+    return full.at(q, base=base), dq, cfg, dq[mine], mine, rng.normal(size=6)
 
 
 @given(seeds)
@@ -86,13 +86,13 @@ def test_torques_and_accelerations_are_those_with_the_wheels_driven_at_constant_
     ddq = np.zeros(full.arm.n)
     ddq[mine] = np.linspace(-1, 1, len(mine))
     for base in ("free-floating", "attitude-controlled", "fixed"):
-        a = sa.inverse_dynamics(full, dq, ddq, base=base, momentum=h)
-        b = sa.inverse_dynamics(cfg, rates, ddq[mine], base=base, momentum=h)
+        a = sa.inverse_dynamics(full, dq, ddq, mode=base, momentum=h)
+        b = sa.inverse_dynamics(cfg, rates, ddq[mine], mode=base, momentum=h)
         scale = 1e-10 * (1 + np.abs(a.tau).max() + np.abs(a.reaction).max())
         np.testing.assert_allclose(b.tau, a.tau[mine], atol=scale)
         np.testing.assert_allclose(b.base, a.base, atol=scale)
         np.testing.assert_allclose(b.reaction, a.reaction, atol=scale)
-        back = sa.forward_dynamics(cfg, rates, b.tau, base=base, momentum=h)
+        back = sa.forward_dynamics(cfg, rates, b.tau, mode=base, momentum=h)
         np.testing.assert_allclose(back.ddq, ddq[mine], atol=1e-8)
 
 

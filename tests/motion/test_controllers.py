@@ -33,7 +33,7 @@ def test_the_earth_bound_law_lags_behind():
     p, v = arm.at(Q7).tip.translation, np.array([0.01, -0.02, 0.015])
     misses = []
     for base in ("free-floating", "fixed"):
-        law = sa.ResolvedRate(target=lambda t: p + v * t, gain=2.0, servo=50.0, base=base)
+        law = sa.ResolvedRate(target=lambda t: p + v * t, gain=2.0, servo=50.0, mode=base)
         run = sa.simulate(arm, Q7, law, 10.0, events=())
         misses.append(error(run, law.target)[-1])
     assert misses[1] > 100 * misses[0]
@@ -42,7 +42,7 @@ def test_the_earth_bound_law_lags_behind():
 def test_on_a_fixed_spacecraft_the_earth_bound_law_is_right():
     arm = chaser()
     goal = arm.at(Q7).tip.translation + np.array([0.05, 0.02, -0.03])
-    law = sa.ResolvedRate(target=goal, gain=1.0, base="fixed")
+    law = sa.ResolvedRate(target=goal, gain=1.0, mode="fixed")
     run = sa.simulate(arm, Q7, law, 15.0, mode="fixed", events=())
     assert error(run, lambda _: goal)[-1] < 1e-5
 

@@ -13,7 +13,7 @@ E, A, B, C = (2.0, 0.0), np.radians([-57.936, 60.337]), (1.5, 1.5), np.array([1.
 def at_the_cm(arm, q, attitude):
     """The spacecraft's pose that puts the system CM at the origin."""
     R = pin.exp3(np.array([0.0, 0.0, np.radians(attitude)]))
-    return pin.SE3(R, -arm.at(q, pin.SE3(R, np.zeros(3))).com)
+    return pin.SE3(R, -arm.at(q, base=pin.SE3(R, np.zeros(3))).com)
 
 
 def attitude(run):
@@ -69,7 +69,7 @@ def test_from_the_printed_attitude_to_b(arm):
     assert run.arrived
     assert attitude(run) == pytest.approx(21.29, abs=0.2)
     np.testing.assert_allclose(np.degrees(run.q[-1]), (7.57, 41.90), atol=0.35)
-    printed = arm.at(np.radians([7.57, 41.90]), at_the_cm(arm, np.radians([7.57, 41.90]), 21.29))
+    printed = arm.at(np.radians([7.57, 41.90]), base=at_the_cm(arm, np.radians([7.57, 41.90]), 21.29))
     assert np.linalg.norm(printed.tip.translation[:2] - B) > 1e-3
 
 
@@ -81,11 +81,11 @@ def test_the_same_motion_by_the_barycentric_jacobian(arm):
     run = sa.follow(arm, A, [C], base=base)
 
     def rate(_, y):
-        cfg = arm.at(y[:2], pin.SE3(pin.exp3(np.array([0, 0, y[2]])), np.zeros(3)))
+        cfg = arm.at(y[:2], base=pin.SE3(pin.exp3(np.array([0, 0, y[2]])), np.zeros(3)))
         dq = np.linalg.solve(sa.barycentric(cfg).generalized_jacobian()[:2], C - tip)
         return np.append(dq, sa.base_velocity(cfg, dq)[5])
 
-    tip = arm.at(A, base).tip.translation[:2]
+    tip = arm.at(A, base=base).tip.translation[:2]
     y = solve_ivp(rate, (0, 1), [*A, np.radians(20.94)], rtol=1e-11, atol=1e-12).y[:, -1]
     np.testing.assert_allclose(run.q[-1], y[:2], atol=1e-8)
     assert attitude(run) == pytest.approx(np.degrees(y[2]), abs=1e-6)
@@ -168,7 +168,7 @@ def test_rows_that_turn_with_the_spacecraft_are_followed_and_judged_in_inertial_
     locked = dict(zip([f"joint_{i}" for i in (2, 4, 5, 6)], rng.uniform(-2, 2, 4), strict=True))
     arm = sa.load("mda6", locked=locked, task="x y")
     q0, base = rng.uniform(-1.5, 1.5, 2), pin.SE3(pin.exp3(rng.normal(size=3)), np.zeros(3))
-    goal = arm.at(q0, base).tip.translation[:2] + 0.3 * rng.normal(size=2)
+    goal = arm.at(q0, base=base).tip.translation[:2] + 0.3 * rng.normal(size=2)
     run = sa.follow(arm, q0, [goal], base=base, limits=False)
     if run.arrived:
         np.testing.assert_allclose(run.tip[-1, :2], goal, atol=1e-8)

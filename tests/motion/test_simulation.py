@@ -16,7 +16,7 @@ TARGET = np.array([1.5, 1.5])
 def at_the_cm(arm, q, attitude):
     """The spacecraft's pose that puts the system CM at the origin."""
     R = pin.exp3(np.array([0.0, 0.0, np.radians(attitude)]))
-    return pin.SE3(R, -arm.at(q, pin.SE3(R, np.zeros(3))).com)
+    return pin.SE3(R, -arm.at(q, base=pin.SE3(R, np.zeros(3))).com)
 
 
 @pytest.fixture(scope="module")

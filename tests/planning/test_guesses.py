@@ -52,7 +52,7 @@ def test_landing_with_the_attitude_held():
     there = np.flatnonzero(miss < 1e-9)
     assert len(there) > 10
     for i in there:
-        tip = arm.at(Q[i], pin.SE3(T[i], np.zeros(3))).centred(np.zeros(3)).tip
+        tip = arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(np.zeros(3)).tip
         np.testing.assert_allclose(tip.homogeneous, goal.homogeneous, atol=1e-8)
 
 
@@ -75,7 +75,7 @@ def test_guesses_arrive_and_are_free(name, way):
     arm, rng = sa.load(name), np.random.default_rng(3)
     q = np.array([0.7, 1.1]) if name == "planar2" else np.radians([0, 60, -100, -50, 30, 0])
     start = arm.at(q).centred(np.zeros(3))
-    turned = arm.at(q + 0.3, pin.SE3(pin.exp3(np.array([0, 0, 0.2])), np.zeros(3)))
+    turned = arm.at(q + 0.3, base=pin.SE3(pin.exp3(np.array([0, 0, 0.2])), np.zeros(3)))
     tip = turned.centred(np.zeros(3)).tip
     task = Task(tip, None, None, 1e-3, arm.lower, arm.upper)
     search = Search(start, task, 3, rng)

@@ -21,7 +21,7 @@ E, B, C = np.radians([-57.936, 60.337]), np.array([1.5, 1.5]), np.array([1.0, 0.
 def about_cm(arm, q, *rpy):
     """The spacecraft with this attitude, the system CM at the origin."""
     attitude = pin.SE3(pin.rpy.rpyToMatrix(np.array(rpy)), np.zeros(3))
-    return arm.at(q, attitude).centred(np.zeros(3)).base
+    return arm.at(q, base=attitude).centred(np.zeros(3)).base
 
 
 def replay(plan):
@@ -36,7 +36,7 @@ def replay(plan):
 
         T = solve_ivp(rate, (0, 1), T, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
     U, _, Vt = np.linalg.svd(T.reshape(3, 3))
-    return arm.at(plan.q[-1], pin.SE3(U @ Vt, np.zeros(3))).centred(start.com)
+    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(start.com)
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_a_spatial_arm_turns_its_spacecraft(axis):
 
 def test_a_pose_of_a_planar_arm_and_a_place_of_a_spatial_one():
     planar = sa.load("planar3")
-    goal = planar.at([-0.4, 1.3, 0.6], pin.SE3(pin.exp3(np.array([0, 0, 1.0])), np.zeros(3))).tip
+    goal = planar.at([-0.4, 1.3, 0.6], base=pin.SE3(pin.exp3(np.array([0, 0, 1.0])), np.zeros(3))).tip
     plan = sa.plan(planar, [0.5, 0.8, -0.9], goal, limits=False)
     start_com = plan.at(0).com
     np.testing.assert_allclose(replay(plan).tip.homogeneous, goal.homogeneous, atol=1e-6)

@@ -27,7 +27,7 @@ def axes():
 
 @pytest.mark.parametrize("name", ["planar2", "planar3"])
 def test_the_arm_is_drawn_where_it_is(axes, name):
-    cfg = sa.load(name).at(np.full(int(name[-1]), 0.4), TURNED)
+    cfg = sa.load(name).at(np.full(int(name[-1]), 0.4), base=TURNED)
     draw_posture(axes, cfg)
     arm, com = (line.get_xydata() for line in axes.lines)
     np.testing.assert_allclose(arm[0], TURNED.act(cfg.arm.mount.translation)[:2], atol=1e-12)
@@ -37,7 +37,7 @@ def test_the_arm_is_drawn_where_it_is(axes, name):
 
 
 def test_the_ellipse_has_the_singular_values_as_axes(axes):
-    cfg = sa.load("planar2").at([0.3, 1.1], TURNED)
+    cfg = sa.load("planar2").at([0.3, 1.1], base=TURNED)
     draw_velocities(axes, cfg)
     from_tip = axes.lines[0].get_xydata() - cfg.tip.translation[:2]
     far = np.linalg.norm(from_tip, axis=1) / SECONDS
@@ -52,7 +52,7 @@ def test_the_lost_direction_is_named(axes):
 
 
 def test_the_virtual_manipulator_ends_at_the_tip(axes):
-    cfg = sa.load("planar2").at([0.3, 1.1], TURNED)
+    cfg = sa.load("planar2").at([0.3, 1.1], base=TURNED)
     draw_virtual_manipulator(axes, cfg)
     arrows = [text for text in axes.texts if text.get_text() == ""]
     np.testing.assert_allclose(arrows[0].xyann, cfg.com[:2], atol=1e-12)
@@ -62,7 +62,7 @@ def test_the_virtual_manipulator_ends_at_the_tip(axes):
 
 
 def test_the_system_cm_is_the_mean_of_the_bodies_cms(axes):
-    cfg = sa.load("planar2").at([0.3, 1.1], TURNED)
+    cfg = sa.load("planar2").at([0.3, 1.1], base=TURNED)
     draw_barycentres(axes, cfg)
     masses = np.array([40.0, 4.0, 3.0])
     np.testing.assert_allclose(

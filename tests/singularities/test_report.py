@@ -16,7 +16,7 @@ import spacearm as sa
 def test_figure_3_is_a_dynamic_singularity():
     """q = (-65, -11.41) deg at an attitude of 40 deg: the paper's figure 3."""
     attitude = pin.SE3(pin.utils.rotate("z", np.radians(40)), np.zeros(3))
-    report = sa.singularity(sa.load("planar2").at(np.radians([-65, -11.41]), attitude))
+    report = sa.singularity(sa.load("planar2").at(np.radians([-65, -11.41]), base=attitude))
     assert report.kind == "dynamic"
     assert report.rank == 1
     assert report.sigma_min < 1e-5
@@ -46,7 +46,7 @@ def test_stretched_and_folded_planar2_is_kinematic(q):
 def test_only_kinematic_singularities_are_left_without_free_floating():
     cfg = sa.load("planar2").at(np.radians([-65, -11.41]))
     for mode in ("attitude-controlled", "fixed"):
-        assert sa.singularity(cfg, base=mode).kind == "regular"
+        assert sa.singularity(cfg, mode=mode).kind == "regular"
 
 
 @given(trees())
@@ -74,7 +74,7 @@ def test_attitude_does_not_matter(cfg):
     for task in ("pose", "x y", "z", "x y rz", "y rx", "orientation", "x y z rz", "rx ry"):
         arm = cfg.arm.replace(task=sa.Task(task, 0.7) if sa.Task(task).mixed else task)
         here, there = (
-            sa.singularity(arm.at(cfg.q, base)) for base in (cfg.base, pin.SE3.Identity())
+            sa.singularity(arm.at(cfg.q, base=base)) for base in (cfg.base, pin.SE3.Identity())
         )
         assert np.allclose(here.sigma, there.sigma, atol=1e-12 * (1 + there.sigma[0]))
 
@@ -88,8 +88,8 @@ def test_gradient_agrees_with_central_differences(cfg):
     h = 1e-6
     differences = [
         (
-            sa.singularity(cfg.arm.at(cfg.q + step, cfg.base)).sigma_min
-            - sa.singularity(cfg.arm.at(cfg.q - step, cfg.base)).sigma_min
+            sa.singularity(cfg.arm.at(cfg.q + step, base=cfg.base)).sigma_min
+            - sa.singularity(cfg.arm.at(cfg.q - step, base=cfg.base)).sigma_min
         )
         / (2 * h)
         for step in np.eye(cfg.arm.n) * h

@@ -178,9 +178,9 @@ def test_bars_show_the_digits_that_a_payload_takes():
 def test_an_exact_zero_is_within_the_bar():
     for q in ((0.0, 0.0), (0.7, 0.0)):
         cfg = sa.load("planar2").at(q)
-        exact = precise.singular_values(cfg, precise.generalized_jacobian(cfg, "fixed"))
+        exact = precise.singular_values(cfg, mode=precise.generalized_jacobian(cfg, mode="fixed"))
         assert abs(exact[-1]) < 1e-45
-        assert sa.singularity(cfg, base="fixed").sigma_min <= sa.error_bars(cfg, "fixed").sigma
+        assert sa.singularity(cfg, mode="fixed").sigma_min <= sa.error_bars(cfg, mode="fixed").sigma
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -191,10 +191,10 @@ def test_bars_hold_at_every_attitude(name):
         rng = np.random.default_rng(seed)
         q, w = rng.uniform(-3, 3, arm.n), np.append(rng.normal(size=2), 0.0)
         here = arm.at(q)
-        exact = precise.singular_values(here, precise.generalized_jacobian(here))
+        exact = precise.singular_values(here, mode=precise.generalized_jacobian(here))
         upside_down = pin.SE3(pin.exp3(w * (np.pi - 1e-4) / np.linalg.norm(w)), np.zeros(3))
         for base in (random_base(rng), upside_down):
-            cfg = arm.at(q, base)
+            cfg = arm.at(q, base=base)
             errors = np.array([float(s) for s in exact]) - sa.singularity(cfg).sigma
             assert np.abs(errors).max() <= sa.error_bars(cfg).sigma
 
@@ -207,7 +207,7 @@ def test_bars_are_infinite_where_nothing_can_be_trusted():
     assert np.isinf(bars.sigma)
     assert np.isinf(bars.jacobian).all()
     assert bars.jacobian.shape == (6, 6)
-    assert np.isfinite(sa.error_bars(cfg, "fixed").sigma)
+    assert np.isfinite(sa.error_bars(cfg, mode="fixed").sigma)
 
 
 def test_bars_grow_without_limit_to_where_they_are_infinite():
@@ -237,4 +237,4 @@ def test_several_tips_have_the_bars_of_each():
 
 def test_a_wrong_base_is_named():
     with pytest.raises(sa.ConfigurationError, match="free-floating"):
-        sa.error_bars(sa.load("planar2").at([0.1, 0.2]), "free")
+        sa.error_bars(sa.load("planar2").at([0.1, 0.2]), mode="free")

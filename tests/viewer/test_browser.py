@@ -250,7 +250,7 @@ def position(page, name):
 def test_a_motion_plays_live_and_from_a_file(browser, tmp_path):
     viewer = sa.view(motion(), open=False)
     wanted = sa.Motion.of(motion()).at(1.25)
-    elbow = wanted.arm.replace(tip="link_2").at(wanted.q, wanted.base).tip.translation
+    elbow = wanted.arm.replace(tip="link_2").at(wanted.q, base=wanted.base).tip.translation
     live = Page(browser, viewer.serve()).ready()
     live.seek(1.25)
     live.page.wait_for_timeout(300)

@@ -89,7 +89,7 @@ def test_bounds_are_attained_at_singular_configurations(planar2):
 
 @pytest.mark.parametrize("base", ["attitude-controlled", "fixed"])
 def test_a_held_spacecraft_leaves_kinematic_singularities_only(planar2, base):
-    held = sa.workspace(planar2.arm, base=base)
+    held = sa.workspace(planar2.arm, mode=base)
     for shell in held.shells:
         assert np.sin(shell.at[:, 1]) == pytest.approx(0.0, abs=1e-9)  # q2 = k pi
     if base == "attitude-controlled":
@@ -107,7 +107,7 @@ def test_mounted_at_the_spacecraft_s_cm_all_is_path_independent():
 
 def test_a_larger_inertia_shrinks_the_path_dependent_workspace(planar2):
     """Section VI: monotonically toward the kinematic boundary."""
-    kinematic = sa.workspace(planar2.arm, base="attitude-controlled").volumes["pdw"]
+    kinematic = sa.workspace(planar2.arm, mode="attitude-controlled").volumes["pdw"]
     areas = [
         sa.workspace(sa.design.vary(planar2.arm, {"base_inertia": k})).volumes["pdw"]
         for k in (1, 2, 5, 100)
