@@ -50,7 +50,7 @@ def best(work: Callable[[], object], rounds: int = ROUNDS) -> float:
 
 
 def spacearm(arm: sa.SpaceArm, Q: np.ndarray, threads: int) -> Callable[[], object]:
-    return lambda: sa.evaluate(arm, Q, ("sigma_min", "det"), threads=threads)
+    return lambda: sa.evaluate(arm, Q, ("sigma_min", "determinant"), threads=threads)
 
 
 def python_loop(arm: sa.SpaceArm, Q: np.ndarray) -> Callable[[], object]:

@@ -126,9 +126,9 @@ def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: b
         components = (component(x) for x in direction)
         directions.add_row(label, number(report.sigma[i], 4), *components, style=style)
     out.print(directions)
-    if report.still.size:
+    if report.null_space.size:
         heading("Joint motions that leave the tip at rest")
         still = table(*arm.joint_names)
-        for motion in report.still.T:
+        for motion in report.null_space.T:
             still.add_row(*(component(x) for x in motion))
         out.print(still)

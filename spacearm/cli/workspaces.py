@@ -26,7 +26,6 @@ from spacearm.cli.options import (
 from spacearm.cli.output import check_picture, out, print_json, table, write_picture
 from spacearm.errors import ConfigurationError
 from spacearm.files import read
-from spacearm.model.mode import BaseMode
 from spacearm.workspaces.path_dependent import EFFORT, Workspace, workspace
 
 
@@ -59,7 +58,7 @@ def workspace_(
     result = workspace(arm, mode=mode.value, limits=limits, effort=effort, seed=seed)
     if as_json:
         data = {**result.to_dict(), "arm": arm.name, "fraction": result.fraction}
-        shells = [{"R": s.R.tolist(), "at": s.at.tolist()} for s in result.shells]
+        shells = [{"radius": s.radius.tolist(), "at": s.at.tolist()} for s in result.shells]
         data |= {"free": result.free.tolist(), "volumes": result.volumes, "shells": shells}
         print_json(data)
     else:

@@ -13,7 +13,7 @@ from spacearm.kernels.singular_values import (
     least_eigenvalue,
 )
 
-MEASURES = ("sigma_min", "manipulability", "condition", "det", "radius")
+MEASURES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
 """Their order in arrays."""
 
 

@@ -17,7 +17,7 @@ from spacearm.kernels.processors import processors
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 
-QUANTITIES = ("sigma_min", "manipulability", "condition", "det", "radius")
+QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
 """What `evaluate` can tell."""
 
 FEW = 50
@@ -56,8 +56,8 @@ def evaluate(
         Q: (m, n) joint positions [rad] or [m], in any order of memory, or a memory map; it is
             read block by block.
         quantities: Of "sigma_min" (least singular value of the task Jacobian), "manipulability"
-            (product of the singular values), "condition" (largest over least), "det" (equation
-            (37); NaN unless the task has as many rows as the arm has joints) and "radius" (R of
+            (product of the singular values), "condition" (largest over least), "determinant"
+            (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius" (R of
             equation (43), distance of the tip from the system CM [m]).
         out: Arrays (m,) to write to, memory maps included, for some or all of the quantities.
         threads: How many to use; as many as there are processors if None.
@@ -168,7 +168,7 @@ def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
         values["sigma_min"][i] = sigma[-1]
         values["manipulability"][i] = sigma.prod()
         values["condition"][i] = sigma[0] / sigma[-1] if sigma[-1] > 0.0 else np.inf
-        values["det"][i] = np.linalg.det(J) if k == n else np.nan
+        values["determinant"][i] = np.linalg.det(J) if k == n else np.nan
         values["radius"][i] = np.linalg.norm(cfg.tip.translation - cfg.com)
     return values
 

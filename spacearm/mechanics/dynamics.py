@@ -38,8 +38,8 @@ class Dynamics(NamedTuple):
     Attributes:
         ddq: (n,) joint accelerations [rad/s^2] or [m/s^2].
         tau: (n,) joint torques [N m] or forces [N].
-        base_acceleration: (6,) acceleration of the spacecraft frame's origin, [linear [m/s^2]; angular
-            [rad/s^2]], inertial axes.
+        base_acceleration: (6,) acceleration of the spacecraft frame's origin, [linear [m/s^2];
+            angular [rad/s^2]], inertial axes.
         reaction: (6,) wrench on the spacecraft that holds what is held, [force [N]; torque [N m]]
             at the origin of its frame, inertial axes: the torque that wheels or jets must give to
             an attitude-controlled one; zero where nothing is held.

@@ -41,7 +41,7 @@ class Capture(Result):
             [kg m^2/s]], inertial axes: what `simulate` takes for the motion that follows.
         impulse: (6,) what the target gave to the tip, [linear [N s]; angular about the tip frame's
             origin [N m s]], inertial axes.
-        lost: Kinetic energy that the impact took [J], never negative.
+        energy_lost: Kinetic energy that the impact took [J], never negative.
     """
 
     configuration: Configuration
@@ -49,7 +49,7 @@ class Capture(Result):
     dq: Array
     momentum: Array
     impulse: Array
-    lost: float
+    energy_lost: float
 
     @property
     def velocities(self) -> dict[str, Array]:
@@ -67,7 +67,7 @@ class Capture(Result):
 
     def __repr__(self) -> str:
         name = self.configuration.arm.name
-        return f"Capture({name}: {self.lost:.6g} J lost, w_0 = {self.twist[3:]} rad/s)"
+        return f"Capture({name}: {self.energy_lost:.6g} J lost, w_0 = {self.twist[3:]} rad/s)"
 
 
 def capture(
@@ -124,7 +124,7 @@ def capture(
         dq=after[6:],
         momentum=held.A @ after,
         impulse=-M_t @ dt,
-        lost=float(dv @ M @ dv + dt @ M_t @ dt) / 2.0,
+        energy_lost=float(dv @ M @ dv + dt @ M_t @ dt) / 2.0,
     )
 
 

@@ -25,7 +25,7 @@ class FreeSpace:
 
     def __init__(self, arm: SpaceArm, q: Array, lower: Array, upper: Array) -> None:
         self.arm, self.q, self.lower, self.upper = arm, q, lower, upper
-        self._det = evaluate(arm, q[None], ("det",))["det"][0]
+        self._det = evaluate(arm, q[None], ("determinant",))["determinant"][0]
         kinds = [arm.tree.joints[name].kind for name in arm.joint_names]
         self._turns = np.array([kind != "prismatic" for kind in kinds]) & (arm.coupling is None)
 
@@ -56,11 +56,11 @@ class FreeSpace:
         """(K,) least sigma_min on curves, (K, m, n) points on each; negative if they leave it."""
         inside = ((curves >= self.lower) & (curves <= self.upper)).all(axis=(1, 2))
         few = curves[inside]
-        names = ("sigma_min",) if np.isnan(self._det) else ("sigma_min", "det")
+        names = ("sigma_min",) if np.isnan(self._det) else ("sigma_min", "determinant")
         at = evaluate(self.arm, few.reshape(-1, self.arm.n), names)
         sigma = at["sigma_min"]
-        if "det" in at:
-            sigma[at["det"] * self._det <= 0.0] = -1.0
+        if "determinant" in at:
+            sigma[at["determinant"] * self._det <= 0.0] = -1.0
         least = np.full(len(curves), -1.0)
         least[inside] = sigma.reshape(len(few), curves.shape[1]).min(axis=1)
         return least

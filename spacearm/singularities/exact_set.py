@@ -38,16 +38,17 @@ class Component(NamedTuple):
 
     Attributes:
         points: (m, n) points on it.
-        R: (2,) least and largest distance of the tip from the system CM on it [m].
+        radius: (2,) least and largest distance of the tip from the system CM on it [m].
         at: (2, n) configurations at which they are attained.
     """
 
     points: Array
-    R: Array
+    radius: Array
     at: Array
 
     def __repr__(self) -> str:
-        return f"Component({len(self.points)} points, R from {self.R[0]:.7g} to {self.R[1]:.7g} m)"
+        low, high = self.radius
+        return f"Component({len(self.points)} points, R from {low:.7g} to {high:.7g} m)"
 
 
 def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> SingularSet | FoundSet:

@@ -49,7 +49,7 @@ class SingularityReport(Result):
             the same posture too; else "dynamic".
         available: (k, rank) orthonormal directions in which the tip can move.
         lost: (k, k - rank) orthonormal directions in which it cannot.
-        still: (n, n - rank) orthonormal joint motions that leave the tip at rest.
+        null_space: (n, n - rank) orthonormal joint motions that leave the tip at rest.
         gradient: (n,) derivative of sigma_min with respect to q. At sigma_min = 0, and where
             the least singular value is repeated, the one-sided derivative of one branch.
         jacobian: (k, n) the task Jacobian J.
@@ -67,7 +67,7 @@ class SingularityReport(Result):
     kind: Kind
     available: Array
     lost: Array
-    still: Array
+    null_space: Array
     gradient: Array
     jacobian: Array
     axes: Array
@@ -118,7 +118,7 @@ def singularity(
         kind="regular" if rank == k else "kinematic" if fixed_rank < k else "dynamic",
         available=U[:, :rank],
         lost=U[:, rank:],
-        still=V[:, rank:],
+        null_space=V[:, rank:],
         gradient=U[:, -1] @ dJ @ V[:, k - 1] if k <= n else np.zeros(n),
         jacobian=J,
         axes=task.axes(R),

@@ -47,7 +47,7 @@ def free_workspace(arm: SpaceArm, mode: BaseMode, limits: bool, reachable: Array
         held: BaseMode = "fixed" if mode == "fixed" else "attitude-controlled"
         found = singular_set(arm.replace(task=rows), mode=held)
         if isinstance(found, SingularSet):
-            critical = [float(R) for piece in found.components() for R in piece.R]
+            critical = [float(R) for piece in found.components() for R in piece.radius]
     return free_radii(reach, low, high, critical)
 
 

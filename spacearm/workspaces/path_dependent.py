@@ -195,8 +195,8 @@ def workspace(
         gap = max(gap, reach_gap)
     else:
         shells, gap = found_shells(found, box, effort, rng), float("nan")
-    reachable = merged([shell.R for shell in reach])
-    pdw = merged([shell.R for shell in shells])
+    reachable = merged([shell.radius for shell in reach])
+    pdw = merged([shell.radius for shell in shells])
     return Workspace(
         arm=arm,
         mode=mode,
@@ -204,7 +204,7 @@ def workspace(
         reachable=reachable,
         pdw=pdw,
         piw=_outside(reachable[0], pdw),
-        shells=tuple(sorted(shells, key=lambda shell: shell.R[0])),
+        shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
         reachable_at=reach[0].at,
         kind="certified" if certified else "found",
         gap=gap,

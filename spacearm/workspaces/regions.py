@@ -31,13 +31,13 @@ class Region(NamedTuple):
     Attributes:
         kind: "unreachable"; "path independent": no path to it meets a singularity there; or
             "path dependent": after some paths the arm is singular when the tip is there.
-        R: Distance of the point from the system CM [m].
+        radius: Distance of the point from the system CM [m].
         singular: Singular configurations with the tip at the point and the system CM at the
             origin, one for each shell that the point lies in; empty unless path dependent.
     """
 
     kind: Literal["unreachable", "path independent", "path dependent"]
-    R: float
+    radius: float
     singular: tuple[Configuration, ...]
 
 
@@ -82,8 +82,8 @@ def singular_at(
     near = Q[np.argsort(np.abs(R2(Q) - R * R))[:BEST]]
     results = []
     for shell in shells:
-        if shell.R[0] - 1e-9 <= R <= shell.R[1] + 1e-9:
-            starts = [*shell.at[np.argsort(np.abs(shell.R - R))[:1]], *near]
+        if shell.radius[0] - 1e-9 <= R <= shell.radius[1] + 1e-9:
+            starts = [*shell.at[np.argsort(np.abs(shell.radius - R))[:1]], *near]
             meetings = (_meeting(found.S, R2, R * R, start) for start in starts)
             inside = (box.fold(q) for q in meetings if q is not None and box.holds(box.fold(q)))
             if (q := next(inside, None)) is not None:

@@ -76,13 +76,13 @@ class Shell(NamedTuple):
     """Between which distances of the tip from the system CM one piece of the singular set lies.
 
     Attributes:
-        R: (2,) least and largest distance [m].
+        radius: (2,) least and largest distance [m].
         at: (2, n) configurations at which they are attained.
         component: Number of the component in `SingularSet.components`, for arms with up to three
             relevant joints and without joint limits; else the number of the piece.
     """
 
-    R: Array
+    radius: Array
     at: Array
     component: int
 
@@ -93,7 +93,7 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
         return []  # S is a constant: nothing is singular
     components = found.components()
     if not box.limited:
-        return [Shell(c.R, c.at, i) for i, c in enumerate(components)]
+        return [Shell(c.radius, c.at, i) for i, c in enumerate(components)]
     pieces = [
         piece for points, edges in _pieces(found, box) for piece in _clipped(points, edges, box)
     ]
@@ -194,7 +194,7 @@ def prove(
     """
     R2 = radius_squared(arm, mode)
     for _ in range(MOST_ADDED):
-        intervals = merged([shell.R for shell in shells])
+        intervals = merged([shell.radius for shell in shells])
         ends = intervals[intervals > tolerance]
         to_R = 2.0 * float(ends.min()) if len(ends) else 1.0
         squares = np.where(intervals <= tolerance, -1.0, intervals**2)

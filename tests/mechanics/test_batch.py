@@ -45,9 +45,9 @@ def compare(arm, Q, rows=8):
         if report.condition < 1e6:
             assert values["condition"][i] == pytest.approx(report.condition, rel=1e-8)
         if report.determinant is None:
-            assert math.isnan(values["det"][i])
+            assert math.isnan(values["determinant"][i])
         else:
-            assert values["det"][i] == pytest.approx(
+            assert values["determinant"][i] == pytest.approx(
                 report.determinant, abs=1e-12 * largest**arm.task.k
             )
         radius = np.linalg.norm(cfg.tip.translation - cfg.com)
@@ -228,7 +228,7 @@ def test_arms_with_fewer_joints_than_rows_are_singular_everywhere():
         assert (values["sigma_min"] == 0).all()
         assert (values["manipulability"] == 0).all()
         assert np.isinf(values["condition"]).all()
-        assert np.isnan(values["det"]).all()
+        assert np.isnan(values["determinant"]).all()
 
 
 def test_angles_of_many_turns(rng):
@@ -259,10 +259,10 @@ def test_other_storage(kind, rng):
     arm = sa.load("mda6")
     Q = rng.uniform(-3, 3, (MANY, 6)).astype(kind)
     out = {"sigma_min": np.empty(MANY, np.float32)}
-    values = sa.evaluate(arm, Q, ("sigma_min", "det"), out=out)
-    exact = sa.evaluate(arm, Q.astype(np.float64), ("sigma_min", "det"))
+    values = sa.evaluate(arm, Q, ("sigma_min", "determinant"), out=out)
+    exact = sa.evaluate(arm, Q.astype(np.float64), ("sigma_min", "determinant"))
     assert values["sigma_min"] is out["sigma_min"]
-    np.testing.assert_array_equal(values["det"], exact["det"])
+    np.testing.assert_array_equal(values["determinant"], exact["determinant"])
     np.testing.assert_array_equal(values["sigma_min"], exact["sigma_min"].astype(np.float32))
     assert Q.dtype == kind
 
@@ -304,10 +304,14 @@ def test_an_error_in_progress_stops_the_work(rng):
         (([["a", "b"]],), {}, "type <U1"),
         ((np.zeros((4, 2), complex),), {}, "complex128"),
         ((np.zeros((4, 2)), ["sigma"]), {}, "'sigma'.*sigma_min"),
-        ((np.zeros((4, 2)),), {"out": {"det": np.empty(3)}}, r"out\['det'\].*\(4,\)"),
-        ((np.zeros((4, 2)),), {"out": {"det": np.empty(4, int)}}, "int64"),
+        (
+            (np.zeros((4, 2)),),
+            {"out": {"determinant": np.empty(3)}},
+            r"out\['determinant'\].*\(4,\)",
+        ),
+        ((np.zeros((4, 2)),), {"out": {"determinant": np.empty(4, int)}}, "int64"),
         ((np.zeros((4, 2)),), {"out": {"dot": np.empty(4)}}, "'dot'.*det"),
-        ((np.zeros((4, 2)), ["det"]), {"out": {"radius": np.empty(4)}}, "radius.*not name"),
+        ((np.zeros((4, 2)), ["determinant"]), {"out": {"radius": np.empty(4)}}, "radius.*not name"),
         ((np.zeros((4, 2)),), {"threads": 0}, "threads is 0"),
         ((np.zeros((4, 2)),), {"device": "gpu"}, "'gpu'.*cuda"),
     ],
@@ -321,7 +325,7 @@ def test_read_only_output():
     out = np.empty(4)
     out.flags.writeable = False
     with pytest.raises(sa.ConfigurationError, match="read-only"):
-        sa.evaluate(sa.load("planar2"), np.zeros((4, 2)), out={"det": out})
+        sa.evaluate(sa.load("planar2"), np.zeros((4, 2)), out={"determinant": out})
 
 
 def run(code, **environment):
@@ -384,7 +388,7 @@ def test_memory_maps_do_not_fill_memory(tmp_path):
         last = Q[-1].copy()
         del Q
         Q = np.memmap(folder + "/Q", np.float64, "r", shape=(5_000_000, 2))
-        names = ("sigma_min", "manipulability", "condition", "det", "radius")
+        names = ("sigma_min", "manipulability", "condition", "determinant", "radius")
         maps = {{n: np.memmap(folder + "/" + n, np.float64, "w+", shape=len(Q)) for n in names}}
 
         peak = 0

@@ -54,7 +54,9 @@ def test_stacked_rows_are_the_single_ones(seed):
     for i, tip in enumerate(tips):
         rows, one = slice(6 * i, 6 * i + 6), both.replace(tip=tip).at(q, base=base)
         for mode in BASES:
-            np.testing.assert_array_equal(stack[mode][rows], sa.generalized_jacobian(one, mode=mode))
+            np.testing.assert_array_equal(
+                stack[mode][rows], sa.generalized_jacobian(one, mode=mode)
+            )
         for of in (
             sa.generalized_jacobian_derivative,
             lambda c: sa.generalized_jacobian_rate(c, dq, h),

@@ -69,7 +69,9 @@ def test_from_the_printed_attitude_to_b(arm):
     assert run.arrived
     assert attitude(run) == pytest.approx(21.29, abs=0.2)
     np.testing.assert_allclose(np.degrees(run.q[-1]), (7.57, 41.90), atol=0.35)
-    printed = arm.at(np.radians([7.57, 41.90]), base=at_the_cm(arm, np.radians([7.57, 41.90]), 21.29))
+    printed = arm.at(
+        np.radians([7.57, 41.90]), base=at_the_cm(arm, np.radians([7.57, 41.90]), 21.29)
+    )
     assert np.linalg.norm(printed.tip.translation[:2] - B) > 1e-3
 
 

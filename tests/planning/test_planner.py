@@ -148,7 +148,9 @@ def test_a_spatial_arm_turns_its_spacecraft(axis):
 
 def test_a_pose_of_a_planar_arm_and_a_place_of_a_spatial_one():
     planar = sa.load("planar3")
-    goal = planar.at([-0.4, 1.3, 0.6], base=pin.SE3(pin.exp3(np.array([0, 0, 1.0])), np.zeros(3))).tip
+    goal = planar.at(
+        [-0.4, 1.3, 0.6], base=pin.SE3(pin.exp3(np.array([0, 0, 1.0])), np.zeros(3))
+    ).tip
     plan = sa.plan(planar, [0.5, 0.8, -0.9], goal, limits=False)
     start_com = plan.at(0).com
     np.testing.assert_allclose(replay(plan).tip.homogeneous, goal.homogeneous, atol=1e-6)

@@ -24,7 +24,7 @@ def test_figure_3_is_a_dynamic_singularity():
     U, _, VT = np.linalg.svd(R @ reference.planar_jacobian(*np.radians([-65, -11.41])))
     assert abs(report.available[:, 0] @ U[:, 0]) == pytest.approx(1, abs=1e-12)
     assert abs(report.lost[:, 0] @ U[:, 1]) == pytest.approx(1, abs=1e-12)
-    assert abs(report.still[:, 0] @ VT[1]) == pytest.approx(1, abs=1e-12)
+    assert abs(report.null_space[:, 0] @ VT[1]) == pytest.approx(1, abs=1e-12)
 
 
 def test_the_root_beside_figure_3():
@@ -55,12 +55,12 @@ def test_report_is_consistent(cfg):
     J, k, n = report.jacobian, cfg.arm.task.k, cfg.arm.n
     assert report.available.shape == (k, report.rank)
     assert report.lost.shape == (k, k - report.rank)
-    assert report.still.shape == (n, n - report.rank)
+    assert report.null_space.shape == (n, n - report.rank)
     directions = np.hstack((report.available, report.lost))
     assert np.allclose(directions.T @ directions, np.eye(k), atol=1e-12)
     scale = report.sigma[0]
     assert np.abs(report.lost.T @ J).max(initial=0.0) <= report.tolerance * scale * 1.01
-    assert np.abs(J @ report.still).max(initial=0.0) <= report.tolerance * scale * 1.01
+    assert np.abs(J @ report.null_space).max(initial=0.0) <= report.tolerance * scale * 1.01
     assert report.manipulability == pytest.approx(np.prod(report.sigma))
     if k == n:
         assert abs(report.determinant) == pytest.approx(report.manipulability, rel=1e-6, abs=1e-14)
@@ -112,8 +112,8 @@ def test_redundant_arms_keep_a_still_motion():
     arm = sa.load("chaser7")
     cfg = random_configuration(arm, 3)
     report = sa.singularity(cfg)
-    assert report.still.shape == (7, 1)
-    assert np.abs(sa.generalized_jacobian(cfg) @ report.still).max() < 1e-12
+    assert report.null_space.shape == (7, 1)
+    assert np.abs(sa.generalized_jacobian(cfg) @ report.null_space).max() < 1e-12
 
 
 def test_mixed_tasks_are_scaled_by_the_length_and_say_so():

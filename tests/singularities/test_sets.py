@@ -270,10 +270,10 @@ def test_small_islands_are_not_missed():
 def test_shells_of_planar2_from_its_components():
     """Equations (46) and (47) of the paper, to the digits of theory."""
     components = sa.singular_set(sa.load("planar2")).components()
-    shells = sorted(tuple(component.R) for component in components)
+    shells = sorted(tuple(component.radius) for component in components)
     assert shells[0] == pytest.approx((0.3510638, 0.5536773), abs=5e-8)
     assert shells[1] == pytest.approx((1.4361702, 2.2872340), abs=5e-8)
-    inner = min(components, key=lambda component: component.R[0])
+    inner = min(components, key=lambda component: component.radius[0])
     widest = np.degrees(np.angle(np.exp(1j * inner.at[1])))
     assert np.abs(widest) == pytest.approx([81.7116, 172.1288], abs=1e-4)
 
@@ -289,8 +289,8 @@ def test_surface_is_a_closed_mesh_on_the_set():
     for component in found.components():
         sample = component.points[:: max(1, len(component.points) // 200)]
         R = [np.linalg.norm((c := arm.at(q)).tip.translation - c.com) for q in sample]
-        assert component.R[0] - 1e-9 <= min(R)
-        assert max(R) <= component.R[1] + 1e-9
+        assert component.radius[0] - 1e-9 <= min(R)
+        assert max(R) <= component.radius[1] + 1e-9
     with pytest.raises(sa.UnsupportedError, match=r"dimension 2 .* not 1"):
         found.curves()
 

@@ -1,6 +1,6 @@
 """Installs: the wheel in fresh environments of several Pythons, with a few test files run on it.
 
-    python tests/tools/installs.py python3.10 python3.13       # the newest dependencies that pip takes
+    python tests/tools/installs.py python3.10 python3.13   # the newest dependencies
     python tests/tools/installs.py --lowest python3.10 python3.11   # each at its lower bound
 
 Some dependencies (zarr, distributed) are for Python 3.11 on: on 3.10 their bounds are not tried.

@@ -78,7 +78,7 @@ def test_free_workspace_of_the_paper(planar2):
 
 def test_bounds_are_attained_at_singular_configurations(planar2):
     for shell in planar2.shells:
-        for R, q in zip(shell.R, shell.at, strict=True):
+        for R, q in zip(shell.radius, shell.at, strict=True):
             cfg = planar2.arm.at(q)
             assert np.linalg.norm(cfg.tip.translation - cfg.com) == pytest.approx(R, abs=1e-12)
             assert sa.singularity(cfg).sigma_min < 1e-12
@@ -223,7 +223,7 @@ def test_a_missing_shell_is_found_by_the_proof(planar2):
     box = Box.of(arm.lower, arm.upper, limits=False)
     S = sa.singularity_polynomial(arm)
     shells, gap = prove(arm, "free-floating", S, list(planar2.shells[:1]), box, 1e-9)
-    np.testing.assert_allclose(merged([shell.R for shell in shells]), planar2.pdw, atol=1e-9)
+    np.testing.assert_allclose(merged([shell.radius for shell in shells]), planar2.pdw, atol=1e-9)
     assert gap <= 1e-9
 
 
@@ -313,7 +313,7 @@ def test_a_planar_arm_may_carry_its_tip_high():
     high = arm.at([0.3, 0.4]).tip.translation[2] - arm.at([0.3, 0.4]).com[2]
     result = sa.workspace(arm)
     region = result.regions((1.5, 1.5))
-    assert pytest.approx(np.linalg.norm((1.5, 1.5, high))) == region.R
+    assert pytest.approx(np.linalg.norm((1.5, 1.5, high))) == region.radius
     cfg = region.singular[0]
     np.testing.assert_allclose(cfg.tip.translation, (1.5, 1.5, high), atol=1e-8)
     assert result.regions((1.5, 1.5, high)).kind == "path dependent"
