@@ -116,7 +116,8 @@ def simulate_(
         task_id = bar.add_task("simulated", total=duration)
         run = simulate(
             arm, q0, law, duration, base=spacecraft_about_cm(arm, q0, attitude, deg),
-            mode=mode.value, stop=stop or [], rtol=rtol, progress=lambda t: bar.update(task_id, completed=t),
+            mode=mode.value, stop=stop or [], rtol=rtol,
+            progress=lambda t: bar.update(task_id, completed=t),
         )  # fmt: skip
     if save:
         run.save(save)

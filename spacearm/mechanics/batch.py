@@ -57,8 +57,8 @@ def evaluate(
             read block by block.
         quantities: Of "sigma_min" (least singular value of the task Jacobian), "manipulability"
             (product of the singular values), "condition" (largest over least), "determinant"
-            (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius" (R of
-            equation (43), distance of the tip from the system CM [m]).
+            (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
+            (R of equation (43), distance of the tip from the system CM [m]).
         out: Arrays (m,) to write to, memory maps included, for some or all of the quantities.
         threads: How many to use; as many as there are processors if None.
         progress: Called as progress(done, m) after each block.

@@ -80,7 +80,7 @@ def coupled(tree) -> tuple[dict, dict]:
     return rates, offsets
 
 
-def generalized_jacobian(cfg, base="free-floating", tree=None) -> mp.matrix:
+def generalized_jacobian(cfg, mode="free-floating", tree=None) -> mp.matrix:
     """J* of an arm with one tip, the spacecraft's frame the inertial one, all sums link by link.
 
     Momentum about the system CM is that of links that move as joint k, or the spacecraft along
@@ -132,7 +132,7 @@ def generalized_jacobian(cfg, base="free-floating", tree=None) -> mp.matrix:
         for x in range(3):
             J[x, column], J[3 + x, column] = v_E[x], w[x]
     A, J = A * mp.matrix(C), J * mp.matrix(C)
-    f = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}[base]
+    f = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}[mode]
     return J[:, 6:] - (J[:, :f] * A[:f, :f] ** -1 * A[:f, 6:] if f else mp.zeros(6, cfg.arm.n))
 
 

@@ -41,7 +41,7 @@ def test_forward_dynamics_is_aba_with_a_free_base(cfg):
     v = np.concatenate((local(cfg, v_b), dq))
     full = pin.aba(model, model.createData(), cfg.full, v, np.concatenate((np.zeros(6), tau)))
     assert close(found.ddq, full[6:])
-    spatial = local(cfg, found.base)
+    spatial = local(cfg, found.base_acceleration)
     spatial[:3] -= np.cross(v[3:6], v[:3])
     assert close(spatial, full[:6])
     assert not found.reaction.any()
@@ -55,7 +55,7 @@ def test_forward_then_inverse_is_the_identity(cfg, base):
     there = sa.forward_dynamics(cfg, dq, tau, **options)
     back = sa.inverse_dynamics(cfg, dq, there.ddq, **options)
     assert close(back.tau, tau, 1e-7)
-    assert close(back.base, there.base, 1e-7)
+    assert close(back.base_acceleration, there.base_acceleration, 1e-7)
     assert close(back.reaction, there.reaction, 1e-7)
 
 
@@ -126,13 +126,13 @@ def test_an_external_wrench_changes_momentum(cfg, size):
     for s in (-step, step):
         rate = dq + s * found.ddq
         v_b = sa.base_velocity(cfg, dq)
-        there = moved(cfg, dq + 0.5 * s * found.ddq, v_b + 0.5 * s * found.base, s)
+        there = moved(cfg, dq + 0.5 * s * found.ddq, v_b + 0.5 * s * found.base_acceleration, s)
         matrix = sa.momentum_matrix(there)
-        momenta.append(matrix.base @ (v_b + s * found.base) + matrix.joints @ rate)
+        momenta.append(matrix.A_b @ (v_b + s * found.base_acceleration) + matrix.A_q @ rate)
     change = (momenta[1] - momenta[0]) / (2 * step)
     arm = cfg.tip.translation - cfg.com
     expected = np.concatenate((wrench[:3], wrench[3:] + np.cross(arm, wrench[:3])))
-    scale = np.abs(M_b.joints).max() * (1 + np.abs(found.ddq).max() + np.abs(dq).max() ** 2)
+    scale = np.abs(M_b.A_q).max() * (1 + np.abs(found.ddq).max() + np.abs(dq).max() ** 2)
     assert np.abs(change - expected).max() <= 1e-5 * max(scale, 1.0)
 
 
@@ -151,7 +151,7 @@ def test_the_reaction_torque_is_what_holds_the_attitude(cfg):
         rate = dq + s * found.ddq
         matrix = sa.momentum_matrix(there)
         twist = spacecraft_twist(there, rate, "attitude-controlled")
-        momenta.append(matrix.base @ twist + matrix.joints @ rate)
+        momenta.append(matrix.A_b @ twist + matrix.A_q @ rate)
     change = (momenta[1] - momenta[0]) / (2 * step)
     scale = max(1.0, np.abs(found.reaction).max(), np.abs(momenta[0]).max())
     np.testing.assert_allclose(change[:3], 0.0, atol=1e-5 * scale)
@@ -185,7 +185,7 @@ def test_mimic_joints_share_their_torque():
     found = sa.forward_dynamics(cfg, dq, tau)
     model, C = arm.model, arm.coupling
     v = np.concatenate((local(cfg, sa.base_velocity(cfg, dq)), C @ dq))
-    a = np.concatenate((local(cfg, found.base), C @ found.ddq))
+    a = np.concatenate((local(cfg, found.base_acceleration), C @ found.ddq))
     a[:3] -= np.cross(v[3:6], v[:3])
     force = pin.rnea(model, model.createData(), cfg.full, v, a)
     assert close(force[:6], np.zeros(6), 1) or np.abs(force[:6]).max() < 1e-9 * np.abs(force).max()

@@ -117,7 +117,7 @@ def test_rate_is_the_change_along_the_motion(cfg):
 @settings(max_examples=30)
 def test_attitude_control_and_a_fixed_base_do_what_they_say(cfg):
     dq = np.random.default_rng(0).normal(size=cfg.arm.n)
-    A_q = sa.momentum_matrix(cfg).joints
+    A_q = sa.momentum_matrix(cfg).A_q
     v_0 = -(A_q @ dq)[:3] / cfg.arm.mass
     held = sa.generalized_jacobian(cfg, mode="attitude-controlled") - sa.fixed_base_jacobian(cfg)
     assert np.allclose(held @ dq, np.concatenate((v_0, np.zeros(3))), atol=1e-12)

@@ -278,7 +278,7 @@ def test_results_are_read_only_and_turn_into_plain_data():
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
     with pytest.raises(ValueError, match="read-only"):
-        sa.momentum_matrix(cfg).base[0] = 0.0
+        sa.momentum_matrix(cfg).A_b[0] = 0.0
     for result in (report, b, b.virtual_manipulator, sa.momentum_matrix(cfg), sa.catalogue()[0]):
         json.dumps(result.to_dict())
         assert "object at 0x" not in repr(result)

@@ -166,7 +166,7 @@ MUTANTS = [
         "mechanics/test_jacobian mechanics/test_barycentric_formulation",
     ),
     Mutant(
-        "attitude control leaves three components", "mechanics/jacobian.py",
+        "attitude control leaves three components", "model/mode.py",
         '"attitude-controlled": 3', '"attitude-controlled": 6', "mechanics/test_jacobian singularities/test_report",
     ),
     Mutant(

@@ -48,7 +48,7 @@ def urdf(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
         arm = sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1)), check=check, tip=tip)
     cfg = arm.at(rng.uniform(-1, 1, arm.n))
     report = sa.singularity(cfg)
-    if not (np.isfinite(report.sigma).all() and np.isfinite(sa.momentum_matrix(cfg).base).all()):
+    if not (np.isfinite(report.sigma).all() and np.isfinite(sa.momentum_matrix(cfg).A_b).all()):
         raise FaultError("numbers that are not finite")
     again = sa.load(arm.to_urdf(folder / "again.urdf"), check="accept")
     if not np.allclose(again.at(cfg.q).A, cfg.A, rtol=1e-9, atol=1e-9 * np.abs(cfg.A).max()):

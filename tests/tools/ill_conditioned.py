@@ -139,17 +139,17 @@ class Measured(NamedTuple):
     """Largest error of an entry of J* as a share of its bar."""
 
 
-def measured(cfg: sa.Configuration, base="free-floating", tree=None) -> Measured:
+def measured(cfg: sa.Configuration, mode="free-floating", tree=None) -> Measured:
     """What double precision did to a configuration at the identity attitude."""
-    J = precise.generalized_jacobian(cfg, base, tree)
-    sigma = precise.singular_values(cfg, mode=J)
-    bars = sa.error_bars(cfg, mode=base)
-    found = sa.generalized_jacobian(cfg, mode=base)
+    J = precise.generalized_jacobian(cfg, mode, tree)
+    sigma = precise.singular_values(cfg, J)
+    bars = sa.error_bars(cfg, mode=mode)
+    found = sa.generalized_jacobian(cfg, mode=mode)
     off = np.abs((J - mp.matrix(found.tolist())).tolist()).astype(float)
     assert not off[bars.jacobian == 0.0].any()
     with np.errstate(invalid="ignore"):
         share = float(np.nanmax(off / bars.jacobian, initial=0.0))
-    pairs = zip(sigma, sa.singularity(cfg, mode=base).sigma, strict=True)
+    pairs = zip(sigma, sa.singularity(cfg, mode=mode).sigma, strict=True)
     error = max(float(abs(exact - mp.mpf(float(ours)))) for exact, ours in pairs)
     return Measured(float(sigma[-1]), error, bars.sigma, share)
 
