@@ -78,3 +78,28 @@ def positive(value: object, name: str, what: str = "number") -> float:
     if not 0.0 < number < math.inf:
         raise ConfigurationError(f"{name} is {value!r}; give a positive {what}")
     return number
+
+
+def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "") -> Array:
+    """Return a copy of a caller's numbers, checked: one check for all vectors and matrices.
+
+    Args:
+        values: What was given.
+        shape: The shape that it must have.
+        name: Of the argument.
+        meaning: What the numbers are, with their unit, as in "[force [N]; torque [N m]]".
+
+    Raises:
+        ConfigurationError: Not numbers of this shape, or one is not finite or beyond `LARGEST`.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != shape or not (np.abs(array) <= LARGEST).all():
+        size = str(shape[0]) if len(shape) == 1 else f"a {shape} array of"
+        given = f"is {values!r}" if np.size(array) <= 36 else f"has shape {np.shape(array)}"
+        raise ConfigurationError(
+            f"{name} {given}; give {size} finite numbers{meaning and ' '}{meaning}"
+        )
+    return array

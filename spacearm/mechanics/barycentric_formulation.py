@@ -45,14 +45,12 @@ class VirtualManipulator(Result):
     @property
     def points(self) -> Array:
         """(N + 2, 3) the ground, the virtual joints and the end, inertial frame [m]."""
-        points: Array = self.ground + np.vstack((np.zeros(3), np.cumsum(self.links, axis=0)))
-        return points
+        return self.ground + np.vstack((np.zeros(3), np.cumsum(self.links, axis=0)))
 
     @property
     def end(self) -> Array:
         """(3,) the end, which is the tip, inertial frame [m]."""
-        end: Array = self.ground + self.links.sum(axis=0)
-        return end
+        return self.ground + self.links.sum(axis=0)
 
     def __repr__(self) -> str:
         return f"VirtualManipulator({len(self.links)} links, end at {self.end} m)"
@@ -195,8 +193,7 @@ def euler_parameters(axis: Array, angle: float) -> tuple[Array, float]:
 
 def attitude(e: Array, n: float) -> Array:
     """(3, 3) T_0 = (n^2 - e^T e) 1 + 2 e e^T + 2 n [e]x, equations (27) and (29)."""
-    T: Array = (n * n - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * n * _cross(e)
-    return T
+    return (n * n - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * n * _cross(e)
 
 
 def euler_parameter_rates(e: Array, n: float, w: Array) -> tuple[Array, float]:

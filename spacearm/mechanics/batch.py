@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import LARGEST, Array, whole
-from spacearm.description.tips import the_one
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.kernels.processors import processors
 from spacearm.mechanics.jacobian import generalized_jacobian
@@ -125,7 +124,7 @@ def generalized_jacobians(
         ConfigurationError: Q or `out` has the wrong shape.
         UnsupportedError: The arm has several tips.
     """
-    the_one(arm.tips, arm.name)
+    arm.require_one_tip()
     Q = _configurations(arm, Q)
     m = len(Q)
     J = np.empty((m, 6, arm.n)) if out is None else _checked(out, (m, 6, arm.n), "out")

@@ -114,8 +114,7 @@ def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
 
 def _z_to(axis: Array) -> Array:
     """(3, 3) a rotation that takes z to the axis."""
-    rotation: Array = pin.Quaternion.FromTwoVectors(Z, axis).matrix()
-    return rotation
+    return pin.Quaternion.FromTwoVectors(Z, axis).matrix()
 
 
 def _all_joints(arm: SpaceArm, q: Array) -> Array:

@@ -205,8 +205,7 @@ def _eliminated(M: Array, c: Array, f: int) -> Array:
 
 def _solve(M: Array, b: Array) -> Array:
     """M^-1 b of a symmetric positive definite M, by Cholesky's factors."""
-    x: Array = dposv(M, b)[1] if len(M) else b
-    return x
+    return dposv(M, b)[1] if len(M) else b
 
 
 def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: Array) -> Dynamics:

@@ -57,11 +57,9 @@ GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
 def quaternion_rate(quaternion: Array, w: Array) -> Array:
     """(4,) rate of the attitude as a quaternion xyzw under w in inertial axes, equation (36)."""
     e, n = quaternion[:3], quaternion[3]
-    rate: Array = 0.5 * np.append(n * w - pin.skew(e) @ w, -e @ w)
-    return rate
+    return 0.5 * np.append(n * w - pin.skew(e) @ w, -e @ w)
 
 
 def _attitude_rate(cfg: Configuration, dq: Array) -> Array:
     """(3,) w_0 in spacecraft axes; A's lower left block is zero: w_0 = -D^-1 D_q dq."""
-    w: Array = -np.linalg.solve(cfg.A[3:, 3:6], cfg.A[3:, 6:] @ dq)
-    return w
+    return -np.linalg.solve(cfg.A[3:, 3:6], cfg.A[3:, 6:] @ dq)

@@ -134,8 +134,7 @@ def _target(
     """(6, 6) M_t, the spatial inertia of the target at the tip frame's origin, inertial axes."""
     R = cfg.tip.rotation
     I = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
-    matrix: Array = pin.Inertia(mass, R @ np.asarray(com), R @ I @ R.T).matrix()
-    return matrix
+    return pin.Inertia(mass, R @ np.asarray(com), R @ I @ R.T).matrix()
 
 
 def _at_tip(cfg: Configuration, target_twist: npt.ArrayLike, com: npt.ArrayLike) -> Array:

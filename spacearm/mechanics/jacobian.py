@@ -50,8 +50,7 @@ def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating"
     """
     f = free_components(mode)
     A, J = cfg.A, cfg.J
-    J_star: Array = J[:, 6:] - J[:, :f] @ np.linalg.solve(A[:f, :f], A[:f, 6:])
-    return J_star
+    return J[:, 6:] - J[:, :f] @ np.linalg.solve(A[:f, :f], A[:f, 6:])
 
 
 def fixed_base_jacobian(cfg: Configuration) -> Array:
@@ -126,8 +125,7 @@ def generalized_jacobian_derivative(
     dA, dJ = _partial_derivatives(cfg)
     X = np.linalg.solve(A[:f, :f], A[:f, 6:])
     dX = np.linalg.solve(A[:f, :f], dA[:, :f, 6:] - dA[:, :f, :f] @ X)
-    dJ_star: Array = dJ[..., 6:] - dJ[..., :f] @ X - J[:, :f] @ dX
-    return dJ_star
+    return dJ[..., 6:] - dJ[..., :f] @ X - J[:, :f] @ dX
 
 
 def generalized_jacobian_rate(
@@ -149,8 +147,7 @@ def generalized_jacobian_rate(
     dq = joint_vector(cfg.arm, dq, "dq")
     w_0 = pin.skew(base_velocity(cfg, dq, momentum)[3:])
     turning = np.kron(np.eye(2 * len(cfg.arm.tips)), w_0) @ generalized_jacobian(cfg)
-    rate: Array = np.tensordot(dq, generalized_jacobian_derivative(cfg), axes=1) + turning
-    return rate
+    return np.tensordot(dq, generalized_jacobian_derivative(cfg), axes=1) + turning
 
 
 def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:

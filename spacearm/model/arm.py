@@ -117,13 +117,27 @@ class SpaceArm:
         return len(self.joint_names)
 
     @property
+    def slides(self) -> npt.NDArray[np.bool_]:
+        """(n,) which joints are prismatic; the others are revolute."""
+        return np.array([self.tree.joints[name].kind == "prismatic" for name in self.joint_names])
+
+    @property
     def tip(self) -> str:
         """Name of the tip link.
 
         Raises:
             UnsupportedError: There are several; what asks for the tip cannot do with them.
         """
-        return the_one(self.tips, self.name)
+        self.require_one_tip()
+        return self.tips[0]
+
+    def require_one_tip(self) -> None:
+        """Refuse an arm with several tips.
+
+        Raises:
+            UnsupportedError: What was asked for is about one tip, and there are several.
+        """
+        the_one(self.tips, self.name)
 
     @property
     def tip_frame(self) -> int:
@@ -138,8 +152,7 @@ class SpaceArm:
     @property
     def sigma_unit(self) -> str:
         """Unit of the singular values of the task Jacobian: task rows per joint rate."""
-        sliding = {self.tree.joints[name].kind == "prismatic" for name in self.joint_names}
-        rate = "(rad or m)" if len(sliding) == 2 else "m" if True in sliding else "rad"
+        rate = "m" if self.slides.all() else "(rad or m)" if self.slides.any() else "rad"
         row = "1" if self.task.mixed else "rad" if min(self.task.indices) >= 3 else "m"
         return f"{row}/{rate}"
 

@@ -148,5 +148,4 @@ class Task:
     def components(self, J: Array, axes: Array) -> Array:
         """(..., k, n) the task's rows of a Jacobian along axes (3, 3), unscaled."""
         turned = axes.T @ J.reshape(*J.shape[:-2], 2 * self.tips, 3, J.shape[-1])
-        rows: Array = turned.reshape(J.shape)[..., self.indices, :]
-        return rows
+        return turned.reshape(J.shape)[..., self.indices, :]

@@ -93,8 +93,7 @@ class TransposedJacobian(TipLaw):
         """(n,) torques [N m] or forces [N]."""
         J = self.jacobian(cfg)
         kp, kd = _gains(self.kp, len(J), "kp"), _gains(self.kd, len(J), "kd")
-        tau: Array = J.T @ (kp * self.error(t, cfg) + kd * (self.feed(t, cfg) - J @ dq))
-        return tau
+        return J.T @ (kp * self.error(t, cfg) + kd * (self.feed(t, cfg) - J @ dq))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,8 +115,7 @@ class RateLaw(TipLaw):
     def wanted(self, t: float, cfg: Configuration) -> Array:
         """(k,) tip velocity in the task's rows: xdot_des + gain (x_des - x)."""
         gain = _gains(self.gain, cfg.arm.task.k, "gain")
-        velocity: Array = self.feed(t, cfg) + gain * self.error(t, cfg)
-        return velocity
+        return self.feed(t, cfg) + gain * self.error(t, cfg)
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """(n,) torques [N m] or forces [N]."""
@@ -188,8 +186,7 @@ class DampedLeastSquares(RateLaw):
         nearness = min(sigma[-1] / self.threshold, 1.0)
         damped = sigma**2 + self.damping**2 * (1.0 - nearness**2)
         share = np.divide(sigma, damped, out=np.zeros_like(sigma), where=damped > 0.0)
-        rates: Array = Vt.T @ (share * (U.T @ (scale[:, 0] * self.wanted(t, cfg))))
-        return rates
+        return Vt.T @ (share * (U.T @ (scale[:, 0] * self.wanted(t, cfg))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,8 +212,7 @@ class Reactionless(DampedLeastSquares):
                 f"every joint motion turns the spacecraft: D_q has rank {rank} and {cfg.arm.name} "
                 f"{cfg.arm.n} joints; Reactionless takes more joints than that"
             )
-        dq: Array = N @ self.nearest(t, cfg, self.jacobian(cfg) @ N)
-        return dq
+        return N @ self.nearest(t, cfg, self.jacobian(cfg) @ N)
 
 
 @dataclass(frozen=True)
@@ -236,14 +232,12 @@ class JointPD:
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """(n,) torques [N m] or forces [N]."""
         kp, kd = _gains(self.kp, len(dq), "kp"), _gains(self.kd, len(dq), "kd")
-        tau: Array = kp * self.error(t, cfg) - kd * dq
-        return tau
+        return kp * self.error(t, cfg) - kd * dq
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """(n,) q_des - q [rad] or [m]."""
         target = self.target(t) if callable(self.target) else self.target
-        error: Array = joint_vector(cfg.arm, target, "target") - cfg.q
-        return error
+        return joint_vector(cfg.arm, target, "target") - cfg.q
 
 
 def _gains(values: npt.ArrayLike, rows: int, name: str) -> Array:

@@ -254,8 +254,7 @@ def _state(cfg: Configuration, s: float) -> Array:
 def _sigma(cfg: Configuration, mode: BaseMode) -> Array:
     """(k,) singular values of the task Jacobian along the goal axes."""
     J = cfg.arm.task.scale * in_rows(cfg, generalized_jacobian(cfg, mode=mode))
-    sigma: Array = np.linalg.svd(J, compute_uv=False)
-    return sigma
+    return np.linalg.svd(J, compute_uv=False)
 
 
 def _reason(cfg: Configuration, s: float, length: float, ended: str, detail: str) -> str:

@@ -23,7 +23,6 @@ import pinocchio as pin
 from scipy.integrate import BDF, DOP853, LSODA, DenseOutput, OdeSolution, OdeSolver, Radau
 
 from spacearm.arrays import Array, positive
-from spacearm.description.tips import the_one
 from spacearm.errors import ConfigurationError, NoSolutionError, SpaceArmError, unknown
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.floating import quaternion_rate
@@ -112,7 +111,7 @@ def simulate(
         raise ConfigurationError(f"rtol is {rtol}; give a number from {FINEST:.2g} on")
     if method not in tuple(METHODS):
         raise ConfigurationError(unknown("method", method, METHODS))
-    the_one(arm.tips, arm.name)  # whose path the trajectory holds
+    arm.require_one_tip()  # whose path the trajectory holds
     system = _System(arm, controller, mode, momentum, arm.at(q0, base=base))
     if mode != "fixed" and not system.h[:3].any():
         check_target(controller, system.start)
@@ -208,8 +207,7 @@ class _Run:
         """(m, ...) the states at times t."""
         if not self.pieces:
             return self.start[None]
-        states: Array = OdeSolution(self.times, self.pieces)(t).T
-        return states
+        return OdeSolution(self.times, self.pieces)(t).T
 
 
 @contextmanager

@@ -159,8 +159,7 @@ class Collisions:
 def _at(rows: Array, u: float) -> Array:
     """(n,) the value at row u, between whole numbers straight."""
     i = min(int(u), max(len(rows) - 2, 0))
-    value: Array = rows[i] + (u - i) * (rows[min(i + 1, len(rows) - 1)] - rows[i])
-    return value
+    return rows[i] + (u - i) * (rows[min(i + 1, len(rows) - 1)] - rows[i])
 
 
 @lru_cache(maxsize=16)

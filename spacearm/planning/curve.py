@@ -46,28 +46,24 @@ class Samples:
     @cached_property
     def X(self) -> Array:
         """(m, 6, n) A_b^-1 A_q: the spacecraft moves with -X dq."""
-        X: Array = np.linalg.solve(self.A[..., :6], self.A[..., 6:])
-        return X
+        return np.linalg.solve(self.A[..., :6], self.A[..., 6:])
 
     @cached_property
     def dX(self) -> Array:
         """(m, n, 6, n) its derivatives."""
         right = self.dA[..., 6:] - self.dA[..., :6] @ self.X[:, None]
-        dX: Array = np.linalg.solve(self.A[:, None, :, :6], right)
-        return dX
+        return np.linalg.solve(self.A[:, None, :, :6], right)
 
     @cached_property
     def J_star(self) -> Array:
         """(m, 6, n) J*."""
-        J_star: Array = self.J[..., 6:] - self.J[..., :6] @ self.X
-        return J_star
+        return self.J[..., 6:] - self.J[..., :6] @ self.X
 
     @cached_property
     def dJ_star(self) -> Array:
         """(m, n, 6, n) its derivatives with respect to each joint."""
         moved = self.dJ[..., :6] @ self.X[:, None] + self.J[:, None, :, :6] @ self.dX
-        dJ_star: Array = self.dJ[..., 6:] - moved
-        return dJ_star
+        return self.dJ[..., 6:] - moved
 
 
 def sample(arm: SpaceArm, Q: Array) -> Samples:
@@ -114,14 +110,12 @@ class CurveFamily:
 
     def points(self, p: Array) -> Array:
         """(2 intervals + 1, n) the Gauss points of every interval, and the end."""
-        points: Array = self.q0 + self.basis @ (p - self._offset)
-        return points
+        return self.q0 + self.basis @ (p - self._offset)
 
     def rows(self, p: Array, m: int) -> Array:
         """(m + 1, n) joint positions evenly along s."""
         basis, _ = sines(np.linspace(0.0, 1.0, m + 1), len(p) - 1)
-        rows: Array = self.q0 + basis @ (p - self._offset)
-        return rows
+        return self.q0 + basis @ (p - self._offset)
 
     @cached_property
     def _offset(self) -> Array:

@@ -26,8 +26,7 @@ class FreeSpace:
     def __init__(self, arm: SpaceArm, q: Array, lower: Array, upper: Array) -> None:
         self.arm, self.q, self.lower, self.upper = arm, q, lower, upper
         self._det = evaluate(arm, q[None], ("determinant",))["determinant"][0]
-        kinds = [arm.tree.joints[name].kind for name in arm.joint_names]
-        self._turns = np.array([kind != "prismatic" for kind in kinds]) & (arm.coupling is None)
+        self._turns = ~arm.slides & (arm.coupling is None)
 
     def draw(self, m: int, rng: np.random.Generator) -> Array:
         """(m, n) positions anywhere within the limits, at most half a turn from q where none are.

@@ -189,8 +189,7 @@ class Search:
 
         def attitude(Q: Array) -> Array:
             P[:, 0] = Q - self.start.q
-            turned: Array = self.T0 @ W @ self._turns(P)
-            return turned
+            return self.T0 @ W @ self._turns(P)
 
         tip = pin.SE3(task.tip.rotation, task.tip.translation - self.com)
         _, miss = landed(self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, SHOOTING)
@@ -221,8 +220,7 @@ class Search:
 
     def _points(self, P: Array) -> Array:
         """(K, POINTS, n) points on curves, P (K, waves + 1, n) from the start."""
-        points: Array = self.start.q + self._along @ P
-        return points
+        return self.start.q + self._along @ P
 
     def _turns(self, P: Array, places: Array | None = None) -> Array:
         """(K, 3, 3) how far they turn the spacecraft; from other places (K, 1, n) if given."""
@@ -262,8 +260,7 @@ def _closed(C: Array) -> Array:
 
 def _travel(points: Array) -> Array:
     """(K,) the sum over all joints."""
-    travel: Array = np.abs(np.diff(points, axis=1)).sum(axis=(1, 2))
-    return travel
+    return np.abs(np.diff(points, axis=1)).sum(axis=(1, 2))
 
 
 def _shortest(travel: Array, good: Mask) -> Indices:

@@ -156,8 +156,7 @@ def _apart(problem: Problem, search: Search, guesses: Iterable[Guess]) -> list[G
 def _line(start: Array, end: Array) -> Array:
     """(m, n) rows of a straight motion; only the start where it goes nowhere."""
     steps = math.ceil(float(np.abs(end - start).sum()) / SPACING)
-    rows: Array = start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
-    return rows
+    return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
 
 
 def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[str, Configuration]]:

@@ -16,7 +16,6 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import whole
-from spacearm.description.tips import the_one
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -86,7 +85,7 @@ def plan(
     if not isinstance(timeout, Real) or not timeout > 0.0:
         raise ConfigurationError(f"timeout is {timeout!r}; give a positive time [s]")
     seed = whole(seed, "seed", 0)
-    the_one(arm.tips, arm.name)  # whose path the plan holds
+    arm.require_one_tip()  # whose path the plan holds
     if arm.n < arm.task.k:
         raise UnsupportedError(
             f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "

@@ -221,15 +221,13 @@ def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
     except (TypeError, ValueError):
         values = np.empty(0)
     if values.shape == () and normal is not None and np.isfinite(values):
-        turn: Array = pin.exp3(float(values) * np.eye(3)[normal])
-        return turn
+        return pin.exp3(float(values) * np.eye(3)[normal])
     if values.shape != (3, 3):
         raise ConfigurationError(
             f"final_attitude is {attitude!r}; give a (3, 3) rotation matrix, a pin.SE3"
             + (", or an angle [rad]" if normal is not None else "")
         )
-    rotation: Array = sound_pose(pin.SE3(values, np.zeros(3)), "final_attitude").rotation
-    return rotation
+    return sound_pose(pin.SE3(values, np.zeros(3)), "final_attitude").rotation
 
 
 def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[float, float]:

@@ -188,8 +188,7 @@ def times(arm: SpaceArm, q: Array) -> Array:
 def _eased(share: Array) -> Array:
     """(m,) times, from 0 to 1, at which a motion from rest to rest has gone these shares."""
     u = np.linspace(0.0, 1.0, 2001)
-    eased: Array = np.interp(share, u**3 * (10.0 - 15.0 * u + 6.0 * u * u), u)
-    return eased
+    return np.interp(share, u**3 * (10.0 - 15.0 * u + 6.0 * u * u), u)
 
 
 def certified(arm: SpaceArm, q: Array) -> Certificate | None:

@@ -177,12 +177,11 @@ def _draw_attitude(axes: Any, motion: Drawn) -> None:
 
 def _draw_joints(axes: Any, motion: Drawn) -> None:
     arm = motion.arm
-    slides = [arm.tree.joints[name].kind == "prismatic" for name in arm.joint_names]
-    q = motion.q * np.where(slides, 100.0, 180.0 / np.pi)
+    q = motion.q * np.where(arm.slides, 100.0, 180.0 / np.pi)
     for i in range(arm.n):
         axes.plot(motion.t, q[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5)
     _name(axes, motion.t[-1], q[-1], [f"q{i + 1}" for i in range(arm.n)])
-    unit = "cm" if all(slides) else "deg" if not any(slides) else "deg, cm"
+    unit = "cm" if arm.slides.all() else "deg" if not arm.slides.any() else "deg, cm"
     axes.set_ylabel(f"joints\n[{unit}]")
 
 

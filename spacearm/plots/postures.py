@@ -132,8 +132,7 @@ def _rows(cfg: Configuration) -> tuple[int, int]:
 
 def _flat(cfg: Configuration, vector: Array) -> Array:
     """(2,) a vector in the plane."""
-    flat: Array = vector[list(_rows(cfg))]
-    return flat
+    return vector[list(_rows(cfg))]
 
 
 def _joints(cfg: Configuration) -> Array:

@@ -58,8 +58,7 @@ def _best(S: TrigPolynomial, x: Array) -> Array | None:
     found = found[np.argsort(np.linalg.norm(found, axis=1))[:16]]
     polished = [stationary(S, x, offset) for offset in found]
     sound = [p for p in [*polished, found[0]] if p is not None]
-    best: Array = min(sound, key=lambda p: float(np.linalg.norm(p)))
-    return best
+    return min(sound, key=lambda p: float(np.linalg.norm(p)))
 
 
 def stationary(S: TrigPolynomial, x: Array, offset: Array) -> Array | None:

@@ -195,8 +195,7 @@ class TrigPolynomial:
         padded = np.zeros(shape, dtype=complex)
         wrapped = [orders(d).astype(int) % N for d, N in zip(self.degrees, shape, strict=True)]
         padded[np.ix_(*wrapped)] = self.coefficients
-        values: Array = np.fft.ifftn(padded, norm="forward").real
-        return values
+        return np.fft.ifftn(padded, norm="forward").real
 
     # --- derivatives ------------------------------------------------------------------------
 

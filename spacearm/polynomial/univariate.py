@@ -107,5 +107,4 @@ def line_values(lines: Complex, angles: Array) -> tuple[Array, Array]:
 
 def wrap(angles: Array) -> Array:
     """Angles in (-pi, pi]."""
-    wrapped: Array = np.pi - (np.pi - angles) % (2.0 * np.pi)
-    return wrapped
+    return np.pi - (np.pi - angles) % (2.0 * np.pi)

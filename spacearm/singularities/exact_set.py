@@ -67,8 +67,8 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
     Raises:
         UnsupportedError: The arm can never do its task.
     """
-    turning = all(arm.tree.joints[name].kind != "prismatic" for name in arm.joint_names)
-    if arm.n >= arm.task.k and not (arm.n == arm.task.k and turning and arm.coupling is None):
+    turns = not arm.slides.any() and arm.coupling is None
+    if arm.n >= arm.task.k and not (arm.n == arm.task.k and turns):
         return FoundSet(arm, mode)
     return SingularSet(arm, singularity_polynomial(arm, mode=mode), mode)
 

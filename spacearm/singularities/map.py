@@ -96,6 +96,6 @@ def _default_joints(arm: SpaceArm, exact: SingularSet | None) -> tuple[str, str]
 
 
 def _turning(arm: SpaceArm, name: str) -> int:
-    if arm.tree.joints[name].kind == "prismatic":
+    if arm.slides[arm.joint_names.index(name)]:
         raise ConfigurationError(f"joint {name!r} slides; a map is drawn over joints that turn")
     return arm.joint_names.index(name)

@@ -86,8 +86,7 @@ def radius_squared(arm: SpaceArm, mode: BaseMode = "free-floating") -> TrigPolyn
 
     def sampler(Q: Array) -> Array:
         tips = np.array([tip_from_centre(arm, q, mode) for q in Q])
-        squares: Array = (tips**2).sum(axis=1)
-        return squares
+        return (tips**2).sum(axis=1)
 
     return TrigPolynomial.fit(sampler, arm.n)
 
@@ -106,8 +105,7 @@ def tip_from_centre(arm: SpaceArm, q: Array, mode: BaseMode = "free-floating") -
     """
     cfg = arm.at(q)
     centre = arm.model.inertias[1].lever if mode == "fixed" else cfg.com
-    tip: Array = cfg.tip.translation - centre
-    return tip
+    return cfg.tip.translation - centre
 
 
 def _task_jacobian(cfg: Configuration, mode: BaseMode) -> Array:
@@ -121,8 +119,8 @@ def check_square(arm: SpaceArm) -> None:
         UnsupportedError: Joints slide or mimic others, or are not as many as the task has rows.
     """
     k, n = arm.task.k, arm.n
-    sliding = [j for j in arm.joint_names if arm.tree.joints[j].kind == "prismatic"]
-    if sliding:
+    if arm.slides.any():
+        sliding = [name for name, slides in zip(arm.joint_names, arm.slides, strict=True) if slides]
         raise UnsupportedError(
             f"{arm.name}: joints {', '.join(sliding)} slide, and S is no trigonometric polynomial "
             "in them; lock them with locked={...}"

@@ -221,12 +221,11 @@ def check_slides(arm: SpaceArm) -> npt.NDArray[np.bool_]:
     Raises:
         UnsupportedError: One does so without limits.
     """
-    sliding = np.array([arm.tree.joints[name].kind == "prismatic" for name in arm.joint_names])
-    endless = np.flatnonzero(sliding & np.isinf(arm.upper - arm.lower))
+    endless = np.flatnonzero(arm.slides & np.isinf(arm.upper - arm.lower))
     if len(endless):
         name = arm.joint_names[endless[0]]
         raise UnsupportedError(f"{arm.name}: joint {name!r} slides without limits; lock it")
-    return sliding
+    return arm.slides
 
 
 def _uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:

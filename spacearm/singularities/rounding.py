@@ -82,8 +82,7 @@ def _norms(matrix: Array, columns: int) -> Array:
     """2-norms of the blocks of 3 rows and 1 or 3 columns."""
     rows, width = matrix.shape
     blocks = matrix.reshape(rows // 3, 3, width // columns, columns).swapaxes(1, 2)
-    norms: Array = np.linalg.norm(blocks, 2, axis=(2, 3))
-    return norms
+    return np.linalg.norm(blocks, 2, axis=(2, 3))
 
 
 class _Sizes(NamedTuple):
@@ -141,8 +140,7 @@ def _sizes(cfg: Configuration, terms: Array) -> tuple[_Sizes, Array, Array, floa
 
 
 def _lengths(vectors: list[Array]) -> Array:
-    lengths: Array = np.linalg.norm(vectors, axis=1)
-    return lengths
+    return np.linalg.norm(vectors, axis=1)
 
 
 def _rounding(cfg: Configuration) -> tuple[Array, Array, Array, Array, float]:

@@ -88,19 +88,15 @@ class FoundSet:
         best = offsets[np.argmin(np.linalg.norm(offsets, axis=1))]
         return centre + best, float(np.linalg.norm(best))
 
-    def _turning(self) -> npt.NDArray[np.bool_]:
-        joints = self.arm.tree.joints
-        return np.array([joints[name].kind != "prismatic" for name in self.arm.joint_names])
-
     def _offset(self, offset: Array) -> Array:
         """Without whole turns, which for joints that mimic others may be none."""
-        whole = self._turning() & (self.arm.coupling is None)
+        whole = ~self.arm.slides & (self.arm.coupling is None)
         return np.where(whole, wrap(offset), offset)
 
     def _random(self, rng: np.random.Generator) -> Array:
         """Turning joints anywhere, sliding ones within their limits or a metre."""
-        low = np.where(self._turning(), -np.pi, np.clip(self.arm.lower, -1.0, None))
-        high = np.where(self._turning(), np.pi, np.clip(self.arm.upper, None, 1.0))
+        low = np.where(~self.arm.slides, -np.pi, np.clip(self.arm.lower, -1.0, None))
+        high = np.where(~self.arm.slides, np.pi, np.clip(self.arm.upper, None, 1.0))
         return rng.uniform(low, np.maximum(low, high))
 
 

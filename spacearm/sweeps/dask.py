@@ -74,8 +74,7 @@ class Cluster:
 
     def submit(self, chunk: Chunk) -> Future[str]:
         """Has a chunk done; Dask moves it to another worker if its own dies."""
-        future: Future[str] = self._executor.submit(do, *self._order, chunk)
-        return future
+        return self._executor.submit(do, *self._order, chunk)
 
     def close(self) -> None:
         """Cancels what has not begun."""

@@ -112,8 +112,7 @@ class Process:
             line = self._popen.stdout.readline()
         except OSError:
             return None
-        answer: dict[str, str] | None = json.loads(line) if line.endswith("\n") else None
-        return answer
+        return json.loads(line) if line.endswith("\n") else None
 
     def kill(self) -> None:
         """Kills it."""

@@ -142,8 +142,7 @@ class Store:
         """All of it, labelled; numbers are read when they are used, NaN where none are yet."""
         import xarray as xr
 
-        found: xr.Dataset = xr.open_zarr(self.path, chunks=None, consolidated=False, zarr_format=3)
-        return found
+        return xr.open_zarr(self.path, chunks=None, consolidated=False, zarr_format=3)
 
     def _mark(self, chunk: Chunk) -> str:
         try:

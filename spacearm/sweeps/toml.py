@@ -52,8 +52,7 @@ class Table:
         value: Any = self.take(key, kind, default)
         if value <= 0:
             raise self.fail(key, "give a number above zero")
-        result: T = value
-        return result
+        return value
 
     def axis(self, key: str) -> Array:
         """(m,) different finite numbers: a list of them, or {from, to, points}."""

@@ -86,8 +86,7 @@ class Session:
 
         Half a turn or a metre where there are no limits.
         """
-        kinds = [self.arm.tree.joints[name].kind for name in self.arm.joint_names]
-        free = np.array([1.0 if kind == "prismatic" else math.pi for kind in kinds])
+        free = np.where(self.arm.slides, 1.0, math.pi)
         lower, upper = self.arm.lower, self.arm.upper
         return (
             np.where(np.isfinite(lower), np.maximum(lower, self.home - FARTHEST), -free),

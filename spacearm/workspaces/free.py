@@ -100,10 +100,7 @@ class Reach:
             Q = Q + step * np.minimum(1.0, 0.3 / np.maximum(size, 1e-300))
             if self.box.limited:
                 Q = np.clip(Q, self.box.low, self.box.high)
-        hit: npt.NDArray[np.bool_] = (
-            np.linalg.norm(targets - self._position(Q), axis=1) <= REACHED * self.size
-        )
-        return hit
+        return np.linalg.norm(targets - self._position(Q), axis=1) <= REACHED * self.size
 
     def _position(self, Q: Array) -> Array:
         return np.stack([p(Q) for p in self.p], axis=1)
