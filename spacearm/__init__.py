@@ -26,9 +26,8 @@ symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & D
 
 from importlib.metadata import version
 
-from spacearm.description.arms import ArmInfo, arms
 from spacearm.description.bus import Bus
-from spacearm.description.catalogue import ModelInfo, catalogue
+from spacearm.description.catalogue import ArmInfo, ModelInfo, arms, catalogue
 from spacearm.errors import (
     ConfigurationError,
     ModelError,

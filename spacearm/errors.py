@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+import warnings
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher
+from itertools import takewhile
+from traceback import walk_stack
 
 
 class SpaceArmError(Exception):
@@ -67,3 +71,14 @@ def unknown(kind: str, name: object, valid: Iterable[str]) -> str:
     )
     shown = repr(str(name)[:60])
     return f"unknown {kind} {shown}; valid, nearest first: {', '.join(nearest) or 'none'}"
+
+
+def warn(message: str) -> None:
+    """Give a `ModelWarning` at the line of the caller outside this package.
+
+    `warnings.warn` can skip the files of a package from Python 3.12 on only; until then the frames
+    of this package are counted.
+    """
+    names = (f.f_globals.get("__name__", "") for f, _ in walk_stack(inspect.currentframe()))
+    ours = takewhile(lambda name: name.partition(".")[0] == "spacearm", names)
+    warnings.warn(message, ModelWarning, stacklevel=1 + len(list(ours)))

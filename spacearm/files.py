@@ -1,4 +1,4 @@
-"""Files: read up to a size, written beside their place and renamed, never half; models."""
+"""Files: read up to a size; written beside their place and renamed, so never half."""
 
 from __future__ import annotations
 
@@ -11,13 +11,6 @@ from spacearm.errors import SpaceArmError
 
 LARGEST_TEXT = 10**7
 """Bytes that a file may have that a person writes: a URDF, a study, a list of points."""
-
-
-def models_folder() -> Path:
-    """Where the models are: in the installed package, or beside it in a source tree."""
-    package = Path(__file__).resolve().parent
-    installed = package / "models"
-    return installed if installed.is_dir() else package.parent / "models"
 
 
 def opened(path: Path) -> BinaryIO:

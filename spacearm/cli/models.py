@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from rich.text import Text
 
 from spacearm.cli.options import (
@@ -20,9 +19,9 @@ from spacearm.cli.options import (
     arm_from,
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
-from spacearm.description.arms import arms
-from spacearm.description.catalogue import catalogue
+from spacearm.description.catalogue import arms, catalogue
 from spacearm.model.arm import SpaceArm
+from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.loading import load
 
 
@@ -63,7 +62,7 @@ def info(
     """Shows bodies, masses, joints, limits, tip, task and centre of mass of a model."""
     arm = arm_from(model, tip, task, length, lock, check, deg)
     if as_json:
-        return print_json(_facts(arm))
+        return print_json(arm.to_dict())
     scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""
     title = f"  {arm.n} joints, {number(arm.mass)} kg  "
     out.print(Text.assemble((arm.name, "bold"), title, (str(arm.path), "dim")))
@@ -71,7 +70,7 @@ def info(
     out.print(f"system CM at q = 0, spacecraft frame: {vector(_system_cm(arm))} m")
     heading("Bodies")
     bodies = table("body", "mass [kg]", "CM in its frame [m]", "principal moments [kg m²]")
-    for name, body in _bodies(arm).items():
+    for name, body in rigid_bodies(arm).items():
         moments = np.linalg.eigvalsh(body.inertia)
         bodies.add_row(name, number(body.mass), vector(body.lever), vector(moments))
     out.print(bodies)
@@ -96,47 +95,5 @@ def info(
     out.print(joints)
 
 
-def _bodies(arm: SpaceArm) -> dict[str, pin.Inertia]:
-    """The rigid bodies by their links that have mass: the spacecraft, then one a joint."""
-    joints = list(arm.model.names)[2:]
-    leaders = [arm.tree.root, *(arm.tree.joints[name].child for name in joints)]
-    lumps = arm.tree.lumps()
-    names = [
-        " + ".join(link for link in lumps[leader] if arm.tree.links[link]) for leader in leaders
-    ]
-    return dict(zip(names, list(arm.model.inertias)[1:], strict=True))
-
-
 def _system_cm(arm: SpaceArm) -> Any:
     return arm.at(np.zeros(arm.n)).com
-
-
-def _facts(arm: SpaceArm) -> dict[str, Any]:
-    return {
-        "name": arm.name,
-        "path": str(arm.path),
-        "n": arm.n,
-        "mass": arm.mass,
-        "tip": arm.tip,
-        "task": {"rows": arm.task.rows, "length": arm.task.length},
-        "cm_at_zero": _system_cm(arm),
-        "bodies": [
-            {"link": link, "mass": body.mass, "cm": body.lever, "inertia": body.inertia}
-            for link, body in _bodies(arm).items()
-        ],
-        "joints": [
-            {
-                "name": joint.name,
-                "type": joint.kind,
-                "parent": joint.parent,
-                "child": joint.child,
-                "lower": joint.lower,
-                "upper": joint.upper,
-                "velocity": joint.velocity,
-                "effort": joint.effort,
-                "mimic": joint.mimic._asdict() if joint.mimic else None,
-            }
-            for joint in arm.tree.depth_first()
-            if joint.movable
-        ],
-    }

@@ -14,8 +14,9 @@ import pinocchio as pin
 import typer
 
 from spacearm.arrays import Array
+from spacearm.description.assembly import assembled
 from spacearm.description.bodies import Joint
-from spacearm.description.catalogue import find, read
+from spacearm.description.catalogue import find_model
 from spacearm.description.readers.urdf import Check
 from spacearm.description.readers.urdf import read as read_urdf
 from spacearm.errors import ConfigurationError
@@ -80,10 +81,10 @@ def arm_from(
     """The arm that the shared options describe."""
     locked = assignments("--lock", lock)
     if deg and locked:
-        info = find(model)
+        info = find_model(model)
         with warnings.catch_warnings():  # they come when the arm is loaded
             warnings.simplefilter("ignore")
-            joints = (read(info) if info else read_urdf(model, "accept")).joints
+            joints = (assembled(info) if info else read_urdf(model, "accept")).joints
         locked = {name: _si(joints.get(name), value, deg) for name, value in locked.items()}
     wanted = None if task is None else Task(task, length)
     arm = load(model, tip=tip, task=wanted, locked=locked, check=cast("Check | None", check))

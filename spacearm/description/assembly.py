@@ -1,4 +1,4 @@
-"""Assembly: an arm read from its URDF, and arms bolted to a bus, as trees."""
+"""Assembly: models put together from a recipe, arms bolted to a bus, bodies held, as trees."""
 
 from __future__ import annotations
 
@@ -7,13 +7,33 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
-from spacearm.description.arms import find_arm
+from spacearm.description.bodies import Inertial
+from spacearm.description.boxes import STEEL, body
+from spacearm.description.bus import Bus
+from spacearm.description.catalogue import ModelInfo, find_arm
 from spacearm.description.readers import urdf
-from spacearm.description.tips import choose_tips, the_one
+from spacearm.description.tips import choose_tips, only_tip
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
+
+
+def assembled(info: ModelInfo, check: urdf.Check | None = None) -> Tree:
+    """Return the tree of a catalogue model, read from its URDF or put together from its recipe.
+
+    Args:
+        info: The model.
+        check: See `loading.load`; the catalogue's own if None.
+    """
+    if info.recipe is None:
+        return urdf.read(info.path, check or info.check)
+    tree = Bus(**info.recipe["bus"]).tree()
+    for arm in info.recipe["arms"]:
+        at = pin.SE3(np.eye(3), np.array(arm["xyz"]))
+        tree = bolted(tree, arm["arm"], at, name=arm["name"], check=check or info.check)
+    return replace(tree, name=info.name, tips=(info.tip,))
 
 
 def bolted(
@@ -26,7 +46,7 @@ def bolted(
     locked: Mapping[str, float] | None = None,
     check: urdf.Check | None = None,
 ) -> Tree:
-    """A bus with one arm more; arguments as in `loading.mount`.
+    """Return a bus with one arm more; arguments as in `loading.mount`.
 
     All names of the arm start with `name` and "_"; the link `name` is a frame at its tip.
     """
@@ -34,7 +54,7 @@ def bolted(
     path = known.path if known else Path(arm)
     tree = urdf.read(path, check or "error", spacecraft=False)
     tree = tree.locked({**(known.locked if known else {}), **(locked or {})})
-    tip = the_one(choose_tips(tree, path, tip or (known.tip if known else None)), tree.name)
+    tip = only_tip(choose_tips(tree, path, tip or (known.tip if known else None)), tree.name)
     name = _name(bus, known.name if known else tree.name, name)
     whole = bus.joined(tree.renamed(f"{name}_"), name, bus.root, at)
     frame = Tree(name, name, {name: None}, {})
@@ -42,8 +62,18 @@ def bolted(
     return replace(whole, name=f"{bus.name}_{name}", tips=(name,))
 
 
+def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:
+    """Return the tree with a body fixed to a link, as a link "payload" of its own."""
+    name = tree.free_name("payload")
+    return tree.joined(body(name, rigid, None, STEEL), name, link, pin.SE3.Identity())
+
+
 def _name(bus: Tree, robot: str, name: str | None) -> str:
-    """The name asked for, if the bus has nothing of that name; else the robot's, numbered."""
+    """Return the name asked for, if the bus has nothing of that name; else the robot's, numbered.
+
+    Raises:
+        ModelError: The name is no text, or taken.
+    """
     if name is None:
         return bus.free_name(robot)
     if not isinstance(name, str) or not name:

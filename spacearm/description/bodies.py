@@ -168,21 +168,3 @@ class Joint:
             return getattr(pin, f"JointModel{letter}{name}")()
         kind = "Prismatic" if self.kind == "prismatic" else "Revolute"
         return getattr(pin, f"JointModel{kind}Unaligned")(self.axis)
-
-
-def solid_box(mass: float, inertia: Array) -> tuple[Array, Array]:
-    """The solid box of a mass [kg] and an inertia about its CM: axes (3, 3) and edges (3,) [m].
-
-    Edges of bodies that no box can have are taken as a thousandth of the longest.
-    """
-    moments, axes = np.linalg.eigh(inertia)
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 0] *= -1.0
-    squares = 6.0 * (moments.sum() - 2.0 * moments) / mass
-    return axes, np.sqrt(np.maximum(squares, 1e-6 * squares.max()))
-
-
-def box_inertia(mass: float, size: Array) -> Array:
-    """(3, 3) inertia of a solid box with these edges [m] about its centre [kg m^2]."""
-    squares: Array = np.square(size)
-    return np.diag(mass / 12.0 * (squares.sum() - squares))

@@ -1,4 +1,4 @@
-"""Bus: a spacecraft without its arm, as a box; bodies as trees of one link."""
+"""Bus: a spacecraft without its arm, as a box."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.bodies import Inertial, box_inertia, solid_box
+from spacearm.description.bodies import Inertial
+from spacearm.description.boxes import GOLD, body, box_inertia
 from spacearm.description.tree import Tree
-from spacearm.description.visuals import box_look
 from spacearm.errors import ModelError
-
-GOLD = "0.83 0.66 0.31 1"
-STEEL = "0.55 0.60 0.66 1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,23 +53,6 @@ class Bus:
         if rigid.point:
             raise ModelError("inertia of the bus is zero; give that of a body with extension")
         return body(self.name, rigid, edges, GOLD)
-
-
-def body(name: str, rigid: Inertial, edges: Array | None, rgba: str) -> Tree:
-    """A rigid body as a tree of one link, drawn as a box (a point mass is not drawn).
-
-    Args:
-        name: Name of the link.
-        rigid: Its mass properties.
-        edges: (3,) of the box [m], which is solid then; None for those that the inertia tells.
-        rgba: The colour.
-    """
-    looks = {}
-    if edges is not None or not rigid.point:
-        box = solid_box(rigid.mass, rigid.inertia) if edges is None else (np.eye(3), edges)
-        pose = pin.SE3(box[0], rigid.origin.translation)
-        looks[name] = box_look(name, pose, box[1], rgba, solid=edges is not None)
-    return Tree(name, name, {name: rigid}, {}, looks)
 
 
 def _edges(size: npt.ArrayLike) -> Array:

@@ -1,40 +1,35 @@
-"""The models that travel with the package."""
+"""Catalogue: the models and the arms that travel with the package, by name."""
 
 from __future__ import annotations
 
 import json
 import os
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Any, NamedTuple, cast
-
-import numpy as np
-import pinocchio as pin
+from typing import Any, NamedTuple, TypeVar
 
 from spacearm.arrays import plain
-from spacearm.description.arms import arms_by_name, named
-from spacearm.description.assembly import bolted
-from spacearm.description.bus import Bus
 from spacearm.description.readers import urdf
-from spacearm.description.tree import Tree
-from spacearm.errors import ModelError
-from spacearm.files import models_folder
+from spacearm.errors import ModelError, unknown
 
-CATALOGUE = "catalogue.json"
+MODELS, ARMS = "catalogue.json", "arms.json"
+
+Entry = TypeVar("Entry")
 
 
 class ModelInfo(NamedTuple):
-    """One model of the catalogue.
+    """A model of the catalogue: a spacecraft with its arms.
 
     Attributes:
         name: Name that `load` takes.
-        summary: What it is.
-        source: Where its numbers were published.
+        summary: Short description.
+        source: Publication of its numbers.
         n: Number of movable joints.
         tip: Tip link.
         task: Default task.
-        path: Its URDF; for a model that is put together the catalogue's file, with its recipe.
+        path: Its URDF; the catalogue's file, with its recipe, for a model that is put together.
         check: How `load` treats its inertias: "error", or "accept" where the published data has
             faults, which the URDF names.
         recipe: The bus and the arms that a model is put together from, as `Bus` and `mount` take
@@ -52,55 +47,141 @@ class ModelInfo(NamedTuple):
     recipe: dict[str, Any] | None
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields as plain data."""
+        """Return all fields as plain data."""
+        return {name: plain(value) for name, value in self._asdict().items()}
+
+
+class ArmInfo(NamedTuple):
+    """An arm without a spacecraft.
+
+    Attributes:
+        name: Name that `mount` takes.
+        summary: Short description.
+        source: Publication of its numbers.
+        tip: Tip link.
+        locked: Joints that are locked by default, such as fingers, and their values [rad] or [m].
+        path: Its URDF.
+    """
+
+    name: str
+    summary: str
+    source: str
+    tip: str
+    locked: dict[str, float]
+    path: Path
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data."""
         return {name: plain(value) for name, value in self._asdict().items()}
 
 
 def catalogue() -> tuple[ModelInfo, ...]:
-    """The models that `load` knows by name."""
-    return tuple(_read().values())
+    """Return the models that `load` knows by name."""
+    return tuple(models_by_name().values())
 
 
-def find(model: str | os.PathLike[str]) -> ModelInfo | None:
-    """The catalogue's entry for a name, or None if `model` is the path of a file.
+def arms() -> tuple[ArmInfo, ...]:
+    """Return the arms that `mount` knows by name."""
+    return tuple(arms_by_name().values())
+
+
+def find_model(model: str | os.PathLike[str]) -> ModelInfo | None:
+    """Return the model of a name, or None for the path of a file.
 
     Raises:
-        ModelError: `model` is neither.
+        ModelError: It is neither, or the name of an arm.
     """
     if isinstance(model, str) and model in arms_by_name():
         raise ModelError(
             f"{model} is an arm without a spacecraft; mount it on one: "
             f"sa.mount({model!r}, sa.Bus(mass=..., size=...))"
         )
-    return named("model", model, _read())
+    return _named("model", model, models_by_name())
 
 
-def read(info: ModelInfo, check: urdf.Check | None = None) -> Tree:
-    """The links and joints of a model, read or put together."""
-    if info.recipe is None:
-        return urdf.read(info.path, check or info.check)
-    tree = Bus(**info.recipe["bus"]).tree()
-    for arm in info.recipe["arms"]:
-        at = pin.SE3(np.eye(3), np.array(arm["xyz"]))
-        tree = bolted(tree, arm["arm"], at, name=arm["name"], check=check or info.check)
-    return replace(tree, name=info.name, tips=(info.tip,))
+def find_arm(arm: str | os.PathLike[str]) -> ArmInfo | None:
+    """Return the arm of a name, or None for the path of a file.
+
+    Raises:
+        ModelError: It is neither, or the data of the arm is not installed.
+    """
+    info = _named("arm", arm, arms_by_name())
+    if info and not info.path.is_file():
+        raise ModelError(
+            f"{info.name}: {info.path} is missing; pip install 'example-robot-data>=6,<7'"
+        )
+    return info
+
+
+def models_folder() -> Path:
+    """Return the folder of the models: in the installed package, or beside it in a source tree."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "models"
+    return installed if installed.is_dir() else package.parent / "models"
 
 
 @cache
-def _read() -> dict[str, ModelInfo]:
-    entries = json.loads((models_folder() / CATALOGUE).read_text(encoding="utf-8"))
-    return {name: _info(name, entry) for name, entry in entries.items()}
+def models_by_name() -> dict[str, ModelInfo]:
+    """Return the models by their names."""
+    optional = {"check": "error", "recipe": None}
+    return {
+        name: ModelInfo(
+            name=name,
+            path=models_folder() / entry.pop("file", MODELS),
+            **{**optional, **entry},
+        )
+        for name, entry in _entries(MODELS)
+    }
 
 
-def _info(name: str, entry: dict[str, Any]) -> ModelInfo:
-    return ModelInfo(
-        name=name,
-        summary=str(entry["summary"]),
-        source=str(entry["source"]),
-        n=int(entry["n"]),
-        tip=str(entry["tip"]),
-        task=str(entry["task"]),
-        path=models_folder() / str(entry.get("file", CATALOGUE)),
-        check=cast("urdf.Check", entry.get("check", "error")),
-        recipe=entry.get("recipe"),
-    )
+@cache
+def arms_by_name() -> dict[str, ArmInfo]:
+    """Return the arms by their names."""
+    return {
+        name: ArmInfo(name=name, path=_path_of_arm(entry), **{"locked": {}, **entry})
+        for name, entry in _entries(ARMS)
+    }
+
+
+def _entries(file: str) -> list[tuple[str, dict[str, Any]]]:
+    """Read names and fields out of a JSON file of the models' folder."""
+    return list(json.loads((models_folder() / file).read_text(encoding="utf-8")).items())
+
+
+def _path_of_arm(entry: dict[str, Any]) -> Path:
+    """Take the path out of the fields of an arm: "file" of ours or "robot" of the robots."""
+    if "file" in entry:
+        return models_folder() / entry.pop("file")
+    return _robots_folder() / entry.pop("robot")
+
+
+def _robots_folder() -> Path:
+    """Return the folder where the package example-robot-data keeps its robots."""
+    try:
+        files = distribution("example-robot-data")
+    except PackageNotFoundError:
+        return Path("example-robot-data")  # where there is none
+    return Path(str(files.locate_file("cmeel.prefix/share/example-robot-data/robots")))
+
+
+def _named(kind: str, model: str | os.PathLike[str], known: Mapping[str, Entry]) -> Entry | None:
+    """Return the entry of a name, or None for the path of a file.
+
+    Raises:
+        ModelError: It is neither.
+    """
+    if isinstance(model, os.PathLike):
+        if str(model) in known and not Path(model).exists():
+            raise ModelError(
+                f"{model}: no such file; the {kind} of that name is {str(model)!r}, as text"
+            )
+        return None
+    if isinstance(model, str) and model in known:
+        return known[model]
+    try:
+        path = Path(model)
+        if path.is_file() or (path.suffix and path.stem not in known) or len(path.parts) > 1:
+            return None
+    except (TypeError, ValueError, OSError):
+        pass  # no path at all
+    raise ModelError(f"{unknown(kind, model, known)}; or give the path of a .urdf file")

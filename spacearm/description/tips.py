@@ -27,8 +27,8 @@ def choose_tips(tree: Tree, path: Path, tip: str | Sequence[str] | None) -> tupl
     return chosen
 
 
-def the_one(tips: Sequence[str], robot: str) -> str:
-    """The only tip.
+def only_tip(tips: Sequence[str], robot: str) -> str:
+    """Return the only tip of a robot.
 
     Raises:
         UnsupportedError: There are several.

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.description.bodies import Inertial, Joint
-from spacearm.description.visuals import renamed
+from spacearm.description.visuals import Visuals
 from spacearm.errors import ConfigurationError, ModelError, unknown
 
 ROOT_JOINT = "root_joint"
@@ -29,7 +29,7 @@ class Tree:
         root: The root link: the spacecraft, or a frame fixed to it.
         links: Inertial of every link; None for a frame without mass.
         joints: Every joint, by name.
-        looks: What is drawn of a link, where something is; see `spacearm.description.visuals`.
+        visuals: Shapes of the links that have any, drawn ones and those of collision checks.
         tips: Tip links that the URDF names itself; none as a rule.
     """
 
@@ -37,7 +37,7 @@ class Tree:
     root: str
     links: Mapping[str, Inertial | None]
     joints: Mapping[str, Joint]
-    looks: Mapping[str, bytes] = field(default_factory=dict)
+    visuals: Mapping[str, Visuals] = field(default_factory=dict)
     tips: tuple[str, ...] = ()
 
     def depth_first(self) -> list[Joint]:
@@ -94,7 +94,7 @@ class Tree:
             root=prefix + self.root,
             links={prefix + name: part for name, part in self.links.items()},
             joints={joint.name: joint for joint in joints},
-            looks={prefix + name: renamed(look, prefix) for name, look in self.looks.items()},
+            visuals={prefix + name: shapes for name, shapes in self.visuals.items()},
             tips=tuple(prefix + tip for tip in self.tips),
         )
 
@@ -113,7 +113,7 @@ class Tree:
             self,
             links={**self.links, **other.links},
             joints={**self.joints, **added},
-            looks={**self.looks, **other.looks},
+            visuals={**self.visuals, **other.visuals},
         )
 
     def locked(self, values: Mapping[str, float]) -> Tree:

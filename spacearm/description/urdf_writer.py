@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 
+import pinocchio as pin
 from lxml import etree
 from lxml.builder import E
 
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.tree import Tree
-from spacearm.description.visuals import origin, text
+from spacearm.description.visuals import (
+    Box,
+    Cylinder,
+    Geometry,
+    Mesh,
+    Shape,
+    Sphere,
+    Unusable,
+    Visuals,
+)
 
 
 def document(tree: Tree, tips: tuple[str, ...]) -> bytes:
@@ -26,17 +37,45 @@ def document(tree: Tree, tips: tuple[str, ...]) -> bytes:
 
 
 def _link(tree: Tree, name: str) -> etree._Element:
-    link = etree.fromstring(tree.looks[name]) if name in tree.looks else E.link(name=name)
-    if inertial := tree.links[name]:
-        link.insert(0, _inertial(inertial))
-    return link
+    shapes = tree.visuals.get(name, Visuals())
+    inertial = tree.links[name]
+    return E.link(
+        *([_inertial(inertial)] if inertial else []),
+        *(_shape(E.visual, shape) for shape in shapes.visual),
+        *(_shape(E.collision, shape) for shape in shapes.collision),
+        name=name,
+    )
+
+
+def _shape(element: Callable[..., etree._Element], shape: Shape) -> etree._Element:
+    """<visual> or <collision>; a material is named after its colour."""
+    parts = [_origin(shape.pose), _geometry(shape.geometry)]
+    if shape.rgba:
+        rgba = _text(shape.rgba)
+        parts.append(E.material(E.color(rgba=rgba), name=rgba))
+    return element(*parts)
+
+
+def _geometry(geometry: Geometry) -> etree._Element:
+    """<geometry>; an empty one, which cannot be used either, for what cannot be used."""
+    match geometry:
+        case Box(size):
+            return E.geometry(E.box(size=_text(size)))
+        case Sphere(radius):
+            return E.geometry(E.sphere(radius=repr(radius)))
+        case Cylinder(radius, length):
+            return E.geometry(E.cylinder(radius=repr(radius), length=repr(length)))
+        case Mesh(name, file, scale):
+            return E.geometry(E.mesh(filename=str(file or name), scale=_text(scale)))
+        case Unusable():
+            return E.geometry()
 
 
 def _inertial(inertial: Inertial) -> etree._Element:
     pairs = [(i, j) for i in range(3) for j in range(i, 3)]
     entries = {f"i{'xyz'[i]}{'xyz'[j]}": repr(float(inertial.inertia[i, j])) for i, j in pairs}
     mass = E.mass(value=repr(float(inertial.mass)))
-    return E.inertial(origin(inertial.origin), mass, E.inertia(**entries))
+    return E.inertial(_origin(inertial.origin), mass, E.inertia(**entries))
 
 
 def _joint(joint: Joint) -> etree._Element:
@@ -45,14 +84,14 @@ def _joint(joint: Joint) -> etree._Element:
     element = E.joint(
         E.parent(link=joint.parent),
         E.child(link=joint.child),
-        origin(joint.origin),
+        _origin(joint.origin),
         name=joint.name,
         type="continuous" if unlimited else joint.kind,
     )
     if joint.kind == "wheel":
         element.append(E.wheel())
     if joint.kind != "fixed":
-        element.append(E.axis(xyz=text(joint.axis)))
+        element.append(E.axis(xyz=_text(joint.axis)))
         names = ("lower", "upper", "effort", "velocity")
         limits = {name: getattr(joint, name) for name in names}
         finite = {name: repr(float(x)) for name, x in limits.items() if math.isfinite(x)}
@@ -62,3 +101,12 @@ def _joint(joint: Joint) -> etree._Element:
         numbers = {"multiplier": repr(mimic.multiplier), "offset": repr(mimic.offset)}
         element.append(E.mimic(joint=mimic.leader, **numbers))
     return element
+
+
+def _origin(pose: pin.SE3) -> etree._Element:
+    return E.origin(xyz=_text(pose.translation), rpy=_text(pin.rpy.matrixToRpy(pose.rotation)))
+
+
+def _text(values: Iterable[float]) -> str:
+    """Write numbers with all their digits."""
+    return " ".join(repr(float(value)) for value in values)

@@ -1,75 +1,93 @@
-"""Looks: what is drawn of a link, as the XML of its <link> without physics.
-
-A look stands for itself: materials are written out in it and mesh files have absolute names, so
-that it can be taken into another robot.
-"""
+"""Visuals: what is drawn of a link and what others may collide with, as plain data."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from copy import deepcopy
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
 
 import pinocchio as pin
-from lxml import etree
-from lxml.builder import E
-
-from spacearm.arrays import Array
-
-DRAWN = ("visual", "collision")
 
 
-def look_of(
-    link: etree._Element,
-    materials: Mapping[str | None, etree._Element],
-    place: Callable[[str], str],
-) -> bytes | None:
-    """The look of a link, None if nothing is drawn of it.
+class Box(NamedTuple):
+    """A box about the origin.
 
-    Args:
-        link: The <link>.
-        materials: The robot's materials by name, for those that the link only names.
-        place: Gives the absolute name of a mesh file.
+    Attributes:
+        size: Edges along x, y, z [m].
     """
-    drawn = [deepcopy(child) for child in link if child.tag in DRAWN]
-    if not drawn:
-        return None
-    look = E.link(*drawn, name=link.get("name", ""))
-    for material in look.findall("visual/material"):
-        known = materials.get(material.get("name"))
-        if known is not None and len(material) == 0:
-            material.extend(deepcopy(child) for child in known)
-    for mesh in look.iter("mesh"):
-        mesh.set("filename", place(mesh.get("filename", "")))
-    return etree.tostring(look)
+
+    size: tuple[float, ...]
 
 
-def renamed(look: bytes, prefix: str) -> bytes:
-    """The look with `prefix` before the names of the link and its materials."""
-    link = etree.fromstring(look)
-    for named in (link, *link.findall("visual/material")):
-        if name := named.get("name"):
-            named.set("name", prefix + name)
-    return etree.tostring(link)
+class Sphere(NamedTuple):
+    """A sphere about the origin.
+
+    Attributes:
+        radius: Radius [m].
+    """
+
+    radius: float
 
 
-def box_look(name: str, pose: pin.SE3, size: Array, rgba: str, *, solid: bool) -> bytes:
-    """A box with these edges [m] at a pose in the link frame; if solid nothing may enter it."""
+class Cylinder(NamedTuple):
+    """A cylinder about the origin, its axis along z.
 
-    def geometry() -> etree._Element:
-        return E.geometry(E.box(size=text(size)))
+    Attributes:
+        radius: Radius [m].
+        length: Length [m].
+    """
 
-    material = E.material(E.color(rgba=rgba), name=name)
-    parts = [E.visual(origin(pose), geometry(), material)]
-    if solid:
-        parts.append(E.collision(origin(pose), geometry()))
-    return etree.tostring(E.link(*parts, name=name))
-
-
-def origin(pose: pin.SE3) -> etree._Element:
-    """<origin> of a pose."""
-    return E.origin(xyz=text(pose.translation), rpy=text(pin.rpy.matrixToRpy(pose.rotation)))
+    radius: float
+    length: float
 
 
-def text(values: Array) -> str:
-    """Numbers with all their digits."""
-    return " ".join(repr(float(value)) for value in values)
+class Mesh(NamedTuple):
+    """A mesh file.
+
+    Attributes:
+        name: Name that the description gives it.
+        file: The file, by its absolute path; None if it was not found.
+        scale: Factors along x, y, z.
+    """
+
+    name: str
+    file: Path | None
+    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+
+class Unusable(NamedTuple):
+    """A geometry that cannot be used.
+
+    Attributes:
+        problem: File, element, value and remedy, in one sentence.
+    """
+
+    problem: str
+
+
+Geometry: TypeAlias = Box | Sphere | Cylinder | Mesh | Unusable
+
+
+class Shape(NamedTuple):
+    """A geometry fixed to a link.
+
+    Attributes:
+        pose: Pose of the geometry in the link frame.
+        geometry: The geometry.
+        rgba: Red, green, blue and opacity, from 0 to 1; None if no colour is given.
+    """
+
+    pose: pin.SE3
+    geometry: Geometry
+    rgba: tuple[float, ...] | None = None
+
+
+class Visuals(NamedTuple):
+    """The shapes of one link.
+
+    Attributes:
+        visual: The shapes that are drawn.
+        collision: The shapes that stand for the link in collision checks.
+    """
+
+    visual: tuple[Shape, ...] = ()
+    collision: tuple[Shape, ...] = ()

@@ -1,32 +1,34 @@
-"""SpaceArm: a spacecraft and its arm, loaded from a URDF with a free-flyer root."""
+"""SpaceArm: a spacecraft and its arm, as a Pinocchio model with a free-flyer root."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
-from spacearm.description.bus import STEEL, body
-from spacearm.description.tips import choose_tips, movable, the_one
+from spacearm.description.tips import choose_tips, movable, only_tip
 from spacearm.description.tree import Tree
 from spacearm.description.urdf_writer import document
 from spacearm.errors import ModelError, UnsupportedError
 from spacearm.files import write
 from spacearm.model.configuration import Configuration, configure
-from spacearm.model.defaults import chain_length, default_task
+from spacearm.model.defaults import complete_task
+from spacearm.model.facts import facts
 from spacearm.model.frames import sound_pose
 from spacearm.model.task import Task
 from spacearm.model.wheels import Wheel, wheels_of
 
 MOST_JOINTS = 200
-"""Movable joints that a model may have."""
+"""Largest number of movable joints of a model."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,21 +37,20 @@ class SpaceArm:
 
     Attributes:
         name: The robot's name.
-        path: Where its URDF was read; a mere name for arms that `mount` put together.
-        tree: Links and joints, locked joints frozen, with what is drawn of them.
-        model: pin.Model with a free-flyer root, not to be edited. All its joints have one number
-            each, the unlimited ones too; joints that mimic another are separate joints here.
-        tips: Names of the tip links, one as a rule.
+        path: The file it was loaded from; a name only for arms that `mount` put together.
+        tree: Links, joints and visuals; locked joints are fixed ones.
+        model: pin.Model with a free-flyer root; do not edit it. Every joint has one number, also
+            unlimited ones; joints that mimic another are joints of their own.
+        tips: Names of the tip links, usually one.
         tip_frames: Indices of their frames in the model.
         task: The twist rows that count.
-        wheels: Wheels, which are not among the joints; see `at`.
-        joint_names: The n movable joints, in the model's order.
-        coupling: (model.nv - 6, n) rates of the model's joints per rate of the n, None if they
-            are the same (no mimic joint).
+        wheels: Momentum wheels, which are not among the joints; see `at`.
+        joint_names: Names of the n movable joints, in the model's order.
+        coupling: (model.nv - 6, n) rates of the model's joints per rate of the n joints; None if
+            they are the same joints (no joint mimics another).
         offsets: (model.nv - 6,) positions of the model's joints at q = 0.
-        lower: (n,) lower joint limits [rad] or [m], -inf where there is none; where a joint that
-            mimics another has narrower ones, these.
-        upper: (n,) upper joint limits [rad] or [m], inf where there is none; likewise.
+        lower: (n,) lower joint limits [rad] or [m], -inf where there is none; see `Tree.limits`.
+        upper: (n,) upper joint limits [rad] or [m], inf where there is none.
     """
 
     name: str
@@ -65,7 +66,7 @@ class SpaceArm:
     offsets: Array
     lower: Array
     upper: Array
-    _asked: Task | None
+    _asked: str | Task | None
     _spare: list[pin.Data] = field(default_factory=list)
 
     @classmethod
@@ -77,23 +78,22 @@ class SpaceArm:
         tip: str | Sequence[str] | None = None,
         task: str | Task | None = None,
     ) -> SpaceArm:
-        """The arm in a checked tree; arguments as in `loading.load`."""
-        leading = tree.leading()
+        """Make the arm of a checked tree; arguments as in `loading.load`.
+
+        Raises:
+            ModelError: No joint can move, or the arm has no length for a mixed task.
+            UnsupportedError: More than `MOST_JOINTS` joints can move.
+        """
+        leading, (coupling, offsets) = tree.leading(), tree.coupling()
         if not leading:
             raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
-        if len(tree.coupling()[0]) > MOST_JOINTS:
+        if len(coupling) > MOST_JOINTS:
             raise UnsupportedError(
-                f"{path}: {len(tree.coupling()[0])} movable joints, and Pinocchio's memory grows "
-                f"with their cube; lock all but {MOST_JOINTS}"
+                f"{path}: {len(coupling)} movable joints, and Pinocchio's memory grows with their "
+                f"cube; lock all but {MOST_JOINTS}"
             )
         tips = choose_tips(tree, path, tip)
-        asked = task if task is None or isinstance(task, Task) else Task(task)
-        task = replace(asked or default_task(tree, tips), tips=len(tips))
-        if task.mixed and task.length is None:
-            task = replace(task, length=max(chain_length(tree, tip, path) for tip in tips))
-        coupling, offsets = tree.coupling()
-        lower, upper = tree.limits()
-        model = tree.pinocchio()
+        (lower, upper), model = tree.limits(), tree.pinocchio()
         return cls(
             name=tree.name,
             path=path,
@@ -101,14 +101,14 @@ class SpaceArm:
             model=model,
             tips=tips,
             tip_frames=tuple(model.getFrameId(tip, pin.BODY) for tip in tips),
-            task=task,
+            task=complete_task(task, tree, tips, path),
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
             coupling=None if len(coupling) == len(leading) else coupling,
             offsets=offsets,
             lower=lower,
             upper=upper,
-            _asked=asked,
+            _asked=task,
         )
 
     @property
@@ -126,23 +126,19 @@ class SpaceArm:
         """Name of the tip link.
 
         Raises:
-            UnsupportedError: There are several; what asks for the tip cannot do with them.
+            UnsupportedError: There are several.
         """
-        self.require_one_tip()
-        return self.tips[0]
+        return only_tip(self.tips, self.name)
 
     def require_one_tip(self) -> None:
-        """Refuse an arm with several tips.
-
-        Raises:
-            UnsupportedError: What was asked for is about one tip, and there are several.
-        """
-        the_one(self.tips, self.name)
+        """Raise an `UnsupportedError` for an arm with several tips."""
+        only_tip(self.tips, self.name)
 
     @property
     def tip_frame(self) -> int:
         """Index of the tip's frame in the model; raises as `tip` does."""
-        return self.tip_frames[self.tips.index(self.tip)]
+        self.require_one_tip()
+        return self.tip_frames[0]
 
     @property
     def mass(self) -> float:
@@ -151,7 +147,7 @@ class SpaceArm:
 
     @property
     def sigma_unit(self) -> str:
-        """Unit of the singular values of the task Jacobian: task rows per joint rate."""
+        """Unit of the singular values of the task Jacobian: of task rows over joint rates."""
         rate = "m" if self.slides.all() else "(rad or m)" if self.slides.any() else "rad"
         row = "1" if self.task.mixed else "rad" if min(self.task.indices) >= 3 else "m"
         return f"{row}/{rate}"
@@ -163,13 +159,9 @@ class SpaceArm:
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
     def at(
-        self,
-        q: npt.ArrayLike,
-        *,
-        base: pin.SE3 | None = None,
-        wheels: npt.ArrayLike | None = None,
+        self, q: npt.ArrayLike, *, base: pin.SE3 | None = None, wheels: npt.ArrayLike | None = None
     ) -> Configuration:
-        """The configuration at joint positions q, inside the joint limits or not.
+        """Return the configuration at joint positions q, inside the joint limits or not.
 
         Args:
             q: (n,) joint angles [rad] or displacements [m].
@@ -183,25 +175,25 @@ class SpaceArm:
         return configure(self, q, base, wheels)
 
     def all_joints(self, q: Array) -> Array:
-        """(nv - 6,) positions of all joints of the model, those that mimic another included."""
+        """Return the positions (nv - 6,) of all joints of the model at q (n,)."""
         return q if self.coupling is None else self.coupling @ q + self.offsets
 
     def all_rates(self, dq: Array) -> Array:
-        """(nv - 6,) rates of all joints of the model."""
+        """Return the rates (nv - 6,) of all joints of the model at joint rates dq (n,)."""
         return dq if self.coupling is None else self.coupling @ dq
 
     def project(self, matrix: Array) -> Array:
-        """(..., 6 + n) columns for the n joints out of (..., nv) columns of the model."""
+        """Reduce a matrix (m, nv) over the model's joints to the n joints, (m, 6 + n)."""
         if self.coupling is None:
             return matrix
         return np.hstack((matrix[:, :6], matrix[:, 6:] @ self.coupling))
 
     def borrow(self) -> pin.Data:
-        """Pinocchio's work space: making one costs more than using it, so it is kept."""
+        """Lend a pin.Data of the model; making one costs more than using it."""
         return self._spare.pop() if self._spare else pin.Data(self.model)
 
     def give_back(self, data: pin.Data) -> None:
-        """Keeps a work space for the next caller."""
+        """Take a pin.Data back for the next caller."""
         self._spare.append(data)
 
     def replace(
@@ -217,7 +209,7 @@ class SpaceArm:
         locked: Mapping[str, float] | None = None,
         wheels: Collection[str] = (),
     ) -> SpaceArm:
-        """A new arm with some things changed.
+        """Return a new arm with some things changed.
 
         Args:
             base_mass: Mass of the spacecraft (with all that is fixed to it) [kg]; its CM stays.
@@ -226,13 +218,16 @@ class SpaceArm:
             link_mass: Masses of links [kg]; their inertias grow in proportion.
             payload: A point mass held at the tip [kg]; `grasp` takes bodies.
             tip: Link whose frame is the tip, or several.
-            task: The twist rows that count. Default: those that were asked for, if any; else they
-                are chosen anew, as in `load`.
-            locked: Joints to freeze, with their values [rad] or [m].
-            wheels: Joints that are wheels, not the arm's.
+            task: The twist rows that count. Default: those that were asked for; if none were, the
+                default of `load` for the new arm.
+            locked: Joints to lock, with their values [rad] or [m].
+            wheels: Joints to take as momentum wheels.
 
         Raises:
-            ModelError: No rigid body can have this mass and inertia.
+            ModelError: No rigid body can have this mass and inertia, or there is no such link.
+            ConfigurationError: An argument is of the wrong kind or names something that does not
+                exist.
+            UnsupportedError: The arm has several tips, and `mount` or `payload` need one.
         """
         tree = self.tree
         if base_mass is not None or base_inertia is not None:
@@ -245,7 +240,7 @@ class SpaceArm:
         tips = self.tips if tip is None else choose_tips(tree, self.path, tip)
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
-            tree = _holding(tree, the_one(tips, self.name), rigid)
+            tree = holding(tree, only_tip(tips, self.name), rigid)
         return SpaceArm.of(tree, self.path, tip=tips, task=self._asked if task is None else task)
 
     def grasp(
@@ -254,9 +249,9 @@ class SpaceArm:
         inertia: npt.ArrayLike | None = None,
         com: npt.ArrayLike = (0.0, 0.0, 0.0),
     ) -> SpaceArm:
-        """The arm holding a body at its tip, such as a captured satellite.
+        """Return the arm holding a body at its tip, such as a captured satellite.
 
-        The tip stays where it is on the arm; see `capture` for how the body is taken.
+        The tip frame stays where it is on the arm. `capture` computes the impact of the grasp.
 
         Args:
             mass: Mass of the body [kg].
@@ -269,17 +264,19 @@ class SpaceArm:
         """
         I = np.zeros((3, 3)) if inertia is None else inertia
         rigid = Inertial.of(mass, I, com, body="the payload")
-        tree = _holding(self.tree, self.tip, rigid)
-        return SpaceArm.of(tree, self.path, tip=self.tips, task=self._asked)
+        return SpaceArm.of(
+            holding(self.tree, self.tip, rigid), self.path, tip=self.tips, task=self._asked
+        )
 
     def to_urdf(self, path: str | os.PathLike[str]) -> Path:
-        """Writes spacecraft and arm as one URDF, which `load` reads to the same numbers.
+        """Write spacecraft and arm as one URDF, which `load` reads to the same numbers.
 
-        Masses, poses and limits are those of this arm, locked joints are fixed ones; visuals and
-        collision bodies are the sources', their mesh files by absolute names. <tip> elements,
-        which other readers ignore, name the tip. A URDF has no task: one that was asked for is to
-        be asked for again. Data that was loaded with faults, as "ets7" is, is read with
-        `check="accept"`.
+        Locked joints become fixed ones. Meshes have absolute paths, materials a colour only. <tip>
+        elements, which other readers ignore, name the tips. A URDF holds no task: name it again.
+        Data with faults, such as that of "ets7", loads with `check="accept"`.
+
+        Args:
+            path: The file to write.
 
         Returns:
             The path.
@@ -289,6 +286,10 @@ class SpaceArm:
         """
         return write(Path(path), document(self.tree, self.tips))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return bodies, joints, limits, tip, task and wheels as plain data."""
+        return facts(self)
+
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": []}
 
@@ -297,9 +298,3 @@ class SpaceArm:
             f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, "
             f"tip {', '.join(map(repr, self.tips))}, task {self.task.names!r})"
         )
-
-
-def _holding(tree: Tree, link: str, rigid: Inertial) -> Tree:
-    """The tree with a body fixed to a link, as a link "payload" of its own."""
-    name = tree.free_name("payload")
-    return tree.joined(body(name, rigid, None, STEEL), name, link, pin.SE3.Identity())

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.arrays import Array, finite
+from spacearm.errors import UnsupportedError
 from spacearm.model.frames import LWA, sound_pose
 from spacearm.model.joints import joint_vector
 
 if TYPE_CHECKING:
     from spacearm.model.arm import SpaceArm
 
-
 AT_REST = np.zeros(6)
-"""What wheels hold that do not spin."""
+"""Momentum of wheels that do not spin."""
 AT_REST.flags.writeable = False
 
 
@@ -27,19 +26,19 @@ AT_REST.flags.writeable = False
 class Configuration:
     """A posture q and a spacecraft pose, with the two matrices that everything follows from.
 
-    Made by `SpaceArm.at`; that it exists means that its kinematics have run. Nothing in it
-    changes: arrays are read-only, `base` and `tip` are copies.
+    Made by `SpaceArm.at`, with its kinematics computed. It never changes: arrays are read-only,
+    `base` and `tip` are copies.
 
-    The base columns of `A` and `J` act on the spacecraft's twist in spacecraft axes, as
-    Pinocchio has them; products such as J_b A_b^-1 do not depend on that choice.
-    `momentum_matrix` gives them for inertial axes.
+    The base columns of `A` and `J` act on the spacecraft's twist in spacecraft axes, Pinocchio's
+    convention; products such as J_b A_b^-1 do not depend on it. `momentum_matrix` gives them for
+    inertial axes.
 
     Attributes:
         arm: The arm.
         q: (n,) joint angles [rad] or displacements [m].
-        wheels: (w,) momentum that each wheel of the arm holds about its axis [N m s].
-        stored: (6,) that momentum of all wheels, [linear (zero); angular], inertial axes: the total
-            is A_b v_b + A_q dq + stored.
+        wheels: (w,) angular momentum that each wheel of the arm holds about its axis [N m s].
+        stored: (6,) momentum that all wheels hold, [linear (zero); angular], inertial axes; the
+            total momentum is A_b v_b + A_q dq + stored.
         com: (3,) system centre of mass in the inertial frame [m].
         A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
             system CM], inertial axes.
@@ -69,7 +68,8 @@ class Configuration:
         Raises:
             UnsupportedError: The arm has several tips; see `tips`.
         """
-        return self._tips[self.arm.tips.index(self.arm.tip)].copy()
+        self.arm.require_one_tip()
+        return self._tips[0].copy()
 
     @property
     def tips(self) -> tuple[pin.SE3, ...]:
@@ -83,18 +83,34 @@ class Configuration:
 
     @property
     def full_at_origin(self) -> Array:
-        """(nq,) the same with the spacecraft at the origin, where no digits are lost to orbits."""
+        """(nq,) the same with the spacecraft at the origin, where orbits cost no digits."""
         full = self.full
         full[:3] = 0.0
         return full
 
     def centred(self, com: Array) -> Configuration:
-        """The same posture and attitude, the spacecraft placed so that the system CM is at com."""
+        """Return the same posture and attitude with the system CM at `com` (3,) [m]."""
         by = com - self.com
         base, *tips = (pin.SE3(pose) for pose in (self._base, *self._tips))
         for pose in (base, *tips):
             pose.translation += by
         return replace(self, com=self.com + by, _base=base, _tips=tuple(tips))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the configuration as plain data; poses are x y z [m] and a quaternion xyzw.
+
+        Of several tips, `tip` has the poses of all.
+        """
+        tips = [pin.SE3ToXYZQUAT(tip).tolist() for tip in self._tips]
+        return {
+            "arm": self.arm.name,
+            "joints": list(self.arm.joint_names),
+            "q": self.q.tolist(),
+            "base": pin.SE3ToXYZQUAT(self._base).tolist(),
+            "tip": tips[0] if len(tips) == 1 else tips,
+            "com": self.com.tolist(),
+            "wheels": self.wheels.tolist(),
+        }
 
     def __repr__(self) -> str:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
@@ -105,24 +121,17 @@ class Configuration:
 def configure(
     arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None, wheels: npt.ArrayLike | None
 ) -> Configuration:
-    """The configuration of `arm` at q with the spacecraft at `base`, all checked."""
+    """Return the configuration of an arm; arguments, checked, and errors as for `SpaceArm.at`."""
     base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
     cfg = kinematics(arm, joint_vector(arm, q, "q"), base)
     return cfg if wheels is None else _spinning(cfg, wheels)
 
 
 def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
-    """The configuration with momentum in the wheels."""
-    arm, names = cfg.arm, [wheel.name for wheel in cfg.arm.wheels]
-    try:
-        h = np.array(wheels, dtype=np.float64)
-    except (TypeError, ValueError):
-        h = np.empty((0, 0))
-    if h.shape != (len(names),) or not (np.abs(h) <= LARGEST).all():
-        raise ConfigurationError(
-            f"wheels is {wheels!r}; {arm.name} needs {len(names)} finite numbers [N m s], one for "
-            f"each of: {', '.join(names) or 'no wheel'}"
-        )
+    """Return the configuration with momentum in the wheels (w,), checked."""
+    arm = cfg.arm
+    names = ", ".join(wheel.name for wheel in arm.wheels) or "no wheel"
+    h = finite(wheels, (len(arm.wheels),), "wheels", f"[N m s], one for each of: {names}")
     stored = np.zeros(6)
     data = arm.borrow()
     pin.framesForwardKinematics(arm.model, data, cfg.full_at_origin)
@@ -135,17 +144,27 @@ def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
 
 
 def still_wheels(cfg: Configuration, what: str) -> None:
-    """Refuses wheels that hold momentum.
+    """Refuse wheels that hold momentum.
+
+    Args:
+        cfg: The configuration.
+        what: Why they are refused, for the message.
 
     Raises:
-        UnsupportedError: They do; `what` says why that is too much.
+        UnsupportedError: A wheel holds momentum.
     """
     if cfg.wheels.any():
         raise UnsupportedError(f"the wheels of {cfg.arm.name} hold momentum, and {what}")
 
 
 def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
-    """The configuration at (n,) numbers and a pose that are known to be sound, which it keeps."""
+    """Compute the configuration at q and base, which are not checked and not copied.
+
+    Args:
+        arm: The arm.
+        q: (n,) joint positions [rad] or [m].
+        base: Pose of the spacecraft frame in the inertial frame.
+    """
     model = arm.model
     full = np.zeros(model.nq)  # at the origin: far from it, as in orbit, digits would be lost
     full[3:7] = pin.SE3ToXYZQUAT(base)[3:]

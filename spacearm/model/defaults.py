@@ -1,8 +1,9 @@
-"""Defaults: what is taken for the task and its length where nothing is said."""
+"""Defaults: the task of an arm, and its length, where the caller names none."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,23 @@ from spacearm.errors import ModelError
 from spacearm.model.task import Task
 
 
+def complete_task(asked: str | Task | None, tree: Tree, tips: Sequence[str], path: Path) -> Task:
+    """Return the task that was asked for, or the default one, for these tips and with a length.
+
+    Raises:
+        ConfigurationError: What was asked for is no task.
+        ModelError: A mixed task needs a length, and the arm has none.
+    """
+    if asked is None:
+        asked = default_task(tree, tips)
+    task = replace(asked if isinstance(asked, Task) else Task(asked), tips=len(tips))
+    if task.mixed and task.length is None:
+        task = replace(task, length=max(chain_length(tree, tip, path) for tip in tips))
+    return task
+
+
 def default_task(tree: Tree, tips: Sequence[str]) -> Task:
-    """The rows of the plane of a planar arm, else pose from 6 joints on, else position."""
+    """Return the rows of the plane of a planar arm, else pose from 6 joints on, else position."""
     n = min(sum(joint.mimic is None for joint in movable(tree, tip)) for tip in tips)
     if (normal := tree.plane_normal()) is not None:
         x, y = (axis for i, axis in enumerate("xyz") if i != normal)
@@ -23,7 +39,11 @@ def default_task(tree: Tree, tips: Sequence[str]) -> Task:
 
 
 def chain_length(tree: Tree, tip: str, path: Path) -> float:
-    """Sum of the distances between successive joints [m], from the first joint to the tip."""
+    """Sum the distances between successive joints [m], from the first joint to the tip.
+
+    Raises:
+        ModelError: It is zero.
+    """
     chain = tree.chain(tip)
     first = chain.index(movable(tree, tip)[0])
     length = sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])

@@ -1,4 +1,4 @@
-"""Frames: poses of a caller, checked, and the frame in which twists are given."""
+"""Frames: the frame in which twists are given, and the check of a pose."""
 
 from __future__ import annotations
 
@@ -9,11 +9,19 @@ from spacearm.arrays import LARGEST
 from spacearm.errors import ConfigurationError
 
 LWA = pin.LOCAL_WORLD_ALIGNED
-"""Twists of the frame's origin in inertial axes."""
+"""Pinocchio's frame for twists and Jacobians: of the frame's origin, in inertial axes."""
 
 
 def sound_pose(pose: pin.SE3, what: str) -> pin.SE3:
-    """A checked copy of a pose, its rotation orthonormal to rounding."""
+    """Return a checked copy of a pose, its rotation orthonormal to rounding.
+
+    Args:
+        pose: What was given.
+        what: Name of the argument.
+
+    Raises:
+        ConfigurationError: It is no pin.SE3, not finite, or has no rotation matrix.
+    """
     if not isinstance(pose, pin.SE3):
         raise ConfigurationError(f"{what} is a {type(pose).__name__}; give it as pin.SE3(R, p)")
     R, p = pose.rotation, pose.translation

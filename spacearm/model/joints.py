@@ -1,4 +1,4 @@
-"""Joints: vectors with one number for each of the n joints that count, checked."""
+"""Joints: the check of a vector over the n joints, and of the name of one of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,16 @@ if TYPE_CHECKING:
 
 
 def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
-    """A checked copy of one finite number per movable joint, (n,)."""
+    """Return a checked copy of one finite number per joint, (n,).
+
+    Args:
+        arm: The arm.
+        values: What was given.
+        what: Name of the argument.
+
+    Raises:
+        ConfigurationError: It has another shape, or a number is not finite; names the joint.
+    """
     try:
         vector = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -36,7 +45,11 @@ def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
 
 
 def joint_name(arm: SpaceArm, text: str) -> str:
-    """A joint by its name, or by its number as q1, q2, ..."""
+    """Return the name of a joint that is given by it, or by its number as q1, q2, ...
+
+    Raises:
+        ConfigurationError: There is no such joint.
+    """
     numbers = {f"q{i}": name for i, name in enumerate(arm.joint_names, start=1)}
     if text in arm.joint_names:
         return text

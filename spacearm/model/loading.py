@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from spacearm.description.assembly import bolted
+from spacearm.description.assembly import assembled, bolted
 from spacearm.description.bus import Bus
-from spacearm.description.catalogue import find, read
+from spacearm.description.catalogue import find_model
 from spacearm.description.readers import urdf
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
@@ -53,9 +53,9 @@ def load(
         ModelError: The model is unknown, cannot be read or is unsound.
         ConfigurationError: tip, task or locked name something that does not exist.
     """
-    info = find(model)
+    info = find_model(model)
     path = info.path if info else Path(model)
-    tree = read(info, check) if info else urdf.read(path, check or "error")
+    tree = assembled(info, check) if info else urdf.read(path, check or "error")
     return SpaceArm.of(tree.locked(locked or {}).with_wheels(wheels), path, tip=tip, task=task)
 
 

@@ -1,10 +1,11 @@
-"""Task: which rows of the tip's twist count, and the length that makes them comparable."""
+"""Task: the rows of the tip's twist that count, and the length that makes them comparable."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -17,20 +18,24 @@ ALIASES = {"pose": ROWS, "position": ROWS[:3], "orientation": ROWS[3:]}
 
 @dataclass(frozen=True)
 class Task:
-    """The rows of the tip's twist that a job asks for.
+    """The rows of the tip's twist that count.
 
     The rows are directions fixed to the spacecraft, as in equation (37), which takes the
-    determinant of 0J*: whether a posture is singular then depends on the joints only, never on
+    determinant of 0J*: whether a posture is singular then depends on the joints only, not on
     the attitude. Their components are given along the task axes (see `axes`), which are the
     inertial axes wherever the task allows it.
 
     Attributes:
         names: Rows, as "x y rz" in any order, or "pose", "position", "orientation".
-        length: Length [m] that divides the linear rows when linear and angular rows are both
-            present; None where there is nothing to scale (or, before an arm is loaded with the
-            task, to take the arm's own: the length of its chain from the first joint to the tip).
-        tips: How many tips the rows are asked of; their rows are stacked, all of the first tip
-            first. An arm that is loaded with the task sets it.
+        length: Length [m] that divides the linear rows where linear and angular rows are both
+            present. None where there is nothing to scale; before an arm is loaded with the task
+            also for the arm's own length, that of its chain from the first joint to the tip.
+        tips: Number of tips; their rows are stacked, all rows of the first tip first. Set by the
+            arm that is loaded with the task.
+
+    Raises:
+        ConfigurationError: A row is unknown or named twice, or the length is not positive or has
+            nothing to scale.
     """
 
     names: str
@@ -68,12 +73,16 @@ class Task:
 
     @cached_property
     def indices(self) -> list[int]:
-        """The rows by number, in the twists [linear; angular] of all tips, stacked."""
+        """Indices of the rows in the stacked twists [linear; angular] of all tips."""
         return [6 * tip + ROWS.index(row) for tip in range(self.tips) for row in self.rows]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return rows, length and number of tips as plain data."""
+        return {"rows": list(self.rows), "length": self.length, "tips": self.tips}
 
     @property
     def k(self) -> int:
-        """Number of rows, those of all tips."""
+        """Number of rows of all tips."""
         return len(self.rows) * self.tips
 
     @property
@@ -83,25 +92,25 @@ class Task:
 
     @cached_property
     def scale(self) -> Array:
-        """(k, 1) factors of the rows: 1 / length for the linear rows of a mixed task, else 1."""
+        """(k, 1) factors of the rows: 1 / length for linear rows of a mixed task, else 1."""
         linear = np.array(self.indices)[:, None] % 6 < 3
         return np.where(linear & self.mixed, 1.0 / (self.length or 1.0), 1.0)
 
     @cached_property
     def singled_out(self) -> frozenset[int]:
-        """The axes (0, 1, 2) that the linear or the angular rows are, or are normal to."""
+        """The axes (0, 1, 2) that the linear or the angular rows lie along or are normal to."""
         axes = (self._singled_out(kind) for kind in (0, 3))
         return frozenset(axis for axis in axes if axis is not None)
 
     def axes(self, R: Array) -> Array:
-        """The task axes at the spacecraft attitude R.
+        """Compute the task axes at the spacecraft attitude R.
 
-        A task with all three linear rows, or none, and all three angular rows, or none, turns
-        into itself with the spacecraft: its axes are the inertial axes. One that singles out a
-        direction or the plane normal to it (the "x y" of a planar arm) is tilted with that
-        direction by the smallest rotation, so that attitudes about the direction leave the axes
-        inertial; upside down, where many are the smallest, from half a turn about the next axis.
-        One that singles out several directions turns with the spacecraft.
+        A task with all three linear rows or none, and all three angular rows or none, is the same
+        along any axes: its axes are the inertial axes. A task that singles out one direction, or
+        the plane normal to it (the "x y" of a planar arm), has the inertial axes turned with that
+        direction by the smallest rotation, so that turns about the direction leave them inertial;
+        upside down, where the smallest rotation is not unique, half a turn about the next axis
+        comes first. A task that singles out several directions has the axes of the spacecraft.
 
         Args:
             R: (3, 3) spacecraft attitude, spacecraft to inertial axes.
@@ -122,18 +131,18 @@ class Task:
         x, y, z = np.cross(e, R[:, axis])
         K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         rest = 1.0 + cosine if cosine > 0.0 else (x * x + y * y + z * z) / (1.0 - cosine)
-        tilt: Array = np.eye(3) + K + K @ K / rest  # rest = 1 + cosine, without cancellation
+        tilt = np.eye(3) + K + K @ K / rest  # rest = 1 + cosine, without cancellation
         return tilt @ turned
 
     def _singled_out(self, kind: int) -> int | None:
-        """The axis that the linear (kind 0) or angular (kind 3) rows are, or are normal to."""
+        """Return the axis along or normal to the linear (kind 0) or angular (kind 3) rows."""
         present = {index % 3 for index in self.indices if index % 6 // 3 == kind // 3}
         if len(present) == 1:
             return present.pop()
         return ({0, 1, 2} - present).pop() if len(present) == 2 else None
 
     def jacobian(self, J: Array, R: Array) -> Array:
-        """The task's rows of a Jacobian, along the task axes, scaled.
+        """Return the task's rows of a Jacobian, along the task axes, scaled.
 
         Args:
             J: (..., 6, n) Jacobian, rows [linear; angular], inertial axes; (..., 6 tips, n) for
@@ -146,6 +155,6 @@ class Task:
         return self.scale * self.components(J, self.axes(R))
 
     def components(self, J: Array, axes: Array) -> Array:
-        """(..., k, n) the task's rows of a Jacobian along axes (3, 3), unscaled."""
+        """Return the task's rows (..., k, n) of a Jacobian along axes (3, 3), unscaled."""
         turned = axes.T @ J.reshape(*J.shape[:-2], 2 * self.tips, 3, J.shape[-1])
         return turned.reshape(J.shape)[..., self.indices, :]

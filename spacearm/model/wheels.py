@@ -1,14 +1,14 @@
-"""Wheels: bodies on joints that are not the arm's, and the momentum that they hold.
+"""Wheels: bodies that spin on joints that are not the arm's, and hold momentum.
 
-A balanced wheel that spins about its axis a, with moment of inertia I and rate W relative to the
-link that carries it, leaves the mass distribution as it is and adds I W a to the angular momentum:
-seen from outside it is a part of that link that holds momentum.
+A balanced wheel with moment of inertia I, spinning about its axis a at the rate W relative to the
+link that carries it, leaves the mass distribution unchanged and adds I W a to the angular momentum.
+It is therefore treated as a part of that link that holds momentum.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,25 +19,29 @@ from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 
 BALANCED = 1e-6
-"""By what share of its size or moment of inertia a wheel may miss being balanced."""
+"""Share of its size or moment of inertia by which a wheel may be out of balance."""
 
 
 class Wheel(NamedTuple):
-    """A wheel, or another body that holds momentum about an axis.
+    """A wheel, or another body that holds angular momentum about an axis.
 
     Attributes:
         name: Name of its joint.
         frame: Index of the frame of the link that carries it, in the model.
-        axis: (3,) unit vector it spins about, in that frame.
+        axis: (3,) unit vector of its axis, in that frame.
     """
 
     name: str
     frame: int
     axis: Array
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data."""
+        return {"name": self.name, "frame": self.frame, "axis": self.axis.tolist()}
+
 
 def wheels_of(tree: Tree, model: pin.Model, path: Path) -> tuple[Wheel, ...]:
-    """The wheels of a tree, in the order of its joints.
+    """Return the wheels of a tree, in the order of its joints.
 
     Raises:
         ModelError: One carries a joint, or is not balanced.
@@ -53,7 +57,7 @@ def wheels_of(tree: Tree, model: pin.Model, path: Path) -> tuple[Wheel, ...]:
 
 
 def _fault(tree: Tree, wheel: Joint) -> str | None:
-    """Why the joint is no wheel, or None if it is one."""
+    """Say why a joint is no wheel; None if it is one."""
     whole, waiting = pin.Inertia.Zero(), [(wheel.child, pin.SE3.Identity())]
     while waiting:
         link, pose = waiting.pop()

@@ -10,17 +10,17 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from functools import lru_cache
 from itertools import combinations
+from pathlib import Path
 from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
-from lxml import etree
 from scipy.spatial import ConvexHull, QhullError
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.meshes import find_mesh, read_mesh
-from spacearm.description.readers.xml import Source
+from spacearm.description.meshes import read_mesh
+from spacearm.description.visuals import Box, Cylinder, Geometry, Mesh, Sphere, Unusable
 from spacearm.errors import ModelError
 from spacearm.model.arm import SpaceArm
 
@@ -169,37 +169,33 @@ def collision_geometry(arm: SpaceArm) -> Collisions:
 
 
 def _bodies(arm: SpaceArm) -> Iterator[_Body]:
-    """The collision geometries of the URDF."""
-    source = Source(arm.path)
-    for link, look in arm.tree.looks.items():
+    """Yield the collision geometries of an arm."""
+    for link, shapes in arm.tree.visuals.items():
         frame = arm.model.frames[arm.model.getFrameId(link, pin.BODY)]
-        for collision in etree.fromstring(look).findall("collision"):
-            shape, pose = _shape(source, link, collision), frame.placement * source.pose(collision)
-            yield _Body(link, frame.parentJoint, pose, shape, *_reach(arm, frame, pose, shape))
+        for shape in shapes.collision:
+            solid, pose = _solid(arm, link, shape.geometry), frame.placement * shape.pose
+            yield _Body(link, frame.parentJoint, pose, solid, *_reach(arm, frame, pose, solid))
 
 
-def _shape(source: Source, link: str, collision: etree._Element) -> coal.CollisionGeometry:
-    element = collision.find("geometry/*")
-    if element is None or element.tag not in ("box", "sphere", "cylinder", "mesh"):
-        source.fail(
-            f"link {link!r} has a collision without a known geometry",
-            "give it a box, sphere, cylinder or mesh, or plan with collisions=False",
-        )
-    if element.tag == "box":
-        return coal.Box(*source.lengths(element, "size", 3))
-    if element.tag == "sphere":
-        return coal.Sphere(*source.lengths(element, "radius", 1))
-    if element.tag == "cylinder":
-        radius, length = (source.lengths(element, name, 1)[0] for name in ("radius", "length"))
-        return coal.Cylinder(radius, length)
-    path = find_mesh(element.get("filename", ""), source.path)
-    if path is None:
-        source.fail(f"mesh {element.get('filename')!r} of link {link!r} is not there", WITHOUT)
-    scale = source.numbers(element, "scale", 3, "1 1 1")
-    try:
-        return _hull(path.name, read_mesh(path).vertices * scale)
-    except ModelError as error:
-        source.fail(f"{error}, in a collision of link {link!r}", WITHOUT)
+def _solid(arm: SpaceArm, link: str, geometry: Geometry) -> coal.CollisionGeometry:
+    """Make a geometry of a link one of coal."""
+    match geometry:
+        case Box(size):
+            return coal.Box(*size)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Mesh(_, Path() as file, scale):
+            try:
+                return _hull(file.name, read_mesh(file).vertices * scale)
+            except ModelError as error:
+                where = f"{arm.path}: {error}, in a collision of link {link!r}"
+                raise ModelError(f"{where}; {WITHOUT}") from None
+        case Mesh(name):
+            raise ModelError(f"{arm.path}: mesh {name!r} of link {link!r} is not there; {WITHOUT}")
+        case Unusable(problem):
+            raise ModelError(f"{problem}, or plan with collisions=False to do without")
 
 
 def _hull(name: str, points: Array) -> coal.Convex:

@@ -14,7 +14,7 @@ from matplotlib import rcsetup
 from matplotlib.figure import Figure
 
 from spacearm.files import write
-from spacearm.viewer.notebook import in_notebook
+from spacearm.viewer.show import in_notebook
 
 if TYPE_CHECKING:
     pass

@@ -250,7 +250,7 @@ def _design(study: Study, number: int) -> SpaceArm:
 
 def _fingerprint(arm: SpaceArm) -> str:
     """SHA-256 of what physics needs of an arm, as URDF; not of what it looks like."""
-    return hashlib.sha256(document(replace(arm.tree, looks={}), arm.tips)).hexdigest()
+    return hashlib.sha256(document(replace(arm.tree, visuals={}), arm.tips)).hexdigest()
 
 
 def _check_names(axes: list[str], asked: Iterable[Quantity]) -> None:

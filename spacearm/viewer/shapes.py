@@ -1,28 +1,28 @@
-"""Shapes: what a URDF draws for each link, and clean bodies where it draws nothing."""
+"""Shapes: the visuals of each link for meshcat, and plain bodies where there are none."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import meshcat.geometry as g
 import numpy as np
 import pinocchio as pin
-from lxml import etree
 
 from spacearm.arrays import Array
-from spacearm.description.bodies import solid_box
-from spacearm.description.meshes import find_mesh, read_mesh
-from spacearm.description.readers.xml import Source
-from spacearm.errors import ModelError
+from spacearm.description.boxes import solid_box
+from spacearm.description.meshes import read_mesh
+from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unusable
+from spacearm.errors import ModelError, warn
 from spacearm.model.arm import SpaceArm
 
 GREY = (0.75, 0.78, 0.82, 1.0)
 Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
-class Shape(NamedTuple):
-    """A geometry fixed to a link.
+class DrawnShape(NamedTuple):
+    """A geometry of meshcat, fixed to a link.
 
     Attributes:
         link: Name of the link.
@@ -37,72 +37,61 @@ class Shape(NamedTuple):
     color: tuple[float, ...]
 
 
-def shapes(arm: SpaceArm) -> list[Shape]:
-    """The visuals of the arm's URDF, and a drawn body for each rigid body that has none."""
-    source = Source(arm.path)
-    looks = {name: etree.fromstring(look) for name, look in arm.tree.looks.items()}
-    visuals = {name: look.findall("visual") for name, look in looks.items()}
-    drawn: list[Shape] = []
-    for link, elements in visuals.items():
-        for visual in elements:
-            drawn += _visual(source, link, visual)
+def shapes(arm: SpaceArm) -> list[DrawnShape]:
+    """Return the visuals of an arm, and plain bodies for the rigid bodies that have none.
+
+    Warns:
+        ModelWarning: A visual cannot be drawn, or bodies have none.
+    """
+    visuals = {link: drawn.visual for link, drawn in arm.tree.visuals.items()}
+    drawn = [
+        shape
+        for link, parts in visuals.items()
+        for part in parts
+        if (shape := _drawn(arm, link, part)) is not None
+    ]
     seen = {shape.link for shape in drawn}
     bare = {leader: lump for leader, lump in arm.tree.lumps().items() if not seen & set(lump)}
     for leader, lump in bare.items():
         drawn += _plain_body(arm, leader, lump)
     if without := [leader for leader, lump in bare.items() if not any(map(visuals.get, lump))]:
-        source.warn(f"no visuals for {', '.join(without)}: drawn as plain bodies")
+        warn(f"{arm.path}: no visuals for {', '.join(without)}: drawn as plain bodies")
     return drawn
 
 
-def _visual(source: Source, link: str, visual: etree._Element) -> list[Shape]:
-    pose = source.pose(visual).homogeneous
-    material = visual.find("material")
-    color = GREY if material is None else _color(source, material)
-    element = visual.find("geometry/*")
-    kind = "" if element is None else element.tag
-    if element is not None and kind == "box":
-        return [Shape(link, pose, g.Box(list(source.numbers(element, "size", 3))), color)]
-    if element is not None and kind == "sphere":
-        return [Shape(link, pose, g.Sphere(source.number(element, "radius")), color)]
-    if element is not None and kind == "cylinder":
-        radius, length = source.number(element, "radius"), source.number(element, "length")
-        return [Shape(link, pose @ Y_TO_Z, g.Cylinder(length, radius), color)]
-    if element is not None and kind == "mesh":
-        scale = np.append(source.numbers(element, "scale", 3, "1 1 1"), 1.0)
-        if (geometry := _mesh(source, element.get("filename", ""))) is not None:
-            return [Shape(link, pose * scale, geometry, color)]
-    else:
-        source.warn(f"link {link!r} has a visual without a known geometry")
-    return []
+def _drawn(arm: SpaceArm, link: str, shape: Shape) -> DrawnShape | None:
+    """Make a shape one of meshcat; None, and as a rule a warning, if it cannot be drawn."""
+    pose, color = shape.pose.homogeneous, shape.rgba or GREY
+    match shape.geometry:
+        case Box(size):
+            return DrawnShape(link, pose, g.Box(list(size)), color)
+        case Sphere(radius):
+            return DrawnShape(link, pose, g.Sphere(radius), color)
+        case Cylinder(radius, length):
+            return DrawnShape(link, pose @ Y_TO_Z, g.Cylinder(length, radius), color)
+        case Mesh(_, Path() as file, scale):
+            try:
+                mesh = read_mesh(file)
+            except ModelError as error:
+                warn(f"{arm.path}: {error}: not drawn")
+                return None
+            triangles = g.TriangularMeshGeometry(mesh.vertices, mesh.faces)
+            return DrawnShape(link, pose * np.append(scale, 1.0), triangles, color)
+        case Mesh():
+            return None  # missing: the reader has warned
+        case Unusable(problem):
+            warn(f"{problem}; not drawn until then")
+            return None
 
 
-def _mesh(source: Source, filename: str) -> Any:
-    """Triangles of a mesh file, or None with one warning if it cannot be had."""
-    path = find_mesh(filename, source.path)
-    if path is None:
-        return None  # `load` has warned
-    try:
-        mesh = read_mesh(path)
-    except ModelError as error:
-        source.warn(f"{error}: not drawn")
-        return None
-    return g.TriangularMeshGeometry(mesh.vertices, mesh.faces)
-
-
-def _color(source: Source, material: etree._Element) -> tuple[float, ...]:
-    color = material.find("color")
-    return GREY if color is None else tuple(float(x) for x in source.numbers(color, "rgba", 4))
-
-
-def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[Shape]:
+def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]:
     """A box of the body's inertia for the spacecraft, bars from joint to joint for a link."""
     frame = arm.model.frames[arm.model.getFrameId(leader, pin.BODY)]
     inertia = arm.model.inertias[frame.parentJoint]
     if leader == arm.tree.root:
         axes, edges = solid_box(inertia.mass, inertia.inertia)
         pose = pin.SE3(axes, inertia.lever).homogeneous
-        return [Shape(leader, pose, g.Box(list(edges)), GREY)]
+        return [DrawnShape(leader, pose, g.Box(list(edges)), GREY)]
     size = _size(arm)
     ends = [
         _within(arm, leader, joint.parent) * joint.origin
@@ -110,11 +99,11 @@ def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[Shape]:
         if joint.parent in lump and (joint.movable or joint.child == arm.tip)
     ]
     bars = [
-        Shape(leader, _bar(end.translation), g.Cylinder(1.0, 0.02 * size), GREY)
+        DrawnShape(leader, _bar(end.translation), g.Cylinder(1.0, 0.02 * size), GREY)
         for end in ends
         if np.linalg.norm(end.translation) > 1e-6 * size
     ]
-    ball = Shape(leader, np.eye(4), g.Sphere(0.03 * size), GREY)
+    ball = DrawnShape(leader, np.eye(4), g.Sphere(0.03 * size), GREY)
     return [*bars, ball]
 
 

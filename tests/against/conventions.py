@@ -66,7 +66,7 @@ class Answers(NamedTuple):
 
 def urdf(arm: sa.SpaceArm) -> str:
     """The arm's URDF without what is drawn."""
-    return document(replace(arm.tree, looks={}), arm.tips).decode()
+    return document(replace(arm.tree, visuals={}), arm.tips).decode()
 
 
 def floating(M, J):

@@ -30,7 +30,7 @@ def test_entries_are_true(info):
         robot = etree.parse(info.path).getroot()
         assert robot.getprevious() is not None, "names its source in a comment at its head"
     for name, part in arm.tree.links.items():
-        assert part is None or part.mass == 0.0 or name in arm.tree.looks, name
+        assert part is None or part.mass == 0.0 or name in arm.tree.visuals, name
 
 
 @pytest.mark.parametrize(

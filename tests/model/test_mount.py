@@ -261,10 +261,10 @@ def test_an_arm_alone_is_no_spacecraft(tmp_path):
 
 
 def test_robots_whose_package_is_not_installed_say_so(monkeypatch):
-    from spacearm.description import arms as arm_models
+    from spacearm.description import catalogue
 
     missing = sa.arms()[1]._replace(path=Path("nowhere.urdf"))
-    monkeypatch.setattr(arm_models, "arms_by_name", lambda: {"ur5": missing})
+    monkeypatch.setattr(catalogue, "arms_by_name", lambda: {"ur5": missing})
     with pytest.raises(sa.ModelError, match="pip install 'example-robot-data"):
         sa.mount("ur5", SERVICER)
 

@@ -159,7 +159,7 @@ def test_wheels_are_asked_for_with_care():
         load_text(marked, tip="arm")
     arm = load_text(text, tip="arm", wheels=["spin"])
     for wheels in ([1.0, 2.0], [np.nan], "fast", 3.0):
-        with pytest.raises(sa.ConfigurationError, match=r"needs 1 finite .* each of: spin"):
+        with pytest.raises(sa.ConfigurationError, match=r"give 1 finite .* each of: spin"):
             arm.at([0.1], wheels=wheels)
     with pytest.raises(sa.ConfigurationError, match="no wheel"):
         sa.load("planar2").at([0, 0], wheels=[1.0])

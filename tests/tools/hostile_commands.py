@@ -20,8 +20,8 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     import spacearm.sweeps.processes
     import spacearm.viewer.viewer
     from spacearm.cli import app as cli
+from spacearm.description.catalogue import models_folder
 from spacearm.errors import ModelWarning
-from spacearm.files import models_folder
 
 PLAIN = [models_folder() / "planar2.urdf"]
 """Its two joints fit the numbers of most commands."""

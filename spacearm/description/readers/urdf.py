@@ -19,10 +19,9 @@ from lxml import etree
 
 from spacearm.arrays import LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.meshes import find_mesh
+from spacearm.description.readers.urdf_visuals import read_visuals
 from spacearm.description.readers.xml import Source, describe
 from spacearm.description.tree import ROOT_JOINT, Tree
-from spacearm.description.visuals import look_of
 from spacearm.errors import ModelError, unknown
 
 Check = Literal["error", "warn", "accept"]
@@ -63,7 +62,7 @@ def read(path: str | os.PathLike[str], check: Check = "error", *, spacecraft: bo
         root=_root(source, links, joints),
         links=links,
         joints=joints,
-        looks=_looks(source, robot),
+        visuals=read_visuals(source, robot),
         tips=tuple(_named_link(source, tip, links) for tip in robot.findall("tip")),
     )
     _check_masses(source, tree, check, spacecraft)
@@ -244,21 +243,3 @@ def _warn_of_missing_limits(source: Source, joints: Mapping[str, Joint]) -> None
     free = [j.name for j in joints.values() if j.kind in kinds and math.isinf(j.lower)]
     if free:
         source.warn(f"no limits on {', '.join(free)}: taken as unlimited")
-
-
-def _looks(source: Source, robot: etree._Element) -> dict[str, bytes]:
-    """What is drawn of each link; meshes that are not there get one warning."""
-    materials = {material.get("name"): material for material in robot.findall("material")}
-    found: dict[str, Path | None] = {}
-
-    def place(file: str) -> str:
-        if file not in found:
-            found[file] = find_mesh(file, source.path)
-        return str(found[file] or file)
-
-    looks = {e.get("name", ""): look_of(e, materials, place) for e in robot.findall("link")}
-    if missing := sorted(file[:80] for file, path in found.items() if path is None):
-        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        some = ", ".join(missing[:3]) + more
-        source.warn(f"meshes not found (physics is not affected): {some}")
-    return {name: look for name, look in looks.items() if look is not None}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
-import warnings
 from pathlib import Path
 from typing import NoReturn
 
@@ -13,7 +11,7 @@ import pinocchio as pin
 from lxml import etree
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ModelError, ModelWarning
+from spacearm.errors import ModelError, warn
 from spacearm.files import read
 
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
@@ -31,11 +29,8 @@ class Source:
         raise ModelError(f"{self.path}: {problem}; {remedy}")
 
     def warn(self, message: str) -> None:
-        """Gives the `ModelWarning` that names this file."""
-        depth = 2
-        while sys._getframe(depth - 1).f_globals.get("__name__", "").startswith("spacearm"):
-            depth += 1
-        warnings.warn(f"{self.path}: {message}", ModelWarning, stacklevel=depth)
+        """Give the `ModelWarning` that names this file."""
+        warn(f"{self.path}: {message}")
 
     def robot(self) -> etree._Element:
         """The root element of a file that is XML, is a URDF or a xacro source of one."""
