@@ -1,6 +1,7 @@
 """Errors travel; arguments that make no sense are said by name and value."""
 
 import pickle
+import types
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +122,14 @@ def test_large_results_are_shown_in_a_line():
     assert len(shown) < 150
     shells = [repr(component) for component in sa.singular_set(arm()).components()]
     assert any(shell.endswith("R from 0.3510638 to 0.5536773 m)") for shell in shells)
+
+
+def test_warnings_point_outside_the_package():
+    """Frames of the package are skipped; those of a package with a similar name are not."""
+    for name, inside in (("spacearm.anywhere", True), ("spacearms", False)):
+        module = types.ModuleType(name)
+        module.warn = errors.warn
+        exec(compile("def f(): warn('look')", f"{name}.py", "exec"), vars(module))
+        with pytest.warns(sa.ModelWarning, match="look") as caught:
+            module.f()
+        assert (caught[0].filename == __file__) == inside

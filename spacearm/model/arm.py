@@ -263,10 +263,8 @@ class SpaceArm:
             UnsupportedError: The arm has several tips.
         """
         I = np.zeros((3, 3)) if inertia is None else inertia
-        rigid = Inertial.of(mass, I, com, body="the payload")
-        return SpaceArm.of(
-            holding(self.tree, self.tip, rigid), self.path, tip=self.tips, task=self._asked
-        )
+        tree = holding(self.tree, self.tip, Inertial.of(mass, I, com, body="the payload"))
+        return SpaceArm.of(tree, self.path, tip=self.tips, task=self._asked)
 
     def to_urdf(self, path: str | os.PathLike[str]) -> Path:
         """Write spacecraft and arm as one URDF, which `load` reads to the same numbers.

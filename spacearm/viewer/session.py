@@ -1,6 +1,6 @@
-"""Session: what the panel's messages do to the configuration, and what the panel shows of it.
+"""Session: the configuration on show, moved by the panel's messages and read out for the panel.
 
-No browser and no drawing here: messages are plain dictionaries from JSON, answers too.
+It knows no browser and no drawing: messages and answers are plain dictionaries for JSON.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import LARGEST, Array
 from spacearm.description.catalogue import catalogue
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.mechanics.floating import move
@@ -23,26 +23,26 @@ from spacearm.singularities.report import SingularityReport, singularity
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
-"""How far from home a slider reaches [rad] or [m]: four turns, or 25 m."""
+"""Largest reach of a slider from home [rad] or [m]: four turns, or 25 m."""
 LONGEST = 4.0 * FARTHEST
-"""The longest joint motion on which the spacecraft is followed: it takes a fraction of a second."""
+"""Longest joint motion on which the reaction of the spacecraft is integrated [rad] or [m]."""
 
 
 class Session:
-    """The configuration that is shown, and the two ways of moving it.
+    """The configuration on show, and the two ways of moving it.
 
     Attributes:
         arm: The arm.
-        cfg: The configuration now.
+        cfg: The configuration on show.
         report: Its singularity report.
-        mode: "posture": the attitude is held while joints move; "free-floating": the spacecraft
-            turns as momentum conservation demands.
+        mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
+            as momentum conservation demands.
     """
 
     def __init__(self, arm: SpaceArm, cfg: Configuration) -> None:
         self.arm = arm
         self.mode = "posture"
-        self._rng = np.random.default_rng()
+        self._rng = np.random.default_rng(0)
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "joint": self._joint,
             "attitude": self._attitude,
@@ -54,15 +54,15 @@ class Session:
         self.show(cfg)
 
     def show(self, cfg: Configuration) -> None:
-        """Takes over a configuration."""
+        """Show a configuration."""
         self.cfg = cfg
         self.report: SingularityReport = singularity(cfg)
 
     def go(self, q: Array) -> None:
-        """Moves the joints straight to q; in free-floating mode the spacecraft reacts.
+        """Move the joints straight to q (n,); in free-floating mode the spacecraft reacts.
 
         Raises:
-            ConfigurationError: The way there is too long to follow the spacecraft on it.
+            ConfigurationError: The motion is too long to integrate the reaction.
         """
         if self.mode == "posture":
             self.show(self.arm.at(q, base=self.cfg.base))
@@ -77,12 +77,12 @@ class Session:
 
     @property
     def home(self) -> Array:
-        """(n,) the joints at zero, or at the limit nearest to it."""
+        """(n,) joint positions: zeros, or the limits nearest to them."""
         return np.clip(np.zeros(self.arm.n), self.arm.lower, self.arm.upper)
 
     @property
     def range(self) -> tuple[Array, Array]:
-        """Ends of the sliders: the joint limits, but no more than `FARTHEST` from home.
+        """Ends of the sliders: the joint limits, at most `FARTHEST` from home.
 
         Half a turn or a metre where there are no limits.
         """
@@ -94,10 +94,10 @@ class Session:
         )
 
     def handle(self, message: object) -> None:
-        """Does what a message of the panel asks.
+        """Do what a message of the panel asks.
 
         Raises:
-            ConfigurationError: The message is not one that the panel may send.
+            ConfigurationError: The message is unknown, or a value in it is not valid.
         """
         kind = message.get("do") if isinstance(message, dict) else message
         if not isinstance(message, dict) or str(kind) not in self._handlers:
@@ -105,7 +105,7 @@ class Session:
         self._handlers[str(kind)](message)
 
     def _joint(self, message: dict[str, Any]) -> None:
-        index, value = message.get("index"), finite(message.get("value"), "value")
+        index, value = message.get("index"), number(message.get("value"), "value")
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < self.arm.n:
             raise ConfigurationError(f"joint index is {index!r}; give 0 to {self.arm.n - 1}")
         lower, upper = (end[index] for end in self.range)
@@ -123,7 +123,7 @@ class Session:
         rpy = message.get("rpy")
         if not isinstance(rpy, list) or len(rpy) != 3:
             raise ConfigurationError(f"attitude is {rpy!r}; give [roll, pitch, yaw]")
-        R = pin.rpy.rpyToMatrix(np.array([finite(angle, "attitude") for angle in rpy]))
+        R = pin.rpy.rpyToMatrix(np.array([number(angle, "attitude") for angle in rpy]))
         self.show(self.arm.at(self.cfg.q, base=pin.SE3(R, self.cfg.base.translation)))
 
     def _mode(self, message: dict[str, Any]) -> None:
@@ -133,21 +133,21 @@ class Session:
         self.mode = mode
 
     def _home(self) -> None:
-        """The joints at home; in posture mode the attitude too."""
+        """Move the joints home; in posture mode turn the spacecraft back too."""
         if self.mode == "posture":
             self.show(self.arm.at(self.home))
         else:
             self.go(self.home)
 
     def _nearest(self) -> None:
-        """The nearest singular configuration in joint space, inside the limits or not."""
+        """Go to the nearest singular configuration in joint space, inside the limits or not."""
         try:
             self.go(singular_set(self.arm).nearest(self.cfg.q)[0])
         except (UnsupportedError, NoSolutionError) as error:
             raise ConfigurationError(str(error)) from None
 
     def about(self) -> dict[str, Any]:
-        """What the panel needs once."""
+        """Return what the panel needs once: model, task, unit and joints."""
         lower, upper = self.range
         joints = [self.arm.tree.joints[name] for name in self.arm.joint_names]
         return {
@@ -161,7 +161,7 @@ class Session:
         }
 
     def readout(self) -> dict[str, Any]:
-        """What the panel shows of the configuration."""
+        """Return what the panel shows of the configuration."""
         cfg, report = self.cfg, self.report
         rpy = pin.rpy.matrixToRpy(cfg.base.rotation)
         return {
@@ -179,7 +179,7 @@ class Session:
         }
 
     def as_python(self) -> str:
-        """The configuration as Python code."""
+        """Write the configuration as Python code."""
         cfg = self.cfg
         pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
         known = {info.name for info in catalogue()}
@@ -194,12 +194,12 @@ class Session:
         )
 
 
-LARGEST = 1e12
-"""No angle or length that a person enters is larger."""
+def number(value: object, what: str) -> float:
+    """Return a number out of a message.
 
-
-def finite(value: object, what: str) -> float:
-    """A number out of a message, or an error that names it."""
+    Raises:
+        ConfigurationError: It is no finite number; names it by `what`.
+    """
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST:
         return float(value)
     raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give a finite number")

@@ -1,41 +1,51 @@
-"""View: configurations and motions in a browser, in notebooks, in files and pictures."""
+"""Show: any result with a posture in the browser, in notebooks, in files and pictures."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
-from spacearm.motion.motion import Motion, Playable
-from spacearm.viewer.notebook import in_notebook
-from spacearm.workspaces.path_dependent import Workspace
+from spacearm.model.configuration import Configuration
+from spacearm.motion.motion import Motion
 
 if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer
 
 
 def view(
-    thing: SpaceArm | Playable | Workspace,
+    thing: Any,
     q: npt.ArrayLike | None = None,
     *,
     base: pin.SE3 | None = None,
     port: int | None = None,
     open: bool | None = None,  # noqa: A002 - the word for it
 ) -> Viewer:
-    """Shows an arm, with sliders, or plays a motion, or shows the shells of a workspace.
+    """Show an arm with sliders, play a motion, or show the posture of any other result.
 
     In a script or a terminal the page opens in the browser, served on 127.0.0.1 only, until
     `Viewer.close` or the end of the program. In a notebook, as the last line of a cell, the scene
     stands in the notebook and stays there when it is opened elsewhere.
 
     Args:
-        thing: An arm, an object with `arm`, `t`, `q` and `base` (see `Motion`), or a workspace,
-            whose path dependent shells are drawn about the system CM.
-        q: (n,) joint positions to start from; zeros (or the nearest limits) if None.
-        base: Pose of the spacecraft; the identity if None.
+        thing: One of
+
+            - an arm;
+            - a configuration, or a result that has one, such as a `Capture`;
+            - a `Trajectory`, `Followed`, `Plan` or `Motion`, or any object with `arm`, `t`, `q`
+              and `base`, which is played;
+            - a `Workspace`: its path dependent shells about the system CM;
+            - a singular set: the arm at the singular posture nearest to q;
+            - a `Region`: its first singular configuration.
+        q: (n,) joint positions of an arm, a workspace or a singular set; zeros (or the nearest
+            limits) if None.
+        base: Pose of the spacecraft for the same things; the identity if None.
         port: Port of the page; the first free one from 7400 on if None.
         open: Whether to serve the page and open the browser; if None, unless in a notebook.
 
@@ -43,20 +53,120 @@ def view(
         A `Viewer`: `.url`, `.show`, `.shells`, `.save`, `.png`, `.close`.
 
     Raises:
-        ConfigurationError: q, base or the motion has the wrong shape or is not finite.
+        ConfigurationError: The thing cannot be shown, q, base or the motion has the wrong shape or
+            is not finite, or q or base is given for a thing that has its own.
         SpaceArmError: The port is in use.
     """
-    from spacearm.viewer.viewer import Viewer
-
-    if isinstance(thing, Workspace):
-        viewer = view(thing.arm, q, base=base, open=False)
-        viewer.shells([R for R in np.unique(thing.pdw) if R > 0.0] or [thing.reachable[0, 1]])
-    elif isinstance(thing, SpaceArm):
-        start = np.clip(0.0, thing.lower, thing.upper) if q is None else q
-        viewer = Viewer(thing.at(start, base=base))
-    else:
-        motion = Motion.of(thing)
-        viewer = Viewer(motion.at(float(motion.t[0])), motion)
+    rule = next((rule for rule in RULES if rule.holds(thing)), None)
+    if rule is None:
+        raise ConfigurationError(
+            f"a {type(thing).__name__} cannot be shown; give {', '.join(r.what for r in RULES)}"
+        )
+    if not rule.takes_q and (q is not None or base is not None):
+        raise ConfigurationError(
+            f"a {type(thing).__name__} has a posture of its own; leave out q and base"
+        )
+    viewer = rule.show(thing, q, base)
     if open or (open is None and not in_notebook()):
         viewer.open(port)
     return viewer
+
+
+def in_notebook() -> bool:
+    """Tell whether an IPython kernel runs this code."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    return shell is not None and hasattr(shell, "kernel")
+
+
+def _start(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Configuration:
+    """Return the configuration at q; at zeros, or the limits nearest to them, if q is None."""
+    return arm.at(np.clip(0.0, arm.lower, arm.upper) if q is None else q, base=base)
+
+
+def _posture(cfg: Configuration, motion: Motion | None = None) -> Viewer:
+    """Show a configuration, and the motion that begins there."""
+    from spacearm.viewer.viewer import Viewer  # imports meshcat
+
+    return Viewer(cfg, motion)
+
+
+def _motion(thing: Any) -> Viewer:
+    """Play a motion."""
+    motion = Motion.of(thing)
+    return _posture(motion.at(float(motion.t[0])), motion)
+
+
+def _workspace(thing: Any, start: Configuration) -> Viewer:
+    """Show the shells of the path dependent workspace, or the outer bound if there are none."""
+    viewer = _posture(start)
+    viewer.shells([R for R in np.unique(thing.pdw) if R > 0.0] or [thing.reachable[0, 1]])
+    return viewer
+
+
+def _nearest(thing: Any, start: Configuration) -> Viewer:
+    """Show the singular posture that is nearest in joint space."""
+    return _posture(start.arm.at(thing.nearest(start.q)[0], base=start.base))
+
+
+def _region(thing: Any) -> Viewer:
+    """Show the first singular configuration of a region."""
+    if not thing.singular:
+        raise ConfigurationError(
+            f"the region is {thing.kind} and has no singular configuration to show; view the arm"
+        )
+    return _posture(thing.singular[0])
+
+
+class _Rule(NamedTuple):
+    """How one kind of thing is shown.
+
+    Attributes:
+        what: The kind, for the message that lists what can be shown.
+        holds: Whether a thing is of that kind.
+        show: Makes the viewer of a thing, q and base.
+        takes_q: Whether q and base say where the arm stands.
+    """
+
+    what: str
+    holds: Callable[[Any], bool]
+    show: Callable[[Any, npt.ArrayLike | None, pin.SE3 | None], Viewer]
+    takes_q: bool = False
+
+
+def _a(kind: type) -> Callable[[Any], bool]:
+    return lambda thing: isinstance(thing, kind)
+
+
+def _has(*names: str) -> Callable[[Any], bool]:
+    return lambda thing: all(hasattr(thing, name) for name in names)
+
+
+RULES = (
+    _Rule("a SpaceArm", _a(SpaceArm), lambda arm, q, base: _posture(_start(arm, q, base)), True),
+    _Rule("a Configuration", _a(Configuration), lambda cfg, *_: _posture(cfg)),
+    _Rule(
+        "a motion (with arm, t, q and base)",
+        _has("arm", "t", "q", "base"),
+        lambda motion, *_: _motion(motion),
+    ),
+    _Rule(
+        "a Workspace",
+        _has("arm", "pdw", "reachable"),
+        lambda space, q, base: _workspace(space, _start(space.arm, q, base)),
+        True,
+    ),
+    _Rule(
+        "a singular set",
+        _has("arm", "nearest"),
+        lambda found, q, base: _nearest(found, _start(found.arm, q, base)),
+        True,
+    ),
+    _Rule("a Region", _has("singular", "kind"), lambda region, *_: _region(region)),
+    _Rule(
+        "a result with a configuration",
+        _has("configuration"),
+        lambda result, *_: _posture(result.configuration),
+    ),
+)
+"""The first rule that holds for a thing shows it."""

@@ -1,4 +1,4 @@
-"""Viewer: the handle on what is shown, and the ways to keep it."""
+"""Viewer: the scene on show, in the browser, in a notebook, in files and pictures."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from spacearm.singularities.report import singularity
 from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
 from spacearm.viewer.scene import LAYERS, Scene
 from spacearm.viewer.server import Server
-from spacearm.viewer.session import Session, finite
+from spacearm.viewer.session import Session, number
 from spacearm.viewer.window import Window
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 MOST_FRAMES = 9000
-"""Frames of a motion in a page; each takes some kilobytes."""
+"""Largest number of frames of a motion in a page; each takes some kilobytes."""
 RENDERING = 120.0
-"""What a picture may take [s]."""
+"""Longest time that a picture may take [s]."""
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 
@@ -42,7 +42,7 @@ class Viewer:
     """A scene of one arm: in the browser, in a notebook, in a file.
 
     Attributes:
-        session: The configuration that is shown, and how it is moved.
+        session: The configuration on show, and how the panel moves it.
         window: The drawing.
     """
 
@@ -63,14 +63,29 @@ class Viewer:
     # --- what is shown ----------------------------------------------------------------------
 
     def show(self, q: npt.ArrayLike, *, base: pin.SE3 | None = None) -> None:
-        """Shows another configuration; the spacecraft stays where it is if base is None."""
+        """Show another configuration.
+
+        Args:
+            q: (n,) joint positions [rad] or [m].
+            base: Pose of the spacecraft; the present one if None.
+
+        Raises:
+            ConfigurationError: q or base has the wrong shape or is not finite.
+        """
         with self._lock:
             cfg = self.session.cfg
             self.session.show(cfg.arm.at(q, base=cfg.base if base is None else base))
         self._changed()
 
     def shells(self, radii: Sequence[float]) -> None:
-        """Draws spheres about the system CM with these radii [m], translucent."""
+        """Draw translucent spheres about the system CM.
+
+        Args:
+            radii: Radii [m].
+
+        Raises:
+            ConfigurationError: A radius is not positive and finite.
+        """
         colors = [SHELL_COLORS[i % len(SHELL_COLORS)] for i in range(len(radii))]
         for radius in radii:
             if not 0.0 < radius < np.inf:
@@ -79,7 +94,11 @@ class Viewer:
         self._changed()
 
     def layer(self, name: str, visible: bool) -> None:
-        """Switches a layer on or off: see `spacearm.viewer.scene.LAYERS`."""
+        """Show or hide a layer, one of `spacearm.viewer.scene.LAYERS`.
+
+        Raises:
+            ConfigurationError: There is no such layer.
+        """
         if name not in LAYERS:
             raise ConfigurationError(unknown("layer", name, LAYERS))
         self._hidden = self._hidden - {name} if visible else self._hidden | {name}
@@ -95,7 +114,7 @@ class Viewer:
     # --- the panel (see server.Panel) -------------------------------------------------------
 
     def handle(self, message: object) -> None:
-        """Does what a message of the page asks."""
+        """Do what a message of the page asks."""
         with self._lock:
             kind = message.get("do") if isinstance(message, dict) else None
             if isinstance(message, dict) and kind == "layer":
@@ -106,44 +125,54 @@ class Viewer:
                 self.session.handle(message)
 
     def readout(self) -> dict[str, Any]:
-        """What the panel shows of the configuration."""
+        """Return what the panel shows of the configuration."""
         with self._lock:
             return {**self.session.readout(), "hidden": sorted(self._hidden), "t": self._time}
 
     def draw(self) -> None:
-        """Draws the configuration."""
+        """Draw the configuration."""
         with self._lock:
             self._scene.draw(self.session.cfg, self.session.report)
 
     def about(self) -> dict[str, Any]:
-        """What the page needs once."""
+        """Return what the page needs once."""
         motion = self._motion
         span = [float(motion.t[0]), float(motion.t[-1])] if motion else None
         return {**self.session.about(), "layers": LAYERS, "motion": span}
 
     def _seek(self, motion: Motion, t: object) -> None:
-        self._time = float(np.clip(finite(t, "time"), motion.t[0], motion.t[-1]))
+        self._time = float(np.clip(number(t, "time"), motion.t[0], motion.t[-1]))
         self.session.show(motion.at(self._time))
 
     # --- in the browser ---------------------------------------------------------------------
 
     @property
     def url(self) -> str | None:
-        """Where the page is, or None while it is not served."""
+        """Address of the page; None while it is not served."""
         return self._server.url if self._server else None
 
     def serve(self, port: int | None = None) -> str:
-        """Serves the page on 127.0.0.1 and returns where."""
+        """Serve the page on 127.0.0.1.
+
+        Args:
+            port: The port; the first free one from 7400 on if None.
+
+        Returns:
+            Its address.
+
+        Raises:
+            SpaceArmError: The port is in use.
+        """
         if self._server is None:
             self._server = Server(self, port)
         return self._server.url
 
     def open(self, port: int | None = None) -> None:
-        """Serves the page and opens it in the browser."""
+        """Serve the page and open it in the browser; arguments and errors as for `serve`."""
         webbrowser.open(self.serve(port))
 
     def close(self) -> None:
-        """Ends the server and frees its port; files and pictures can still be made."""
+        """End the server and free its port; files and pictures can still be made."""
         if self._server:
             self._server.close()
             self._server = None
@@ -151,10 +180,10 @@ class Viewer:
     # --- to keep ----------------------------------------------------------------------------
 
     def html(self) -> str:
-        """One self-contained page with the scene as it is now, or with the whole motion.
+        """Return one self-contained page with the scene as it is, or with the whole motion.
 
-        A motion has at least 30 frames a second; where these were more than 9000 (5 min) it has
-        9000, evenly spread. Between them the page interpolates.
+        A motion has at least 30 frames a second, but at most 9000 in all, evenly spread. Between
+        them the page interpolates.
         """
         with self._lock:
             self.draw()
@@ -163,21 +192,32 @@ class Viewer:
             return self.window.static_html(f"{self.session.arm.name} - spacearm", about)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Writes `html` to a file, whole or not at all."""
+        """Write `html` to a file, whole or not at all.
+
+        Returns:
+            The path.
+
+        Raises:
+            SpaceArmError: The file cannot be written.
+        """
         return write(Path(path), self.html().encode("utf-8"))
 
     def png(
         self, path: str | os.PathLike[str], size: tuple[int, int] = (1200, 800), scale: int = 1
     ) -> Path:
-        """Renders the scene to a picture, by a headless browser on this machine.
+        """Render the scene to a PNG picture, by a headless browser on this machine.
 
         Args:
-            path: Where to write it.
+            path: The file to write.
             size: Width and height of the page [px].
             scale: Device pixels per page pixel.
 
+        Returns:
+            The path.
+
         Raises:
-            SpaceArmError: No browser is found, or it draws nothing in two minutes.
+            SpaceArmError: No browser is found, it draws nothing in two minutes, or the file cannot
+                be written.
         """
         browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
         if browser is None:
@@ -205,7 +245,7 @@ class Viewer:
             return write(Path(path), picture.read_bytes())
 
     def _repr_html_(self) -> str:
-        """The scene inside a notebook: by itself, so that it stays."""
+        """Embed the scene in a notebook as a page of its own, which stays without a server."""
         source = html.escape(self.html())
         style = "width: 100%; height: 480px; border: 0"
         return f'<iframe srcdoc="{source}" style="{style}"></iframe>'
@@ -216,14 +256,14 @@ class Viewer:
     # --- motions ----------------------------------------------------------------------------
 
     def _draw_trace(self, motion: Motion) -> None:
-        """The tip's path, coloured by sigma_min relative to its largest value."""
+        """Draw the tip path, coloured by sigma_min relative to its largest value."""
         cfgs = [motion.at(float(t)) for t in motion.t]
         sigma = np.array([singularity(cfg).sigma_min for cfg in cfgs])
         points: Array = np.array([cfg.tip.translation for cfg in cfgs])
         self._scene.trace(points, sigma / max(sigma.max(), 1e-300))
 
     def _animate(self, motion: Motion) -> list[float]:
-        """Records the motion into the window and returns its first and last time."""
+        """Record the motion into the window and return its first and last time [s]."""
         first, last = float(motion.t[0]), float(motion.t[-1])
         recorder = Recorder()
         self.window.recorder = recorder

@@ -304,3 +304,22 @@ def test_an_arm_never_changes():
         arm.tip = "link_1"
     with pytest.raises(ValueError, match="read-only"):
         arm.lower[0] = 0.0
+
+
+def test_an_arm_is_plain_data():
+    rotor = (link("rotor"), joint("spin", "bus", "rotor"))
+    with pytest.warns(sa.ModelWarning, match="no limits on elbow"):
+        arm = load_text(
+            robot(*two_links(inside=""), *HAND, *rotor), tip="hand", task="pose", wheels=["spin"]
+        )
+    data = json.loads(json.dumps(arm.to_dict(), allow_nan=False))
+    assert (data["name"], data["n"], data["mass"], data["tip"]) == ("r", 2, 53.0, "hand")
+    assert data["task"] == {"rows": list(arm.task.rows), "length": arm.task.length, "tips": 1}
+    assert [body["link"] for body in data["bodies"]] == ["bus + rotor", "arm", "hand"]
+    assert sum(body["mass"] for body in data["bodies"]) == arm.mass
+    elbow, wrist = data["joints"]
+    assert (elbow["lower"], elbow["effort"], elbow["mimic"]) == (None, None, None)
+    assert (wrist["lower"], wrist["upper"], wrist["parent"]) == (-3, 3, "arm")
+    assert data["wheels"] == [{"name": "spin", "frame": arm.wheels[0].frame, "axis": [0, 0, 1]}]
+    assert data["cm_at_zero"] == arm.at([0, 0]).com.tolist()
+    assert sa.load("dual_ur5", tip=("left", "right")).to_dict()["tip"] == ["left", "right"]

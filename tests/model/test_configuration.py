@@ -1,5 +1,7 @@
 """Configurations: checked input, read-only output, the sums of the bodies."""
 
+import json
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -77,3 +79,16 @@ def test_configurations_do_not_disturb_each_other():
     assert np.array_equal(first.J, J)
     assert np.array_equal(first.com, com)
     assert "chaser7" in repr(first)
+
+
+def test_a_configuration_is_plain_data():
+    cfg = sa.load("planar2").at([0.1, 0.2], base=random_base(np.random.default_rng(0)))
+    data = json.loads(json.dumps(cfg.to_dict(), allow_nan=False))
+    assert list(data) == ["arm", "joints", "q", "base", "tip", "com", "wheels"]
+    assert (data["arm"], data["joints"]) == ("planar2", ["joint_1", "joint_2"])
+    assert (data["q"], data["wheels"]) == ([0.1, 0.2], [])
+    assert pin.XYZQUATToSE3(np.array(data["base"])).isApprox(cfg.base, 1e-14)
+    assert pin.XYZQUATToSE3(np.array(data["tip"])).isApprox(cfg.tip, 1e-14)
+    assert data["com"] == cfg.com.tolist()
+    dual = sa.load("dual_ur5", tip=("left", "right"))
+    assert np.shape(dual.at(np.zeros(dual.n)).to_dict()["tip"]) == (2, 7)

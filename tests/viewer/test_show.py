@@ -1,0 +1,144 @@
+"""Any result with a posture can be shown; what has none is refused with a list of what can."""
+
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import umsgpack
+from helpers.arms import joint, link, robot, two_links
+
+import spacearm as sa
+
+with warnings.catch_warnings():  # meshcat imports what is deprecated
+    warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer.session import Session
+    from spacearm.viewer.shapes import shapes
+
+Q = [0.3, 1.2]
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return sa.load("planar2")
+
+
+def shown(thing, *args, **options):
+    return sa.view(thing, *args, open=False, **options).session
+
+
+def test_an_arm_stands_at_home_or_where_it_is_asked_to(arm):
+    pose = pin.SE3(pin.utils.rotate("z", 0.4), np.array([1.0, 2.0, 0.0]))
+    assert shown(arm).cfg.q.tolist() == [0, 0]
+    session = shown(arm, Q, base=pose)
+    assert session.cfg.q.tolist() == Q
+    assert session.cfg.base.isApprox(pose)
+
+
+def test_a_configuration_and_results_that_have_one(arm):
+    cfg = arm.at(Q, base=pin.SE3(pin.utils.rotate("z", 0.4), np.zeros(3)))
+    assert shown(cfg).cfg is cfg
+    capture = sa.capture(cfg, np.zeros(6), 2.0)
+    assert shown(capture).cfg is capture.configuration
+    assert shown(SimpleNamespace(configuration=cfg)).cfg is cfg
+
+
+def test_motions_are_played(arm):
+    plan = sa.plan(arm, Q, sa.Joints([0.5, 1.0]))
+    followed = sa.follow(arm, Q, [arm.at(Q).tip.translation[:2] + [0.0, 0.05]])
+    trajectory = sa.simulate(arm, Q, sa.JointPD([0.5, 1.0], kp=50.0, kd=50.0), 0.2)
+    for thing in (plan, followed, trajectory, sa.Motion.of(plan)):
+        viewer = sa.view(thing, open=False)
+        np.testing.assert_allclose(viewer.session.cfg.q, Q, atol=1e-12)
+        assert viewer.about()["motion"] == [0.0, float(thing.t[-1])]
+
+
+def test_a_workspace_shows_its_shells_around_the_posture_asked_for(arm):
+    result = sa.workspace(arm)
+    viewer = sa.view(result, Q, open=False)
+    assert viewer.session.cfg.q.tolist() == Q
+    commands = [umsgpack.unpackb(command) for command in viewer.window.commands()]
+    radii = [
+        geometry["radius"]
+        for command in commands
+        if command["type"] == "set_object" and "shells" in command["path"]
+        for geometry in command["object"]["geometries"]
+    ]
+    np.testing.assert_allclose(sorted(radii), result.pdw.ravel())
+
+
+@pytest.mark.parametrize("name", ["planar2", "chaser7"])
+def test_a_singular_set_shows_the_posture_nearest_to_home(name):
+    arm = sa.load(name)
+    found = sa.singular_set(arm)
+    session = shown(found)
+    home = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
+    assert session.report.kind != "regular"
+    np.testing.assert_allclose(session.cfg.q, found.nearest(home)[0])
+
+
+def test_a_singular_set_shows_the_posture_nearest_to_q(arm):
+    session = shown(sa.singular_set(arm), Q)
+    np.testing.assert_allclose(session.cfg.q, sa.singular_set(arm).nearest(Q)[0])
+
+
+def test_a_region_shows_its_first_singular_configuration(arm):
+    space = sa.workspace(arm)
+    (low, high) = space.pdw[0]
+    region = space.regions([(low + high) / 2.0, 0.0])
+    assert shown(region).cfg is region.singular[0]
+    with pytest.raises(sa.ConfigurationError, match="region is unreachable and has no singular"):
+        shown(space.regions([1e3, 0.0]))
+
+
+@pytest.mark.parametrize("thing", ["planar2", None, 3, [1, 2], SimpleNamespace(arm=None)])
+def test_what_has_no_posture_is_refused(thing):
+    message = (
+        f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
+        r"\(with arm, t, q and base\), a Workspace, a singular set, a Region, a result with a conf"
+    )
+    with pytest.raises(sa.ConfigurationError, match=message):
+        shown(thing)
+
+
+def test_a_motion_with_faults_is_refused(arm):
+    base = [pin.SE3.Identity()] * 2
+    with pytest.raises(sa.ConfigurationError, match="motion: q has shape"):
+        shown(SimpleNamespace(arm=arm, t=[0, 1], q=[[0.0]], base=base))
+
+
+@pytest.mark.parametrize("given", [{"q": Q}, {"base": pin.SE3.Identity()}])
+def test_a_posture_is_not_given_twice(arm, given):
+    with pytest.raises(sa.ConfigurationError, match="a Configuration has a posture of its own"):
+        shown(arm.at(Q), **given)
+
+
+def test_random_postures_can_be_repeated(arm):
+    first, second = (Session(arm, arm.at(Q)) for _ in range(2))
+    for session in (first, second):
+        session.handle({"do": "random"})
+    assert first.cfg.q.tolist() == second.cfg.q.tolist() != Q
+    first.handle({"do": "random"})
+    assert first.cfg.q.tolist() != second.cfg.q.tolist()
+
+
+@pytest.mark.parametrize(
+    ("visual", "message"),
+    [
+        ("<geometry><cone/></geometry>", "'arm' has a visual without a known geometry"),
+        ('<geometry><box size="1"/></geometry>', r"has size='1'; give 3 finite .*not drawn"),
+        ('<origin rpy="x"/><geometry><box size="1 1 1"/></geometry>', "has rpy='x'"),
+    ],
+)
+def test_a_visual_with_a_fault_gives_a_warning_and_a_scene(tmp_path, visual, message):
+    box = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
+    parts = [link("bus", 50.0, inside=box), link("arm", inside=f"<visual>{visual}</visual>")]
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(*parts, two_links()[2], link("end"), joint("e", "arm", "end", "fixed")))
+    arm = sa.load(path)
+    with pytest.warns(sa.ModelWarning, match=message) as caught:
+        drawn = shapes(arm)
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+    assert {shape.link for shape in drawn} == {"bus", "arm"}
