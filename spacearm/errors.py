@@ -1,4 +1,4 @@
-"""The errors that spacearm raises: each names the thing, its value and the remedy."""
+"""Errors and warnings of spacearm: each names the thing, its value and the remedy."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from traceback import walk_stack
 
 
 class SpaceArmError(Exception):
-    """Root of all errors raised by spacearm."""
+    """Base of all errors that spacearm raises."""
 
 
 class ModelError(SpaceArmError, ValueError):
-    """A URDF or a model parameter is wrong."""
+    """A model file or a model parameter is wrong."""
 
 
 class ConfigurationError(SpaceArmError, ValueError):
@@ -23,7 +23,7 @@ class ConfigurationError(SpaceArmError, ValueError):
 
 
 class UnsupportedError(SpaceArmError, NotImplementedError):
-    """This arm cannot have the feature asked for; the message says why."""
+    """What was asked for does not exist for this arm; the message says why."""
 
 
 class NoSolutionError(SpaceArmError):
@@ -41,15 +41,15 @@ class NoSolutionError(SpaceArmError):
 class StoreError(SpaceArmError):
     """The store of a sweep cannot be used, or the cluster that fills it is lost.
 
-    What is in the store stays; the message says what to do.
+    The content of the store is kept; the message says what to do.
     """
 
 
 class SweepError(SpaceArmError):
-    """A sweep is through, but some chunks failed each time they were tried.
+    """A sweep has ended, and some chunks failed in every attempt.
 
     Attributes:
-        failed: The error of each, by "quantity number".
+        failed: The error of each failed chunk, by "quantity number".
     """
 
     def __init__(self, message: str, failed: Mapping[str, str]) -> None:
@@ -61,11 +61,11 @@ class SweepError(SpaceArmError):
 
 
 class ModelWarning(UserWarning):
-    """A model loads, but something in it deserves a look."""
+    """A model loads, but something in it is suspicious."""
 
 
 def unknown(kind: str, name: object, valid: Iterable[str]) -> str:
-    """The message for a name that does not exist, with the valid ones, nearest first."""
+    """Compose the message for a name that does not exist, with the valid ones, nearest first."""
     nearest = sorted(
         valid, key=lambda v: -SequenceMatcher(None, str(name).lower(), v.lower()).ratio()
     )

@@ -1,4 +1,4 @@
-"""Files: read up to a size; written beside their place and renamed, so never half."""
+"""Files: read up to a size; written to a temporary file and renamed, never half."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import BinaryIO
 from spacearm.errors import SpaceArmError
 
 LARGEST_TEXT = 10**7
-"""Bytes that a file may have that a person writes: a URDF, a study, a list of points."""
+"""Largest size of a file that people write: a URDF, a study, a list of points [bytes]."""
 
 
 def opened(path: Path) -> BinaryIO:
-    """A regular file, open to be read: a device may have no end, and a pipe may say nothing.
+    """Open a regular file for reading: a device may have no end, and a pipe may stay silent.
 
     Raises:
-        OSError: It is another kind of file, or cannot be opened.
+        OSError: It is a device or a pipe, or cannot be opened.
         ValueError: No file can have that name.
     """
     mode = path.stat().st_mode
@@ -27,14 +27,14 @@ def opened(path: Path) -> BinaryIO:
 
 
 def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
-    """The content of a regular file.
+    """Read a regular file.
 
     Args:
         path: The file.
-        most: Bytes that it may have.
+        most: Largest size [bytes].
 
     Raises:
-        OSError: It is larger, another kind of file, or cannot be read.
+        OSError: It is larger, a device or a pipe, or cannot be read.
         ValueError: No file can have that name.
     """
     with opened(path) as file:
@@ -45,10 +45,17 @@ def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
 
 
 def write(path: Path, content: bytes) -> Path:
-    """Writes a file, whole or not at all.
+    """Write a file, whole or not at all.
+
+    Args:
+        path: The file; an existing one is replaced.
+        content: Its content.
+
+    Returns:
+        The path.
 
     Raises:
-        SpaceArmError: It cannot be written, or a device or pipe is there, which would be replaced.
+        SpaceArmError: It cannot be written, or there is a folder, a device or a pipe.
     """
     beside: Path | None = None
     try:

@@ -1,1 +1,1 @@
-"""What a robot file says: links, joints and what is drawn of them, as plain data."""
+"""The content of a robot file: links, joints and visuals, as plain data."""

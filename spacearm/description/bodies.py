@@ -1,4 +1,4 @@
-"""Parts: what one link weighs and how one joint moves, as plain data."""
+"""Bodies: mass properties of links, and the joints between them, as plain data."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.errors import ModelError
 
 TRIANGLE_TOLERANCE = 1e-6
-"""By what share of the largest principal moment rounded data may miss the triangle inequality."""
+"""Share of the largest principal moment by which rounded data may break the triangle inequality."""
 
 
 class Inertial(NamedTuple):
@@ -40,17 +40,17 @@ class Inertial(NamedTuple):
         body: str,
         prefix: str = "",
     ) -> Inertial:
-        """A rigid body from numbers of a caller, checked.
+        """Make a rigid body of a caller's numbers, checked.
 
         Args:
             mass: Mass [kg].
             inertia: (3, 3) inertia about the CM, link axes [kg m^2]; all zero for a point mass.
             com: (3,) CM in the link frame [m].
-            body: What the body is called in an error.
-            prefix: What the caller puts before "mass", "inertia" and "com", as in "base_mass".
+            body: Name of the body in an error.
+            prefix: Prefix of "mass", "inertia" and "com" in an error, as in "base_mass".
 
         Raises:
-            ModelError: They are no numbers, or no rigid body can have them.
+            ModelError: They are not numbers, or no rigid body can have them.
         """
         try:
             m = float(mass)
@@ -71,17 +71,17 @@ class Inertial(NamedTuple):
 
     @property
     def point(self) -> bool:
-        """Whether it is a mass without any inertia about its CM."""
+        """Whether it is a point mass, without inertia about its CM."""
         return self.mass > 0.0 and not self.inertia.any()
 
     def spatial(self) -> pin.Inertia:
-        """The same as a Pinocchio spatial inertia in the link frame."""
+        """Return it as a Pinocchio spatial inertia in the link frame."""
         inertia = pin.Inertia.Zero()
         inertia.mass, inertia.inertia = self.mass, self.inertia
         return self.origin.act(inertia)
 
     def fault(self) -> str | None:
-        """Why no rigid body can have this inertia, or None if one can."""
+        """Say why no rigid body can have this inertia; None if one can."""
         if self.mass == 0.0 and not self.inertia.any():
             return None
         if self.mass <= 0.0:
@@ -96,7 +96,7 @@ class Inertial(NamedTuple):
 
 
 class Mimic(NamedTuple):
-    """The joint follows another: q = multiplier * q_leader + offset."""
+    """A joint that follows another one: q = multiplier * q_leader + offset."""
 
     leader: str
     multiplier: float
@@ -105,18 +105,18 @@ class Mimic(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint between two links; limits are infinite where the URDF gives none.
+    """A joint between two links; limits are infinite where the description gives none.
 
     Attributes:
-        kind: "revolute", "continuous", "prismatic" or "fixed"; "wheel" for one that turns without
-            limits and is no joint of the arm (see `spacearm.model.wheels`).
+        kind: "revolute", "continuous", "prismatic" or "fixed"; "wheel" for the axle of a momentum
+            wheel, which is no joint of the arm (see `spacearm.model.wheels`).
         origin: Pose of the joint frame in the parent link's frame.
         axis: (3,) unit vector in the joint frame.
         lower: Least angle [rad] or displacement [m].
         upper: Largest angle [rad] or displacement [m].
         velocity: Largest rate [rad/s] or [m/s].
         effort: Largest torque [N m] or force [N].
-        slid: How far a prismatic joint had slid when it was welded [m]; the origin includes it.
+        slid: Displacement at which a prismatic joint was locked [m]; the origin includes it.
     """
 
     name: str
@@ -134,7 +134,7 @@ class Joint:
 
     @property
     def movable(self) -> bool:
-        """Whether the joint can move and is the arm's."""
+        """Whether the joint can move and is a joint of the arm."""
         return self.kind not in ("fixed", "wheel")
 
     @property
@@ -143,25 +143,25 @@ class Joint:
         return "N" if self.kind == "prismatic" else "N m"
 
     def motion(self, value: float) -> pin.SE3:
-        """Displacement of the child link at `value` [rad] or [m], in the joint frame."""
+        """Compute the displacement of the child link at `value` [rad] or [m], joint frame."""
         if self.kind == "prismatic":
             return pin.SE3(np.eye(3), self.axis * value)
         return pin.SE3(pin.AngleAxis(float(value), self.axis).matrix(), np.zeros(3))
 
     def frozen(self, value: float) -> Joint:
-        """The joint welded at `value` [rad] or [m]."""
+        """Return the joint as a fixed one, at `value` [rad] or [m]."""
         slid = abs(value) if self.kind == "prismatic" else 0.0
         origin = self.origin * self.motion(value)
         return replace(self, kind="fixed", origin=origin, mimic=None, slid=slid)
 
     def renamed(self, prefix: str) -> Joint:
-        """The joint with `prefix` before its name and the names of all that it refers to."""
+        """Return the joint with `prefix` before its name and every name that it refers to."""
         mimic = self.mimic and self.mimic._replace(leader=prefix + self.mimic.leader)
         name, parent, child = (prefix + text for text in (self.name, self.parent, self.child))
         return replace(self, name=name, parent=parent, child=child, mimic=mimic)
 
     def pinocchio(self) -> pin.JointModel:
-        """The matching Pinocchio joint; the unlimited ones too have one number each."""
+        """Return the matching Pinocchio joint, which has one number even if it is unlimited."""
         names = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
         letter = "P" if self.kind == "prismatic" else "R"
         if name := names.get(tuple(self.axis)):

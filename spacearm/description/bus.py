@@ -16,18 +16,18 @@ from spacearm.errors import ModelError
 
 @dataclass(frozen=True, eq=False)
 class Bus:
-    """A spacecraft bus, to bolt arms to with `mount`.
+    """A spacecraft bus, to which `mount` bolts arms.
 
     Attributes:
         mass: Mass [kg].
-        size: (3,) edges of its box [m], which plans keep the arm out of. Default: those of the
-            solid box that has the inertia, which is drawn only.
+        size: (3,) edges of its box [m], which plans keep the arm out of. Default: the solid box
+            that has the inertia, which is drawn but never collides.
         inertia: (3, 3) inertia about its CM, bus axes [kg m^2]. Default: of a solid box of `size`.
-        com: (3,) CM in the bus frame [m]; the box is centred there.
+        com: (3,) CM in the bus frame [m], the centre of the box.
         name: Name of its link.
 
     Raises:
-        ModelError: Neither size nor inertia is given, or no rigid body can have these numbers.
+        ModelError: Neither size nor inertia is given, or no rigid body can have these values.
     """
 
     mass: float
@@ -41,7 +41,7 @@ class Bus:
         self.tree()
 
     def tree(self) -> Tree:
-        """The bus as a tree of one link."""
+        """Return the bus as a tree of one link."""
         edges = None if self.size is None else _edges(self.size)
         if self.inertia is not None:
             rigid = Inertial.of(self.mass, self.inertia, self.com, body="the bus")
@@ -56,7 +56,7 @@ class Bus:
 
 
 def _edges(size: npt.ArrayLike) -> Array:
-    """(3,) positive lengths [m], checked."""
+    """Return the edges (3,) [m], checked."""
     try:
         edges = np.array(size, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""Meshes: the files that a <mesh> names, found and read, and nothing that they name in turn."""
+"""Meshes: mesh files found and read safely; files that they name in turn are not opened."""
 
 from __future__ import annotations
 
@@ -23,16 +23,25 @@ if TYPE_CHECKING:
 
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
 LARGEST_MESH = 10**8
-"""Bytes that a mesh file may have."""
+"""Largest size of a mesh file [bytes]."""
 MOST_TRIANGLES = 10**7
-"""Triangles that a mesh may have: a file may place one part any number of times."""
+"""Largest number of triangles of a mesh: a file may place one part any number of times."""
 MOST_NODES = 10_000
-"""Nodes that a COLLADA scene may place."""
+"""Largest number of nodes of a COLLADA scene."""
 
 
 def find_mesh(filename: str, urdf: Path) -> Path | None:
-    """The file that a <mesh filename> means: relative to the URDF or to one of its parents."""
-    from yourdfpy.urdf import filename_handler_magic  # imports trimesh: only where meshes are
+    """Find the file that a <mesh filename> means.
+
+    Args:
+        filename: A path relative to the URDF, a file:// or a package:// name; packages are looked
+            for among the folders above the URDF.
+        urdf: The URDF.
+
+    Returns:
+        Its absolute path, or None if there is no such file.
+    """
+    from yourdfpy.urdf import filename_handler_magic  # slow to import: it imports trimesh
 
     try:
         with _silent("yourdfpy"):
@@ -43,10 +52,11 @@ def find_mesh(filename: str, urdf: Path) -> Path | None:
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
-    """The triangles of a mesh file; textures are left out.
+    """Read the triangles of a mesh file, without textures.
 
     Raises:
-        ModelError: It is of another format, too large, broken, without triangles or not finite.
+        ModelError: The format is not one of `FORMATS`, or the file is too large, broken, without
+            triangles or has coordinates that are not finite.
     """
     try:
         with _silent("trimesh"):
@@ -57,7 +67,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
 
 @contextmanager
 def _silent(name: str) -> Iterator[None]:
-    """A library that does not log: what is wrong with a file is said here, not there."""
+    """Silence the log of a library: faults of a file are reported by this module."""
     logger = logging.getLogger(name)
     before = logger.level
     logger.setLevel(logging.CRITICAL + 1)
@@ -68,7 +78,7 @@ def _silent(name: str) -> Iterator[None]:
 
 
 def _mesh(path: Path) -> trimesh.Trimesh:
-    import trimesh  # only where meshes are
+    import trimesh  # slow to import
 
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -94,7 +104,7 @@ def _mesh(path: Path) -> trimesh.Trimesh:
 
 
 def _plain(collada: bytes) -> bytes:
-    """A COLLADA file without what can grow: entities, and nodes that place nodes that do so."""
+    """Return a COLLADA file, checked for what can grow beyond bounds: entities and nested nodes."""
     if b"<!DOCTYPE" in collada:
         raise ValueError("it declares a DOCTYPE: remove it")
     root = etree.fromstring(collada, etree.XMLParser(encoding="utf-8", huge_tree=True))

@@ -1,4 +1,4 @@
-"""Tips: the links asked for, or those that are taken where nothing is said."""
+"""Tips: the tip links of an arm, asked for or chosen."""
 
 from __future__ import annotations
 
@@ -11,12 +11,17 @@ from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, un
 
 
 def movable(tree: Tree, tip: str) -> list[Joint]:
-    """The joints between the spacecraft and a link that can move."""
+    """Return the joints between the spacecraft and a link that can move, the first one first."""
     return [joint for joint in tree.chain(tip) if joint.movable]
 
 
 def choose_tips(tree: Tree, path: Path, tip: str | Sequence[str] | None) -> tuple[str, ...]:
-    """The links asked for, or those that the URDF names, or the one that `choose_tip` takes."""
+    """Return the tips asked for, else those that the file names, else that of `choose_tip`.
+
+    Raises:
+        ConfigurationError: No link is named, one twice, or one that cannot be a tip.
+        ModelError: Several links could be the tip.
+    """
     if tip is None or isinstance(tip, str):
         tips: Sequence[str | None] = (tip,) if tip is not None or not tree.tips else tree.tips
     else:
@@ -42,7 +47,14 @@ def only_tip(tips: Sequence[str], robot: str) -> str:
 
 
 def choose_tip(tree: Tree, path: Path, tip: str | None) -> str:
-    """The link asked for, or the leaf that is farthest along the longest chain."""
+    """Return the link asked for, else the leaf behind the most movable joints.
+
+    Of several such leaves it is the one behind the most joints of any kind.
+
+    Raises:
+        ConfigurationError: The link does not exist or is part of the spacecraft.
+        ModelError: Several leaves remain.
+    """
     if tip is None:
         depth = {leaf: (len(movable(tree, leaf)), len(tree.chain(leaf))) for leaf in tree.leaves()}
         candidates = [leaf for leaf in depth if depth[leaf] == max(depth.values())]

@@ -1,4 +1,4 @@
-"""Tree: the links and joints of a robot as plain data, and the Pinocchio model made of them."""
+"""Tree: links and joints of a robot as plain data, and the Pinocchio model made of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from spacearm.description.visuals import Visuals
 from spacearm.errors import ConfigurationError, ModelError, unknown
 
 ROOT_JOINT = "root_joint"
-"""Name of the spacecraft's free motion in the Pinocchio model, as Pinocchio itself has it."""
+"""Name of the free-flyer joint of the spacecraft; the one that Pinocchio's URDF reader uses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +27,10 @@ class Tree:
     Attributes:
         name: The robot's name.
         root: The root link: the spacecraft, or a frame fixed to it.
-        links: Inertial of every link; None for a frame without mass.
+        links: Mass properties of every link, by name; None for a frame without mass.
         joints: Every joint, by name.
-        visuals: Shapes of the links that have any, drawn ones and those of collision checks.
-        tips: Tip links that the URDF names itself; none as a rule.
+        visuals: Shapes of the links that have any, by name.
+        tips: Tip links that the file names itself; usually none.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Tree:
     tips: tuple[str, ...] = ()
 
     def depth_first(self) -> list[Joint]:
-        """All joints, parents before children, siblings by name: Pinocchio's own URDF order."""
+        """Return all joints, parents before children, siblings by name: Pinocchio's URDF order."""
         children: dict[str, list[Joint]] = {link: [] for link in self.links}
         for joint in sorted(self.joints.values(), key=lambda joint: joint.name, reverse=True):
             children[joint.parent].append(joint)
@@ -53,7 +53,7 @@ class Tree:
         return order
 
     def chain(self, link: str) -> list[Joint]:
-        """The joints from the root to a link, in that order."""
+        """Return the joints from the root to a link, in that order."""
         into = {joint.child: joint for joint in self.joints.values()}
         chain: list[Joint] = []
         while link != self.root:
@@ -62,12 +62,12 @@ class Tree:
         return chain[::-1]
 
     def leaves(self) -> list[str]:
-        """The links that no joint starts from."""
+        """Return the links without children."""
         parents = {joint.parent for joint in self.joints.values()}
         return [link for link in self.links if link not in parents]
 
     def lumps(self) -> dict[str, list[str]]:
-        """Links that move as one body, under the link that leads them."""
+        """Return the links that move as one body, by the one of them nearest to the root."""
         leader = {self.root: self.root}
         for joint in self.depth_first():
             leader[joint.child] = joint.child if joint.movable else leader[joint.parent]
@@ -82,12 +82,12 @@ class Tree:
         return any(n == name or n.startswith(start) for n in (*self.links, *self.joints))
 
     def free_name(self, name: str) -> str:
-        """The name, with the first number from 2 on that makes it free if it is not."""
+        """Return the name, with a number from 2 on if it is taken."""
         numbered = chain((name,), (f"{name}_{i}" for i in count(2)))
         return next(free for free in numbered if not self.has(free))
 
     def renamed(self, prefix: str) -> Tree:
-        """The tree with `prefix` before every name of a link and a joint."""
+        """Return the tree with `prefix` before every name of a link or a joint."""
         joints = [joint.renamed(prefix) for joint in self.joints.values()]
         return Tree(
             name=self.name,
@@ -99,10 +99,16 @@ class Tree:
         )
 
     def joined(self, other: Tree, name: str, parent: str, at: pin.SE3) -> Tree:
-        """Both trees as one: `other` with its root fixed to link `parent` at a pose there.
+        """Return both trees as one, the root of `other` fixed to a link of this one.
+
+        Args:
+            other: The tree to add.
+            name: Name of the fixed joint.
+            parent: The link that it is fixed to.
+            at: Pose of the root of `other` in the frame of that link.
 
         Raises:
-            ModelError: A name would be there twice.
+            ModelError: Both have a link or a joint of the same name.
         """
         bolt = Joint(name, "fixed", parent, other.root, at, np.array([1.0, 0.0, 0.0]))
         added = {**other.joints, name: bolt}
@@ -117,10 +123,11 @@ class Tree:
         )
 
     def locked(self, values: Mapping[str, float]) -> Tree:
-        """The tree with joints frozen at `values`; joints that mimic one freeze with it.
+        """Return the tree with joints locked at `values` [rad] or [m], by name, and their mimics.
 
         Raises:
-            ConfigurationError: A joint does not exist, follows another, or the value is no number.
+            ConfigurationError: A joint does not exist or mimics another, or its value is no finite
+                number.
         """
         if not isinstance(values, Mapping):
             raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
@@ -149,10 +156,10 @@ class Tree:
         return replace(self, joints=joints)
 
     def with_wheels(self, names: Collection[str]) -> Tree:
-        """The tree with joints taken as wheels, which are not the arm's.
+        """Return the tree with joints taken as the axles of momentum wheels.
 
         Raises:
-            ConfigurationError: One does not exist, slides, or has to do with mimic joints.
+            ConfigurationError: A joint does not exist, slides, mimics another or is mimicked.
         """
         led = {joint.mimic.leader for joint in self.joints.values() if joint.mimic}
         turning = [j.name for j in self.leading() if j.kind != "prismatic" and j.name not in led]
@@ -166,11 +173,11 @@ class Tree:
         return replace(self, joints=joints)
 
     def leading(self) -> list[Joint]:
-        """The movable joints that follow no other, in the order of q."""
+        """Return the movable joints that mimic no other, in the order of q."""
         return [joint for joint in self.depth_first() if joint.movable and not joint.mimic]
 
     def coupling(self) -> tuple[Array, Array]:
-        """C and c in (all movable joints) = C q + c, which makes mimic joints follow."""
+        """Return C and c of (positions of all movable joints) = C q + c, mimic joints included."""
         movable = [joint for joint in self.depth_first() if joint.movable]
         leading = [joint.name for joint in self.leading()]
         C, c = np.zeros((len(movable), len(leading))), np.zeros(len(movable))
@@ -184,10 +191,10 @@ class Tree:
         return C, c
 
     def limits(self) -> tuple[Array, Array]:
-        """(n,) each: the least and the largest q at which no joint is beyond its limits.
+        """Return the lower and upper limits of q, (n,) each, those of mimic joints included.
 
         Raises:
-            ModelError: A joint that mimics another leaves it nowhere to be.
+            ModelError: The limits of a joint and of one that mimics it exclude each other.
         """
         leading, movable = self.leading(), [j for j in self.depth_first() if j.movable]
         lower = np.array([joint.lower for joint in leading])
@@ -199,8 +206,8 @@ class Tree:
             low, high = sorted((end - offset) / gains[j] for end in (joint.lower, joint.upper))
             if low > upper[j] or high < lower[j]:
                 raise ModelError(
-                    f"{self.name}: joint {leading[j].name!r} has nowhere to be: {joint.name!r}, "
-                    f"which mimics it, asks for {low:g} to {high:g}, the others allow "
+                    f"{self.name}: joint {leading[j].name!r} has no position within limits: "
+                    f"{joint.name!r}, which mimics it, needs {low:g} to {high:g}, the others allow "
                     f"{lower[j]:g} to {upper[j]:g}; correct <limit> or <mimic>"
                 )
             lower[j], upper[j] = max(lower[j], low), min(upper[j], high)
@@ -208,7 +215,7 @@ class Tree:
         return lower, upper
 
     def plane_normal(self) -> int | None:
-        """The spacecraft axis (0, 1, 2) that every joint turns about or slides across, if any."""
+        """Return the axis (0, 1, 2) that all joints turn about or slide normal to, if any."""
         attitude = {self.root: np.eye(3)}
         normals = {0, 1, 2}
         for joint in self.depth_first():
@@ -220,7 +227,15 @@ class Tree:
         return normals.pop() if len(normals) == 1 else None
 
     def with_spacecraft(self, mass: float | None, inertia: npt.ArrayLike | None) -> Tree:
-        """The tree with another mass [kg] or inertia about its CM [kg m^2] of the spacecraft."""
+        """Return the tree with another mass or inertia of the spacecraft.
+
+        Args:
+            mass: Mass of the spacecraft with all that is fixed to it [kg]; as it is if None.
+            inertia: (3, 3) its inertia about its CM [kg m^2]; as it is if None.
+
+        Raises:
+            ModelError: No rigid body can have this mass and inertia.
+        """
         lump = self.lumps()[self.root]
         body = self.pinocchio().inertias[1]
         spacecraft = Inertial.of(
@@ -234,7 +249,11 @@ class Tree:
         return replace(self, links={**links, self.root: spacecraft})
 
     def with_mass(self, link: str, mass: float) -> Tree:
-        """The tree with another mass of a link [kg], its inertia in proportion."""
+        """Return the tree with another mass of a link [kg], its inertia scaled in proportion.
+
+        Raises:
+            ModelError: The link does not exist or has no mass, or the new mass is not positive.
+        """
         part = self.links.get(link)
         if part is None:
             raise ModelError(f"link {link!r} has no mass; name one of: {', '.join(self.bodies())}")
@@ -244,16 +263,16 @@ class Tree:
         return replace(self, links={**self.links, link: scaled})
 
     def bodies(self) -> list[str]:
-        """The links that have mass."""
+        """Return the names of the links that have mass."""
         return [name for name, part in self.links.items() if part is not None]
 
     def with_mount(self, joint: Joint, mount: pin.SE3) -> Tree:
-        """The tree with a joint moved to a pose in the spacecraft frame."""
+        """Return the tree with a joint moved to a pose in the spacecraft frame."""
         moved = replace(joint, parent=self.root, origin=mount)
         return replace(self, joints={**self.joints, joint.name: moved})
 
     def pinocchio(self) -> pin.Model:
-        """The Pinocchio model, with a free-flyer root and one body frame for every link."""
+        """Make the Pinocchio model, with a free-flyer root and a body frame for every link."""
         model = pin.Model()
         model.name = self.name
         model.gravity = pin.Motion.Zero()

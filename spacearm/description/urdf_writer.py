@@ -1,4 +1,4 @@
-"""Writer: a tree of links and joints as URDF, the inverse of `urdf.read`."""
+"""URDF writer: a tree of links and joints as URDF, the inverse of `urdf.read`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,14 @@ from spacearm.description.visuals import (
 
 
 def document(tree: Tree, tips: tuple[str, ...]) -> bytes:
-    """The URDF of a tree, numbers with all their digits.
+    """Write a tree as URDF, numbers with all their digits.
 
-    What URDF has no word for is in elements that other readers ignore: <tip link> names the tips,
-    <wheel> in a joint says that it is none of the arm's.
+    Two elements are extensions, which other readers ignore: <tip link> names a tip, and <wheel> in
+    a joint makes it the axle of a momentum wheel.
+
+    Args:
+        tree: The tree.
+        tips: Names of its tips.
     """
     links = [_link(tree, name) for name in tree.links]
     joints = [_joint(joint) for joint in tree.joints.values()]
@@ -48,7 +52,7 @@ def _link(tree: Tree, name: str) -> etree._Element:
 
 
 def _shape(element: Callable[..., etree._Element], shape: Shape) -> etree._Element:
-    """<visual> or <collision>; a material is named after its colour."""
+    """Write <visual> or <collision>; a material is named after its colour."""
     parts = [_origin(shape.pose), _geometry(shape.geometry)]
     if shape.rgba:
         rgba = _text(shape.rgba)
@@ -57,7 +61,7 @@ def _shape(element: Callable[..., etree._Element], shape: Shape) -> etree._Eleme
 
 
 def _geometry(geometry: Geometry) -> etree._Element:
-    """<geometry>; an empty one, which cannot be used either, for what cannot be used."""
+    """Write <geometry>; an empty one, which cannot be used either, for an unusable one."""
     match geometry:
         case Box(size):
             return E.geometry(E.box(size=_text(size)))
@@ -79,7 +83,7 @@ def _inertial(inertial: Inertial) -> etree._Element:
 
 
 def _joint(joint: Joint) -> etree._Element:
-    """<joint>; a turning one without limits is a continuous one."""
+    """Write <joint>; a turning one without limits as "continuous"."""
     unlimited = math.isinf(joint.lower) and joint.kind in ("revolute", "wheel")
     element = E.joint(
         E.parent(link=joint.parent),

@@ -1,1 +1,1 @@
-"""The arm, its configurations, tasks and wheels, as the equations need them."""
+"""The arm, its configurations, its task and its wheels."""

@@ -1,4 +1,4 @@
-"""Loading: a spacecraft with its arm from a URDF or the catalogue; arms bolted to a bus."""
+"""Loading: a spacecraft with its arm from a file or the catalogue, or an arm on a bus."""
 
 from __future__ import annotations
 
@@ -28,30 +28,35 @@ def load(
     check: urdf.Check | None = None,
     wheels: Collection[str] = (),
 ) -> SpaceArm:
-    """Loads a spacecraft with its arm.
+    """Load a spacecraft with its arm.
 
-    The spacecraft is the URDF's root link with all that fixed joints hold to it; a massless root
-    joined to the real bus is fine. Side branches (solar panels, other arms) are bodies and
-    joints like any other. Joints that mimic another follow it and are not counted in n; their
-    limits count as limits of the joint that they follow.
+    The spacecraft is the root link with all links that fixed joints hold to it; a massless root
+    fixed to the actual bus is fine. Side branches (solar panels, other arms) are bodies and joints
+    like any other. Joints that mimic another are not among the n joints; their limits count as
+    limits of the joint that they follow.
 
     Args:
-        model: A catalogue name (see `catalogue`) or the path of a URDF.
+        model: A name of the catalogue (see `catalogue`) or the path of a URDF or .xacro file.
         tip: Link whose frame is the tip, or several, whose task rows are then stacked. Default:
-            what the URDF names by <tip link>, else the leaf link behind the most movable joints
-            (of several, the one behind the most joints of any kind).
+            the links that the URDF names by <tip link>, else the leaf link behind the most movable
+            joints; of several, the one behind the most joints of any kind.
         task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
             `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
             the rotation); otherwise "pose" from 6 joints on, else "position".
-        locked: Joints to freeze, with their values [rad] or [m].
-        check: "error", "warn" or "accept": what to do with inertias that no rigid body can
-            have. Default: what the catalogue says for its models, "error" for files.
+        locked: Joints to lock, with their values [rad] or [m].
+        check: What to do with inertias that no rigid body can have: "error", "warn" or "accept".
+            Default: that of the catalogue for its models, "error" for files.
         wheels: Joints of reaction wheels and other bodies that hold momentum, which are not among
-            the n; `SpaceArm.at` takes their momentum. Joints with a <wheel> in them are so anyway.
+            the n joints; `SpaceArm.at` takes their momentum. Joints with a <wheel> element are
+            wheels anyway.
 
     Raises:
-        ModelError: The model is unknown, cannot be read or is unsound.
-        ConfigurationError: tip, task or locked name something that does not exist.
+        ModelError: The model is unknown, cannot be read or has a fault.
+        ConfigurationError: tip, task, locked or wheels names something that does not exist.
+
+    Warns:
+        ModelWarning: A joint has no limits, meshes are missing, or (with check="warn") an inertia
+            is impossible.
     """
     info = find_model(model)
     path = info.path if info else Path(model)
@@ -69,28 +74,28 @@ def mount(
     locked: Mapping[str, float] | None = None,
     check: urdf.Check | None = None,
 ) -> SpaceArm:
-    """Bolts an arm to a spacecraft; do it again for a second and a third arm.
+    """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
-    The arm's own fixed base becomes part of the spacecraft. The names of its links and joints are
-    prefixed with its name and "_", and a frame with its name alone stands at its tip, so that two
-    arms mounted as "left" and "right" have the tips "left" and "right". The result asks about the
-    arm mounted last; `SpaceArm.replace` takes another tip, or both: `tip=("left", "right")`. The
-    order of mounting changes nothing else.
+    The fixed base of the arm becomes part of the spacecraft. The names of its links and joints are
+    prefixed with its name and "_", and a frame with its name alone is at its tip: two arms mounted
+    as "left" and "right" have the tips "left" and "right". The tip of the result is that of the
+    arm mounted last; `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`. The
+    order of mounting makes no other difference.
 
     Args:
         arm: A URDF of an arm without a spacecraft: its path or a name that `arms` lists.
-        bus: A `Bus`, a spacecraft that has arms already, or the path of a URDF of a bus (its
-            solar panels and wheels come along).
+        bus: A `Bus`, a spacecraft that has arms already, or the path of a URDF of a bus, whose
+            solar panels and wheels are kept.
         at: Pose of the arm's root link in the frame of the bus; the identity if None.
-        name: What the arm is called. Default: the robot's name, numbered from the second on.
+        name: Name of the arm. Default: the robot's name, numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
-        locked: Joints of the arm to freeze, with their values [rad] or [m]; fingers of arms that
-            `arms` lists are frozen anyway.
+        locked: Joints of the arm to lock, with their values [rad] or [m]; fingers of arms that
+            `arms` lists are locked anyway.
         check: What to do with inertias that no rigid body can have; see `load`.
 
     Raises:
-        ModelError: A URDF is unknown or unsound, or the name is taken.
-        ConfigurationError: bus, at, tip or locked is wrong.
+        ModelError: An arm is unknown, a URDF has a fault, or the name is taken.
+        ConfigurationError: bus, at, tip or locked is not valid.
     """
     at = pin.SE3.Identity() if at is None else sound_pose(at, "at")
     base = _tree(bus, check)
@@ -99,6 +104,7 @@ def mount(
 
 
 def _tree(bus: Bus | SpaceArm | str | os.PathLike[str], check: urdf.Check | None) -> Tree:
+    """Return the tree of what an arm is bolted to."""
     if isinstance(bus, Bus):
         return bus.tree()
     if isinstance(bus, SpaceArm):

@@ -1,1 +1,1 @@
-"""The page in the browser: scene, panel, server."""
+"""The page in the browser: its scene, its panel and its server."""

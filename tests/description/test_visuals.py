@@ -1,5 +1,7 @@
 """Visuals: read once from URDF as data, written back, and never in the way of physics."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -91,11 +93,11 @@ FAULTS = {
     "": "link 'arm' has a .* without a known geometry; give it a box, sphere, cylinder or mesh",
     "<geometry/>": "link 'arm' has a .* without a known geometry",
     "<geometry><cone/></geometry>": "link 'arm' has a .* without a known geometry",
-    '<geometry><box size="1 1"/></geometry>': r"<box> of link 'arm' .line 4. has size='1 1'; give",
+    '<geometry><box size="1 1"/></geometry>': r"<box> of link 'arm' .line 5. has size='1 1'; give",
     '<geometry><sphere radius="nan"/></geometry>': "has radius='nan'; give a finite number",
-    "<geometry><cylinder/></geometry>": "<cylinder> of link 'arm' .line 4. has no radius; add",
+    "<geometry><cylinder/></geometry>": "<cylinder> of link 'arm' .line 5. has no radius; add",
     '<geometry><mesh filename="a" scale="b"/></geometry>': "has scale='b'; give 3 finite numbers",
-    f'<origin xyz="a"/>{BOX}': "<origin> of link 'arm' .line 4. has xyz='a'; give 3 finite",
+    f'<origin xyz="a"/>{BOX}': "<origin> of link 'arm' .line 5. has xyz='a'; give 3 finite",
     f"{ORIGIN}{ORIGIN}{BOX}": "has 2 <origin>; keep one",
 }
 
@@ -108,8 +110,7 @@ def test_faults_do_not_stop_physics_and_are_kept(text, tmp_path):
     again = urdf.read(tmp_path / "again.urdf")
     for shape in (*read.visuals["arm"].visual, *read.visuals["arm"].collision):
         assert isinstance(shape.geometry, Unusable)
-        with pytest.raises(sa.ModelError, match=f"robot.urdf: .*{FAULTS[text]}"):
-            raise sa.ModelError(shape.geometry.problem)
+        assert re.search(f"robot.urdf: .*{FAULTS[text]}", shape.geometry.problem)
     for shape in (*again.visuals["arm"].visual, *again.visuals["arm"].collision):
         assert isinstance(shape.geometry, Unusable)
 

@@ -1,1 +1,1 @@
-"""Readers: one module for each format of robot files; all end in the one checked tree."""
+"""Readers: one for each format of robot files; all return the same checked tree."""

@@ -1,9 +1,8 @@
-"""Reads a URDF and checks it, so that what reaches Pinocchio is sound.
+"""URDF reader: a URDF read and checked, so that Pinocchio gets a sound model.
 
-Only what physics needs is understood here (links with their inertials, joints): what is drawn is
-kept as it stands, and extensions are left out, so that neither can spoil a computation. Nothing is
-repaired in silence: what is wrong raises a `ModelError` that names file, element, value and remedy;
-what deserves a look gives a `ModelWarning`.
+Links with their inertials, joints and visuals are read, extensions are ignored. Nothing is repaired
+in silence: a fault raises a `ModelError` that names file, element, value and remedy; an oddity
+gives a `ModelWarning`.
 """
 
 from __future__ import annotations
@@ -32,17 +31,17 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
 def read(path: str | os.PathLike[str], check: Check = "error", *, spacecraft: bool = True) -> Tree:
-    """Reads and checks a URDF.
+    """Read and check a URDF.
 
     Args:
         path: The file.
-        check: What to do where no rigid body can have an inertia that the file gives: "error",
-            or "warn" or "accept" to load published data that has such a fault.
-        spacecraft: Whether the root link is a spacecraft, which has mass; that of an arm without
-            one may be a mere frame.
+        check: What to do with inertias that no rigid body can have: "error", or "warn" or "accept"
+            to load published data that has this fault.
+        spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
+            may be a frame without mass.
 
     Raises:
-        ModelError: The file cannot be used; the message names file, element, value and remedy.
+        ModelError: The file has a fault; the message names file, element, value and remedy.
 
     Warns:
         ModelWarning: A joint has no limits, a mesh is missing, or (with check="warn") an inertia
@@ -135,7 +134,7 @@ def _named_link(source: Source, element: etree._Element, links: Collection[str])
 
 
 def _limits(source: Source, joint: etree._Element) -> tuple[float, float, float, float]:
-    """Lower, upper, velocity, effort; of lower and upper a missing one is 0, as URDF has it."""
+    """Read lower, upper, velocity and effort; URDF takes a missing lower or upper as 0."""
     limit = source.child(joint, "limit")
     if limit is None or joint.get("type") == "fixed":
         return -math.inf, math.inf, math.inf, math.inf
@@ -175,7 +174,7 @@ def _mimic(source: Source, joint: etree._Element) -> Mimic | None:
 
 
 def _root(source: Source, links: Collection[str], joints: Mapping[str, Joint]) -> str:
-    """The one link without a parent, from which every other is reached on one way only."""
+    """Find the one link without a parent, and check that every other is reached in one way."""
     into: dict[str, Joint] = {}
     for joint in joints.values():
         if other := into.get(joint.child):
@@ -216,8 +215,8 @@ def _check_mimics(source: Source, joints: Mapping[str, Joint]) -> None:
 
 
 def _check_masses(source: Source, tree: Tree, check: Check, spacecraft: bool) -> None:
-    """Every body has mass, and an inertia that some rigid body could have."""
-    held: set[str] = set()  # point masses on bodies, which need no inertia of their own
+    """Check that every body has mass, and an inertia that a rigid body can have."""
+    held: set[str] = set()  # point masses fixed to bodies, which need no inertia
     for leader, lump in tree.lumps().items():
         parts = {link: part for link in lump if (part := tree.links[link]) and part.mass}
         points = {link for link, part in parts.items() if part.point}

@@ -1,4 +1,4 @@
-"""XML source: a URDF file opened safely, and numbers taken from its elements with care."""
+"""XML source: a URDF file opened safely, and checked numbers out of its elements."""
 
 from __future__ import annotations
 
@@ -19,13 +19,17 @@ XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
 class Source:
-    """One URDF file: gives elements, numbers and poses, or says what is wrong with them."""
+    """A URDF file, with its elements, numbers and poses, checked.
+
+    Attributes:
+        path: The file.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def fail(self, problem: str, remedy: str) -> NoReturn:
-        """Raises the `ModelError` that names this file."""
+        """Raise the `ModelError` that names this file."""
         raise ModelError(f"{self.path}: {problem}; {remedy}")
 
     def warn(self, message: str) -> None:
@@ -33,7 +37,11 @@ class Source:
         warn(f"{self.path}: {message}")
 
     def robot(self) -> etree._Element:
-        """The root element of a file that is XML, is a URDF or a xacro source of one."""
+        """Return the root element of the URDF; a .xacro source is expanded.
+
+        Raises:
+            ModelError: The file cannot be read, or is no URDF.
+        """
         try:
             text = read(self.path)
         except FileNotFoundError:
@@ -57,7 +65,7 @@ class Source:
         return robot
 
     def _parsed(self, text: bytes) -> etree._Element:
-        """The root element of XML that plays no tricks."""
+        """Parse XML without entities, network access or DOCTYPE."""
         parser = etree.XMLParser(
             resolve_entities=False,
             no_network=True,
@@ -74,7 +82,7 @@ class Source:
         return root
 
     def _expanded(self, name: str) -> bytes:
-        """The URDF that a xacro source stands for, of a robot of this name."""
+        """Expand the xacro source of a robot of this name to URDF."""
         try:
             from xacrodoc import XacroDoc, packages
         except ImportError:
@@ -90,7 +98,7 @@ class Source:
         return urdf.encode()
 
     def named(self, robot: etree._Element, tag: str) -> dict[str, etree._Element]:
-        """The children with this tag by their names, which must be there and be unique."""
+        """Return the children with this tag by their names, which must exist and be unique."""
         elements: dict[str, etree._Element] = {}
         for element in robot.findall(tag):
             name = element.get("name")
@@ -105,7 +113,7 @@ class Source:
     def numbers(
         self, element: etree._Element, attribute: str, count: int, default: str | None = None
     ) -> Array:
-        """`count` finite numbers from an attribute."""
+        """Read `count` finite numbers from an attribute."""
         text = element.get(attribute, default)
         if text is None:
             self.fail(f"{describe(element)} has no {attribute}", f"add {attribute}='...'")
@@ -120,18 +128,18 @@ class Source:
         return values
 
     def child(self, element: etree._Element, tag: str) -> etree._Element | None:
-        """The child with this tag, or None; there may be only one."""
+        """Return the child with this tag, or None; more than one are a fault."""
         children = element.findall(tag)
         if len(children) > 1:
             self.fail(f"{describe(element)} has {len(children)} <{tag}>", "keep one")
         return children[0] if children else None
 
     def number(self, element: etree._Element, attribute: str, default: str | None = None) -> float:
-        """One finite number from an attribute."""
+        """Read one finite number from an attribute."""
         return float(self.numbers(element, attribute, 1, default)[0])
 
     def lengths(self, element: etree._Element, attribute: str, count: int) -> Array:
-        """`count` positive numbers from an attribute."""
+        """Read `count` positive numbers from an attribute."""
         values = self.numbers(element, attribute, count)
         if values.min() <= 0.0:
             self.fail(
@@ -141,7 +149,7 @@ class Source:
         return values
 
     def pose(self, element: etree._Element) -> pin.SE3:
-        """The pose in a child <origin xyz rpy>; the identity if there is none (URDF's default)."""
+        """Read the pose in a child <origin xyz rpy>; the identity if there is none."""
         origin = self.child(element, "origin")
         if origin is None:
             return pin.SE3.Identity()
@@ -150,7 +158,7 @@ class Source:
 
 
 def describe(element: etree._Element) -> str:
-    """Where an element stands, as in: <mass> of link 'boom' (line 12)."""
+    """Describe an element by its owner and line, as in: <mass> of link 'boom' (line 12)."""
     owner = next((e for e in (element, *element.iterancestors()) if e.get("name")), element)
     where = "" if owner is element else f"<{element.tag!s}> of "
     return f"{where}{owner.tag!s} {owner.get('name')!r} (line {element.sourceline})"
