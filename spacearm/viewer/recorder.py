@@ -1,4 +1,4 @@
-"""Recorder: turns drawings at successive times into one meshcat animation."""
+"""Recorder: drawings at successive times as one meshcat animation."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ TYPES = {"position": "vector3", "scale": "vector3", "quaternion": "quaternion", 
 
 
 class Recorder:
-    """Takes drawing commands instead of the window and keeps what moves, frame by frame."""
+    """Takes drawing commands in place of the window and keeps what changes, frame by frame.
+
+    Attributes:
+        frame: The frame that commands belong to.
+    """
 
     def __init__(self) -> None:
         self.frame = 0.0
         self._tracks: dict[str, dict[str, list[dict[str, Any]]]] = {}
 
     def __call__(self, content: dict[str, Any]) -> None:
-        """Records a lowered set_transform or set_property command at the current frame."""
+        """Record a lowered set_transform or set_property command at the current frame."""
         if content["type"] == "set_property":
             self._key(content["path"], content["property"], content["value"])
         elif content["type"] == "set_transform":
@@ -35,7 +39,7 @@ class Recorder:
         keys.append({"time": self.frame, "value": value})
 
     def lower(self) -> dict[str, Any]:
-        """The animation as a meshcat command."""
+        """Return the animation as a meshcat command."""
         return {
             "type": "set_animation",
             "path": "",

@@ -1,4 +1,4 @@
-"""Scene: what is drawn of a configuration, in layers that can be switched off."""
+"""Scene: the drawing of a configuration, in layers that can be hidden."""
 
 from __future__ import annotations
 
@@ -33,18 +33,24 @@ LAYERS = {
     "shells": "#56b4e9",
     "trace": "#0072b2",
 }
-"""The layers and the colours that stand for them in the panel."""
+"""Layers, and their colours in the panel."""
 
 NEAR = 0.05
-"""Below this ratio of least to largest singular value the weakest direction is drawn."""
+"""Ratio of least to largest singular value below which the weakest direction is drawn."""
 FIT = 1.5
-"""Distance of the camera over the radius of the system: fills the view at meshcat's 75 degrees."""
+"""Distance of the camera over the radius of the system, for meshcat's view of 75 degrees."""
 ELLIPSOID_SECONDS = 0.3
-"""Size of the ellipsoid and the directions: how far the tip gets in this time at unit rates."""
+"""Scale of the ellipsoid: the tip motion in this time at joint rates of 1 rad/s or 1 m/s."""
 
 
 class Scene:
-    """Draws one arm into a window and keeps the drawing up to date."""
+    """The drawing of one arm in a window.
+
+    Attributes:
+        root: The node that everything is drawn under.
+        arm: The arm.
+        size: Radius of the system at q = 0 [m].
+    """
 
     def __init__(self, window: Window, arm: SpaceArm) -> None:
         self.root = meshcat.Visualizer(window=window)["/spacearm"]
@@ -92,7 +98,12 @@ class Scene:
     # --- at every configuration -------------------------------------------------------------
 
     def draw(self, cfg: Configuration, report: SingularityReport) -> None:
-        """Moves everything to a configuration; `report` is its free-floating report."""
+        """Move everything to a configuration.
+
+        Args:
+            cfg: The configuration.
+            report: Its singularity report, of the free-floating mode.
+        """
         pin.framesForwardKinematics(self.arm.model, self._data, cfg.full)
         bodies = self._layer("bodies")
         for link, frame in self._links.items():
@@ -108,7 +119,7 @@ class Scene:
         try:
             points = barycentric(cfg).virtual_manipulator.points
         except UnsupportedError:
-            return  # prismatic joints or movable side branches: there is none to draw
+            return  # arms with prismatic joints or movable side branches have none
         layer = self._layer("virtual manipulator")
         for i, (start, end) in enumerate(pairwise(points)):
             if i >= self._virtual_links:
@@ -159,7 +170,7 @@ class Scene:
         indices: Sequence[int],
         singular: bool,
     ) -> None:
-        """The line or plane of the tip's linear motions that are left."""
+        """Draw the line or the plane in which the tip can still move."""
         linear = [row for row, index in enumerate(indices) if index < 3]
         columns = [indices[row] for row in linear]
         U, sigma, _ = np.linalg.svd(report.jacobian[linear]) if linear else (np.eye(0), [], None)
@@ -179,11 +190,11 @@ class Scene:
     # --- on request -----------------------------------------------------------------------
 
     def show_layer(self, name: str, visible: bool) -> None:
-        """Switches a layer on or off."""
+        """Show or hide a layer."""
         self._layer(name).set_property("visible", visible)
 
     def shells(self, radii: Sequence[tuple[float, int]]) -> None:
-        """Draws translucent spheres about the system CM: pairs of radius [m] and colour."""
+        """Draw translucent spheres about the system CM, of pairs of radius [m] and colour."""
         layer = self._layer("shells")
         layer.delete()
         for i, (radius, color) in enumerate(radii):
@@ -191,7 +202,7 @@ class Scene:
             layer[str(i)].set_object(g.Sphere(radius), material)
 
     def trace(self, points: Array, values: Array) -> None:
-        """Draws a path (m, 3) coloured by values in [0, 1], red at 0 to blue at 1."""
+        """Draw a path (m, 3) [m], coloured by values (m,) from red at 0 to blue at 1."""
         low, high = np.array([0.84, 0.15, 0.16]), np.array([0.0, 0.45, 0.7])
         colors = low + np.clip(values, 0.0, 1.0)[:, None] * (high - low)
         pairs, hues = (np.repeat(a, 2, axis=0)[1:-1].T.astype(np.float32) for a in (points, colors))
@@ -200,7 +211,7 @@ class Scene:
         self._layer("trace")["line"].set_object(g.LineSegments(geometry, material))
 
     def aim(self, cfg: Configuration) -> None:
-        """Puts the camera where the system fills the view."""
+        """Move the camera to where the system fills the view."""
         centre, radius = self._extent(cfg)
         normal = self.arm.tree.plane_normal()
         view = np.array([0.55, -0.75, 0.5]) if normal is None else _over_the_plane(normal)
@@ -215,7 +226,7 @@ class Scene:
             root[name].set_property("visible", False)
 
     def _extent(self, cfg: Configuration) -> tuple[Array, float]:
-        """Centre and radius of a ball that holds the system [m]."""
+        """Compute centre (3,) and radius of a ball around the system [m]."""
         model = self.arm.model
         pin.framesForwardKinematics(model, self._data, cfg.full)
         base = model.inertias[1]
@@ -228,23 +239,24 @@ class Scene:
 
 
 def _over_the_plane(normal: int) -> Array:
-    """From where a planar arm is seen: across its plane, a little from the side."""
+    """Return the direction to view a planar arm from: near the normal of its plane."""
     return np.array([(1.0, -0.2, 0.3), (0.2, -1.0, 0.3), (0.0, -0.35, 1.0)][normal])
 
 
 def _name(link: str) -> str:
-    """A link's name as one element of a meshcat path."""
+    """Return a link's name as one element of a meshcat path."""
     return link.replace("/", "\u2215")
 
 
 def _at(position: Array) -> Array:
+    """Return the pose (4, 4) at a position (3,), unrotated."""
     pose = np.eye(4)
     pose[:3, 3] = position
     return pose
 
 
 def _overlay(color: int, opacity: float = 1.0) -> g.MeshLambertMaterial:
-    """Seen through the bodies that it lies in: what matters is never hidden."""
+    """Make a material that is seen through the bodies in front of it."""
     return g.MeshLambertMaterial(
         color=color, opacity=opacity, transparent=True, depthTest=False, depthWrite=False
     )
@@ -255,7 +267,7 @@ def _show(node: meshcat.Visualizer, visible: bool | np.bool_) -> None:
 
 
 def _arrow(node: meshcat.Visualizer, color: int) -> None:
-    """A double arrow of half length 1 along y."""
+    """Draw a double arrow of half length 1 along y."""
     node["shaft"].set_object(g.Cylinder(1.7, 0.035), _overlay(color))
     for sign in (1.0, -1.0):
         head = node[f"head{sign:+.0f}"]
@@ -264,7 +276,7 @@ def _arrow(node: meshcat.Visualizer, color: int) -> None:
 
 
 def _ring(radius: float, thickness: float) -> g.TriangularMeshGeometry:
-    """A torus about the y axis."""
+    """Make a torus about the y axis."""
     import trimesh
 
     torus = trimesh.creation.torus(radius, thickness)  # about z

@@ -1,7 +1,7 @@
 """Server: one page on one port of this machine, with one WebSocket for scene and panel.
 
-Binary messages to the browser are meshcat's drawing commands, text messages are JSON: the panel's
-readouts and errors. Text messages from the browser are what the panel asks for.
+Binary messages to the browser are drawing commands of meshcat; text messages are JSON, readouts
+and errors for the panel. Text messages from the browser are requests of the panel.
 """
 
 from __future__ import annotations
@@ -23,33 +23,40 @@ LOOPBACK = "127.0.0.1"
 FIRST_PORT, LAST_PORT = 7400, 7500
 LARGEST_MESSAGE = 100_000
 PAUSE = 0.001
-"""Seconds in which messages are gathered before the scene is drawn once for all of them."""
+"""Time for which messages are collected before the scene is drawn once for all of them [s]."""
 
 
 class Panel(Protocol):
-    """What the server needs to know of what it shows."""
+    """The interface of what the server shows."""
 
     window: Window
 
     def handle(self, message: object) -> None:
-        """Does what a message asks, or raises a SpaceArmError."""
+        """Do what a message asks.
+
+        Raises:
+            SpaceArmError: It cannot be done.
+        """
 
     def readout(self) -> dict[str, Any]:
-        """What the panel shows of the state as it is now."""
+        """Return what the panel shows of the present state."""
 
     def draw(self) -> None:
-        """Draws the state as it is now."""
+        """Draw the present state."""
 
     def about(self) -> dict[str, Any]:
-        """What the page needs once."""
+        """Return what the page needs once."""
 
 
 class Server:
-    """Serves a panel in a thread of its own, until it is closed.
+    """A server of a panel, in a thread of its own, until it is closed.
 
     Attributes:
         port: The port, on 127.0.0.1.
-        url: Where a browser finds the page.
+        url: Address of the page.
+
+    Raises:
+        SpaceArmError: The port is in use.
     """
 
     def __init__(self, panel: Panel, port: int | None = None) -> None:
@@ -68,14 +75,14 @@ class Server:
         panel.window.listeners.append(self._broadcast)
 
     def close(self) -> None:
-        """Ends the thread and frees the port."""
+        """End the thread and free the port."""
         if self._thread.is_alive():
             self._panel.window.listeners.remove(self._broadcast)
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join(timeout=5.0)
 
     def refresh(self) -> None:
-        """Draws the panel's state and tells every browser, soon and only once for many calls."""
+        """Draw the state and send it to every browser, soon, and once for many calls."""
         self._loop.call_soon_threadsafe(self._mark_stale)
 
     async def _serve(self, listener: socket.socket) -> None:
@@ -99,7 +106,7 @@ class Server:
     # --- in the server's thread -------------------------------------------------------------
 
     def opened(self, browser: _Socket) -> None:
-        """Sends a new browser everything."""
+        """Send everything to a new browser."""
         self._panel.draw()
         self._browsers.add(browser)
         browser.tell({"about": self._panel.about(), "readout": self._panel.readout()})
@@ -108,11 +115,11 @@ class Server:
         browser.tell({"complete": True})
 
     def closed(self, browser: _Socket) -> None:
-        """Forgets a browser."""
+        """Forget a browser."""
         self._browsers.discard(browser)
 
     def received(self, browser: _Socket, text: str | bytes) -> None:
-        """Does what a browser asks, or tells it what is wrong with that."""
+        """Do what a browser asks, or send it the error."""
         try:
             self._panel.handle(json.loads(text))
         except SpaceArmError as error:
@@ -130,7 +137,7 @@ class Server:
         self._stale = False
         readout = self._panel.readout()
         for browser in list(self._browsers):
-            browser.tell({"readout": readout})  # before the drawing, which takes a browser longer
+            browser.tell({"readout": readout})  # before the drawing, which is slower in a browser
         self._panel.draw()
 
     def _draw(self, data: bytes) -> None:
@@ -138,7 +145,7 @@ class Server:
             browser.draw(data)
 
     def _broadcast(self, data: bytes) -> None:
-        """Passes a drawing command on, from whatever thread it comes."""
+        """Pass a drawing command on, from any thread."""
         if threading.current_thread() is self._thread:
             self._draw(data)
         else:
@@ -146,7 +153,7 @@ class Server:
 
 
 class _OwnHostOnly(tornado.web.RequestHandler):
-    """Refuses names that are not this machine's: a foreign page cannot rebind its name to us."""
+    """Refuses host names that are not this machine's, against DNS rebinding by other pages."""
 
     _hosts: set[str]
 
@@ -202,7 +209,7 @@ class _Socket(_OwnHostOnly, tornado.websocket.WebSocketHandler):
 
 
 def _listen(port: int | None) -> socket.socket:
-    """A socket on the port asked for, or on the first free one of spacearm's range."""
+    """Open a socket on the port asked for, or on the first free one of spacearm's range."""
     for candidate in range(FIRST_PORT, LAST_PORT) if port is None else [port]:
         listener = socket.socket()
         try:

@@ -26,7 +26,7 @@ class DrawnShape(NamedTuple):
 
     Attributes:
         link: Name of the link.
-        pose: (4, 4) of the geometry in the link frame, scale included.
+        pose: (4, 4) pose of the geometry in the link frame, scale included.
         geometry: The meshcat geometry.
         color: Red, green, blue, opacity, from 0 to 1.
     """
@@ -85,7 +85,7 @@ def _drawn(arm: SpaceArm, link: str, shape: Shape) -> DrawnShape | None:
 
 
 def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]:
-    """A box of the body's inertia for the spacecraft, bars from joint to joint for a link."""
+    """Draw the box that has the spacecraft's inertia, or bars from joint to joint of a link."""
     frame = arm.model.frames[arm.model.getFrameId(leader, pin.BODY)]
     inertia = arm.model.inertias[frame.parentJoint]
     if leader == arm.tree.root:
@@ -108,18 +108,19 @@ def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]
 
 
 def _within(arm: SpaceArm, leader: str, link: str) -> pin.SE3:
+    """Return the pose of a link in the frame of the leader of its body."""
     frames = arm.model.frames
     a, b = (frames[arm.model.getFrameId(name, pin.BODY)].placement for name in (leader, link))
     return a.inverse() * b
 
 
 def _bar(end: Array) -> Array:
-    """(4, 4) that puts a cylinder of height 1 (along y) between the origin and `end`."""
+    """Return the matrix (4, 4) that fits a cylinder of height 1 between the origin and `end`."""
     return along(np.zeros(3), end) @ np.diag([1.0, np.linalg.norm(end), 1.0, 1.0])
 
 
 def along(start: Array, end: Array) -> Array:
-    """(4, 4) pose halfway from start to end with its y axis that way."""
+    """Return the pose (4, 4) halfway from start to end (3,), its y axis along the way."""
     y = end - start
     length = float(np.linalg.norm(y))
     pose = np.eye(4)
@@ -133,7 +134,7 @@ def along(start: Array, end: Array) -> Array:
 
 
 def _size(arm: SpaceArm) -> float:
-    """Length of the arm's chain and the spacecraft's radius of gyration [m]."""
+    """Return the larger of the arm's length and the spacecraft's radius of gyration [m]."""
     base = arm.model.inertias[1]
     gyration = math.sqrt(float(np.trace(base.inertia)) / (2.0 * base.mass)) if base.mass else 0.0
     links = sum(float(np.linalg.norm(j.origin.translation)) for j in arm.tree.chain(arm.tip)[1:])

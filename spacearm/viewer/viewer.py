@@ -31,6 +31,12 @@ from spacearm.viewer.session import Session, number
 from spacearm.viewer.window import Window
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+HEADLESS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run",
+    "--disable-sync", "--disable-component-update", "--hide-scrollbars",
+    "--virtual-time-budget=4000",
+)  # fmt: skip
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
 RENDERING = 120.0
@@ -277,11 +283,3 @@ class Viewer:
             self.window.recorder = None
         self.window.send(recorder)
         return [first, last]
-
-
-HEADLESS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run",
-    "--disable-sync", "--disable-component-update", "--hide-scrollbars",
-    "--virtual-time-budget=4000",
-)  # fmt: skip

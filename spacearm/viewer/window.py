@@ -1,7 +1,7 @@
 """Window: a meshcat scene kept in this process, for any number of browsers and for files.
 
-`meshcat.Visualizer` talks to it as it talks to meshcat's own window; there is no second process
-and no ZeroMQ socket, so that nothing can hang, and one port serves everything.
+`meshcat.Visualizer` uses it in place of meshcat's own window: no second process, no ZeroMQ socket,
+and one port for everything. It builds on private modules of meshcat, whose version is pinned.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ PAGE = Path(__file__).parent / "page"
 
 
 class Window:
-    """Keeps every drawing command that still matters and passes each on to the listeners.
+    """The drawing commands of a scene that are still valid, each passed on to the listeners.
 
     Attributes:
-        listeners: Called with every command, packed.
-        recorder: If set, takes the commands instead of the window.
+        listeners: Functions that are called with every command, packed.
+        recorder: If set, it takes the commands in place of the window.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class Window:
         self.recorder: Callable[[dict[str, Any]], None] | None = None
 
     def send(self, command: Any) -> None:
-        """Takes a meshcat command: set_object, set_transform, set_property, ..., delete."""
+        """Take a meshcat command: set_object, set_transform, set_property, ..., delete."""
         content = command.lower()
         if self.recorder:
             self.recorder(content)
@@ -57,7 +57,7 @@ class Window:
                 listener(data)
 
     def commands(self) -> list[bytes]:
-        """The commands that draw the scene as it is now."""
+        """Return the commands that draw the present scene."""
         with self._lock:
             return list(self._commands())
 
@@ -74,11 +74,11 @@ class Window:
                 yield node.animation
 
     def static_html(self, title: str, about: dict[str, Any]) -> str:
-        """One page that shows the scene by itself: no server, no network.
+        """Return a page that shows the scene without a server or a network.
 
         Args:
             title: Title of the page.
-            about: What the page's script needs: layers, and the time of the animation if any.
+            about: Data for the script of the page: layers, and the time span of an animation.
         """
         commands = [base64.b64encode(data).decode() for data in self.commands()]
         parts = {
@@ -95,5 +95,5 @@ class Window:
 
 
 def _script_json(value: Any) -> str:
-    """JSON that may stand inside a <script> element."""
+    """Write JSON that may stand inside a <script> element."""
     return json.dumps(value).replace("</", "<\\/")

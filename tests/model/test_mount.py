@@ -269,7 +269,7 @@ def test_robots_whose_package_is_not_installed_say_so(monkeypatch):
         sa.mount("ur5", SERVICER)
 
 
-def test_looks_travel_with_the_arm(tmp_path):
+def test_visuals_travel_with_the_arm(tmp_path):
     """Materials of one name in two colours, and mesh files, in a written file elsewhere."""
     pytest.importorskip("trimesh").creation.box().export(tmp_path / "part.stl")
     visual = (
