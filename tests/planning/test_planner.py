@@ -2,12 +2,11 @@
 
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.commands import spacearm
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
@@ -342,10 +341,7 @@ def test_one_row_of_the_tip():
 
 
 def run(*words, cwd):
-    command = [sys.executable, "-m", "spacearm", "plan", *map(str, words)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, timeout=120, check=False
-    )
+    return spacearm("plan", *words, cwd=cwd)
 
 
 def test_command(tmp_path):

@@ -23,6 +23,7 @@ from helpers.arms import (
     seeds,
     two_links,
 )
+from helpers.commands import spacearm
 from hypothesis import given, settings
 
 import spacearm as sa
@@ -460,8 +461,7 @@ def test_pictures_are_labelled(planar2):
 
 
 def run(*arguments, cwd):
-    command = [sys.executable, "-m", "spacearm", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+    return spacearm(*arguments, cwd=cwd)
 
 
 def test_command_prints_and_draws(tmp_path):
@@ -496,7 +496,7 @@ def test_command_shows_the_shells_in_the_browser(tmp_path):
 
 
 def test_command_as_json(tmp_path):
-    done = run("workspace", "planar2", "--json", "--base", "attitude-controlled", cwd=tmp_path)
+    done = run("workspace", "planar2", "--json", "--mode", "attitude-controlled", cwd=tmp_path)
     data = json.loads(done.stdout)
     np.testing.assert_allclose(data["pdw"], [[0.3510638, 0.5], [1.4361702, 2.2872340]], atol=1e-7)
     assert not list(tmp_path.iterdir())
