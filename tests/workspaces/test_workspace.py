@@ -167,6 +167,7 @@ def random_planar(seed):
     return load_text(robot(*elements), tip="tip", task="x y" if n == 2 else "x y rz")
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seeds)
 def test_no_singular_configuration_outside_certified_shells(seed):
@@ -297,6 +298,7 @@ def test_what_can_happen_at_a_point(planar2, point, kind):
         np.testing.assert_allclose(cfg.tip.translation[: len(point)], point, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_point_of_a_spatial_arm():
     result = sa.workspace(sa.load("mda6"), effort=20_000)
     region = result.regions((1.0, -2.0, 0.5))
@@ -330,6 +332,7 @@ def test_bad_points(planar2, point):
 # --- larger arms, other arms ----------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mda6", "ets7"])
 def test_found_shells_do_not_move_with_the_effort(name):
     arm = sa.load(name)
@@ -444,6 +447,7 @@ def test_bad_risk(options, error):
 # --- pictures -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pictures_are_labelled(planar2):
     spatial = sa.workspace(sa.load("mda6"), effort=2_000)
     profile = planar2.profile(samples=2_000)
