@@ -1,16 +1,28 @@
-"""Settings of all tests: no time limit for one example, since the first one loads packages.
+"""What all tests share: settings of hypothesis, compiled kernels, a sweep that ran through.
 
-What tests of sweeps share: a study, and its store.
+Tests marked `slow` are left out unless they are asked for: `pytest -m slow`, or `-m ""` for all.
 """
 
+import numpy as np
 import pytest
 from helpers.sweeps import STUDY
 from hypothesis import settings
 
 import spacearm as sa
 
-settings.register_profile("spacearm", deadline=None, derandomize=True)
+settings.register_profile("spacearm", deadline=None, derandomize=True)  # first examples load much
 settings.load_profile("spacearm")
+
+
+def pytest_configure(config):
+    """Compile the kernels once, before the workers start that would each compile them."""
+    if not hasattr(config, "workerinput") and not config.option.collectonly:
+        from spacearm.mechanics.compiled import reactions
+
+        arm, Q = sa.load("planar2"), np.zeros((64, 2))
+        sa.evaluate(arm, Q)
+        sa.generalized_jacobians(arm, Q)
+        reactions(arm, Q.T.copy())
 
 
 @pytest.fixture(scope="session")

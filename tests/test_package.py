@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from helpers.commands import spacearm
 from packaging.metadata import Metadata
 from packaging.version import Version
 
@@ -94,7 +95,7 @@ def test_commands_in_the_readme_exist():
     commands = [line.split("#")[0].split() for line in lines if line.startswith("spacearm ")]
     assert len(commands) > 5
     for words in commands:
-        usage = python(sys.executable, "-m", "spacearm", words[1], "--help").stdout
+        usage = spacearm(words[1], "--help").stdout
         for word in words:
             assert not word.startswith("--") or word in usage, f"{words}: {word}"
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.arms import frame, joint, link, robot, two_links
-from helpers.commands import answer, spacearm
+from helpers.commands import answer, in_a_process, spacearm
 
 import spacearm as sa
 
 
 def test_the_main_job():
-    run = spacearm("query", "planar2", "--deg", "-65", "-11.41")
+    run = in_a_process("query", "planar2", "--deg", "-65", "-11.41")
+    assert run == spacearm("query", "planar2", "--deg", "-65", "-11.41")
     assert run.returncode == 0
     assert run.stderr == ""
     for words in ("dynamic singularity", "-65°", "sigma_min", "m/rad", "lost", "available"):
@@ -49,7 +50,7 @@ def test_attitude_task_tip_lock_and_base():
     locked = answer("query", "mda6", "0", "1", "0", "0", "--deg", "--lock", "joint_3=-90",
                     "--lock", "joint_6=0")  # fmt: skip
     assert locked["joints"] == ["joint_1", "joint_2", "joint_4", "joint_5"]
-    held = answer("query", "planar2", "--deg", "-65", "-11.41", "--base", "attitude-controlled")
+    held = answer("query", "planar2", "--deg", "-65", "-11.41", "--mode", "attitude-controlled")
     assert held["kind"] == "regular"
     assert answer("query", "mda6", *"010101", "--length", "2")["length"] == 2.0
 
@@ -96,7 +97,7 @@ def test_help_and_version():
         (("query", "planar2", "1", "2", "--attitude", "1"), "--attitude"),
         (("query", "planar2", "1", "2", "--attitude", "1", "nan", "0"), "three finite angles"),
         (("query", "planar2", "1", "--lock", "joint_2"), "give JOINT=VALUE"),
-        (("query", "planar2", "1", "2", "--base", "free"), "free"),
+        (("query", "planar2", "1", "2", "--mode", "free"), "free"),
         (("query", "planar2", "1", "2", "--tolerance", "2"), "tolerance is 2"),
         (("query", "planar2", "1", "2", "--tolerance", "x"), "--tolerance"),
         (("query", "planar2", "1", "2", "--length", "3"), "would scale nothing"),
@@ -137,7 +138,7 @@ def test_markup_in_names_is_printed_as_it_is(tmp_path):
 
 def test_nothing_is_cut_off_in_a_narrow_terminal_or_a_pipe():
     for columns in ("30", "200"):
-        run = spacearm("query", "mda6", "--deg", 0, 60, -100, -50, 0, 0, COLUMNS=columns)
+        run = in_a_process("query", "mda6", "--deg", 0, 60, -100, -50, 0, 0, COLUMNS=columns)
         assert "…" not in run.stdout
         assert "-0.003313" in run.stdout
 
@@ -149,7 +150,7 @@ def test_names_that_look_like_emoji_stay(tmp_path):
 
 
 def test_a_terminal_without_the_letters_and_a_full_disk():
-    run = spacearm("info", "mda6", "--deg", PYTHONIOENCODING="ascii")
+    run = in_a_process("info", "mda6", "--deg", PYTHONIOENCODING="ascii")
     assert run.returncode == 0
     assert "mda6" in run.stdout
     with Path("/dev/full").open("w") as full:

@@ -1,11 +1,10 @@
 """The command `spacearm simulate`, from outside."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.cli.options import join_numbers
@@ -15,10 +14,7 @@ FIGURE_5 += ["--target", 1.5, 1.5]
 
 
 def run(*words, cwd):
-    command = [sys.executable, "-m", "spacearm", "simulate", *map(str, words)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, timeout=120, check=False
-    )
+    return spacearm("simulate", *words, cwd=cwd)
 
 
 def test_figures_5_and_6(tmp_path):

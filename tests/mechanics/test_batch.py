@@ -124,6 +124,7 @@ WIDTH = 16
 singular_values = bare(WIDTH)
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(1, 6), st.integers(0, 3), st.integers(0, 14))
 def test_singular_values_are_those_of_numpy(seed, k, more, decades):
     """To 2e-14 of the largest, on spectra with clusters, zeros and gaps."""

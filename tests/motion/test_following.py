@@ -146,6 +146,7 @@ TILTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", TILTS)
 def test_in_a_tilted_plane_all_is_as_in_the_flat_one(arm, tilt):
     """Points are given along the tilted axes: neither joints nor sigma_min tell the difference."""

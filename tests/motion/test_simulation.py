@@ -96,6 +96,7 @@ def test_momentum_and_energy_under_vigorous_torques(name):
     assert np.abs(np.linalg.norm(run.base[:, 3:], axis=1) - 1).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_momentum_does_not_drift_in_a_thousand_seconds():
     """The poses that come out, differentiated, have no momentum either."""
     arm = sa.load("chaser7")
@@ -202,6 +203,7 @@ def test_the_full_system_by_aba_moves_the_same_way():
     assert abs(run.base[-1, 3:] @ full[3:7]) == pytest.approx(np.linalg.norm(full[3:7]), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_controlled_attitude_stays_and_a_fixed_spacecraft_too():
     arm = sa.load("mda6")
     base = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([1.0, 2.0, 3.0]))
@@ -390,6 +392,7 @@ def test_a_controller_that_fails_leaves_the_trajectory_so_far(controller, messag
         assert np.isfinite(caught.value.best.q).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["LSODA", "DOP853", "BDF", "Radau"])
 @pytest.mark.parametrize(
     "law",
@@ -411,6 +414,7 @@ def test_high_gains_are_no_reason_to_stop():
     assert run.ended == "target"
 
 
+@pytest.mark.slow
 def test_a_simulation_inside_a_controller_takes_another_method():
     arm = sa.load("planar2")
 

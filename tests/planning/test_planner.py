@@ -2,12 +2,11 @@
 
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.commands import spacearm
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
@@ -88,6 +87,7 @@ def test_the_joints_come_to_rest_at_corners(arm):
     assert (np.diff(t) > 0.0).all()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_plan(arm, found):
     base = about_cm(arm, E, 0, 0, np.radians(21))
     np.testing.assert_array_equal(sa.plan(arm, E, B, base=base).q, found.q)
@@ -114,6 +114,7 @@ def test_cycles_where_one_curve_is_too_short():
     assert plan.certificate.free
 
 
+@pytest.mark.slow
 def test_attitude_first_turns_to_where_the_line_is_free(arm):
     """From E the line to B is free after a turn under the tip; the story names the turns."""
     base = about_cm(arm, E, 0, 0, np.radians(21))
@@ -126,6 +127,7 @@ def test_attitude_first_turns_to_where_the_line_is_free(arm):
 # --- other arms and goals -------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [-90, -30, 30, 90])
 def test_the_arm_as_attitude_actuator(arm, degrees):
     q = np.array([0.3, 1.2])
@@ -136,6 +138,7 @@ def test_the_arm_as_attitude_actuator(arm, degrees):
     assert np.linalg.norm(turn) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", range(3))
 def test_a_spatial_arm_turns_its_spacecraft(axis):
     arm = sa.load("chaser7")
@@ -146,6 +149,7 @@ def test_a_spatial_arm_turns_its_spacecraft(axis):
     np.testing.assert_allclose(replay(plan).base.rotation, wanted, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_pose_of_a_planar_arm_and_a_place_of_a_spatial_one():
     planar = sa.load("planar3")
     goal = planar.at(
@@ -233,6 +237,7 @@ def test_out_of_reach_the_best_attempt_goes_until_it_is_stretched(arm):
     assert best.sigma_min[-1] < 1e-9
 
 
+@pytest.mark.slow
 def test_limits_that_exclude_every_solution(tmp_path):
     """The tip could be there, but not with the joints between 0.9 and 1.1 rad."""
     text = sa.load("planar2").path.read_text()
@@ -312,6 +317,7 @@ def test_already_there(arm):
         assert plan.certificate.free
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar2", "mda6"])
 def test_the_spacecraft_turned_under_a_tip_that_stays(name):
     arm = sa.load(name)
@@ -342,12 +348,10 @@ def test_one_row_of_the_tip():
 
 
 def run(*words, cwd):
-    command = [sys.executable, "-m", "spacearm", "plan", *map(str, words)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, timeout=120, check=False
-    )
+    return spacearm("plan", *words, cwd=cwd)
 
 
+@pytest.mark.slow
 def test_command(tmp_path):
     words = ["planar2", "--deg", "--start", -57.936, 60.337, "--attitude", 0, 0, 21]
     done = run(*words, "--goal", 1.5, 1.5, "--save", "plan.npz", cwd=tmp_path)

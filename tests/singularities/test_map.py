@@ -42,6 +42,7 @@ def test_bad_joints_are_named(joints, message):
         sa.singular_map(sa.load("planar2"), joints, points=3)
 
 
+@pytest.mark.slow
 def test_the_command_writes_pictures_and_numbers(tmp_path):
     for suffix, start in ((".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")):
         path = tmp_path / f"map{suffix}"

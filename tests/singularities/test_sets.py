@@ -48,6 +48,7 @@ def test_planar2_is_equation_41():
     assert np.abs(S(Q) - factor * wanted).max() < 1e-13 * np.abs(S(Q)).max()
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(2, 5))
 @settings(max_examples=20)
 def test_it_is_the_determinant_of_the_whole_system(seed, n):
@@ -151,6 +152,7 @@ def test_tiny_and_huge_arms_have_the_same_set(mass, length):
     assert np.allclose(S.coefficients / S.scale, T.coefficients / T.scale, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mda6", "ets7"])
 def test_a_hundred_thousand_explicit_singular_configurations(name):
     arm = sa.load(name)
@@ -173,6 +175,7 @@ def jacobians(arm, Q):
 # --- completeness ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(2, 6))
 @settings(max_examples=30)
 def test_every_sign_change_along_a_joint_is_a_root_and_every_root_is_singular(seed, n):
@@ -196,6 +199,7 @@ def test_every_sign_change_along_a_joint_is_a_root_and_every_root_is_singular(se
         assert sigma_ratio(arm, q) < 1e-7
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(3, 6), st.integers(2, 3))
 @settings(max_examples=12)
 def test_every_sign_change_of_a_slice_is_a_root(seed, n, dimension):
@@ -278,6 +282,7 @@ def test_shells_of_planar2_from_its_components():
     assert np.abs(widest) == pytest.approx([81.7116, 172.1288], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_surface_is_a_closed_mesh_on_the_set():
     arm = square_arm(3, 3)
     found = sa.singular_set(arm)
@@ -308,6 +313,7 @@ def test_sample_covers_the_set_and_repeats_with_its_seed():
 # --- certificates ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "segments"), [("planar2", 6000), ("planar3", 3000), ("mda6", 1000)]
 )
@@ -380,6 +386,7 @@ def test_nearest_is_global(name):
         assert distance <= np.linalg.norm(offsets, axis=1).min() + 1e-9
 
 
+@pytest.mark.slow
 def test_nearest_of_a_spatial_arm_beats_a_blind_search():
     found = sa.singular_set(sa.load("mda6"))
     rng = np.random.default_rng(3)

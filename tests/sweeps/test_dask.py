@@ -85,6 +85,7 @@ def test_nothing_listens_beyond_loopback(running):
             assert connection.status != "LISTEN" or connection.laddr.ip in ("127.0.0.1", "::1")
 
 
+@pytest.mark.slow
 def test_the_main_process_is_killed_and_run_again(study, whole, running, tmp_path):
     dask, _ = running
     store, file = tmp_path / "s.zarr", tmp_path / "study.toml"
@@ -100,6 +101,7 @@ def test_the_main_process_is_killed_and_run_again(study, whole, running, tmp_pat
     assert files(store) == files(whole)
 
 
+@pytest.mark.slow
 def test_workers_and_scheduler_are_killed_in_mid_run(study, whole, tmp_path):
     with cluster(tmp_path) as (dask, client):
 

@@ -184,6 +184,7 @@ def children(pid):
     return [int(word) for word in listed.stdout.split()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
 def test_the_main_process_is_killed_and_run_again(study, study_file, whole, tmp_path, kind):
     store = tmp_path / "s.zarr"
@@ -209,6 +210,7 @@ def test_the_main_process_is_killed_and_run_again(study, study_file, whole, tmp_
     assert files(store) == files(whole)
 
 
+@pytest.mark.slow
 def test_a_worker_is_killed_in_mid_run(study_file, whole, tmp_path):
     store = tmp_path / "s.zarr"
     process = start(study_file, store, "--workers", "2")
@@ -220,6 +222,7 @@ def test_a_worker_is_killed_in_mid_run(study_file, whole, tmp_path):
     assert files(store) == files(whole)
 
 
+@pytest.mark.slow
 def test_disk_full(study_file, whole, tmp_path):
     """In a file system of its own with room for a part of the store; then it is enlarged."""
     sweep = f"{sys.executable} -m spacearm sweep {study_file} --store disk/s.zarr --workers 2"
@@ -243,6 +246,7 @@ def test_disk_full(study_file, whole, tmp_path):
     assert files(tmp_path / "copy.zarr") == files(whole)
 
 
+@pytest.mark.slow
 def test_failed_chunks_are_recorded_and_the_rest_goes_on(tmp_path):
     """An arm that is singular everywhere has no shells; its risk is computed all the same."""
     text = """
@@ -363,6 +367,7 @@ def test_other_things_in_the_way_are_left_alone(study, tmp_path, there):
     assert len(files(tmp_path)) == 1
 
 
+@pytest.mark.slow
 def test_plan_status_and_dry_run(study, study_file, whole, tmp_path):
     plans = plan(study)
     assert [(p.quantity, p.chunks) for p in plans] == [("risk", 80), ("sigma_min", 8)]

@@ -3,9 +3,10 @@
     python tests/tools/fuzz.py                     # every target, 100 cases each
     python tests/tools/fuzz.py urdf 5000 --seed 7  # one target, many cases
     python tests/tools/fuzz.py urdf 1 --seed 7 --first 312   # one case again
+    python tests/tools/fuzz.py --limit 5      # on a quiet machine: what is slow is a fault too
 
 Whatever the input, what comes is a result or a SpaceArmError: no other exception, no crash, no
-warning of a library, no case that takes over 5 s of processor time, a minute or 8 GiB, nothing
+warning of a library, no case that takes over a minute or 8 GiB, nothing
 written but the files named, no connection but to the page on 127.0.0.1, no program started
 (`fence.py`).
 """
@@ -37,11 +38,9 @@ from hostile_page import messages
 
 import spacearm as sa
 
-LIMIT = 5.0
-"""Processor time that one case may take [s]."""
-PATIENCE = 60.0
-"""Time that one case may take [s]: on a processor shared by ten, LIMIT is reached first, and what
-waits for ever is found all the same."""
+LIMIT = 60.0
+"""Time that one case may take [s], unless --limit says otherwise: enough on a processor that ten
+share. Cases take a few seconds at most on a quiet machine; the slowest is printed."""
 MEMORY = 8 << 30
 """Address space that the process may take [bytes]."""
 
@@ -81,6 +80,7 @@ def main() -> int:
     parser.add_argument("count", nargs="?", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--limit", type=float, default=LIMIT)
     asked = parser.parse_args()
     sys.dont_write_bytecode = True
     faulthandler.enable()
@@ -90,30 +90,30 @@ def main() -> int:
         tempfile.tempdir = str(home)
         os.chdir(home)
         spoken(["map", "planar2", "--points", "9"])  # compiles, and looks for fonts
-        signal.signal(signal.SIGPROF, _too_long)
         signal.signal(signal.SIGALRM, _too_long)
         fence, log = Fence(), Log(logging.WARNING)
         logging.getLogger().addHandler(log)
         faults = 0
         for target in [asked.target] if asked.target else TARGETS:
             faults += cases(
-                target, range(asked.first, asked.first + asked.count), asked.seed, home, fence, log
+                target, range(asked.first, asked.first + asked.count), asked, home, fence, log
             )
         os.chdir(home.parent)
     return 1 if faults else 0
 
 
-def _too_long(number: int, _: object) -> None:
-    limits = {signal.SIGPROF: f"{LIMIT:g} s of processor time", signal.SIGALRM: f"{PATIENCE:g} s"}
-    raise Hang(f"over {limits[signal.Signals(number)]}")
+def _too_long(*_: object) -> None:
+    raise Hang("the case took too long")
 
 
-def cases(target: str, numbers: range, seed: int, home: Path, fence: Fence, log: Log) -> int:
+def cases(
+    target: str, numbers: range, asked: argparse.Namespace, home: Path, fence: Fence, log: Log
+) -> int:
     """Runs the cases of one target; how many misbehave."""
     outcomes: Counter[str] = Counter()
-    slowest = 0.0
+    slowest, seed = 0.0, asked.seed
     for number in numbers:
-        rng, begun = np.random.default_rng([seed, number]), time.process_time()
+        rng, begun = np.random.default_rng([seed, number]), time.monotonic()
         print(f"{target} {number}", end="\r", file=sys.stderr, flush=True)  # stands after a crash
         with (
             tempfile.TemporaryDirectory(dir=home) as folder,
@@ -124,8 +124,7 @@ def cases(target: str, numbers: range, seed: int, home: Path, fence: Fence, log:
             tempfile.tempdir = folder
             warnings.simplefilter("always")
             warnings.simplefilter("ignore", sa.ModelWarning)
-            signal.setitimer(signal.ITIMER_PROF, LIMIT)
-            signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+            signal.setitimer(signal.ITIMER_REAL, asked.limit)
             try:
                 TARGETS[target](rng, Path(folder), named)
                 outcome = "accepted"
@@ -135,7 +134,6 @@ def cases(target: str, numbers: range, seed: int, home: Path, fence: Fence, log:
                 outcome = "faults"
                 print(f"{target} case {number}, seed {seed}:\n{traceback.format_exc()[-6000:]}")
             finally:
-                signal.setitimer(signal.ITIMER_PROF, 0.0)
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
                 tempfile.tempdir = str(home)
                 os.chdir(home)
@@ -147,7 +145,7 @@ def cases(target: str, numbers: range, seed: int, home: Path, fence: Fence, log:
             print(f"{target} case {number}, seed {seed}: {noted}")
         fence.broken.clear()
         outcomes[outcome] += 1
-        slowest = max(slowest, time.process_time() - begun)
+        slowest = max(slowest, time.monotonic() - begun)
     counts = ", ".join(f"{outcomes[name]} {name}" for name in ("accepted", "refused", "faults"))
     print(
         f"{target}: {len(numbers)} cases, seed {seed}: {counts}; slowest {slowest:.2f} s",

@@ -16,6 +16,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", CASES)
 def test_hostile_input_gives_a_result_or_one_error(target):
     words = [sys.executable, str(FUZZ), target, str(CASES[target])]

@@ -1,12 +1,11 @@
 """Design sweeps: physics, labels, interruption."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.workspaces.design import optimise_mount, sweep, vary
@@ -72,8 +71,7 @@ def test_the_best_mount_is_nearest_the_spacecraft_s_cm():
 
 
 def run(*arguments, cwd):
-    command = [sys.executable, "-m", "spacearm", "design", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+    return spacearm("design", *arguments, cwd=cwd)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from helpers.arms import (
     seeds,
     two_links,
 )
+from helpers.commands import spacearm
 from hypothesis import given, settings
 
 import spacearm as sa
@@ -166,6 +167,7 @@ def random_planar(seed):
     return load_text(robot(*elements), tip="tip", task="x y" if n == 2 else "x y rz")
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seeds)
 def test_no_singular_configuration_outside_certified_shells(seed):
@@ -296,6 +298,7 @@ def test_what_can_happen_at_a_point(planar2, point, kind):
         np.testing.assert_allclose(cfg.tip.translation[: len(point)], point, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_point_of_a_spatial_arm():
     result = sa.workspace(sa.load("mda6"), effort=20_000)
     region = result.regions((1.0, -2.0, 0.5))
@@ -329,6 +332,7 @@ def test_bad_points(planar2, point):
 # --- larger arms, other arms ----------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mda6", "ets7"])
 def test_found_shells_do_not_move_with_the_effort(name):
     arm = sa.load(name)
@@ -443,6 +447,7 @@ def test_bad_risk(options, error):
 # --- pictures -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pictures_are_labelled(planar2):
     spatial = sa.workspace(sa.load("mda6"), effort=2_000)
     profile = planar2.profile(samples=2_000)
@@ -460,8 +465,7 @@ def test_pictures_are_labelled(planar2):
 
 
 def run(*arguments, cwd):
-    command = [sys.executable, "-m", "spacearm", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+    return spacearm(*arguments, cwd=cwd)
 
 
 def test_command_prints_and_draws(tmp_path):
@@ -496,7 +500,7 @@ def test_command_shows_the_shells_in_the_browser(tmp_path):
 
 
 def test_command_as_json(tmp_path):
-    done = run("workspace", "planar2", "--json", "--base", "attitude-controlled", cwd=tmp_path)
+    done = run("workspace", "planar2", "--json", "--mode", "attitude-controlled", cwd=tmp_path)
     data = json.loads(done.stdout)
     np.testing.assert_allclose(data["pdw"], [[0.3510638, 0.5], [1.4361702, 2.2872340]], atol=1e-7)
     assert not list(tmp_path.iterdir())
