@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.description.bodies import Inertial
 from spacearm.description.bus import STEEL, body
 from spacearm.description.tips import choose_tips, movable, the_one
@@ -303,3 +303,8 @@ def _holding(tree: Tree, link: str, rigid: Inertial) -> Tree:
     """The tree with a body fixed to a link, as a link "payload" of its own."""
     name = tree.free_name("payload")
     return tree.joined(body(name, rigid, None, STEEL), name, link, pin.SE3.Identity())
+
+
+@plain.register
+def _(arm: SpaceArm) -> str:
+    return arm.name
