@@ -17,7 +17,6 @@ import pinocchio as pin
 from spacearm.arrays import Array, Result
 from spacearm.errors import UnsupportedError
 from spacearm.files import write
-from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.polynomial.certificate import Certificate
@@ -150,19 +149,6 @@ class Plan(Result):
             f"{self.t[-1]:.4g} s, sigma_min at least {self.sigma_min.min():.3g}, "
             f"{len(self.t)} rows)"
         )
-
-
-def walk(start: Configuration, Q: Array) -> list[Configuration]:
-    """The configurations along straight joint segments, the spacecraft floating at zero momentum.
-
-    Args:
-        start: Where the motion begins.
-        Q: (m, n) the rows, the first of them start.q.
-    """
-    motion = [start]
-    for q in Q[1:]:
-        motion.append(move(motion[-1], q))
-    return motion
 
 
 def times(arm: SpaceArm, q: Array) -> Array:
