@@ -20,8 +20,8 @@ from spacearm.files import write
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.polynomial.certificate import Certificate
-from spacearm.singularities.exact_set import SingularSet, singular_set
 from spacearm.singularities.report import singular_values
+from spacearm.singularities.sets import singular_set
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -183,4 +183,4 @@ def certified(arm: SpaceArm, q: Array) -> Certificate | None:
         found = singular_set(arm)
     except UnsupportedError:
         return None
-    return found.clearance(q) if isinstance(found, SingularSet) else None
+    return found.clearance(q) if found.complete else None

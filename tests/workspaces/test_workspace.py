@@ -29,7 +29,7 @@ import spacearm as sa
 from spacearm.plots import style as plot
 from spacearm.polynomial.extremes import enclose
 from spacearm.singularities.polynomial import radius_squared
-from spacearm.singularities.risk import _uniform
+from spacearm.singularities.risk import uniform
 from spacearm.workspaces.shells import merged
 
 ALPHA, BETA, GAMMA = 20 / 47, 42 / 47, 45.5 / 47
@@ -453,7 +453,7 @@ def test_the_centre_seen_from_the_tip_is_that_of_the_configurations():
     for name in ("planar3", "mda6", "chaser7"):
         arm = sa.load(name)
         found = sa.pose_risk(arm, limits=True, poses=200, neighbours=3, samples=200, seed=5)
-        Q = _uniform(arm, True, 200, np.random.default_rng(5))
+        Q = uniform(arm, True, 200, np.random.default_rng(5))
         wanted = np.array([cfg.tip.actInv(cfg.com) for cfg in map(arm.at, Q)])
         np.testing.assert_allclose(found.centre, wanted, atol=1e-12 * np.abs(wanted).max())
 
