@@ -117,10 +117,11 @@ def nearest() -> None:
 
 
 def refined(found: sa.SingularSet, q: np.ndarray, start: np.ndarray) -> float:
-    from spacearm.polynomial.nearest import stationary
+    from spacearm.polynomial.newton import HalfSquare, stationary
 
-    offset = stationary(found.S, q, start - q)
-    return np.inf if offset is None else float(np.linalg.norm(offset))
+    S = found.S.shifted(q)
+    offset = stationary(HalfSquare(), S, start - q, 0.5)
+    return float(np.linalg.norm(offset)) if abs(S(offset)) <= 1e-12 * S.scale else np.inf
 
 
 if __name__ == "__main__":

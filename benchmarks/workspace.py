@@ -14,17 +14,15 @@ import time
 import numpy as np
 
 import spacearm as sa
-from spacearm.singularities.polynomial import radius_squared, singularity_polynomial
 
 
 def proven() -> None:
     for name in ("planar2", "planar3"):
         best = np.inf
         for _ in range(3):
-            singularity_polynomial.cache_clear()
-            radius_squared.cache_clear()
+            arm = sa.load(name)  # a new arm has no polynomials yet
             start = time.perf_counter()
-            result = sa.workspace(sa.load(name))
+            result = sa.workspace(arm)
             best = min(best, time.perf_counter() - start)
         print(f"{name}: {result.kind} to {result.gap:.0e} m in {best:.2f} s")
         print(f"  PDW {result.pdw.tolist()} m")
@@ -49,7 +47,7 @@ def found() -> None:
 def sweep() -> None:
     grid = {"base_inertia": np.linspace(1, 20, 30), "mount_x": np.linspace(0, 0.8, 30)}
     start = time.perf_counter()
-    result = sa.design.sweep(sa.load("planar2"), grid)
+    result = sa.design.workspaces(sa.load("planar2"), grid)
     seconds = time.perf_counter() - start
     print(f"30 x 30 designs of planar2: {seconds:.0f} s, {1e3 * seconds / 900:.0f} ms each")
     print(f"  path independent share {float(result.fraction.min()):.2%} to "

@@ -78,13 +78,14 @@ from spacearm.planning.planner import plan
 from spacearm.planning.result import Attempt, Joints, Plan
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.exact_set import SingularSet, singular_set
+from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.polynomial import singularity_polynomial
 from spacearm.singularities.report import SingularityReport, singularity
 from spacearm.singularities.risk import PoseRisk, RiskProfile, pose_risk, risk_profile
 from spacearm.singularities.rounding import ErrorBars, error_bars
 from spacearm.singularities.searched_set import FoundSet
+from spacearm.singularities.sets import singular_set
 from spacearm.sweeps.runner import sweep
 from spacearm.sweeps.study import Study
 from spacearm.viewer.show import view

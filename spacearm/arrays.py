@@ -1,9 +1,11 @@
-"""Arrays and numbers of a caller, checked, and results made of them that nobody can change."""
+"""Arrays and numbers: those of a caller checked, those of a result read-only and as plain data."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import singledispatch
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -17,23 +19,52 @@ Array: TypeAlias = npt.NDArray[np.floating[Any]]
 """Shapes stand in the docstrings."""
 
 LARGEST = 1e12
-"""No length, mass, inertia or joint position of a spacecraft is larger in SI units; what is, is a
-slip, and would overflow."""
+"""Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are
+mistakes and would overflow."""
 LEAST_MASS = 1e-12
-"""No body is lighter [kg]; Pinocchio divides by masses and takes those below rounding for that."""
+"""Least mass of a body [kg]: Pinocchio divides by masses."""
 
 
+@singledispatch
 def plain(value: Any) -> Any:
-    """Arrays as nested lists, paths as text, results as dictionaries."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
+    """Return a value as plain JSON data: dict, list, str, int, float, bool and None only.
+
+    Whatever has a `to_dict` becomes what it returns, NamedTuples and dataclasses their public
+    fields, arrays nested lists, complex numbers [re, im]. Numbers that are not finite stay floats.
+    Modules register further types: `SpaceArm` is its name, `pin.SE3` is x, y, z and the quaternion
+    xyzw.
+
+    Raises:
+        TypeError: The value, or a part of it, has no plain form.
+    """
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, complex):
+        return [value.real, value.imag]
     if isinstance(value, Path):
         return str(value)
-    return value.to_dict() if hasattr(value, "to_dict") else value
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return named(value)
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if is_dataclass(value):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value) if f.name[0] != "_"}
+    raise TypeError(f"a {type(value).__name__} has no form as plain data")
+
+
+def named(result: Any) -> dict[str, Any]:
+    """Return the fields of a NamedTuple as plain JSON data: its `to_dict`."""
+    return {name: plain(value) for name, value in result._asdict().items()}
 
 
 class Result:
-    """Base of frozen dataclasses that hold results: read-only arrays, and `to_dict`."""
+    """Base of frozen dataclasses that hold results: read-only arrays and `to_dict`."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -43,17 +74,17 @@ class Result:
                 value.flags.writeable = False
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields, arrays as nested lists."""
+        """Return all fields as plain JSON data: arrays as nested lists, an arm as its name."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def whole(value: object, name: str, least: int) -> int:
-    """A whole number.
+    """Check a whole number and return it as an int.
 
     Args:
         value: What was given.
         name: Of the argument.
-        least: Least value that makes sense.
+        least: Least value that is allowed.
 
     Raises:
         ConfigurationError: It is something else.
@@ -64,7 +95,7 @@ def whole(value: object, name: str, least: int) -> int:
 
 
 def positive(value: object, name: str, what: str = "number") -> float:
-    """A finite number above zero.
+    """Check a finite number above zero and return it as a float.
 
     Args:
         value: What was given.

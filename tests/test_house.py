@@ -1,4 +1,4 @@
-"""The house: folders, sizes and names, as the architecture has them (layers: see pyproject.toml)."""
+"""The house: folders, sizes and names (its layers: see pyproject.toml)."""
 
 import ast
 import inspect

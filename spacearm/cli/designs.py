@@ -27,7 +27,7 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import check_picture, err, out, print_json, table, write_picture
 from spacearm.errors import ConfigurationError
-from spacearm.workspaces.design import sweep
+from spacearm.workspaces.design import workspaces
 
 Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="One value or a range.")]
 COUNT = 9
@@ -77,7 +77,7 @@ def design(
         raise ConfigurationError("nothing to vary; give --base-inertia 1:20, --mount-x 0:0.8, ...")
     with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
         task_id = bar.add_task("designs", total=None)
-        result = sweep(
+        result = workspaces(
             arm,
             grid,
             mode=mode.value,

@@ -1,4 +1,4 @@
-"""Blocks of configurations on the processor, lane by lane."""
+"""Loops over blocks of configurations on the processor, `LANES` at a time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BIDIAGONAL = bidiagonal(LANES)
 
 @step
 def work(N: int, n: int) -> Work:
-    """Lanes for an arm of N joints with n rates."""
+    """Allocate the work arrays of an arm of N joints with n rates."""
     return Work(
         body=np.empty(N + 1, MOVING),
         sin=np.empty(LANES),
@@ -33,7 +33,7 @@ def work(N: int, n: int) -> Work:
 
 @step
 def fill(w: Work, q: Numbers, first: int) -> None:
-    """Lanes from the columns of q (N, m); those past its end repeat the first."""
+    """Copy columns of q (N, m) into the lanes; lanes past its end repeat the first column."""
     there = min(LANES, q.shape[1] - first)
     for i in range(q.shape[0]):
         for l in range(there):
@@ -54,18 +54,18 @@ def measures(
     condition: bool,
     values: Numbers,
 ) -> None:
-    """The measures of m configurations.
+    """Compute the measures of m configurations.
 
     Args:
         b: The arm.
         tip: Body that the tip is fixed to.
         E: (3,) the tip in the frame of that body [m].
         n: Number of columns of its Jacobian.
-        rows: (k,) rows of the twist that count.
+        rows: (k,) task rows of the twist.
         scale: (k,) their factors.
         q: (N, m) joint positions [rad] or [m].
-        condition: Whether the condition is wanted; it costs the greatest singular value.
-        values: (5, m) takes the measures, in the order of MEASURES.
+        condition: Whether to compute the condition number, which needs the largest singular value.
+        values: (5, m) receives the measures, in the order of `QUANTITIES`.
     """
     m = q.shape[1]
     w = work(q.shape[0], n)
@@ -79,49 +79,56 @@ def measures(
                 values[i, first + l] = v[i, l]
 
 
+@step
+def take_jacobians(w: Work, first: int, J: Numbers) -> None:
+    """Copy the lanes of J* to J (m, 6, n), from configuration `first` on."""
+    m, _, n = J.shape
+    for l in range(min(LANES, m - first)):
+        for x in range(6):
+            for j in range(n):
+                J[first + l, x, j] = w.J[j, x, l]
+
+
 @kernel
 def jacobians(b: Bodies, tip: int, E: Numbers, q: Numbers, J: Numbers) -> None:
-    """J (m, 6, n) takes the generalized Jacobians of m configurations q (N, m)."""
+    """Compute the generalized Jacobians J (m, 6, n) of m configurations q (N, m)."""
     m, _, n = J.shape
     w = work(q.shape[0], n)
     for first in range(0, m, LANES):
         fill(w, q, first)
         generalized_jacobian(b, tip, E, w)
-        for l in range(min(LANES, m - first)):
-            for x in range(6):
-                for j in range(n):
-                    J[first + l, x, j] = w.J[j, x, l]
+        take_jacobians(w, first, J)
 
 
 @kernel
 def reactions(
     b: Bodies, tip: int, E: Numbers, q: Numbers, J: Numbers, A: Numbers, r: Numbers, R: Numbers
 ) -> None:
-    """How m configurations q (N, m) react, all in spacecraft axes.
+    """Compute J*, the connection and the tip pose of m configurations, all in spacecraft axes.
 
     Args:
         b: The arm.
         tip: Body that the tip is fixed to.
         E: (3,) the tip in the frame of that body [m].
         q: (N, m) joint positions [rad] or [m].
-        J: (m, 6, n) takes J*.
-        A: (m, 3, n) takes the connection -D^-1 D_q of (33c): what turns the spacecraft.
-        r: (m, 3) takes the tip from the system CM [m].
-        R: (m, 3, 3) takes the attitude of body `tip`.
+        J: (m, 6, n) receives J*.
+        A: (m, 3, n) receives the connection -D^-1 D_q of (33c).
+        r: (m, 3) receives the tip from the system CM [m].
+        R: (m, 3, 3) receives the attitude of body `tip`.
     """
     m, _, n = J.shape
     w = work(q.shape[0], n)
     for first in range(0, m, LANES):
         fill(w, q, first)
         generalized_jacobian(b, tip, E, w)
+        take_jacobians(w, first, J)
         for l in range(min(LANES, m - first)):
             for x in range(3):
                 r[first + l, x] = w.r_E[x, l]
                 for y in range(3):
                     R[first + l, x, y] = w.body[tip].R[x, y, l]
                 for j in range(n):
-                    J[first + l, x, j] = w.J[j, x, l]
-                    J[first + l, 3 + x, j] = A[first + l, x, j] = w.J[j, 3 + x, l]
+                    A[first + l, x, j] = w.J[j, 3 + x, l]
                 for i in range(1, len(b)):
                     if b[i].on_chain and not b[i].slides:
                         A[first + l, x, b[i].column] -= b[i].gain * w.body[i].R[x, 2, l]

@@ -1,4 +1,4 @@
-"""What is asked of a Jacobian: singular values, manipulability, condition, determinant; radius."""
+"""Measures of a configuration: sigma_min, manipulability, condition, determinant and radius."""
 
 from __future__ import annotations
 
@@ -13,24 +13,21 @@ from spacearm.kernels.singular_values import (
     least_eigenvalue,
 )
 
-MEASURES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
-"""Their order in arrays."""
-
 
 @step
 def measure(
     w: Work, rows: Indices, scale: Numbers, condition: bool, A: Lanes, b: Bidiagonal, values: Lanes
 ) -> None:
-    """The measures of the task's rows of J; the condition only where it is asked for.
+    """Compute the `QUANTITIES` of the task's rows of J; the condition number only if asked for.
 
     Args:
-        w: Where J and r_E were computed.
-        rows: (k,) rows of the twist that count.
+        w: Work arrays that hold J and r_E.
+        rows: (k,) task rows of the twist.
         scale: (k,) their factors.
-        condition: Whether the condition is wanted; it costs the greatest singular value.
+        condition: Whether to compute the condition number, which needs the largest singular value.
         A: (n, 6, lanes) scratch.
         b: Scratch.
-        values: (5, lanes) takes the measures.
+        values: (5, lanes) receives the measures.
     """
     sigma_min, manipulability, condition_number = values[0], values[1], values[2]
     det, radius = values[3], values[4]

@@ -13,23 +13,21 @@ import numpy.typing as npt
 from spacearm.arrays import LARGEST, Array, whole
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.kernels.processors import processors
-from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.kernels.quantities import QUANTITIES
+from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
 from spacearm.model.arm import SpaceArm
 
-QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
-"""What `evaluate` can tell."""
-
 FEW = 50
-"""Batches smaller than this are not worth loading the compiler."""
+"""Batches smaller than this are computed without loading the compiler."""
 
 BLOCK = 16384
-"""Configurations that a thread takes at a time: their numbers fit its cache."""
+"""Configurations per thread and block: their data fit the processor cache."""
 
 CARD_BLOCK = 2**20
-"""Configurations that a graphics card takes at a time."""
+"""Configurations per block on a graphics card."""
 
 BLOCKS_MAPPED = 32
-"""Blocks after which pages of memory maps are given back."""
+"""Number of blocks after which pages of memory maps are released."""
 
 Progress = Callable[[int, int], object]
 
@@ -44,22 +42,22 @@ def evaluate(
     progress: Progress | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
 ) -> dict[str, Array]:
-    """Measures of singularity at many configurations of the floating arm.
+    """Compute measures of singularity at many configurations of the free-floating arm.
 
-    The same numbers as `singularity` gives one by one, by compiled kernels: singular values by
+    Compiled kernels give the same numbers as `singularity` does one by one: singular values by
     bidiagonal reduction and qd transforms, to a few units of rounding of the largest singular
-    value (the tests allow 2e-14 of it against numpy's svd), also where the arm is singular.
+    value (the tests allow 2e-14 of it against numpy's svd), at singular configurations too.
 
     Args:
         arm: The arm.
-        Q: (m, n) joint positions [rad] or [m], in any order of memory, or a memory map; it is
-            read block by block.
+        Q: (m, n) joint positions [rad] or [m], in any memory order, or a memory map; it is read
+            block by block.
         quantities: Of "sigma_min" (least singular value of the task Jacobian), "manipulability"
             (product of the singular values), "condition" (largest over least), "determinant"
             (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
             (R of equation (43), distance of the tip from the system CM [m]).
         out: Arrays (m,) to write to, memory maps included, for some or all of the quantities.
-        threads: How many to use; as many as there are processors if None.
+        threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.
         device: "cuda" computes on an NVIDIA graphics card: `pip install "spacearm[gpu]"`.
 
@@ -107,7 +105,7 @@ def generalized_jacobians(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Array:
-    """J* of equation (35) at many configurations, in spacecraft axes.
+    """Compute J* of equation (35) at many configurations, in spacecraft axes.
 
     Args:
         arm: The arm.
@@ -138,14 +136,14 @@ def generalized_jacobians(
 
 
 def _compiled() -> Any:
-    """The compiled kernels; to import them takes half a second, which `import spacearm` saves."""
+    """Import the compiled kernels, which takes half a second."""
     from spacearm.mechanics import compiled
 
     return compiled
 
 
 def _on(device: str) -> Any:
-    """The measures on another device."""
+    """Return the function that computes the measures on another device."""
     if device != "cuda":
         raise ConfigurationError(unknown("device", device, ("cpu", "cuda")))
     if fault := _compiled().no_card():
@@ -157,23 +155,22 @@ def _on(device: str) -> Any:
 
 
 def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
-    """The measures at q (n, m) by name, each (m,), without compiled code."""
+    """Compute the measures at q (n, m) by name, each (m,), without compiled code."""
     values = {name: np.full(q.shape[1], np.nan) for name in QUANTITIES}
     for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
         cfg = arm.at(q[:, i])
-        J = arm.task.jacobian(generalized_jacobian(cfg), cfg.base.rotation)
-        k, n = J.shape
-        sigma = np.pad(np.linalg.svd(J, compute_uv=False), (0, max(k - n, 0)))
+        J = task_jacobian(cfg)
+        sigma = singular_values_of(J)
         values["sigma_min"][i] = sigma[-1]
         values["manipulability"][i] = sigma.prod()
         values["condition"][i] = sigma[0] / sigma[-1] if sigma[-1] > 0.0 else np.inf
-        values["determinant"][i] = np.linalg.det(J) if k == n else np.nan
+        values["determinant"][i] = np.linalg.det(J) if arm.task.k == arm.n else np.nan
         values["radius"][i] = np.linalg.norm(cfg.tip.translation - cfg.com)
     return values
 
 
 def _jacobians(arm: SpaceArm, q: Array) -> Array:
-    """(m, 6, n) generalized Jacobians at q (n, m), without compiled code."""
+    """Compute the generalized Jacobians (m, 6, n) at q (n, m), without compiled code."""
     J = np.full((q.shape[1], 6, arm.n), np.nan)
     for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
         J[i] = generalized_jacobian(arm.at(q[:, i]))
@@ -181,7 +178,7 @@ def _jacobians(arm: SpaceArm, q: Array) -> Array:
 
 
 def _configurations(arm: SpaceArm, Q: npt.ArrayLike) -> Array:
-    """Q as an array of numbers, (m, n), not copied where it is one."""
+    """Check Q and return it as an array (m, n), not copied if it is one."""
     array: npt.NDArray[Any] = Q if isinstance(Q, np.ndarray) else np.asarray(Q)
     if array.size == 0 and array.ndim < 2:
         array = array.reshape(0, arm.n)
@@ -194,6 +191,7 @@ def _configurations(arm: SpaceArm, Q: npt.ArrayLike) -> Array:
 
 
 def _checked(array: Array, shape: tuple[int, ...], what: str) -> Array:
+    """Check an array of floats that results are written to."""
     if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
         raise ConfigurationError(
             f"{what} is {getattr(array, 'dtype', type(array).__name__)} of shape "
@@ -205,7 +203,7 @@ def _checked(array: Array, shape: tuple[int, ...], what: str) -> Array:
 
 
 def _read(Q: Array, block: slice) -> Array:
-    """(n, m) one block of Q, NaN where it holds no position."""
+    """Read one block of Q as (n, m), NaN where a value is no joint position."""
     q = np.array(Q[block].T, dtype=np.float64, order="C")
     q[~(np.abs(q) <= LARGEST)] = np.nan
     return q
@@ -219,7 +217,7 @@ def _run(
     arrays: Sequence[Array],
     largest: int = BLOCK,
 ) -> None:
-    """Does all blocks of m configurations, on several threads, with little memory."""
+    """Do all blocks of m configurations on several threads, with little memory."""
     threads = processors() if threads is None else whole(threads, "threads", 1)
     size = min(largest, -(-m // threads) or 1)
     blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
@@ -235,7 +233,7 @@ def _run(
 
 
 def _memory_map(array: Array) -> mmap.mmap | None:
-    """The file behind an array, whose pages need not stay in memory once used, if any."""
+    """Return the memory map behind an array, if any: its pages can be released once used."""
     owner: object = array
     while isinstance(owner, np.ndarray):
         if isinstance(owner, np.memmap) and owner.mode == "c":

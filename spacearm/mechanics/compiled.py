@@ -1,4 +1,4 @@
-"""An arm as the compiled kernels want it. Importing this imports the compiler: only when needed."""
+"""An arm as records for the compiled kernels. Imports numba, so import it only where it is used."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from spacearm.arrays import Array
 from spacearm.kernels import cpu
 from spacearm.kernels.floating import BODY, Bodies
 from spacearm.kernels.lanes import LARGEST_ANGLE
-from spacearm.kernels.measures import MEASURES
+from spacearm.kernels.quantities import QUANTITIES
 from spacearm.model.arm import SpaceArm
 
 Z = np.array([0.0, 0.0, 1.0])
 
 
 def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
-    """The measures at q (n, m) by name, each (m,)."""
+    """Compute the `QUANTITIES` at q (n, m), each (m,)."""
     rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
-    values = np.empty((len(MEASURES), q.shape[1]))
+    values = np.empty((len(QUANTITIES), q.shape[1]))
     cpu.measures(*bodies(arm), arm.n, rows, scale, _all_joints(arm, q), wants_condition, values)
-    return dict(zip(MEASURES, values, strict=True))
+    return dict(zip(QUANTITIES, values, strict=True))
 
 
 def measures_on_card(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
-    """`measures` on the graphics card."""
+    """Compute `measures` on the graphics card."""
     from spacearm.kernels.cuda import THREADS, cuda, kernel
 
     q = _all_joints(arm, q)
     N, m = q.shape
-    values = cuda.device_array((len(MEASURES), m))
+    values = cuda.device_array((len(QUANTITIES), m))
     b, tip, E = bodies(arm)
     rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
     launch = kernel(N, arm.n)[-(-m // THREADS), THREADS]
     b, E, rows, scale, q = map(cuda.to_device, (b, E, rows, scale, q))
     launch(b, tip, E, rows, scale, q, wants_condition, values)
-    return dict(zip(MEASURES, values.copy_to_host(), strict=True))
+    return dict(zip(QUANTITIES, values.copy_to_host(), strict=True))
 
 
 def no_card() -> str | None:
-    """Why no graphics card can be used, or None if one can."""
+    """Say why no graphics card can be used, or return None if one can."""
     try:
         from spacearm.kernels.cuda import cuda
     except ImportError as error:
@@ -51,18 +51,18 @@ def no_card() -> str | None:
 
 
 def jacobians(arm: SpaceArm, q: Array) -> Array:
-    """(m, 6, n) generalized Jacobians at q (n, m)."""
+    """Compute the generalized Jacobians (m, 6, n) at q (n, m)."""
     J = np.empty((q.shape[1], 6, arm.n))
     cpu.jacobians(*bodies(arm), _all_joints(arm, q), J)
     return J
 
 
 class Reactions(NamedTuple):
-    """How an arm reacts at m configurations, in spacecraft axes.
+    """J*, the connection and the tip pose of m configurations, in spacecraft axes.
 
     Attributes:
         J: (m, 6, n) J* [m/rad], [1].
-        A: (m, 3, n) the connection -D^-1 D_q of (33c): the spacecraft turns by A dq.
+        A: (m, 3, n) the connection -D^-1 D_q of (33c): w_0 = A dq.
         r: (m, 3) the tip from the system CM [m].
         R: (m, 3, 3) attitude of the tip.
     """
@@ -74,7 +74,7 @@ class Reactions(NamedTuple):
 
 
 def reactions(arm: SpaceArm, q: Array) -> Reactions:
-    """How the arm reacts at q (n, m)."""
+    """Compute J*, the connection and the tip pose at q (n, m)."""
     m, n = q.shape[1], arm.n
     at = Reactions(np.empty((m, 6, n)), np.empty((m, 3, n)), np.empty((m, 3)), np.empty((m, 3, 3)))
     cpu.reactions(*bodies(arm), _all_joints(arm, q), *at)
@@ -85,7 +85,7 @@ def reactions(arm: SpaceArm, q: Array) -> Reactions:
 
 @lru_cache(maxsize=64)
 def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
-    """The constants of the arm, the body that the tip is fixed to, and where [m], (3,)."""
+    """Return the constants of the bodies, the tip's body and the tip (3,) in its frame [m]."""
     model, names = arm.model, list(arm.model.names)
     joints = [arm.tree.joints[name] for name in names[2:]]
     coupling = np.eye(arm.n) if arm.coupling is None else arm.coupling
@@ -113,12 +113,12 @@ def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
 
 
 def _z_to(axis: Array) -> Array:
-    """(3, 3) a rotation that takes z to the axis."""
+    """Return a rotation (3, 3) that takes z to the axis."""
     return pin.Quaternion.FromTwoVectors(Z, axis).matrix()
 
 
 def _all_joints(arm: SpaceArm, q: Array) -> Array:
-    """(N, m) positions of all joints, those that mimic included; angles within a few turns."""
+    """Return positions (N, m) of all joints, mimic joints too, large angles reduced to a turn."""
     if arm.coupling is not None:
         q = arm.coupling @ q + arm.offsets[:, None]
     turns = ~bodies(arm)[0]["slides"][1:]

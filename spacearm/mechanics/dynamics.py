@@ -1,28 +1,28 @@
-"""Dynamics: how joint torques move a floating arm, and what torques a motion takes.
+"""Forward and inverse dynamics of a floating arm.
 
 With the spacecraft's twist v_b and M = [[M_bb, M_bq], [M_qb, M_qq]] the equations of motion are
-M (dv_b, ddq) + c = (F_b, tau), without gravity. Where momentum decides the spacecraft's motion,
-dv_b is eliminated and the *reduced form*
+M (dv_b, ddq) + c = (F_b, tau), without gravity. Where conservation of momentum determines the
+spacecraft's motion, eliminating dv_b leaves the *reduced form*
 
-    H*(q) ddq + c*(q, dq) = tau,   H* = M_qq - M_qb M_bb^-1 M_bq = M_qq - A_q^T I_c^-1 A_q
+    H*(q) ddq + c*(q, dq) = tau,   H* = M_qq - M_qb M_bb^-1 M_bq = M_qq - A_q^T I_c^-1 A_q,
 
-is left, I_c = diag(M 1, D): the inertia that the joints feel, as in Papadopoulos & Dubowsky, On the
-nature of control algorithms for free-floating space manipulators (IEEE Trans. Robot. Autom., 1991).
+with I_c = diag(M 1, D) and the generalized inertia H*: Papadopoulos & Dubowsky, On the nature of
+control algorithms for free-floating space manipulators (IEEE Trans. Robot. Autom., 1991).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.linalg.lapack import dgesv, dposv
 
-from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.arrays import Array, finite, named
+from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.mechanics.momentum import momentum_vector
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
@@ -31,19 +31,23 @@ from spacearm.model.mode import BaseMode, free_components
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
 
+M_BB = "the spacecraft's block M_bb of the mass matrix"
+H_STAR = "the generalized inertia H*"
+D_LOCKED = "the locked inertia D about the system CM"
+
 
 class Dynamics(NamedTuple):
-    """What torques do, or take.
+    """Joint accelerations and torques of one state, with the spacecraft's motion.
 
     Attributes:
         ddq: (n,) joint accelerations [rad/s^2] or [m/s^2].
         tau: (n,) joint torques [N m] or forces [N].
         base_acceleration: (6,) acceleration of the spacecraft frame's origin, [linear [m/s^2];
             angular [rad/s^2]], inertial axes.
-        reaction: (6,) wrench on the spacecraft that holds what is held, [force [N]; torque [N m]]
-            at the origin of its frame, inertial axes: the torque that wheels or jets must give to
-            an attitude-controlled one; zero where nothing is held.
-        twist: (6,) twist of the spacecraft now, inertial axes.
+        reaction: (6,) external wrench that holds the spacecraft, [force [N]; torque [N m]] at the
+            origin of its frame, inertial axes: of an attitude-controlled one the torque that
+            wheels or thrusters must give; zero for a free-floating one.
+        twist: (6,) twist of the spacecraft in this state, inertial axes.
     """
 
     ddq: Array
@@ -52,12 +56,30 @@ class Dynamics(NamedTuple):
     reaction: Array
     twist: Array
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
+
 
 def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
-    """(n, n) H*, the inertia that the joints feel; see the module's docstring."""
+    """Compute the generalized inertia H* = M_qq - M_qb M_bb^-1 M_bq.
+
+    Args:
+        cfg: The configuration.
+        mode: What the spacecraft does; see `generalized_jacobian`. The inertia of an
+            attitude-controlled or fixed spacecraft counts as infinite in the components that are
+            held.
+
+    Returns:
+        (n, n) H*, symmetric and positive definite [kg m^2], [kg m] or [kg].
+
+    Raises:
+        ModelError: The mass matrix is not positive definite.
+    """
     f = free_components(mode)
     M = mass_matrix(cfg)
-    H: Array = M[6:, 6:] - M[6:, :f] @ _solve(M[:f, :f], M[:f, 6:])
+    H = M[6:, 6:] - M[6:, :f] @ _solve(cfg.arm, M[:f, :f], M[:f, 6:], M_BB)
+    require_positive_definite(cfg.arm, H, H_STAR)
     return 0.5 * (H + H.T)
 
 
@@ -70,30 +92,31 @@ def forward_dynamics(
     momentum: npt.ArrayLike | None = None,
     wrenches: Wrenches | None = None,
 ) -> Dynamics:
-    """The accelerations under joint torques.
+    """Compute the accelerations under joint torques.
+
+    Wheels keep their rates relative to the links that carry them, by their motors.
 
     Args:
         cfg: The configuration.
         dq: (n,) joint rates [rad/s] or [m/s].
         tau: (n,) joint torques [N m] or forces [N].
         mode: What the spacecraft does; see `generalized_jacobian`.
-        momentum: (6,) [linear; angular about the system CM], inertial axes; zero if None. What is
-            held takes no part: of an attitude-controlled spacecraft's only the linear one counts.
+        momentum: (6,) [linear; angular about the system CM], inertial axes; zero if None. Only
+            the linear part counts for an attitude-controlled spacecraft, nothing for a fixed one.
         wrenches: External wrenches on links (contacts, thrusters).
-
-    Wheels keep their rates relative to the links that carry them, by their motors.
 
     Raises:
         ConfigurationError: An argument has the wrong shape, is not finite or names no link.
+        ModelError: The mass matrix is not positive definite.
     """
     f = free_components(mode)
     tau = joint_vector(cfg.arm, tau, "tau")
     v = generalized_velocity(cfg, dq, mode, momentum)
     M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
-    X = _eliminated(M, c, f)
+    X = _base_response(cfg.arm, M, c, f)
     H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
     c_star = c[6:] - M[6:, :f] @ X[:, -1]
-    return _dynamics(cfg, v, M, c, X, _solve(H, tau - c_star))
+    return _dynamics(cfg, v, M, c, X, _solve(cfg.arm, H, tau - c_star, H_STAR))
 
 
 def inverse_dynamics(
@@ -105,7 +128,9 @@ def inverse_dynamics(
     momentum: npt.ArrayLike | None = None,
     wrenches: Wrenches | None = None,
 ) -> Dynamics:
-    """The joint torques that accelerations take, the spacecraft moving as it does.
+    """Compute the joint torques for given joint accelerations.
+
+    The spacecraft moves as momentum and its mode demand.
 
     Args:
         cfg: The configuration.
@@ -114,11 +139,16 @@ def inverse_dynamics(
         mode: As in `forward_dynamics`.
         momentum: As in `forward_dynamics`.
         wrenches: As in `forward_dynamics`.
+
+    Raises:
+        ConfigurationError: An argument has the wrong shape, is not finite or names no link.
+        ModelError: The mass matrix of the spacecraft's motion is not positive definite.
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
     v = generalized_velocity(cfg, dq, mode, momentum)
     M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
-    return _dynamics(cfg, v, M, c, _eliminated(M, c, free_components(mode)), ddq)
+    X = _base_response(cfg.arm, M, c, free_components(mode))
+    return _dynamics(cfg, v, M, c, X, ddq)
 
 
 def kinetic_energy(
@@ -128,7 +158,7 @@ def kinetic_energy(
     mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> float:
-    """The kinetic energy of all bodies [J], without the spin of wheels.
+    """Compute the kinetic energy of all bodies [J], without the spin of wheels.
 
     Arguments as in `forward_dynamics`.
     """
@@ -142,29 +172,39 @@ def spacecraft_twist(
     mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> Array:
-    """(6,) twist of the spacecraft, inertial axes, whatever it does; see `forward_dynamics`."""
+    """Return the spacecraft's twist (6,) in any mode, inertial axes; see `forward_dynamics`."""
     return in_inertial_axes(cfg, generalized_velocity(cfg, dq, mode, momentum)[:6])
 
 
 def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
-    """(..., 6) twists or wrenches at the spacecraft's origin from its axes into inertial ones."""
-    turned: Array = twists.reshape(-1, 3) @ cfg.base.rotation.T
+    """Turn twists or wrenches (..., 6) from spacecraft axes to inertial axes."""
+    turned = twists.reshape(-1, 3) @ cfg.base.rotation.T
     return turned.reshape(twists.shape)
 
 
 def generalized_velocity(
     cfg: Configuration, dq: npt.ArrayLike, mode: BaseMode, momentum: npt.ArrayLike | None
 ) -> Array:
-    """(6 + n,) the spacecraft's twist in its own axes, as momentum demands, and the joint rates."""
+    """Return (6 + n,) the spacecraft's twist in its own axes, from the momentum, and the rates.
+
+    Raises:
+        ModelError: The momentum matrix is singular.
+    """
+    from scipy.linalg.lapack import dgesv  # imports half of scipy
+
     f, dq = free_components(mode), joint_vector(cfg.arm, dq, "dq")
     v = np.concatenate((np.zeros(6), dq))
     h = momentum_vector(momentum) - cfg.stored - cfg.A[:, 6:] @ dq
-    v[:f] = dgesv(cfg.A[:f, :f], h[:f])[2] if f else 0.0
+    if f:
+        *_, v[:f], info = dgesv(cfg.A[:f, :f], h[:f])
+        if info:
+            D = cfg.A[3:, 3:6] @ cfg.base.rotation.T
+            raise _not_positive_definite(cfg.arm, D, D_LOCKED)
     return v
 
 
 def mass_matrix(cfg: Configuration) -> Array:
-    """(6 + n, 6 + n) M."""
+    """Compute the mass matrix M (6 + n, 6 + n), the spacecraft's twist in its own axes."""
     arm = cfg.arm
     data = arm.borrow()
     upper = np.triu(pin.crba(arm.model, data, cfg.full_at_origin))
@@ -175,7 +215,7 @@ def mass_matrix(cfg: Configuration) -> Array:
 
 
 def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
-    """(6 + n,) c, external wrenches included, of M (dv_b, ddq) + c = (reaction, tau)."""
+    """Compute c (6 + n,) of M (dv_b, ddq) + c = (reaction, tau), external wrenches included."""
     arm = cfg.arm
     full = np.concatenate((v[:6], arm.all_rates(v[6:])))
     data = arm.borrow()
@@ -184,9 +224,7 @@ def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
     for link, values in (wrenches or {}).items():
         if link not in arm.tree.links:
             raise ConfigurationError(unknown("link", link, arm.tree.links))
-        wrench = np.array(values, dtype=np.float64)
-        if wrench.shape != (6,) or not np.isfinite(wrench).all():
-            raise ConfigurationError(f"the wrench on {link!r} is {values!r}; give 6 finite numbers")
+        wrench = finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")
         frame = arm.model.getFrameId(link, pin.BODY)
         J = pin.computeFrameJacobian(arm.model, data, cfg.full_at_origin, frame, LWA)
         c = c - arm.project(J).T @ wrench
@@ -198,18 +236,48 @@ def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
     return c
 
 
-def _eliminated(M: Array, c: Array, f: int) -> Array:
-    """(f, n + 1) X = M_bb^-1 [M_bq, c_b], with which dv_b = -X (ddq, 1)."""
-    return _solve(M[:f, :f], np.column_stack((M[:f, 6:], c[:f])))
+def _base_response(arm: SpaceArm, M: Array, c: Array, f: int) -> Array:
+    """Compute X = M_bb^-1 [M_bq, c_b] (f, n + 1), with which dv_b = -X (ddq, 1)."""
+    return _solve(arm, M[:f, :f], np.column_stack((M[:f, 6:], c[:f])), M_BB)
 
 
-def _solve(M: Array, b: Array) -> Array:
-    """M^-1 b of a symmetric positive definite M, by Cholesky's factors."""
-    return dposv(M, b)[1] if len(M) else b
+def require_positive_definite(arm: SpaceArm, M: Array, name: str) -> None:
+    """Refuse a matrix of inertias that is not positive definite; M may be (0, 0).
+
+    Raises:
+        ModelError: It is not; says so of `name`, with its least eigenvalue.
+    """
+    _solve(arm, M, np.zeros(len(M)), name)
+
+
+def _solve(arm: SpaceArm, M: Array, b: Array, name: str) -> Array:
+    """Compute M^-1 b of a symmetric positive definite M by Cholesky factors.
+
+    Raises:
+        ModelError: M, which is called `name`, is not positive definite.
+    """
+    from scipy.linalg.lapack import dposv  # imports half of scipy
+
+    if not len(M):
+        return b
+    _, x, info = dposv(M, b)
+    if info:
+        raise _not_positive_definite(arm, M, name)
+    return x
+
+
+def _not_positive_definite(arm: SpaceArm, M: Array, name: str) -> ModelError:
+    """Return the error for a matrix of inertias that no rigid bodies can have."""
+    least = np.linalg.eigvalsh(0.5 * (M + M.T))[0]
+    return ModelError(
+        f"{arm.name}: {name} is not positive definite (least eigenvalue {least:.3g}): no rigid "
+        "bodies have such masses and inertias; correct those that loading with check='error' "
+        "names, or replace them"
+    )
 
 
 def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: Array) -> Dynamics:
-    """All of the motion once the joint accelerations are known."""
+    """Assemble the result from the joint accelerations."""
     f = len(X)
     a = np.concatenate((np.zeros(6), ddq))
     a[:f] = -X @ np.append(ddq, 1.0)

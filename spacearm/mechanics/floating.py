@@ -1,8 +1,8 @@
-"""Reaction: how the spacecraft turns and shifts while the joints move, at zero momentum.
+"""Joint motions of a floating spacecraft at zero momentum: how its attitude and position change.
 
-The system CM stays where it is, and the attitude follows equation (33c), w_0 = -D^-1 D_q dq. In
-spacecraft axes the right-hand side depends on q alone, so that along a straight segment of joint
-space the attitude is an ordinary differential equation in one variable, T' = T [w(s)]x.
+The system CM stays at rest, and the attitude follows equation (33c), w_0 = -D^-1 D_q dq. In
+spacecraft axes the right-hand side depends on q only. Along a straight segment of joint space the
+attitude therefore obeys an ordinary differential equation in one variable, T' = T [w(s)]x.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.model.joints import joint_vector
 
 STEP = 0.05
-"""Largest joint motion [rad] or [m] of one step of the integration along a segment."""
+"""Largest joint motion [rad] or [m] of one integration step along a segment."""
+GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
+"""Gauss-Legendre nodes of a step, as shares of it."""
 
 
 def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
-    """The configuration after the joints have moved straight from cfg.q to q.
+    """Return the configuration after the joints have moved straight from cfg.q to q.
 
-    The spacecraft floats without momentum. Integrated by the fourth-order Magnus method with two
-    Gauss points a step (Iserles & Norsett, Phil. Trans. R. Soc. A 357, 983-1019 (1999),
-    DOI 10.1098/rsta.1999.0362), which stays on the rotation group; its error falls with the
-    fourth power of `STEP` and is below 1e-8 rad per radian of joint motion for the catalogue.
+    The spacecraft floats at zero momentum. Its attitude is integrated by the fourth-order Magnus
+    method (see `magnus_step`), which stays on the rotation group. The error falls with the fourth
+    power of `STEP`; it is below 1e-8 rad per radian of joint motion for the catalogue's models.
 
     Args:
         cfg: Where the motion starts.
@@ -43,23 +44,47 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
     steps = max(1, math.ceil(np.abs(dq).max() / STEP))
     T = cfg.base.rotation
     for step in range(steps):
-        w1, w2 = (
-            _attitude_rate(arm.at(cfg.q + (step + s) / steps * dq), dq / steps) for s in GAUSS
-        )
-        T = T @ pin.exp3((w1 + w2) / 2.0 + math.sqrt(3.0) / 12.0 * np.cross(w1, w2))
+        w1, w2 = (_attitude_rate(arm.at(cfg.q + (step + s) / steps * dq), dq) for s in GAUSS)
+        T = T @ pin.exp3(magnus_step(w1, w2, 1.0 / steps))
     attitude = pin.Quaternion(T).normalized().matrix()
     return arm.at(cfg.q + dq, base=pin.SE3(attitude, np.zeros(3))).centred(cfg.com)
 
 
-GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
+def walk(start: Configuration, Q: Array) -> list[Configuration]:
+    """Return the configurations along straight joint segments, by `move`.
+
+    Args:
+        start: Where the motion begins.
+        Q: (m, n) the ends of the segments, the first of them start.q.
+    """
+    motion = [start]
+    for q in Q[1:]:
+        motion.append(move(motion[-1], q))
+    return motion
+
+
+def magnus_step(w1: Array, w2: Array, h: float) -> Array:
+    """Compute the rotation of one step of T' = T [w]x, fourth-order Magnus method.
+
+    Iserles & Norsett, Phil. Trans. R. Soc. A 357, 983-1019 (1999), DOI 10.1098/rsta.1999.0362.
+
+    Args:
+        w1: (..., 3) angular velocity at the first of the nodes `GAUSS` of the step, body axes.
+        w2: (..., 3) that at the second.
+        h: Length of the step.
+
+    Returns:
+        (..., 3) rotation vector phi [rad] of T -> T exp([phi]x).
+    """
+    return 0.5 * h * (w1 + w2) + math.sqrt(3.0) / 12.0 * h * h * np.cross(w1, w2)
 
 
 def quaternion_rate(quaternion: Array, w: Array) -> Array:
-    """(4,) rate of the attitude as a quaternion xyzw under w in inertial axes, equation (36)."""
+    """Compute the rate (4,) of a quaternion xyzw under w in inertial axes, equation (36)."""
     e, n = quaternion[:3], quaternion[3]
     return 0.5 * np.append(n * w - pin.skew(e) @ w, -e @ w)
 
 
 def _attitude_rate(cfg: Configuration, dq: Array) -> Array:
-    """(3,) w_0 in spacecraft axes; A's lower left block is zero: w_0 = -D^-1 D_q dq."""
+    """Compute w_0 = -D^-1 D_q dq in spacecraft axes, (3,); the lower left block of A is zero."""
     return -np.linalg.solve(cfg.A[3:, 3:6], cfg.A[3:, 6:] @ dq)

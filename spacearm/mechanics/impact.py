@@ -1,14 +1,14 @@
-"""Capture: what all bodies do just after the tip has grasped a moving, tumbling target.
+"""Capture of a moving, tumbling target: the velocities of all bodies just after the grasp.
 
-The grasp is a plastic impact: in no time the target is fixed to the tip, by impulses at the tip
-alone. With v = (v_b, dq) and the target's twist t at the tip, J the tip's Jacobian and M_t the
-target's spatial inertia there, both momentum balances joined give
+The grasp is a plastic impact: impulses at the tip fix the target to it in an instant. With
+v = (v_b, dq), the target's twist t at the tip, the tip's Jacobian J and the target's spatial
+inertia M_t at the tip, the impulse balances of arm and target add up to
 
     (M + J^T M_t J) v+ = M v- + J^T M_t t-,
 
-the balance of generalized momentum with the mass matrix of the arm that holds the target. It is the
-projection of (v-, t-) on the motions that the grasp leaves, in the metric of the kinetic energy,
-which therefore cannot grow. Joints with their brakes on are a further constraint, dq+ = 0.
+the balance of generalized momentum with the mass matrix of the arm that holds the target. v+ is the
+projection of (v-, t-) onto the motions in which the target is fixed to the tip, in the metric of
+the kinetic energy, which therefore cannot grow. Braked joints add the constraint dq+ = 0.
 """
 
 from __future__ import annotations
@@ -20,13 +20,18 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result
+from spacearm.arrays import Array, Result, finite
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.dynamics import generalized_velocity, in_inertial_axes, mass_matrix
+from spacearm.mechanics.dynamics import (
+    generalized_velocity,
+    in_inertial_axes,
+    mass_matrix,
+    require_positive_definite,
+)
 from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.model.frames import LWA
 
-Joints = Literal["free", "braked"]
+JointState = Literal["free", "braked"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,14 +39,14 @@ class Capture(Result):
     """The arm with its target just after the grasp.
 
     Attributes:
-        configuration: The configuration, of the arm that holds the target.
+        configuration: Configuration of the arm that holds the target.
         twist: (6,) twist of the spacecraft, [linear [m/s]; angular [rad/s]], inertial axes.
         dq: (n,) joint rates [rad/s] or [m/s].
-        momentum: (6,) momentum of all, [linear [kg m/s]; angular about the system CM
-            [kg m^2/s]], inertial axes: what `simulate` takes for the motion that follows.
-        impulse: (6,) what the target gave to the tip, [linear [N s]; angular about the tip frame's
-            origin [N m s]], inertial axes.
-        energy_lost: Kinetic energy that the impact took [J], never negative.
+        momentum: (6,) total momentum, [linear [kg m/s]; angular about the system CM [kg m^2/s]],
+            inertial axes; `simulate` takes it for the motion that follows.
+        impulse: (6,) impulse of the target on the tip, [linear [N s]; angular about the tip
+            frame's origin [N m s]], inertial axes.
+        energy_lost: Kinetic energy lost in the impact [J], never negative.
     """
 
     configuration: Configuration
@@ -53,7 +58,7 @@ class Capture(Result):
 
     @property
     def velocities(self) -> dict[str, Array]:
-        """The twist (6,) of every link's frame, [linear; angular], inertial axes."""
+        """Twists (6,) of the links' frames by link name, [linear; angular], inertial axes."""
         cfg = self.configuration
         model, data = cfg.arm.model, pin.Data(cfg.arm.model)
         turned = (cfg.base.rotation.T @ self.twist.reshape(2, 3).T).T
@@ -79,12 +84,16 @@ def capture(
     *,
     dq: npt.ArrayLike | None = None,
     momentum: npt.ArrayLike | None = None,
-    joints: Joints = "free",
+    joints: JointState = "free",
 ) -> Capture:
-    """The velocities just after the tip has grasped a target that moves and tumbles.
+    """Compute the velocities just after the tip has grasped a moving, tumbling target.
 
-    Linear and angular momentum of arm and target together are kept; the module's docstring has the
-    balance.
+    The grasp is a plastic impact at the tip,
+
+        (M + J^T M_t J) v+ = M v- + J^T M_t t-,
+
+    with v = (v_b, dq), the target's twist t and spatial inertia M_t at the tip: linear and angular
+    momentum of arm and target together are conserved.
 
     Args:
         cfg: The arm at the moment of the grasp.
@@ -96,16 +105,17 @@ def capture(
         dq: (n,) joint rates before [rad/s] or [m/s]; zeros if None.
         momentum: (6,) momentum of the arm before, [linear; angular about its CM], inertial axes;
             zero if None.
-        joints: "free": the joints give way, no torque is large enough to act in the instant;
-            "braked": brakes hold them, at rest from then on.
+        joints: "free": the joints give way, as motor torques give no impulse in an instant;
+            "braked": brakes hold them at rest from then on.
 
     Raises:
         ConfigurationError: An argument has the wrong shape or is not finite.
-        ModelError: No rigid body can have this mass and inertia.
+        ModelError: No rigid body can have this mass and inertia, or the mass matrix of the arm is
+            not positive definite.
         UnsupportedError: The arm has several tips, or its wheels hold momentum.
     """
-    if joints not in get_args(Joints):
-        raise ConfigurationError(unknown("joints", joints, get_args(Joints)))
+    if joints not in get_args(JointState):
+        raise ConfigurationError(unknown("joints", joints, get_args(JointState)))
     still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
     rates = np.zeros(cfg.arm.n) if dq is None else dq
     before = generalized_velocity(cfg, rates, "free-floating", momentum)
@@ -113,6 +123,7 @@ def capture(
     M_t = _target(cfg, mass, inertia, com)
     t = _at_tip(cfg, target_twist, com)
     M, M_held = mass_matrix(cfg), mass_matrix(held)
+    require_positive_definite(cfg.arm, M, "the mass matrix M")
     h = M @ before + cfg.J.T @ M_t @ t
     f = len(h) if joints == "free" else 6
     after = np.zeros_like(h)
@@ -131,21 +142,14 @@ def capture(
 def _target(
     cfg: Configuration, mass: float, inertia: npt.ArrayLike | None, com: npt.ArrayLike
 ) -> Array:
-    """(6, 6) M_t, the spatial inertia of the target at the tip frame's origin, inertial axes."""
+    """Return M_t (6, 6), the target's spatial inertia at the tip frame's origin, inertial axes."""
     R = cfg.tip.rotation
     I = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
     return pin.Inertia(mass, R @ np.asarray(com), R @ I @ R.T).matrix()
 
 
 def _at_tip(cfg: Configuration, target_twist: npt.ArrayLike, com: npt.ArrayLike) -> Array:
-    """(6,) t-, the twist of the target at the tip frame's origin, from that of its CM."""
-    try:
-        t = np.array(target_twist, dtype=np.float64)
-    except (TypeError, ValueError):
-        t = np.empty(0)
-    if t.shape != (6,) or not np.isfinite(t).all():
-        raise ConfigurationError(
-            f"target_twist is {target_twist!r}; give 6 finite numbers [linear; angular]"
-        )
+    """Return t- (6,), the target's twist at the tip frame's origin, from that of its CM."""
+    t = finite(target_twist, (6,), "target_twist", "[linear [m/s]; angular [rad/s]]")
     lever = cfg.tip.rotation @ np.asarray(com)
     return np.concatenate((t[:3] - np.cross(t[3:], lever), t[3:]))

@@ -5,22 +5,24 @@ The tip moves with J_b v_b + J_q dq = J* dq, hence
 
     J* = J_q - J_b A_b^-1 A_q        (equations (1) and (35) by another route).
 
-Where the spacecraft is held, only the part of v_b that is free takes part: all six components
-when it floats, the three linear ones when its attitude is controlled, none when it is fixed.
+Only the free components of v_b count, the first f of six: all six if the spacecraft floats, the
+three linear ones if its attitude is controlled, none if it is fixed. The formulas stand in
+`base_response`, `reduced_jacobian` and their derivatives, for one configuration or for stacks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.momentum import base_velocity, momentum_vector
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
@@ -28,7 +30,7 @@ from spacearm.model.mode import BaseMode, free_components
 
 
 def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
-    """J* with [rdot_E; w_E] = J* dq at zero momentum, equation (35).
+    """Compute J* with [rdot_E; w_E] = J* dq at zero momentum, equation (35).
 
     Papadopoulos & Dubowsky, J. Dyn. Sys. Meas. Control 115(1), 44-52 (1993),
     DOI 10.1115/1.2897406; Umetani & Yoshida, IEEE Trans. Robot. Autom. 5(3), 303-314 (1989),
@@ -48,13 +50,11 @@ def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating"
     Raises:
         ConfigurationError: `mode` is none of the three.
     """
-    f = free_components(mode)
-    A, J = cfg.A, cfg.J
-    return J[:, 6:] - J[:, :f] @ np.linalg.solve(A[:f, :f], A[:f, 6:])
+    return reduced_jacobian(cfg.J, base_response(cfg.A, free_components(mode)))
 
 
 def fixed_base_jacobian(cfg: Configuration) -> Array:
-    """J_q, the Jacobian of the same arm on a base that does not move.
+    """Return J_q, the Jacobian of the same arm on a fixed base.
 
     Returns:
         (6, n) Jacobian, rows [linear; angular], inertial axes, for the tip frame's origin.
@@ -63,17 +63,22 @@ def fixed_base_jacobian(cfg: Configuration) -> Array:
 
 
 class PrescribedMotion(NamedTuple):
-    """How the tip moves with some joints while others move as prescribed: J dq + drift.
+    """The tip's twist J dq + drift while some joints move at prescribed rates.
 
     Attributes:
         joints: The other joints, whose rates dq are free, in the model's order.
-        jacobian: (6, m) their J, rows [linear; angular], inertial axes; stacked for several tips.
-        drift: (6,) the tip's twist while they rest, from the prescribed rates and the momentum.
+        jacobian: (6, m) their columns of J*, rows [linear; angular], inertial axes; stacked for
+            several tips.
+        drift: (6,) the tip's twist at dq = 0, from the prescribed rates and the momentum.
     """
 
     joints: tuple[str, ...]
     jacobian: Array
     drift: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
 
 
 def prescribed_motion(
@@ -83,15 +88,17 @@ def prescribed_motion(
     mode: BaseMode = "free-floating",
     momentum: npt.ArrayLike | None = None,
 ) -> PrescribedMotion:
-    """J* of some joints with the rates of the others prescribed, such as a second arm's.
+    """Split J* into the columns of free joints and the drift of prescribed ones.
 
-    The columns of J* part in two, and J* dq + J_b A_b^-1 h is the tip's twist with momentum h.
+    The prescribed joints may be those of a second arm. With momentum h the tip's twist is
+    J* dq + J_b A_b^-1 h.
 
     Args:
         cfg: The configuration.
         rates: Rates [rad/s] or [m/s] of the prescribed joints by name; zero for one that rests.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        momentum: (6,) momentum, zero if None; what a held spacecraft takes up is left out.
+        momentum: (6,) momentum, zero if None; components that a held spacecraft takes up do not
+            count.
 
     Raises:
         ConfigurationError: A joint does not exist, or a value is not finite.
@@ -112,29 +119,27 @@ def prescribed_motion(
 def generalized_jacobian_derivative(
     cfg: Configuration, *, mode: BaseMode = "free-floating"
 ) -> Array:
-    """dJ*/dq_j for every joint j, the spacecraft's pose held.
+    """Compute dJ*/dq_j for every joint j at constant spacecraft pose.
 
-    From dA/dq_j and dJ/dq_j, which Pinocchio computes analytically, by differentiating
+    It follows from dA/dq_j and dJ/dq_j, which Pinocchio computes analytically, by differentiating
     J* = J_q - J_b X with A_b X = A_q.
 
     Returns:
         (n, 6, n): entry j is the partial derivative of J* with respect to q_j.
     """
     f = free_components(mode)
-    A, J = cfg.A, cfg.J
-    dA, dJ = _partial_derivatives(cfg)
-    X = np.linalg.solve(A[:f, :f], A[:f, 6:])
-    dX = np.linalg.solve(A[:f, :f], dA[:, :f, 6:] - dA[:, :f, :f] @ X)
-    return dJ[..., 6:] - dJ[..., :f] @ X - J[:, :f] @ dX
+    dA, dJ = partial_derivatives(cfg.arm, cfg.full_at_origin)
+    X = base_response(cfg.A, f)
+    return reduced_jacobian_derivative(cfg.J, dJ, X, base_response_derivative(cfg.A, dA, X))
 
 
 def generalized_jacobian_rate(
     cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
 ) -> Array:
-    """dJ*/dt of the free-floating system along the motion with joint rates dq.
+    """Compute dJ*/dt of the free-floating system for joint rates dq.
 
-    The spacecraft moves as momentum conservation demands, so that the rate includes the turning
-    of J* = diag(T_0, T_0) 0J*(q) with the attitude.
+    The spacecraft moves as momentum conservation demands: the rate includes the turning of
+    J* = diag(T_0, T_0) 0J*(q) with the attitude.
 
     Args:
         cfg: The configuration.
@@ -150,19 +155,118 @@ def generalized_jacobian_rate(
     return np.tensordot(dq, generalized_jacobian_derivative(cfg), axes=1) + turning
 
 
-def _partial_derivatives(cfg: Configuration) -> tuple[Array, Array]:
-    """(n, ., 6 + n) each: dA/dq_j and dJ/dq_j, as the rates at dq = e_j with the base at rest."""
-    arm, full = cfg.arm, cfg.full_at_origin
-    dA, dJ = (np.empty((arm.n, *matrix.shape)) for matrix in (cfg.A, cfg.J))
+def task_jacobian(
+    cfg: Configuration, *, mode: BaseMode = "free-floating", axes: Array | None = None
+) -> Array:
+    """Compute the task's rows of J*, linear rows of mixed tasks divided by the task's length.
+
+    Args:
+        cfg: The configuration.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        axes: (3, 3) columns: the axes along which the rows count, in inertial axes; the task axes
+            if None.
+
+    Returns:
+        (k, n) task Jacobian.
+    """
+    return _task_rows(cfg, generalized_jacobian(cfg, mode=mode), axes)
+
+
+def task_jacobian_derivative(
+    cfg: Configuration, *, mode: BaseMode = "free-floating", axes: Array | None = None
+) -> Array:
+    """Compute the derivative (n, k, n) of `task_jacobian`: entry j is that with respect to q_j."""
+    return _task_rows(cfg, generalized_jacobian_derivative(cfg, mode=mode), axes)
+
+
+def singular_values_of(J: Array) -> Array:
+    """Return the k singular values of J (k, n), largest first; zeros at the end if n < k."""
+    sigma = np.linalg.svd(J, compute_uv=False)
+    return np.append(sigma, np.zeros(len(J) - len(sigma)))
+
+
+def base_response(A: Array, f: int = 6) -> Array:
+    """Compute X = A_b^-1 A_q: the spacecraft moves with v_b = -X dq at zero momentum.
+
+    Args:
+        A: (..., 6, 6 + n) momentum matrices [A_b A_q].
+        f: Number of free components of v_b.
+
+    Returns:
+        (..., f, n) X.
+    """
+    return np.linalg.solve(A[..., :f, :f], A[..., :f, 6:])
+
+
+def base_response_derivative(A: Array, dA: Array, X: Array) -> Array:
+    """Compute dX/dq_j from A_b X = A_q: dX = A_b^-1 (dA_q - dA_b X).
+
+    Args:
+        A: (..., 6, 6 + n) momentum matrices.
+        dA: (..., n, 6, 6 + n) their derivatives with respect to each joint.
+        X: (..., f, n) `base_response`.
+
+    Returns:
+        (..., n, f, n) its derivatives.
+    """
+    f, X = X.shape[-2], X[..., None, :, :]
+    return np.linalg.solve(A[..., None, :f, :f], dA[..., :f, 6:] - dA[..., :f, :f] @ X)
+
+
+def reduced_jacobian(J: Array, X: Array) -> Array:
+    """Compute J* = J_q - J_b X, the spacecraft's motion eliminated.
+
+    Args:
+        J: (..., 6, 6 + n) Jacobians [J_b J_q].
+        X: (..., f, n) `base_response`.
+
+    Returns:
+        (..., 6, n) J*.
+    """
+    return J[..., 6:] - J[..., : X.shape[-2]] @ X
+
+
+def reduced_jacobian_derivative(J: Array, dJ: Array, X: Array, dX: Array) -> Array:
+    """Compute dJ*/dq_j = dJ_q - dJ_b X - J_b dX.
+
+    Args:
+        J: (..., 6, 6 + n) Jacobians.
+        dJ: (..., n, 6, 6 + n) their derivatives with respect to each joint.
+        X: (..., f, n) `base_response`.
+        dX: (..., n, f, n) its derivatives.
+
+    Returns:
+        (..., n, 6, n) derivatives of J*.
+    """
+    f = X.shape[-2]
+    return dJ[..., 6:] - dJ[..., :f] @ X[..., None, :, :] - J[..., None, :, :f] @ dX
+
+
+def partial_derivatives(arm: SpaceArm, full: Array) -> tuple[Array, Array]:
+    """Compute dA/dq_j and dJ/dq_j: the rates at dq = e_j with the spacecraft at rest.
+
+    Args:
+        arm: The arm.
+        full: (nq,) configuration of its Pinocchio model.
+
+    Returns:
+        (n, 6, 6 + n) and (n, 6 tips, 6 + n).
+    """
+    n, tips = arm.n, arm.tip_frames
+    dA, dJ = np.empty((n, 6, 6 + n)), np.empty((n, 6 * len(tips), 6 + n))
     data = arm.borrow()
-    for j, dq in enumerate(np.eye(arm.n)):
+    for j, dq in enumerate(np.eye(n)):
         v = np.concatenate((np.zeros(6), arm.all_rates(dq)))
         dA[j] = arm.project(pin.computeCentroidalMapTimeVariation(arm.model, data, full, v))
         pin.computeJointJacobiansTimeVariation(arm.model, data, full, v)
-        rates = [
-            pin.getFrameJacobianTimeVariation(arm.model, data, frame, LWA)
-            for frame in arm.tip_frames
-        ]
+        rates = [pin.getFrameJacobianTimeVariation(arm.model, data, tip, LWA) for tip in tips]
         dJ[j] = arm.project(np.vstack(rates))
     arm.give_back(data)
     return dA, dJ
+
+
+def _task_rows(cfg: Configuration, J: Array, axes: Array | None) -> Array:
+    """Take the task's rows of J (..., 6, n), scaled."""
+    task = cfg.arm.task
+    along = task.axes(cfg.base.rotation) if axes is None else axes
+    return task.scale * task.components(J, along)

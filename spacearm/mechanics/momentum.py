@@ -1,4 +1,4 @@
-"""Momentum: the centroidal momentum matrix and what its conservation does to the spacecraft."""
+"""The centroidal momentum matrix, and the spacecraft's velocity by conservation of momentum."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, plain
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import Array, finite, named
 from spacearm.model.configuration import Configuration
 from spacearm.model.joints import joint_vector
 
 
 class MomentumMatrix(NamedTuple):
-    """h = A_b v_b + A_q dq: [linear; angular about the system CM] momentum, inertial axes.
+    """The centroidal momentum matrix [A_b A_q]: h = A_b v_b + A_q dq.
 
-    Wheels that spin add what they hold, `Configuration.stored`.
+    h is the momentum [linear; angular about the system CM] in inertial axes. Spinning wheels add
+    their own, `Configuration.stored`.
 
     Attributes:
-        A_b: (6, 6), acts on the spacecraft's twist in inertial axes [kg, kg m, kg m^2].
-        A_q: (6, n), acts on the joint rates.
+        A_b: (6, 6) acts on the spacecraft's twist in inertial axes [kg, kg m, kg m^2].
+        A_q: (6, n) acts on the joint rates.
     """
 
     A_b: Array
     A_q: Array
 
     def to_dict(self) -> dict[str, Any]:
-        """Both blocks as nested lists."""
-        return {name: plain(block) for name, block in self._asdict().items()}
+        """Return both blocks as nested lists."""
+        return named(self)
 
 
 def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
-    """The centroidal momentum matrix split in its base and joint blocks.
+    """Compute the centroidal momentum matrix, split into its base and joint blocks.
 
     The spacecraft's twist v_b is that of the spacecraft frame's origin, in inertial axes.
     A_b = [[M 1, -M [c]x], [0, I_c]] with c from the spacecraft origin to the system CM and I_c
@@ -51,11 +51,10 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
 def base_velocity(
     cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
 ) -> Array:
-    """The spacecraft's twist that keeps the momentum: v_b = A_b^-1 (h - h_w - A_q dq).
+    """Compute the spacecraft's twist from the momentum: v_b = A_b^-1 (h - h_w - A_q dq).
 
-    h_w is what the wheels hold (`Configuration.stored`): h is the momentum of all.
-
-    With zero momentum its angular part is equation (33c) of Papadopoulos & Dubowsky (1993),
+    h is the total momentum, h_w the part that the wheels hold (`Configuration.stored`). At zero
+    momentum the angular part is equation (33c) of Papadopoulos & Dubowsky (1993),
     w_0 = -D^-1 D_q dq.
 
     Args:
@@ -76,13 +75,6 @@ def base_velocity(
 
 
 def momentum_vector(momentum: npt.ArrayLike | None) -> Array:
-    """A checked (6,) momentum; zero if None."""
-    try:
-        h = np.zeros(6) if momentum is None else np.array(momentum, dtype=np.float64)
-    except (TypeError, ValueError):
-        h = np.empty(0)
-    if h.shape != (6,) or not np.isfinite(h).all():
-        raise ConfigurationError(
-            f"momentum must be 6 finite numbers [linear; angular about the CM]; got {momentum!r}"
-        )
-    return h
+    """Check a momentum and return it, (6,); zeros if None."""
+    meaning = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
+    return np.zeros(6) if momentum is None else finite(momentum, (6,), "momentum", meaning)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
 from spacearm.description.tips import choose_tips, movable, only_tip
@@ -296,3 +296,6 @@ class SpaceArm:
             f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, "
             f"tip {', '.join(map(repr, self.tips))}, task {self.task.names!r})"
         )
+
+
+plain.register(SpaceArm, lambda arm: arm.name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST
+from spacearm.arrays import LARGEST, plain
 from spacearm.errors import ConfigurationError
 
 LWA = pin.LOCAL_WORLD_ALIGNED
@@ -35,3 +35,8 @@ def sound_pose(pose: pin.SE3, what: str) -> pin.SE3:
             "build it from a unit quaternion or with pin.rpy.rpyToMatrix"
         )
     return pin.SE3(pin.Quaternion(R).normalized(), p)
+
+
+@plain.register(pin.SE3)
+def _(pose: pin.SE3) -> list[float]:
+    return pin.SE3ToXYZQUAT(pose).tolist()

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
 from spacearm.motion.following import Followed, follow
@@ -20,7 +21,6 @@ from spacearm.planning.guesses import CLOSE, Guess, Search
 from spacearm.planning.many_curves import landed, turning_axes
 from spacearm.planning.optimiser import ARRIVED, LANDINGS, SPACING, Steering, Task
 from spacearm.planning.problem import WAVES, Motion, Problem
-from spacearm.planning.result import walk
 
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
 """How far curves go about [rad]."""

@@ -17,12 +17,12 @@ from scipy.optimize import minimize
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
+from spacearm.mechanics.floating import walk
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes, twist_between
 from spacearm.planning.curve import CurveFamily, Samples, sample
 from spacearm.planning.many_curves import turning_axes
-from spacearm.planning.result import walk
 
 INTERVALS = 16
 """Steps of the integration along a curve; exact enough to steer by, not to arrive by."""

@@ -17,12 +17,11 @@ import pinocchio as pin
 from spacearm.arrays import Array, Result
 from spacearm.errors import UnsupportedError
 from spacearm.files import write
-from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.polynomial.certificate import Certificate
-from spacearm.singularities.exact_set import SingularSet, singular_set
 from spacearm.singularities.report import singular_values
+from spacearm.singularities.sets import singular_set
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -152,19 +151,6 @@ class Plan(Result):
         )
 
 
-def walk(start: Configuration, Q: Array) -> list[Configuration]:
-    """The configurations along straight joint segments, the spacecraft floating at zero momentum.
-
-    Args:
-        start: Where the motion begins.
-        Q: (m, n) the rows, the first of them start.q.
-    """
-    motion = [start]
-    for q in Q[1:]:
-        motion.append(move(motion[-1], q))
-    return motion
-
-
 def times(arm: SpaceArm, q: Array) -> Array:
     """(m,) times at which a motion from rest to rest passes its rows (m, n) [s].
 
@@ -197,4 +183,4 @@ def certified(arm: SpaceArm, q: Array) -> Certificate | None:
         found = singular_set(arm)
     except UnsupportedError:
         return None
-    return found.clearance(q) if isinstance(found, SingularSet) else None
+    return found.clearance(q) if found.complete else None

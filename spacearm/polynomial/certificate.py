@@ -1,4 +1,4 @@
-"""Certificate: that a trigonometric polynomial keeps its sign along a straight segment.
+"""Certificate that a trigonometric polynomial keeps its sign along a straight segment.
 
 Along q0 + t (q1 - q0) the function g(t) has |g''| <= B, the bound of the curvature in that
 direction, everywhere. An interval of half width h about t is free of roots if
@@ -9,23 +9,27 @@ between two points (a root lies between, found by bisection), or until |g| is ro
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, named
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
+
+PIECES = 32
+"""Intervals that a segment is first divided into."""
+NARROW = 1e-3
+"""Width down to which intervals with a sign change are halved to find the first root."""
 
 
 class Certificate(NamedTuple):
-    """Whether a path of straight segments in joint space is free of singularities.
+    """Proof that a path of straight segments in joint space is free of singularities, or a root.
 
     Attributes:
         free: Whether no singular configuration lies on it: proven, up to rounding.
         at: (n,) the first singular configuration on it; None if it is free.
         segment: Number of the segment that holds it; None if the path is free.
-        margin: Least |S| that was met, over the scale of S.
+        margin: Least |S| met on the path, over the scale of S.
     """
 
     free: bool
@@ -36,9 +40,13 @@ class Certificate(NamedTuple):
     def __bool__(self) -> bool:
         return self.free
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
+
 
 def certify(S: TrigPolynomial, path: Array) -> Certificate:
-    """Follows the segments between the rows of `path` (m, n) until one meets a root of S."""
+    """Follow the segments between the rows of `path` (m, n) until one meets a root of S."""
     values, step = np.asarray(S(path)), np.abs(np.diff(path, axis=0))
     least = np.minimum(values[:-1] * np.sign(values[1:]), values[1:] * np.sign(values[:-1]))
     safe = least - np.einsum("mi,ij,mj->m", step, S.curvature, step) / 8.0  # off the chord
@@ -57,14 +65,10 @@ def certify(S: TrigPolynomial, path: Array) -> Certificate:
     return Certificate(True, None, None, float(margin))
 
 
-PIECES = 32
-"""Intervals that a segment is cut into at first."""
-NARROW = 1e-3
-"""Intervals with a sign change are halved, so that the first root is found, down to this width."""
-
-
 def _first_root(S: TrigPolynomial, start: Array, end: Array) -> tuple[float | None, float]:
-    """The first t in [0, 1] at which S vanishes, or None; and the least |S| / scale met."""
+    """Find the first t in [0, 1] at which S vanishes, or None, and the least |S| / scale met."""
+    from scipy.optimize import brentq  # slow to import
+
     step = end - start
     B = float(np.abs(step) @ S.curvature @ np.abs(step))
     zero = NOISE * S.scale

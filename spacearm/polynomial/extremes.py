@@ -1,4 +1,4 @@
-"""Extremes: the range of one trigonometric polynomial F on the roots of another, S, proven.
+"""Proof of the range of one trigonometric polynomial F on the roots of another, S.
 
 On S = 0 the functions F and G = F + lambda S are the same, whatever lambda. In a box with centre c
 and half widths h, with lambda chosen so that the gradient of G at c is small, G differs from G(c)
@@ -19,11 +19,11 @@ from spacearm.arrays import Array
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
 MOST_BOXES = 400_000
-"""Boxes that may wait at a time: more would only be asked for where an extreme is no point."""
+"""Largest number of boxes at a time; only extremes that are no isolated points need more."""
 
 
 class Proof(NamedTuple):
-    """That F on the roots of S stays inside intervals.
+    """Proof that F on the roots of S stays inside intervals.
 
     Attributes:
         gap: By how much F may still lie outside, proven.
@@ -42,7 +42,7 @@ def enclose(
     high: Array,
     tolerance: float,
 ) -> Proof:
-    """Proves that F stays within `intervals`, up to `tolerance`, on the roots of S in a box.
+    """Prove that F stays within `intervals`, up to `tolerance`, on the roots of S in a box.
 
     Args:
         F: The function.
@@ -83,7 +83,7 @@ def enclose(
 def _range(
     F: TrigPolynomial, S: TrigPolynomial | None, centres: Array, half: Array
 ) -> tuple[Array, Array]:
-    """(m,) each: least and largest value that F can have on the roots in each box."""
+    """Bound F on the roots in each box: least and largest value, (m,) each."""
     value, gradient = F(centres), F.gradient(centres)
     second = np.full(len(centres), 0.5 * half @ F.curvature @ half)
     if S is not None:
@@ -102,6 +102,6 @@ def _range(
 
 
 def _overhang(least: Array, most: Array, intervals: Array) -> Array:
-    """(m,) by how much each range sticks out of the interval that holds it best."""
+    """Compute by how much each range exceeds the interval that fits it best, (m,)."""
     out = np.maximum(intervals[:, :1] - least, most - intervals[:, 1:])
     return np.maximum(out.min(axis=0), 0.0) if len(intervals) else np.full(len(least), np.inf)

@@ -1,34 +1,33 @@
-"""Level set: where a trigonometric polynomial vanishes on the 2- or 3-torus, as lines or triangles.
+"""Zero set of a trigonometric polynomial on the 2- or 3-torus, as lines or triangles.
 
-contourpy and scikit-image find it on a grid; here the seams of the torus are sewn and every point
-is moved onto the exact set by Newton's method. A grid is fine enough when no cell with equal signs
-at its corners holds a sign change inside: each such cell is either certified free of roots, by the
-bounds of the polynomial, or searched inside.
+contourpy and scikit-image find it on a grid. The pieces are then joined across the seams of the
+torus and every point is moved onto the exact set by Newton's method. A grid is fine enough when no
+cell with equal signs at its corners holds a sign change inside: each such cell is either certified
+free of roots by the bounds of the polynomial, or searched inside.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple, cast
 
-import contourpy
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.polynomial.trig import NOISE, TrigPolynomial
+from spacearm.polynomial.newton import polish
+from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import wrap
 
 FIRST_GRID = {2: 192, 3: 48}
 LAST_GRID = {2: 3072, 3: 192}
 SEARCH_DEPTH = {2: 6, 3: 2}
-"""How often an undecided cell is halved in the search for a missed piece: pieces of the set smaller
-than 2 pi / (grid 2^depth) may be missed, 0.03 degrees for lines and 2 degrees for surfaces."""
-
-
+"""How often an undecided cell is halved in the search for a missed piece. Pieces of the set smaller
+than 2 pi / (grid 2^depth) may be missed: 0.03 degrees for lines, 2 degrees for surfaces."""
 OFFSET = 0.0123456789
-"""Where the grid begins in each angle [rad]: not at a round angle, where roots are wont to be."""
+"""Where the grid begins in each angle [rad]: roots often lie at round angles."""
+SEWN = 1e-6
+"""Ends nearer than this on the torus are one point [rad]: both come from the same grid values."""
 
 
 class Mesh(NamedTuple):
@@ -44,12 +43,14 @@ class Mesh(NamedTuple):
 
 
 def lines(S: TrigPolynomial) -> list[Array]:
-    """The zero set on the 2-torus.
+    """Trace the zero set on the 2-torus.
 
     Returns:
         Closed polylines (m, 2), angles continuous along each: the last point is the first one, up
         to whole turns.
     """
+    import contourpy
+
     values, step = _grid(S)
     contour = contourpy.contour_generator(z=_periodic(values).T)
     pieces = cast("list[Array]", contour.lines(0.0))
@@ -57,8 +58,8 @@ def lines(S: TrigPolynomial) -> list[Array]:
 
 
 def surface(S: TrigPolynomial) -> Mesh:
-    """The zero set on the 3-torus."""
-    from skimage.measure import marching_cubes  # only where surfaces are wanted
+    """Triangulate the zero set on the 3-torus."""
+    from skimage.measure import marching_cubes  # slow to import
 
     values, step = _grid(S)
     if (values > 0.0).all() or (values < 0.0).all():
@@ -71,26 +72,8 @@ def surface(S: TrigPolynomial) -> Mesh:
     return Mesh(wrap(polish(S, OFFSET + found[first] * step)), merged[proper])
 
 
-def polish(S: TrigPolynomial, points: Array) -> Array:
-    """Moves points onto the zero set by Newton's method along the gradient, damped."""
-    points = points.astype(np.float64)
-    damping = np.ones(len(points))
-    for _ in range(60):
-        values = S(points)
-        off = np.flatnonzero(np.abs(values) > NOISE * S.scale / 10.0)
-        if not len(off):
-            break
-        g = S.gradient(points[off])
-        step = damping[off] * values[off] / np.maximum((g * g).sum(axis=1), 1e-300)
-        moved = points[off] - np.clip(step[:, None] * g, -0.1, 0.1)
-        better = np.abs(S(moved)) < np.abs(values[off])
-        points[off[better]] = moved[better]
-        damping[off] = np.where(better, 1.0, damping[off] / 2.0)
-    return points
-
-
 def _grid(S: TrigPolynomial) -> tuple[Array, float]:
-    """Values on a grid that shows every piece of the zero set, and its step [rad]."""
+    """Sample S on a grid that shows every piece of the zero set; return the values and its step."""
     N = FIRST_GRID[S.n]
     S = S.shifted(np.full(S.n, OFFSET))
     while True:
@@ -101,7 +84,7 @@ def _grid(S: TrigPolynomial) -> tuple[Array, float]:
 
 
 def _hides_something(S: TrigPolynomial, values: Array, step: float) -> bool:
-    """Whether a cell with equal signs at its corners holds a point of the other sign."""
+    """Check whether a cell with equal signs at its corners holds a point of the other sign."""
     signs = np.sign(values)
     corners = [
         np.roll(signs, shift, axis=tuple(range(S.n))) for shift in product((0, -1), repeat=S.n)
@@ -123,12 +106,12 @@ def _hides_something(S: TrigPolynomial, values: Array, step: float) -> bool:
 
 
 def _periodic(values: Array) -> Array:
-    """The grid with its first layers repeated at the end."""
+    """Return the grid with its first layers repeated at the end."""
     return np.pad(values, [(0, 1)] * values.ndim, mode="wrap")
 
 
 def _sew(pieces: list[Array]) -> list[Array]:
-    """Joins pieces that end on a seam of the torus where another begins."""
+    """Join pieces that end on a seam of the torus where another begins."""
     whole = [piece for piece in pieces if np.allclose(piece[0], piece[-1], atol=1e-9)]
     loose = [piece for piece in pieces if not np.allclose(piece[0], piece[-1], atol=1e-9)]
     while loose:
@@ -146,45 +129,9 @@ def _sew(pieces: list[Array]) -> list[Array]:
     return whole
 
 
-SEWN = 1e-6
-"""Ends nearer than this on the torus are one point [rad]: both come from the same grid values."""
-
-
 def _gap(a: Array, b: Array) -> float:
     return float(np.abs(wrap(a - b)).max())
 
 
 def _meet(a: Array, b: Array) -> bool:
     return _gap(a, b) <= SEWN
-
-
-def extreme(
-    F: TrigPolynomial, S: TrigPolynomial, start: Array, better: Callable[[float, float], bool]
-) -> Array:
-    """A stationary point of F on S = 0 near `start`, if it is better than `start`; else `start`."""
-    x = stationary(F, S, start)
-    on_set = abs(S(x)) <= NOISE * S.scale
-    return x if on_set and better(F(x), F(start)) else start
-
-
-def stationary(F: TrigPolynomial, S: TrigPolynomial | None, start: Array) -> Array:
-    """Where the gradient of F along S = 0 (all of it if S is None) vanishes, by Newton's method."""
-    x, n = start, len(start)
-    multiplier = 0.0
-    if S is not None:
-        g = S.gradient(start)
-        multiplier = -float(F.gradient(start) @ g) / max(float(g @ g), 1e-300)
-    for _ in range(40):
-        matrix, residual = F.hessian(x), F.gradient(x)
-        if S is not None:
-            g = S.gradient(x)
-            matrix = matrix + multiplier * S.hessian(x)
-            matrix = np.block([[matrix, g[:, None]], [g[None], np.zeros((1, 1))]])
-            residual = np.append(residual + multiplier * g, S(x))
-        step = np.linalg.lstsq(matrix, -residual, rcond=None)[0]
-        size = float(np.linalg.norm(step[:n]))
-        x = x + step[:n] * min(1.0, 0.1 / max(size, 1e-300))
-        multiplier += float(step[n]) if S is not None else 0.0
-        if size < 1e-14:
-            break
-    return x

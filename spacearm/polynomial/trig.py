@@ -18,37 +18,23 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.polynomial.univariate import Complex, distinct, line_roots, orders
+from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders
 
 Sampler = Callable[[Array], Array]
 
 MOST_SAMPLES = 10_000_000
-"""Values that a fit may take, so that memory lasts."""
+"""Largest number of samples of a fit, to bound its memory."""
 NOISE = 1e-12
-"""Coefficients and values below this share of the scale are rounding."""
+"""Share of the scale below which coefficients and values are rounding."""
 BLOCK = 1 << 21
-"""Complex numbers that an evaluation holds at once."""
-
-
-class Roots(NamedTuple):
-    """The real roots along one joint.
-
-    Attributes:
-        angles: (r,) roots in (-pi, pi], growing [rad].
-        multiplicity: (r,) their multiplicities.
-        everywhere: Whether the polynomial vanishes along the whole line.
-    """
-
-    angles: Array
-    multiplicity: npt.NDArray[np.int_]
-    everywhere: bool
+"""Largest number of complex numbers that an evaluation holds at once."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,11 +61,15 @@ class TrigPolynomial:
 
     @cached_property
     def scale(self) -> float:
-        """Sum of |c_k|: no value is larger."""
+        """Sum of |c_k|, a bound of all values."""
         return float(np.abs(self.coefficients).sum())
 
     def __repr__(self) -> str:
         return f"TrigPolynomial(degrees {self.degrees}, {self.coefficients.size} coefficients)"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the degrees and the coefficients, each as [re, im], as plain JSON data."""
+        return {"degrees": plain(self.degrees), "coefficients": plain(self.coefficients)}
 
     @classmethod
     def fit(
@@ -91,7 +81,7 @@ class TrigPolynomial:
         noise: float = 1e-11,
         rng: np.random.Generator | None = None,
     ) -> TrigPolynomial:
-        """The polynomial that a function is.
+        """Fit a function that is a trigonometric polynomial, exactly.
 
         Args:
             sampler: Takes (m, n) angles, returns (m,) real values.
@@ -104,6 +94,20 @@ class TrigPolynomial:
             UnsupportedError: The function is no trigonometric polynomial up to that degree, gives
                 values that are not finite, or has too many coefficients.
         """
+        each = cls.fit_each(lambda Q: sampler(Q)[:, None], n, highest=highest, noise=noise, rng=rng)
+        return each[0]
+
+    @classmethod
+    def fit_each(
+        cls,
+        sampler: Sampler,
+        n: int,
+        *,
+        highest: int = 8,
+        noise: float = 1e-11,
+        rng: np.random.Generator | None = None,
+    ) -> list[TrigPolynomial]:
+        """Fit the components of a vector, as `fit`; the sampler returns (m, components) values."""
         rng = rng or np.random.default_rng(0)
         degrees = [_degree(sampler, n, j, highest, noise, rng) for j in range(n)]
         shape = [2 * d + 1 for d in degrees]
@@ -115,11 +119,11 @@ class TrigPolynomial:
             )
         axes = np.meshgrid(*(2.0 * np.pi * np.arange(s) / s for s in shape), indexing="ij")
         values = sampler(np.stack([axis.ravel() for axis in axes], axis=1))
-        spectrum = np.fft.fftn(values.reshape(shape)) / math.prod(shape)
-        fitted = cls(np.fft.fftshift(spectrum))
+        spectra = np.fft.fftn(values.reshape(*shape, -1), axes=range(n)) / math.prod(shape)
+        fitted = [cls(c) for c in np.moveaxis(np.fft.fftshift(spectra, axes=range(n)), -1, 0)]
         Q = rng.uniform(-np.pi, np.pi, (16, n))
         wanted = sampler(Q)
-        error = float(np.abs(fitted(Q) - wanted).max())
+        error = float(np.abs(np.stack([f(Q) for f in fitted], axis=1) - wanted).max())
         size = max(float(np.abs(wanted).max()), float(np.abs(values).max()))
         if not error <= 100.0 * noise * size:
             raise UnsupportedError(
@@ -131,17 +135,17 @@ class TrigPolynomial:
     # --- values -----------------------------------------------------------------------------
 
     def __call__(self, Q: npt.ArrayLike) -> Any:
-        """Values at (n,) or (m, n) angles: a float or (m,)."""
+        """Evaluate at (n,) or (m, n) angles: a float or (m,)."""
         points = np.asarray(Q, dtype=np.float64)
         values = self.along(np.atleast_2d(points), ()).real
         return float(values[0]) if points.ndim == 1 else values
 
     def along(self, Q: Array, keep: tuple[int, ...]) -> Complex:
-        """Coefficients left when all angles but those in `keep` are put in.
+        """Compute the coefficients that remain when all angles but those in `keep` are fixed.
 
         Args:
             Q: (m, n) angles; those in `keep` do not matter.
-            keep: Angles that stay, in growing order.
+            keep: Numbers of the angles that remain, in growing order.
 
         Returns:
             (m, 2 d_j + 1 for j in keep) complex coefficients; (m,) if `keep` is empty.
@@ -166,7 +170,7 @@ class TrigPolynomial:
         return values
 
     def fix(self, angles: Mapping[int, float]) -> TrigPolynomial:
-        """The polynomial of the other angles with some put in."""
+        """Return the polynomial of the other angles with some fixed."""
         point = np.zeros((1, self.n))
         for j, angle in angles.items():
             point[0, j] = angle
@@ -174,12 +178,12 @@ class TrigPolynomial:
         return TrigPolynomial(self.along(point, keep)[0])
 
     def shifted(self, offset: Array) -> TrigPolynomial:
-        """The polynomial q -> f(q + offset)."""
+        """Return the polynomial q -> f(q + offset)."""
         waves = [np.exp(1j * self._k(j) * offset[j]) for j in range(self.n)]
         return TrigPolynomial(math.prod(waves, start=self.coefficients))
 
     def grid(self, shape: tuple[int, ...]) -> Array:
-        """Values on a tensor grid, by one zero-padded inverse FFT.
+        """Evaluate on a tensor grid, by one zero-padded inverse FFT.
 
         Args:
             shape: Points N_j in each angle; point i stands at 2 pi i / N_j.
@@ -200,21 +204,21 @@ class TrigPolynomial:
     # --- derivatives ------------------------------------------------------------------------
 
     def derivative(self, j: int) -> TrigPolynomial:
-        """The partial derivative with respect to angle j."""
+        """Return the partial derivative with respect to angle j."""
         return TrigPolynomial(self.coefficients * (1j * self._k(j)))
 
     def gradient(self, Q: npt.ArrayLike) -> Array:
-        """(n,) or (m, n) gradient."""
+        """Compute the gradient at (n,) or (m, n) angles, of the same shape."""
         parts = [self.derivative(j)(Q) for j in range(self.n)]
         return np.stack(parts, axis=-1)
 
     def hessian(self, Q: npt.ArrayLike) -> Array:
-        """(n, n) or (m, n, n) second derivatives."""
+        """Compute the second derivatives (n, n) or (m, n, n)."""
         rows = [self.derivative(j).gradient(Q) for j in range(self.n)]
         return np.stack(rows, axis=-1)
 
     def _k(self, j: int) -> Array:
-        """The orders k_j, shaped to multiply the coefficients."""
+        """Return the orders k_j, shaped to multiply the coefficients."""
         shape = [1] * self.n
         shape[j] = -1
         return orders(self.degrees[j]).reshape(shape)
@@ -222,7 +226,7 @@ class TrigPolynomial:
     # --- roots ------------------------------------------------------------------------------
 
     def roots(self, q: npt.ArrayLike, j: int) -> Roots:
-        """All real roots along angle j, the others as in q (n,)."""
+        """Find all real roots along angle j, the others as in q (n,)."""
         line = self.along(np.asarray(q, dtype=np.float64)[None], (j,))[0]
         if np.abs(line).max() <= NOISE * self.scale:
             return Roots(np.empty(0), np.empty(0, dtype=int), True)
@@ -230,7 +234,7 @@ class TrigPolynomial:
         return Roots(angles, multiplicity, False)
 
     def roots_along(self, Q: Array, j: int) -> Array:
-        """(m, 2 d_j) real roots along angle j for many Q (m, n); NaN where there are fewer."""
+        """Find the real roots (m, 2 d_j) along angle j for Q (m, n); NaN where there are fewer."""
         return line_roots(self.along(Q, (j,)))
 
     # --- bounds -----------------------------------------------------------------------------
@@ -248,7 +252,7 @@ class TrigPolynomial:
         return np.array([[float((size * a * b).sum()) for b in k] for a in k])
 
     def sign(self, centre: npt.ArrayLike, half: npt.ArrayLike) -> npt.NDArray[np.int_]:
-        """Certified signs over boxes: +1 or -1 where no root can be, else 0.
+        """Certify signs over boxes: +1 or -1 where no root can be, else 0.
 
         Args:
             centre: (m, n) centres.
@@ -265,14 +269,14 @@ class TrigPolynomial:
 def _degree(
     sampler: Sampler, n: int, j: int, highest: int, noise: float, rng: np.random.Generator
 ) -> int:
-    """The degree in angle j: where the spectra along a few random lines end."""
+    """Find the degree in angle j: where the spectra along a few random lines end."""
     N = 2 * highest + 3
     lines = rng.uniform(-np.pi, np.pi, (4, 1, n)).repeat(N, axis=1)
     lines[:, :, j] = 2.0 * np.pi * np.arange(N) / N
-    values = sampler(lines.reshape(-1, n)).reshape(4, N)
+    values = sampler(lines.reshape(-1, n)).reshape(4, N, -1)
     if not np.isfinite(values).all():
         raise UnsupportedError("the function gives values that are not finite")
-    spectrum = np.abs(np.fft.rfft(values, axis=1)).max(axis=0)
+    spectrum = np.abs(np.fft.rfft(values, axis=1)).max(axis=(0, 2))
     above = np.flatnonzero(spectrum > noise * spectrum.max())
     degree = int(above[-1]) if len(above) else 0
     if degree > highest:

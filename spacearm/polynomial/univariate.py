@@ -1,4 +1,4 @@
-"""Line: the real roots of trigonometric polynomials of one angle, many at once.
+"""Real roots of trigonometric polynomials of one angle, many at once.
 
 f(q) = sum_k c_k exp(i k q), |k| <= d, is z^-d times a polynomial of degree 2d in z = exp(i q); its
 real roots are the roots of that polynomial on the unit circle. Degree 1 has them in closed form,
@@ -7,12 +7,12 @@ higher ones as eigenvalues of the companion matrix, polished by Newton's method 
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, named
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
 
@@ -22,16 +22,34 @@ NEAR_CIRCLE = 1e-2
 """Multiple roots split off the unit circle by a root of rounding, less than this; the value of f
 then decides."""
 POLISH = 8
-"""Newton steps on every root."""
+"""Newton steps for every root."""
+
+
+class Roots(NamedTuple):
+    """Real roots along one joint.
+
+    Attributes:
+        angles: (r,) roots in (-pi, pi], growing [rad].
+        multiplicity: (r,) their multiplicities.
+        everywhere: Whether the polynomial vanishes along the whole line.
+    """
+
+    angles: Array
+    multiplicity: npt.NDArray[np.int_]
+    everywhere: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
 
 
 def orders(degree: int) -> Array:
-    """k = -d ... d."""
+    """Return the orders k = -d ... d."""
     return np.arange(-degree, degree + 1).astype(np.float64)
 
 
 def distinct(angles: Array) -> tuple[Array, npt.NDArray[np.int_]]:
-    """Distinct angles, growing, with multiplicities; NaN counts as none."""
+    """Return distinct angles, in growing order, with multiplicities; NaN is left out."""
     angles = np.sort(angles[~np.isnan(angles)])
     if not len(angles):
         return angles, np.empty(0, dtype=np.int_)
@@ -44,7 +62,7 @@ def distinct(angles: Array) -> tuple[Array, npt.NDArray[np.int_]]:
 
 
 def line_roots(lines: Complex) -> Array:
-    """(m, 2 d) real roots of polynomials of one angle (m, 2 d + 1); NaN where there are fewer."""
+    """Find the real roots (m, 2 d) of polynomials (m, 2 d + 1); NaN where there are fewer."""
     m, size = lines.shape
     d = size // 2
     if d == 0 or m == 0:
@@ -73,7 +91,7 @@ def line_roots(lines: Complex) -> Array:
 
 
 def _first_degree_roots(lines: Complex) -> Array:
-    """a cos q + b sin q + c = 0."""
+    """Solve a cos q + b sin q + c = 0."""
     a, b, c = 2.0 * lines[:, 2].real, -2.0 * lines[:, 2].imag, lines[:, 1].real
     r = np.hypot(a, b)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -85,7 +103,7 @@ def _first_degree_roots(lines: Complex) -> Array:
 
 
 def _polish(lines: Complex, angles: Array) -> Array:
-    """Newton steps that only count where they make the value smaller."""
+    """Take Newton steps where they make the value smaller."""
     values, slopes = line_values(lines, angles)
     for _ in range(POLISH):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -99,12 +117,12 @@ def _polish(lines: Complex, angles: Array) -> Array:
 
 
 def line_values(lines: Complex, angles: Array) -> tuple[Array, Array]:
-    """(m, r) values and slopes of polynomials of one angle (m, 2 d + 1) at angles (m, r)."""
+    """Evaluate polynomials (m, 2 d + 1) at angles (m, r): values and slopes, (m, r) each."""
     k = orders(lines.shape[1] // 2)
     waves = lines[:, None, :] * np.exp(1j * angles[:, :, None] * k)
     return waves.sum(axis=2).real, (waves * (1j * k)).sum(axis=2).real
 
 
 def wrap(angles: Array) -> Array:
-    """Angles in (-pi, pi]."""
+    """Wrap angles to (-pi, pi]."""
     return np.pi - (np.pi - angles) % (2.0 * np.pi)

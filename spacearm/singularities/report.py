@@ -1,4 +1,4 @@
-"""Singularity: where the tip cannot move, in which direction, and which way out."""
+"""Singularity report of a configuration: singular values, lost directions, the way out."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from spacearm.arrays import Array, Result
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import (
-    fixed_base_jacobian,
-    generalized_jacobian,
-    generalized_jacobian_derivative,
+    singular_values_of,
+    task_jacobian,
+    task_jacobian_derivative,
 )
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
@@ -20,33 +20,32 @@ from spacearm.model.mode import BaseMode
 Kind = Literal["regular", "kinematic", "dynamic"]
 
 NO_INVERSE = 1e-9
-"""Share of the largest singular value below which J* has no inverse to move on by."""
+"""Share of the largest singular value below which J* cannot be inverted to continue a motion."""
 RANK_TOLERANCE = 1e-4
-"""A singular value counts as zero up to this share of the largest one.
+"""Default share of the largest singular value up to which a singular value counts as zero.
 
-It lets a singular configuration that is written down in hundredths of a degree (as figure 3 of
-the paper has it) be recognised; give `singularity` another one where more digits are at hand.
+It recognises a singular configuration given in hundredths of a degree, as in figure 3 of the paper.
 """
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularityReport(Result):
-    """What a posture allows the tip to do.
+    """Singular values of the task Jacobian and the directions that a configuration loses.
 
     Directions are given in the task's rows: along the task axes, linear rows divided by `length`
-    where the task mixes linear and angular rows. Revolute arms: the Jacobian is in m/rad for
-    linear tasks, without unit for angular and mixed ones.
+    where the task mixes linear and angular rows. The Jacobian of a revolute arm is in m/rad for
+    linear tasks, dimensionless for angular and mixed ones.
 
     Attributes:
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
-        sigma_min: Least singular value; `error_bars` says what its digits are worth.
+        sigma_min: Least singular value; `error_bars` bounds its rounding errors.
         rank: Number of singular values above `tolerance` times the largest.
         manipulability: Yoshikawa's sqrt(det(J J^T)), the product of the singular values.
         condition: Largest over least singular value; infinite if the least is zero.
         determinant: det(J), equation (37), for square tasks; else None.
         kind: "regular" at full rank; "kinematic" if the fixed-base task Jacobian loses rank at
-            the same posture too; else "dynamic".
+            the same configuration too; else "dynamic".
         available: (k, rank) orthonormal directions in which the tip can move.
         lost: (k, k - rank) orthonormal directions in which it cannot.
         null_space: (n, n - rank) orthonormal joint motions that leave the tip at rest.
@@ -85,7 +84,7 @@ class SingularityReport(Result):
 def singularity(
     cfg: Configuration, *, mode: BaseMode = "free-floating", tolerance: float = RANK_TOLERANCE
 ) -> SingularityReport:
-    """Reports whether and how the posture is singular for the arm's task.
+    """Report whether and how a configuration is singular for the arm's task.
 
     Dynamic singularities: section IV of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406.
     Nothing in the report depends on the spacecraft's position, and the singular values do not
@@ -101,13 +100,13 @@ def singularity(
     """
     if not 0.0 <= tolerance < 1.0:
         raise ConfigurationError(f"tolerance is {tolerance}; give a share from 0 to below 1")
-    task, R = cfg.arm.task, cfg.base.rotation
-    J = task.jacobian(generalized_jacobian(cfg, mode=mode), R)
+    task = cfg.arm.task
+    J = task_jacobian(cfg, mode=mode)
     k, n = J.shape
     U, sigma, V = _svd(J)
     rank = _rank(sigma, tolerance)
-    fixed_rank = _rank(_svd(task.jacobian(fixed_base_jacobian(cfg), R))[1], tolerance)
-    dJ = task.jacobian(generalized_jacobian_derivative(cfg, mode=mode), R)
+    fixed_rank = _rank(singular_values(cfg, mode="fixed"), tolerance)
+    dJ = task_jacobian_derivative(cfg, mode=mode)
     return SingularityReport(
         sigma=sigma,
         sigma_min=float(sigma[-1]),
@@ -121,24 +120,32 @@ def singularity(
         null_space=V[:, rank:],
         gradient=U[:, -1] @ dJ @ V[:, k - 1] if k <= n else np.zeros(n),
         jacobian=J,
-        axes=task.axes(R),
+        axes=task.axes(cfg.base.rotation),
         length=task.length if task.mixed else None,
         tolerance=tolerance,
     )
 
 
-def singular_values(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
-    """(k,) singular values of the task Jacobian, largest first: `sigma` of the report alone."""
-    J = cfg.arm.task.jacobian(generalized_jacobian(cfg, mode=mode), cfg.base.rotation)
-    sigma = np.linalg.svd(J, compute_uv=False)
-    return np.append(sigma, np.zeros(len(J) - len(sigma)))
+def singular_values(
+    cfg: Configuration, *, mode: BaseMode = "free-floating", axes: Array | None = None
+) -> Array:
+    """Compute the singular values (k,) of the task Jacobian, largest first.
+
+    Args:
+        cfg: The configuration.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        axes: (3, 3) columns: the axes along which the task's rows count, in inertial axes; the
+            task axes if None.
+    """
+    return singular_values_of(task_jacobian(cfg, mode=mode, axes=axes))
 
 
 def _svd(J: Array) -> tuple[Array, Array, Array]:
-    """J = U diag(sigma) V^T with U (k, k), V (n, n) and sigma (k,), padded by zeros."""
+    """Decompose J = U diag(sigma) V^T: U (k, k), V (n, n) and sigma (k,), padded by zeros."""
     U, sigma, VT = np.linalg.svd(J)
     return U, np.pad(sigma, (0, len(J) - len(sigma))), VT.T
 
 
 def _rank(sigma: Array, tolerance: float) -> int:
+    """Count the singular values above a share of the largest."""
     return int(np.count_nonzero(sigma > tolerance * sigma[0]))

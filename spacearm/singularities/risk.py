@@ -1,9 +1,9 @@
-"""Risk: how likely singularities are at each distance of the tip from the system CM.
+"""Share of configurations near a singularity, over the tip's distance from the system CM or pose.
 
-Position shells of spatial arms tend to swallow everything (Calzolari, Lampariello & Giordano 2020,
-"Singularity maps of space robots and their application to gradient-based trajectory planning"): a
-point belongs to the path dependent workspace as soon as one of the configurations that reach it is
-singular. The profile tells what share of them is near a singularity.
+A point belongs to the path dependent workspace as soon as one of the configurations that reach it
+is singular, so that for spatial arms often every point does (Calzolari, Lampariello & Giordano
+2020, "Singularity maps of space robots and their application to gradient-based trajectory
+planning"). These statistics give the share of configurations near a singularity instead.
 """
 
 from __future__ import annotations
@@ -15,17 +15,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import KDTree
 
-from spacearm.arrays import Array, Result, whole
+from spacearm.arrays import Array, Result, named, whole
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.singularities.polynomial import singularity_polynomial
 
 TENTH = 0.1
-"""Share of the median of sigma_min that counts as near a singularity unless a bound is given."""
+"""Default bound of what is near a singularity, as a share of the median of sigma_min."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,7 +38,7 @@ class RiskProfile(Result):
         share: (bins,) share of them near a singularity; NaN where there are none.
         error: (bins,) standard error of the share.
         measure: "sigma_min" or "distance".
-        bound: Up to which value of the measure counts as near.
+        bound: Value of the measure up to which a configuration counts as near.
         unit: Its unit.
     """
 
@@ -69,7 +67,6 @@ class RiskProfile(Result):
 def risk_profile(
     arm: SpaceArm,
     *,
-    mode: BaseMode = "free-floating",
     limits: bool = False,
     sigma_min: float | None = None,
     distance: float | None = None,
@@ -78,29 +75,30 @@ def risk_profile(
     seed: int | Sequence[int] = 0,
     threads: int | None = None,
 ) -> RiskProfile:
-    """How likely a singularity is near, for each distance of the tip from the system CM.
+    """Estimate the share of configurations near a singularity, by distance of the tip from the CM.
+
+    The spacecraft is free-floating.
 
     Args:
         arm: Any arm.
-        mode: "free-floating"; others are not supported.
         limits: Whether configurations are drawn within the joint limits or from the full turn.
-            Sliding joints are always drawn within theirs.
-        sigma_min: Near means a least singular value up to this; a tenth of its median if None.
-        distance: Near means a joint distance to the singular set up to this [rad], to first order
-            |S| / |grad S|: for arms that have a singularity polynomial; instead of sigma_min.
+            Prismatic joints are always drawn within theirs.
+        sigma_min: Least singular value up to which a configuration is near; a tenth of its median
+            if None.
+        distance: Distance to the singular set in joint space up to which a configuration is near
+            [rad], to first order |S| / |grad S|; instead of sigma_min, for arms that have a
+            singularity polynomial.
         bins: Number of distance classes between the least and the largest distance drawn, or
-            their edges [m], growing; what lies outside of these is not counted.
+            their edges [m], growing; distances outside the edges are not counted.
         samples: Number of configurations.
-        seed: Of the sample.
-        threads: How many to use; see `evaluate`.
+        seed: Seed of the sample.
+        threads: Number of threads; see `evaluate`.
 
     Raises:
-        ConfigurationError: bins, samples or both bounds do not make sense.
-        UnsupportedError: The arm has a sliding joint without limits, no polynomial where `distance`
-            is asked for, or the spacecraft does not float.
+        ConfigurationError: bins, samples or the bounds are not valid.
+        UnsupportedError: The arm has a prismatic joint without limits, or no singularity polynomial
+            where `distance` is given.
     """
-    if mode != "free-floating":
-        raise UnsupportedError(f"risk profiles are for free-floating spacecraft; mode is {mode!r}")
     if sigma_min is not None and distance is not None:
         raise ConfigurationError(
             f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "
@@ -109,7 +107,7 @@ def risk_profile(
     edges = None if isinstance(bins, Integral) else _edges(bins)
     least = whole(bins, "bins", 1) if edges is None else 1
     samples = whole(samples, "samples", least)
-    Q = _uniform(arm, limits, samples, np.random.default_rng(seed))
+    Q = uniform(arm, limits, samples, np.random.default_rng(seed))
     values = evaluate(arm, Q, ("sigma_min", "radius"), threads=threads)
     if distance is None:
         measure, unit, value = "sigma_min", arm.sigma_unit, values["sigma_min"]
@@ -131,7 +129,7 @@ def risk_profile(
 
 
 def _edges(bins: object) -> Array:
-    """The edges of the distance classes, checked."""
+    """Check the edges of the distance classes."""
     try:
         edges = np.asarray(bins, dtype=np.float64)
     except (TypeError, ValueError):
@@ -142,23 +140,26 @@ def _edges(bins: object) -> Array:
 
 
 class PoseRisk(NamedTuple):
-    """The share of configurations near a singularity for sampled tip poses.
+    """Share of configurations near a singularity for sampled tip poses.
 
-    The spacecraft's attitude is free, so that a tip pose counts by where the system CM lies as seen
-    from the tip: poses that agree in that are reached by the same configurations.
+    The spacecraft's attitude is free. Tip poses with the same position of the system CM in tip axes
+    are therefore reached by the same configurations, and that position stands for the pose.
 
     Attributes:
         centre: (m, 3) the system CM in tip axes, for each pose [m].
-        share: (m,) share of the configurations that nearly reach the pose which are near a
-            singularity.
-        within: (m,) how far their system CM is from `centre`, at most [m].
-        bound: Up to which sigma_min counts as near.
+        share: (m,) share near a singularity among the configurations that nearly reach the pose.
+        within: (m,) largest distance of their system CM from `centre` [m].
+        bound: sigma_min up to which a configuration counts as near.
     """
 
     centre: Array
     share: Array
     within: Array
     bound: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
 
     def __repr__(self) -> str:
         return (
@@ -178,31 +179,39 @@ def pose_risk(
     samples: int = 20_000,
     seed: int = 0,
 ) -> PoseRisk:
-    """How likely a singularity is near, for tip poses that uniform configurations lead to.
+    """Estimate the share of configurations near a singularity, by tip pose.
+
+    The poses are those of uniform configurations.
 
     Args:
         arm: Any arm.
         limits: As in `risk_profile`.
         sigma_min: As in `risk_profile`.
         poses: Number of tip poses.
-        neighbours: Configurations for each: those that come nearest to the pose.
-        samples: Configurations they are taken from.
-        seed: Of the sample.
+        neighbours: Number of configurations for each pose, those nearest to it.
+        samples: Number of configurations that they are taken from.
+        seed: Seed of the sample.
 
     Raises:
-        ConfigurationError: A number is none, or there are fewer samples than poses or neighbours.
+        ConfigurationError: A number is not valid, or there are fewer samples than poses or
+            neighbours.
+        UnsupportedError: The arm has several tips, or a prismatic joint without limits.
     """
+    from scipy.spatial import KDTree  # slow to import
+
+    from spacearm.mechanics.compiled import reactions  # imports the compiler
+
     poses, neighbours = whole(poses, "poses", 1), whole(neighbours, "neighbours", 1)
     if whole(samples, "samples", 1) < max(poses, neighbours):
         raise ConfigurationError(
             f"{poses} poses with {neighbours} neighbours out of {samples} samples; give no fewer "
             "samples than either"
         )
-    Q = _uniform(arm, limits, samples, np.random.default_rng(seed))
+    Q = uniform(arm, limits, samples, np.random.default_rng(seed))
     value = evaluate(arm, Q, ["sigma_min"])["sigma_min"]
     bound = _bound(value, sigma_min)
-    cfgs = (arm.at(q) for q in Q)
-    centres = np.array([cfg.tip.actInv(cfg.com) for cfg in cfgs])
+    at = reactions(arm, Q.T.copy())
+    centres = -np.einsum("mij,mi->mj", at.R, at.r)  # tip axes
     distance: Any
     near: Any
     distance, near = KDTree(centres).query(centres[:poses], k=neighbours)
@@ -212,14 +221,15 @@ def pose_risk(
 
 
 def _bound(sigma_min: Array, asked: float | None) -> float:
+    """Return the bound asked for, or the default."""
     return TENTH * float(np.median(sigma_min)) if asked is None else asked
 
 
 def check_slides(arm: SpaceArm) -> npt.NDArray[np.bool_]:
-    """(n,) which joints slide.
+    """Return which joints are prismatic, (n,).
 
     Raises:
-        UnsupportedError: One does so without limits.
+        UnsupportedError: One of them has no limits.
     """
     endless = np.flatnonzero(arm.slides & np.isinf(arm.upper - arm.lower))
     if len(endless):
@@ -228,7 +238,8 @@ def check_slides(arm: SpaceArm) -> npt.NDArray[np.bool_]:
     return arm.slides
 
 
-def _uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
+def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
+    """Draw m uniform configurations (m, n), within the joint limits or from the full turn."""
     sliding = check_slides(arm)
     span = arm.upper - arm.lower
     turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))

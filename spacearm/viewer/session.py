@@ -18,8 +18,8 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.singularities.exact_set import singular_set
 from spacearm.singularities.report import SingularityReport, singularity
+from spacearm.singularities.sets import singular_set
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0

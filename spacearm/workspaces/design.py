@@ -1,4 +1,4 @@
-"""Design: how masses, inertias and the mounting point change the workspaces of an arm.
+"""Design studies: the effect of masses, inertias and the mounting point on an arm's workspaces.
 
 Section VI of Papadopoulos & Dubowsky (1993): a larger spacecraft inertia shrinks the path dependent
 workspace, and an arm mounted at the spacecraft's CM has none.
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.optimize import Bounds, direct, minimize
 
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.arrays import named
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.risk import risk_profile
@@ -32,19 +32,19 @@ PARAMETERS = {
     "payload": "kg at the tip",
     "mass:LINK": "kg",
 }
-"""What can be varied, and its unit."""
+"""Design parameters and their units."""
 
 Progress = Callable[[int, int], object]
 
 
 class Mounted(NamedTuple):
-    """An arm mounted for the largest path independent workspace that was found.
+    """An arm mounted for the largest path independent workspace found.
 
     Attributes:
         arm: The arm.
-        mount: Where its first joint stands, in the spacecraft frame.
+        mount: Pose of its first joint in the spacecraft frame.
         workspace: Its workspace.
-        tried: Number of mounting points that were tried.
+        tried: Number of mounting points tried.
     """
 
     arm: SpaceArm
@@ -52,9 +52,13 @@ class Mounted(NamedTuple):
     workspace: Workspace
     tried: int
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
+
 
 def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
-    """The arm with some design parameters changed.
+    """Return the arm with some design parameters changed.
 
     Args:
         arm: The arm.
@@ -85,11 +89,11 @@ def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
 
 
 def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
-    """Sizes and shells of an arm's workspaces: what a sweep keeps of a design.
+    """Compute the sizes and shells of an arm's workspaces, the quantities kept of each design.
 
     Args:
         arm: The design.
-        **options: As in `workspace`.
+        **options: Options of `workspace`.
 
     Returns:
         `piw` and `reachable` (volumes [m^3], areas [m^2] for planar arms), `fraction` (path
@@ -100,7 +104,7 @@ def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
     return {**sizes, "fraction": found.fraction, "pdw": found.pdw}
 
 
-def sweep(
+def workspaces(
     arm: SpaceArm,
     parameters: Mapping[str, npt.ArrayLike],
     *,
@@ -110,27 +114,28 @@ def sweep(
     risk_bins: int = 0,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Workspaces over a grid of designs, in memory; `spacearm.sweep` computes larger studies.
+    """Compute workspaces over a grid of designs, in memory; `spacearm.sweep` is for large grids.
 
     Args:
         arm: The arm to start from.
-        parameters: Values to try, by name; see `vary`. All combinations are computed.
+        parameters: Values by name; see `vary`. All combinations are computed.
         mode: See `workspace`.
         limits: See `workspace`.
         effort: See `workspace`.
-        risk_bins: Classes of the risk profile, over the distance as a share of the largest; none
-            if 0. For free-floating spacecraft.
-        progress: Called as progress(done, all) after each design.
+        risk_bins: Classes of the risk profile, from the least to the largest distance of each
+            design; no profile if 0. For free-floating spacecraft only.
+        progress: Called as progress(done, total) after each design.
 
     Returns:
         Labelled arrays over the parameters: `piw` and `reachable` (volumes [m^3], areas [m^2] for
         planar arms), `fraction` (path independent share), `pdw` (shell, bound: radii [m], NaN where
-        there are fewer shells), `risk` (class), `done`. After Ctrl-C what was done is returned and
-        `done` says what that is.
+        there are fewer shells), `risk` (class), `done`. After Ctrl-C the designs done so far are
+        returned; `done` marks them.
 
     Raises:
         ConfigurationError: A parameter does not exist or has no values.
-        UnsupportedError: The arm has no shells; see `workspace`.
+        UnsupportedError: The arm has no shells (see `workspace`), or risk profiles are asked for of
+            a spacecraft that does not float.
     """
     import xarray as xr
 
@@ -139,6 +144,11 @@ def sweep(
         raise ConfigurationError(
             f"parameters are {dict(parameters)!r}; give values for one or more"
         )
+    if risk_bins and mode != "free-floating":
+        raise UnsupportedError(
+            f"risk_bins is {risk_bins}; risk profiles are for free-floating spacecraft, "
+            f"not {mode!r}"
+        )
     shape = tuple(len(values) for values in axes.values())
     numbers = {name: np.full(shape, np.nan) for name in ("piw", "reachable", "fraction")}
     done = np.zeros(shape, dtype=bool)
@@ -146,7 +156,7 @@ def sweep(
     radii: dict[tuple[int, ...], np.ndarray] = {}
     options = {} if effort is None else {"effort": effort}
     designs = list(product(*map(range, shape)))
-    vary(arm, {name: values[0] for name, values in axes.items()})  # names are wrong now or never
+    vary(arm, {name: values[0] for name, values in axes.items()})  # checks the names
     try:
         for count, at in enumerate(designs, start=1):
             values = {name: float(axes[name][i]) for name, i in zip(axes, at, strict=True)}
@@ -161,7 +171,7 @@ def sweep(
             if progress:
                 progress(count, len(designs))
     except KeyboardInterrupt:
-        pass  # what is done stays
+        pass
     most = max((len(r) for r in radii.values()), default=0)
     pdw = np.full((*shape, most, 2), np.nan)
     for at, r in radii.items():
@@ -189,21 +199,23 @@ def optimise_mount(
     limits: bool = False,
     most: int = 120,
 ) -> Mounted:
-    """Moves the mounting point to where the path independent workspace is largest.
+    """Find the mounting point with the largest path independent workspace.
 
     A global search (DIRECT; Jones, Perttunen & Stuckman 1993, DOI 10.1007/BF00941892), then
     Nelder and Mead's method from the best point.
 
     Args:
         arm: The arm.
-        bounds: Where each of "mount_x", "mount_y", "mount_z" may be [m]; others stay.
+        bounds: (low, high) of each of "mount_x", "mount_y", "mount_z" [m]; others stay.
         mode: See `workspace`.
         limits: See `workspace`.
-        most: Mounting points that the global search may try.
+        most: Largest number of mounting points that the global search tries.
 
     Raises:
-        ConfigurationError: A name or a bound does not make sense.
+        ConfigurationError: A name or a bound is not valid.
     """
+    from scipy.optimize import Bounds, direct, minimize  # slow to import
+
     for name, (low, high) in bounds.items():
         if name not in MOUNTS:
             raise ConfigurationError(unknown("mounting coordinate", name, MOUNTS))

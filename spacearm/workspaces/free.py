@@ -1,43 +1,47 @@
-"""The free workspace of Vafa & Dubowsky: where the tip can be at every spacecraft attitude.
+"""The free workspace of Vafa & Dubowsky: points that the tip reaches at every spacecraft attitude.
 
 In spacecraft axes the tip stands at p(q) from the system CM, p a trigonometric polynomial of degree
-one in each joint. A point at distance R from the CM can be reached at every attitude when the whole
-sphere of radius R (for planar arms the circle) is in the image of p. That can change with R only
-where a critical value of p has an extreme distance: between those radii one test decides.
+one in each joint. A point at distance R from the CM is reached at every attitude if the whole
+sphere of radius R (for planar arms the circle) is in the image of p. This can change with R only
+where a critical value of p has an extreme distance, so one test decides between these radii.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import KDTree
 
 from spacearm.arrays import Array
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.polynomial.trig import Sampler, TrigPolynomial
-from spacearm.singularities.exact_set import SingularSet, singular_set
-from spacearm.singularities.polynomial import tip_from_centre
+from spacearm.polynomial.newton import shortened
+from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.singularities.polynomial import tips_from_centre
+from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.shells import Box, merged
 
 SAMPLE = 20_000
-"""Configurations whose tip positions the search for a point starts from."""
+"""Configurations from which the search for a point starts."""
 DIRECTIONS = {2: 720, 3: 500}
-"""Points of a circle or sphere that are looked for."""
+"""Test points on a circle or sphere."""
 HARDEST = 24
-"""Of them, those farthest from the sample that are tried first; the others are near a tip."""
+"""Number of test points, those farthest from the sample, that are tried first."""
 NEIGHBOURS = 6
+"""Starts for each point: the configurations with the nearest tips."""
 STEPS = 30
+"""Newton steps from each start."""
+STRIDE = 0.3
+"""Longest Newton step [rad]."""
 REACHED = 1e-9
-"""Share of the largest distance by which a point may be missed."""
+"""Largest miss of a reached point, as a share of the largest distance."""
 SCAN = 48
-"""Radii tried where no critical radii are known."""
+"""Number of radii tried where no critical radii are known."""
 SHARPNESS = 1e-4
-"""How sharply a bound between them is found, as a share of the largest radius."""
+"""Accuracy of the bounds between them, as a share of the largest radius."""
 
 
 def free_workspace(arm: SpaceArm, mode: BaseMode, limits: bool, reachable: Array) -> Array:
-    """(k, 2) the radii of the free workspace within the reachable ones (2,) [m]."""
+    """Compute the radii (k, 2) of the free workspace within the reachable ones (2,) [m]."""
     box = Box.of(arm.lower, arm.upper, limits)
     reach = Reach(arm, mode, box, np.random.default_rng(0))
     low, high = (float(R) for R in reachable)
@@ -46,25 +50,29 @@ def free_workspace(arm: SpaceArm, mode: BaseMode, limits: bool, reachable: Array
         rows = " ".join("xyz"[i] for i in reach.rows)
         held: BaseMode = "fixed" if mode == "fixed" else "attitude-controlled"
         found = singular_set(arm.replace(task=rows), mode=held)
-        if isinstance(found, SingularSet):
+        if found.complete:
             critical = [float(R) for piece in found.components() for R in piece.radius]
     return free_radii(reach, low, high, critical)
 
 
 class Reach:
-    """Which points, in spacecraft axes from the system CM, the tip can reach.
+    """Test of which points, in spacecraft axes from the system CM, the tip can reach.
 
     Args:
         arm: The arm.
-        mode: What the spacecraft does; from a fixed one points count from its own CM.
-        box: Where its joints may be.
-        rng: For the sample.
+        mode: What the spacecraft does; for a fixed one points are relative to its own CM.
+        box: Range of the joints.
+        rng: Random numbers for the sample.
     """
 
     def __init__(self, arm: SpaceArm, mode: BaseMode, box: Box, rng: np.random.Generator) -> None:
+        from scipy.spatial import KDTree  # slow to import
+
         normal = arm.tree.plane_normal()
         self.rows = [i for i in range(3) if i != normal]
-        self.p = [TrigPolynomial.fit(_component(arm, mode, i), arm.n) for i in self.rows]
+        self.p = TrigPolynomial.fit_each(
+            lambda Q: tips_from_centre(arm, Q, mode)[:, self.rows], arm.n
+        )
         self.box = box
         self.Q = rng.uniform(box.low, box.high, (SAMPLE, arm.n))
         self.tips = self._position(self.Q)
@@ -73,14 +81,14 @@ class Reach:
         self.directions = _directions(len(self.rows))
 
     def everywhere(self, R: float) -> bool:
-        """Whether all points at distance R can be reached."""
+        """Check whether all points at distance R can be reached."""
         targets = R * self.directions
         order = np.argsort(self.tree.query(targets)[0])[::-1]
         hardest, others = targets[order[:HARDEST]], targets[order[HARDEST:]]
         return bool(self.reached(hardest).all() and self.reached(others).all())
 
     def reached(self, targets: Array) -> npt.NDArray[np.bool_]:
-        """(m,) whether each point (m, d) can be reached: Newton's method from near tips."""
+        """Check which points (m, d) can be reached, by Newton's method from near tips."""
         found = np.zeros(len(targets), dtype=bool)
         _, near = self.tree.query(targets, k=NEIGHBOURS)
         for column in np.asarray(near).T:
@@ -91,23 +99,24 @@ class Reach:
         return found
 
     def _solve(self, targets: Array, Q: Array) -> npt.NDArray[np.bool_]:
+        """Check which points (m, d) are reached from configurations Q (m, n)."""
         for _ in range(STEPS):
             miss = targets - self._position(Q)
             J = np.stack([p.gradient(Q) for p in self.p], axis=1)
             damped = J @ J.swapaxes(1, 2) + 1e-12 * self.size**2 * np.eye(len(self.rows))
             step = np.einsum("mij,mi->mj", J, np.linalg.solve(damped, miss[..., None])[..., 0])
-            size = np.linalg.norm(step, axis=1, keepdims=True)
-            Q = Q + step * np.minimum(1.0, 0.3 / np.maximum(size, 1e-300))
+            Q = Q + shortened(step, STRIDE)
             if self.box.limited:
                 Q = np.clip(Q, self.box.low, self.box.high)
         return np.linalg.norm(targets - self._position(Q), axis=1) <= REACHED * self.size
 
     def _position(self, Q: Array) -> Array:
+        """Evaluate the tip (m, d) at configurations (m, n)."""
         return np.stack([p(Q) for p in self.p], axis=1)
 
 
 def free_radii(reach: Reach, low: float, high: float, critical: list[float] | None) -> Array:
-    """(k, 2) intervals of radius [m] between low and high at which every point can be reached.
+    """Find the intervals of radius (k, 2) at which every point can be reached [m].
 
     Args:
         reach: The test.
@@ -145,7 +154,7 @@ def _sharpened(reach: Reach, edges: Array, middles: Array, free: list[bool], wid
 
 
 def _directions(dimension: int) -> Array:
-    """(m, d) directions spread evenly over the circle, or by Fibonacci's spiral over the sphere."""
+    """Return directions (m, d), even on the circle or on a Fibonacci spiral of the sphere."""
     m = DIRECTIONS[dimension]
     i = np.arange(m) + 0.5
     if dimension == 2:
@@ -154,12 +163,3 @@ def _directions(dimension: int) -> Array:
     z, angle = 1.0 - 2.0 * i / m, np.pi * (1.0 + 5.0**0.5) * i
     r = np.sqrt(1.0 - z * z)
     return np.stack((r * np.cos(angle), r * np.sin(angle), z), axis=1)
-
-
-def _component(arm: SpaceArm, mode: BaseMode, i: int) -> Sampler:
-    """Component i of the tip's position from the system CM, in spacecraft axes."""
-
-    def sampler(Q: Array) -> Array:
-        return np.array([tip_from_centre(arm, q, mode)[i] for q in Q])
-
-    return sampler

@@ -1,11 +1,11 @@
-"""Workspaces of a floating arm: path independent, path dependent, free.
+"""Path independent, path dependent and free workspace of a floating arm.
 
-Dynamic singularities depend on the joints alone, but the tip reaches a point with different joints
-after different paths. A singular configuration puts the tip at a distance R from the system CM,
-which does not move: the distances of all of them, the *path dependent workspace* (PDW), are shells;
-the rest of what can be reached, where no path meets a singularity, is the *path independent
-workspace* (PIW). Papadopoulos & Dubowsky (1993), section V, equations (43) to (47),
-DOI 10.1115/1.2897406.
+Dynamic singularities depend on the joints only, but after different paths the tip reaches a point
+with different joint positions. A singular configuration puts the tip at a distance R from the
+system CM, which does not move. The distances of all singular configurations are shells, the *path
+dependent workspace* (PDW). The other reachable distances, where no path meets a singularity, are
+the *path independent workspace* (PIW). Papadopoulos & Dubowsky (1993), section V, equations (43) to
+(47), DOI 10.1115/1.2897406.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Result, whole
+from spacearm.arrays import Array, Result, plain, whole
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.singularities.exact_set import SingularSet
-from spacearm.singularities.polynomial import check_square, singularity_polynomial
+from spacearm.singularities.polynomial import check_square
 from spacearm.singularities.risk import RiskProfile, risk_profile
+from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.free import free_workspace
 from spacearm.workspaces.regions import Region, off_plane, position, singular_at
 from spacearm.workspaces.shells import (
@@ -37,29 +37,29 @@ from spacearm.workspaces.shells import (
 )
 
 TOLERANCE = 1e-9
-"""To what bounds are proven, where they are [m]."""
+"""Accuracy of proven bounds [m]."""
 MOST_CERTIFIED = 3
-"""Joints up to which branch and bound proves bounds."""
+"""Number of joints up to which branch and bound proves the bounds."""
 EFFORT = 200_000
-"""Singular configurations that shells of larger arms are sought from."""
+"""Default number of singular configurations from which shells of larger arms are searched."""
 
 Kind = Literal["certified", "found"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Workspace(Result):
-    """Where the tip can be, by its distance R from the system CM.
+    """Distances R of the tip from the system CM: reachable, path dependent, path independent.
 
-    Which promise holds for which arm:
+    The accuracy of the bounds depends on the arm:
 
     =================================  ==========================================================
     arm                                bounds of `reachable` and `pdw`
     =================================  ==========================================================
-    up to 3 turning joints, as many    "certified": attained, and nothing lies outside them by
+    up to 3 revolute joints, as many   "certified": attained, and nothing lies outside them by
     as task rows                       more than `gap`, proven by branch and bound
     more joints, as many as task rows  "found": attained; the largest and least that a search
                                        from `effort` singular configurations found
-    redundant, sliding or mimic        none: `workspace` raises UnsupportedError; `sa.risk_profile`
+    redundant, prismatic or mimic      none: `workspace` raises UnsupportedError; `sa.risk_profile`
     joints                             works for all arms
     =================================  ==========================================================
 
@@ -67,13 +67,13 @@ class Workspace(Result):
         arm: The arm.
         mode: What the spacecraft does.
         limits: Whether joint limits count.
-        reachable: (1, 2) distances that the tip can have [m].
+        reachable: (1, 2) reachable distances [m].
         pdw: (k, 2) path dependent workspace: distances of singular configurations [m], disjoint.
         piw: (k, 2) path independent workspace: the rest of the reachable distances [m].
-        shells: A shell for each piece of the singular set that was told apart.
+        shells: A shell for each piece of the singular set that was found.
         reachable_at: (2, n) configurations of the least and the largest distance.
         kind: "certified" or "found".
-        gap: By how much R may still lie outside `reachable` or the shells [m]: proven if
+        gap: Largest distance by which R may lie outside `reachable` or the shells [m]: proven if
             certified, else NaN.
         effort: Number of singular configurations that were sampled; 0 if certified.
     """
@@ -116,14 +116,14 @@ class Workspace(Result):
     def free(self) -> Array:
         """(k, 2) free workspace: distances at which every point is reached at every attitude [m].
 
-        Vafa and Dubowsky's notion, from a numerical search for tip positions. Its bounds are exact
-        where the arm has as many joints as the position has components and no joint limits
-        count, else good to 1e-4 of the largest radius.
+        As defined by Vafa and Dubowsky, from a numerical search for tip positions. Its bounds are
+        exact if the arm has as many joints as the position has components and no joint limits
+        count, else accurate to 1e-4 of the largest radius.
         """
         return free_workspace(self.arm, self.mode, self.limits, self.reachable[0])
 
     def regions(self, point: npt.ArrayLike) -> Region:
-        """What can happen at a point: see `Region`.
+        """Tell whether a point is unreachable, path independent or path dependent.
 
         Args:
             point: (3,) from the system CM in inertial axes [m], or (2,) in the plane of a planar
@@ -143,8 +143,24 @@ class Workspace(Result):
         return Region("path dependent", R, singular_at(p, self.arm, self.mode, box, self.shells))
 
     def profile(self, **options: Any) -> RiskProfile:
-        """How likely singularities are at each distance: see `risk_profile`."""
-        return risk_profile(self.arm, mode=self.mode, limits=self.limits, **options)
+        """Estimate how likely singularities are at each distance; see `risk_profile`.
+
+        Args:
+            **options: Options of `risk_profile`.
+
+        Raises:
+            UnsupportedError: The spacecraft does not float freely.
+        """
+        if self.mode != "free-floating":
+            raise UnsupportedError(
+                f"risk profiles are for free-floating spacecraft, not {self.mode!r} ones"
+            )
+        return risk_profile(self.arm, limits=self.limits, **options)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return fields, `volumes`, `fraction` and `free` as plain JSON data."""
+        more = {name: getattr(self, name) for name in ("volumes", "fraction", "free")}
+        return super().to_dict() | plain(more)
 
     def __repr__(self) -> str:
         def text(radii: Array) -> str:
@@ -164,26 +180,28 @@ def workspace(
     effort: int = EFFORT,
     seed: int = 0,
 ) -> Workspace:
-    """The path dependent and path independent workspaces of an arm, section V of the paper.
+    """Compute the path dependent and path independent workspaces of an arm.
+
+    Section V of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406.
 
     Args:
-        arm: An arm with as many turning joints as its task has rows.
+        arm: An arm with as many revolute joints as its task has rows.
         mode: What the spacecraft does: "free-floating"; "attitude-controlled" or "fixed", which
             leave the kinematic singularities only (section VI). For a fixed spacecraft distances
             count from its own CM.
         limits: Whether only configurations within the joint limits count; if not, every joint
-            turns freely, as the paper has it.
+            turns freely, as in the paper.
         effort: Singular configurations to search from, for arms of more than three joints.
-        seed: Of that search.
+        seed: Seed of that search.
 
     Raises:
-        ConfigurationError: An argument makes no sense.
-        UnsupportedError: The arm is redundant, has sliding or mimic joints, or can never do its
+        ConfigurationError: An argument is not valid.
+        UnsupportedError: The arm is redundant, has prismatic or mimic joints, or can never do its
             task.
     """
     effort = whole(effort, "effort", 1)
     check_shells(arm)
-    found = SingularSet(arm, singularity_polynomial(arm, mode=mode), mode)
+    found = singular_set(arm, mode=mode)
     rng = np.random.default_rng(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
@@ -213,25 +231,23 @@ def workspace(
 
 
 def check_shells(arm: SpaceArm) -> None:
-    """Refuses arms that have no shells.
+    """Refuse arms that have no shells.
 
     Raises:
         UnsupportedError: The arm has no singularity polynomial; says why.
     """
-    try:
-        check_square(arm)
-    except UnsupportedError as error:
-        raise UnsupportedError(
-            f"{error}; without a singularity polynomial there are no shells, but "
-            "sa.risk_profile takes every arm"
-        ) from None
+    check_square(
+        arm,
+        "without a singularity polynomial there are no shells, but sa.risk_profile takes every arm",
+    )
 
 
 def _outside(whole: Array, parts: Array) -> Array:
-    """(k, 2) what sorted, disjoint parts leave of the whole."""
+    """Return what sorted, disjoint parts leave of the whole, (k, 2)."""
     edges = np.concatenate(([whole[0]], parts.ravel(), [whole[1]])).reshape(-1, 2)
     return edges[edges[:, 1] - edges[:, 0] > TOLERANCE]
 
 
 def _within(R: float, radii: Array) -> bool:
+    """Check whether R is in one of the ranges (k, 2)."""
     return bool(((radii[:, 0] - TOLERANCE <= R) & (radii[:, 1] + TOLERANCE >= R)).any())

@@ -1,82 +1,75 @@
-"""Regions: what can happen to a tip that is brought to a point."""
+"""Regions of a workspace: whether a point is unreachable, path independent or path dependent."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import Array, finite, named
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
-from spacearm.polynomial.trig import NOISE, TrigPolynomial
-from spacearm.singularities.exact_set import SingularSet, singular_set
-from spacearm.singularities.polynomial import radius_squared, tip_from_centre
+from spacearm.polynomial.newton import meeting
+from spacearm.singularities.polynomial import radius_squared, tips_from_centre
+from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.shells import Box, Shell
 
 SAMPLE = 20_000
-"""Singular configurations that one at the right distance is sought from."""
+"""Singular configurations sampled in the search for one at a given distance."""
 BEST = 20
-"""Of them, those nearest to that distance, that are tried."""
+"""Number of them, nearest to that distance, from which Newton's method starts."""
 
 
 class Region(NamedTuple):
-    """What can happen at a point.
+    """Kind of a point of the workspace, with singular configurations that reach it.
 
     Attributes:
         kind: "unreachable"; "path independent": no path to it meets a singularity there; or
             "path dependent": after some paths the arm is singular when the tip is there.
         radius: Distance of the point from the system CM [m].
         singular: Singular configurations with the tip at the point and the system CM at the
-            origin, one for each shell that the point lies in; empty unless path dependent.
+            origin, one for each shell that contains the point; empty unless path dependent.
     """
 
     kind: Literal["unreachable", "path independent", "path dependent"]
     radius: float
     singular: tuple[Configuration, ...]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
+
 
 def position(arm: SpaceArm, point: npt.ArrayLike, mode: BaseMode) -> Array:
-    """(3,) a checked point; (2,) counts in the plane of a planar arm."""
-    try:
-        p = np.asarray(point, dtype=np.float64)
-    except (TypeError, ValueError):
-        p = np.empty(0)
-    normal = arm.tree.plane_normal()
-    if p.shape == (2,) and normal is not None:
-        p = np.insert(p, normal, _height(arm, normal, mode))
-    if p.shape != (3,) or not np.isfinite(p).all():
-        raise ConfigurationError(
-            f"point is {point!r}; give 3 finite numbers from the system CM [m]"
-            + (", or 2 in the plane" if normal is not None else "")
-        )
-    return p
+    """Check a point and return it as (3,); (2,) is a point in the plane of a planar arm."""
+    normal, meaning = arm.tree.plane_normal(), "from the system CM [m]"
+    if normal is not None and np.shape(point) == (2,):
+        return np.insert(finite(point, (2,), "point", meaning), normal, _height(arm, normal, mode))
+    in_plane = ", or 2 in the plane" if normal is not None else ""
+    return finite(point, (3,), "point", meaning + in_plane)
 
 
 def off_plane(arm: SpaceArm, point: Array, mode: BaseMode) -> float:
-    """How far a point (3,) is from the plane in which a planar arm moves its tip [m]."""
+    """Compute the distance of a point (3,) from the plane of a planar arm's tip [m]."""
     normal = arm.tree.plane_normal()
     return 0.0 if normal is None else abs(float(point[normal]) - _height(arm, normal, mode))
 
 
 def _height(arm: SpaceArm, normal: int, mode: BaseMode) -> float:
-    """How high a planar arm carries its tip over the system CM, along the normal [m]."""
-    return float(tip_from_centre(arm, np.zeros(arm.n), mode)[normal])
+    """Compute the offset of a planar arm's tip from the system CM along the normal [m]."""
+    return float(tips_from_centre(arm, np.zeros((1, arm.n)), mode)[0, normal])
 
 
 def singular_at(
     point: Array, arm: SpaceArm, mode: BaseMode, box: Box, shells: Iterable[Shell]
 ) -> tuple[Configuration, ...]:
-    """Singular configurations with the tip at the point (3,), from each shell that holds it."""
+    """Find a singular configuration with the tip at the point (3,) for each shell around it."""
     found, R = singular_set(arm, mode=mode), float(np.linalg.norm(point))
-    if not isinstance(found, SingularSet):
-        return ()
-    R2 = radius_squared(arm, mode)
+    R2 = radius_squared(arm, mode=mode)
     Q = box.fold(found.sample(SAMPLE, np.random.default_rng(0)))
     Q = Q[box.holds(Q)]
     near = Q[np.argsort(np.abs(R2(Q) - R * R))[:BEST]]
@@ -84,27 +77,15 @@ def singular_at(
     for shell in shells:
         if shell.radius[0] - 1e-9 <= R <= shell.radius[1] + 1e-9:
             starts = [*shell.at[np.argsort(np.abs(shell.radius - R))[:1]], *near]
-            meetings = (_meeting(found.S, R2, R * R, start) for start in starts)
+            meetings = (meeting(found.S, R2, R * R, start) for start in starts)
             inside = (box.fold(q) for q in meetings if q is not None and box.holds(box.fold(q)))
             if (q := next(inside, None)) is not None:
                 results.append(_brought_to(arm, q, point, mode))
     return tuple(results)
 
 
-def _meeting(S: TrigPolynomial, F: TrigPolynomial, value: float, start: Array) -> Array | None:
-    """A point near `start` with S = 0 and F = value, by Newton's method, or None."""
-    x = start
-    for _ in range(60):
-        residual = np.array([S(x) / S.scale, (F(x) - value) / F.scale])
-        J = np.array([S.gradient(x) / S.scale, F.gradient(x) / F.scale])
-        step = np.linalg.lstsq(J, -residual, rcond=1e-10)[0]
-        x = x + step * min(1.0, 0.3 / max(float(np.linalg.norm(step)), 1e-300))
-    there = abs(S(x)) <= NOISE * S.scale and abs(F(x) - value) <= 1e-9 * F.scale
-    return x if there else None
-
-
 def _brought_to(arm: SpaceArm, q: Array, point: Array, mode: BaseMode) -> Configuration:
-    """The configuration turned about the CM so that the tip, at its distance, is at the point."""
+    """Turn the configuration about the CM so that the tip, at its distance, is at the point."""
     cfg = arm.at(q)
     centre = arm.model.inertias[1].lever if mode == "fixed" else cfg.com
     tip = cfg.tip.translation - centre

@@ -1,4 +1,4 @@
-"""Shells: between which distances from the system CM an arm's singular configurations put the tip.
+"""Shells: ranges of the tip's distance from the system CM at singular configurations.
 
 R^2 is a trigonometric polynomial like S, so that each shell, equations (44), (46) and (47), is the
 range of one polynomial on the roots of another, over the torus or within the joint limits.
@@ -10,41 +10,36 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, named
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.polynomial import level_set
 from spacearm.polynomial.extremes import enclose
+from spacearm.polynomial.newton import polish, stationary
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
-from spacearm.singularities.exact_set import SingularSet
+from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.polynomial import distances, radius_squared
 
 STARTS = 12
-"""Best configurations of a sample that each bound is sought from."""
+"""Number of best configurations of a sample from which each bound is searched."""
 GAP_SHARE = 1 / 300
-"""Share of the range of R that, empty of a large sample, parts two shells."""
+"""Share of the range of R, empty of a large sample, that separates two shells."""
 SHORT = 0.4
-"""How far each joint moves in one go of an optimisation [rad]."""
+"""Largest joint motion of one run of an optimisation [rad]."""
 MOST_WAYS = 60
-"""How often it goes on from there."""
+"""Largest number of runs."""
 AT_LIMIT = 1e-7
-"""A joint as near as this to its limit stands there [rad]."""
-
-
+"""Distance from its limit below which a joint counts as at the limit [rad]."""
 MOST_ADDED = 20
-"""Shells that a proof may find missing."""
+"""Largest number of missing shells that a proof may find."""
 SPREAD = 400
-"""Values of joints that do not matter that an isolated root is tried with."""
+"""Values of the joints that S does not depend on, tried with an isolated root."""
 
 Pairs = npt.NDArray[np.intp]
 
 
 class Box(NamedTuple):
-    """Where joints may be: a box that spans at most one turn in each.
+    """Range of the joints: a box that spans at most one turn in each.
 
     Attributes:
         low: (n,) lower corner.
@@ -58,22 +53,22 @@ class Box(NamedTuple):
 
     @classmethod
     def of(cls, lower: Array, upper: Array, limits: bool) -> Box:
-        """Within joint limits, or the torus."""
+        """Return the box of the joint limits, or the torus."""
         whole = np.logical_or(upper - lower >= 2.0 * np.pi, not limits)
         low = np.where(whole, -np.pi, lower)
         return cls(low, np.where(whole, np.pi, upper), not whole.all())
 
     def fold(self, Q: Array) -> Array:
-        """Angles moved by whole turns to where the box begins."""
+        """Move angles by whole turns to where the box begins."""
         return self.low + (Q - self.low) % (2.0 * np.pi)
 
     def holds(self, Q: Array) -> Any:
-        """(m,) whether folded configurations are in the box."""
+        """Check which folded configurations (..., n) are in the box."""
         return (self.high + 1e-12 >= Q).all(axis=-1)
 
 
 class Shell(NamedTuple):
-    """Between which distances of the tip from the system CM one piece of the singular set lies.
+    """Range of the tip's distance from the system CM on one piece of the singular set.
 
     Attributes:
         radius: (2,) least and largest distance [m].
@@ -86,9 +81,13 @@ class Shell(NamedTuple):
     at: Array
     component: int
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return named(self)
+
 
 def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
-    """A shell for each connected piece of a singular set of one or two dimensions."""
+    """Compute a shell for each connected piece of a singular set of one or two dimensions."""
     if not found.relevant:
         return []  # S is a constant: nothing is singular
     components = found.components()
@@ -104,8 +103,8 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
 def found_shells(
     found: SingularSet, box: Box, effort: int, rng: np.random.Generator
 ) -> list[Shell]:
-    """Shells from a sample of `effort` singular configurations, each bound then optimised."""
-    R2 = radius_squared(found.arm, found.mode)
+    """Find shells from a sample of `effort` singular configurations, each bound then optimised."""
+    R2 = radius_squared(found.arm, mode=found.mode)
     Q = box.fold(found.sample(effort, rng))
     Q = Q[box.holds(Q)]
     if not len(Q):
@@ -122,8 +121,8 @@ def found_shells(
 def shell_about(
     arm: SpaceArm, mode: BaseMode, S: TrigPolynomial | None, points: Array, box: Box, number: int
 ) -> Shell:
-    """The shell of a piece of the set (of the whole box if S is None) with points (m, n) on it."""
-    R2 = radius_squared(arm, mode)
+    """Compute the shell of a piece of the set with points (m, n) on it; of the box if S is None."""
+    R2 = radius_squared(arm, mode=mode)
     order = np.argsort(R2(points))
     ends = []
     for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
@@ -136,11 +135,13 @@ def shell_about(
 def bounded_extreme(
     F: TrigPolynomial, S: TrigPolynomial | None, start: Array, box: Box, sign: float
 ) -> Array:
-    """Where sign * F is least on S = 0 in the box, near `start`, which is returned if no better.
+    """Minimise sign * F on S = 0 in the box, near `start`, which is returned if no better.
 
-    Sequential quadratic programming, a short way at a time so that it stays on its piece of the
-    set, finds which limits hold; Newton's method on the free joints then gives all digits.
+    Sequential quadratic programming finds the active limits, in short runs so that it stays on its
+    piece of the set. Newton's method on the free joints then gives all digits.
     """
+    from scipy.optimize import minimize  # slow to import
+
     on_set: Any = []
     if S is not None:
         scaled = TrigPolynomial(S.coefficients / S.scale)
@@ -172,7 +173,7 @@ def bounded_extreme(
     if not held.all():
         fixed = {int(j): float(x[j]) for j in np.flatnonzero(held)}
         free_F, free_S = (F.fix(fixed), S and S.fix(fixed)) if fixed else (F, S)
-        x[~held] = level_set.stationary(free_F, free_S, x[~held])
+        x[~held] = stationary(free_F, free_S, x[~held])
     if box.limited and ((x < box.low - 1e-12) | (x > box.high + 1e-12)).any():
         return start
     sound = S is None or abs(float(S(x))) <= NOISE * S.scale
@@ -187,12 +188,12 @@ def prove(
     box: Box,
     tolerance: float,
 ) -> tuple[list[Shell], float]:
-    """Adds shells until all roots of S (the whole box if S is None) are in one: proven.
+    """Add shells until all roots of S (the whole box if S is None) are proven to be in one.
 
     Returns:
-        The shells, and by how much R may be outside of all of them [m].
+        The shells, and the largest distance by which R may be outside of all of them [m].
     """
-    R2 = radius_squared(arm, mode)
+    R2 = radius_squared(arm, mode=mode)
     for _ in range(MOST_ADDED):
         intervals = merged([shell.radius for shell in shells])
         ends = intervals[intervals > tolerance]
@@ -201,7 +202,7 @@ def prove(
         proof = enclose(R2, S, squares, box.low, box.high, to_R * tolerance)
         if proof.outside is None:
             return shells, tolerance
-        root = proof.outside if S is None else level_set.polish(S, proof.outside[None])[0]
+        root = proof.outside if S is None else polish(S, proof.outside[None])[0]
         root = box.fold(root)
         R = float(distances(arm, root[None], mode)[0])
         known = any(low - tolerance <= R <= high + tolerance for low, high in intervals)
@@ -212,7 +213,7 @@ def prove(
 
 
 def merged(ranges: list[Array]) -> Array:
-    """(k, 2) the union of ranges, sorted and disjoint."""
+    """Return the union (k, 2) of ranges, sorted and disjoint."""
     union: list[list[float]] = []
     for low, high in sorted(map(tuple, ranges)):
         if union and low <= union[-1][1]:
@@ -223,9 +224,9 @@ def merged(ranges: list[Array]) -> Array:
 
 
 def _pieces(found: SingularSet, box: Box) -> list[tuple[Array, Pairs]]:
-    """Points (m, n) of the set and the pairs of neighbours among them (e, 2).
+    """Return points (m, n) of the set and the pairs of neighbours among them (e, 2).
 
-    Joints that do not matter stand anywhere in the box.
+    Joints that S does not depend on are uniform in the box.
     """
     pieces: list[tuple[Array, Pairs]] = []
     points: Array
@@ -249,7 +250,10 @@ def _pieces(found: SingularSet, box: Box) -> list[tuple[Array, Pairs]]:
 
 
 def _clipped(points: Array, edges: Pairs, box: Box) -> list[Array]:
-    """The connected pieces of a curve or surface within the box."""
+    """Return the connected pieces of a curve or surface within the box."""
+    from scipy.sparse import csr_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
     Q = box.fold(points)
     inside = box.holds(Q)
     kept = edges[inside[edges].all(axis=1)]

@@ -1,5 +1,7 @@
 """Dynamics: Pinocchio's own recursions, conservation laws, limits, finite differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -48,10 +50,10 @@ def test_forward_dynamics_is_aba_with_a_free_base(cfg):
 
 
 @given(trees(), st.sampled_from(MODES))
-def test_forward_then_inverse_is_the_identity(cfg, base):
+def test_forward_then_inverse_is_the_identity(cfg, mode):
     dq, tau, h = state(cfg)
     wrenches = {"link_1": h, "link_0": tau[0] * np.ones(6)}
-    options = {"base": base, "momentum": h, "wrenches": wrenches}
+    options = {"mode": mode, "momentum": h, "wrenches": wrenches}
     there = sa.forward_dynamics(cfg, dq, tau, **options)
     back = sa.inverse_dynamics(cfg, dq, there.ddq, **options)
     assert close(back.tau, tau, 1e-7)
@@ -76,20 +78,20 @@ def test_generalized_inertia_from_the_centroidal_blocks(cfg):
 
 
 @given(trees(), st.sampled_from(MODES))
-def test_power_is_the_rate_of_kinetic_energy(cfg, base):
+def test_power_is_the_rate_of_kinetic_energy(cfg, mode):
     """dT/dt = tau . dq, by central differences along the motion; momentum held."""
     dq, tau, h = state(cfg)
-    h = h if base == "free-floating" else 0 * h
-    found = sa.forward_dynamics(cfg, dq, tau, mode=base, momentum=h)
+    h = h if mode == "free-floating" else 0 * h
+    found = sa.forward_dynamics(cfg, dq, tau, mode=mode, momentum=h)
     step = 1e-6
     energy = []
     for s in (-step, step):
         rate = dq + s * found.ddq
-        v_b = spacecraft_twist(cfg, dq + 0.5 * s * found.ddq, base, h)
+        v_b = spacecraft_twist(cfg, dq + 0.5 * s * found.ddq, mode, h)
         there = moved(cfg, dq + 0.5 * s * found.ddq, v_b, s)
-        energy.append(sa.kinetic_energy(there, rate, mode=base, momentum=h))
+        energy.append(sa.kinetic_energy(there, rate, mode=mode, momentum=h))
     power = (energy[1] - energy[0]) / (2 * step)
-    scale = np.abs(tau * dq).sum() + sa.kinetic_energy(cfg, dq, mode=base, momentum=h)
+    scale = np.abs(tau * dq).sum() + sa.kinetic_energy(cfg, dq, mode=mode, momentum=h)
     assert power == pytest.approx(tau @ dq, abs=1e-5 * scale)
 
 
@@ -108,8 +110,8 @@ def test_kinetic_energy_is_that_of_the_bodies(name):
 @pytest.mark.parametrize("name", MODELS)
 def test_at_rest_without_torques_nothing_moves(name):
     cfg = sa.load(name).at(np.full(sa.load(name).n, 0.3))
-    for base in MODES:
-        found = sa.forward_dynamics(cfg, np.zeros(cfg.arm.n), np.zeros(cfg.arm.n), mode=base)
+    for mode in MODES:
+        found = sa.forward_dynamics(cfg, np.zeros(cfg.arm.n), np.zeros(cfg.arm.n), mode=mode)
         for part in found:
             assert not part.any()
 
@@ -197,7 +199,7 @@ def test_mimic_joints_share_their_torque():
     [
         (([0.0], [0.0, 0.0]), {}, r"dq has shape \(1,\)"),
         (([0.0, 0.0], [np.nan, 0.0]), {}, "tau of joint 'joint_1' is nan"),
-        (([0.0, 0.0], [0.0, 0.0]), {"base": "free"}, "free-floating"),
+        (([0.0, 0.0], [0.0, 0.0]), {"mode": "free"}, "free-floating"),
         (([0.0, 0.0], [0.0, 0.0]), {"momentum": [1.0]}, "momentum"),
         (([0.0, 0.0], [0.0, 0.0]), {"wrenches": {"link_9": np.zeros(6)}}, "link_9"),
         (([0.0, 0.0], [0.0, 0.0]), {"wrenches": {"tip": [1.0]}}, "6 finite numbers"),
@@ -206,3 +208,37 @@ def test_mimic_joints_share_their_torque():
 def test_bad_input(arguments, options, message):
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.forward_dynamics(sa.load("planar2").at([0.1, 0.2]), *arguments, **options)
+
+
+def impossible_planar2(izz):
+    """planar2 with a last link of a moment of inertia that no body has, loaded all the same."""
+    text = sa.load("planar2").path.read_text(encoding="utf-8")
+    return load_text(text.replace('izz="0.25"', f'izz="{izz}"'), check="accept")
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_mass_matrix_that_is_not_positive_definite_is_an_error(mode):
+    """LAPACK's factorisation stops there: what it leaves belongs to other torques."""
+    cfg = impossible_planar2(-3.0).at([0.3, 0.4])
+    wrong = r"planar2: .* is not positive definite \(least eigenvalue -\d.*check='error'"
+    with pytest.raises(sa.ModelError, match=wrong):
+        sa.forward_dynamics(cfg, [0.1, 0.2], [1.0, 0.0], mode=mode)
+    with pytest.raises(sa.ModelError, match=wrong):
+        sa.generalized_inertia(cfg, mode=mode)
+
+
+def test_so_is_one_whose_spacecraft_part_is_not():
+    cfg = impossible_planar2(-30.0).at([0.3, 0.4])
+    wrong = r"planar2: the spacecraft's block M_bb of the mass matrix is not positive definite"
+    for tell in (sa.forward_dynamics, sa.inverse_dynamics):
+        with pytest.raises(sa.ModelError, match=wrong):
+            tell(cfg, [0.1, 0.2], [1.0, 0.0])
+
+
+def test_a_locked_inertia_that_is_singular_is_an_error():
+    """The spacecraft's velocity does not follow from the momentum."""
+    cfg = sa.load("planar2").at([0.3, 0.4])
+    A = cfg.A.copy()
+    A[5, 3:6] = 0.0
+    with pytest.raises(sa.ModelError, match=r"planar2: the locked inertia D .* eigenvalue 0\)"):
+        sa.kinetic_energy(replace(cfg, A=A), [0.1, 0.2])

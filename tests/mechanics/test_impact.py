@@ -206,3 +206,11 @@ def test_what_follows_from_the_arm_follows_the_payload(tmp_path):
 def test_impossible_payloads_are_refused(call, message):
     with pytest.raises(sa.SpaceArmError, match=message):
         call(sa.load("planar2"))
+
+
+def test_an_arm_whose_mass_matrix_is_not_positive_definite_is_refused():
+    """Its kinetic energy could grow in a grasp."""
+    text = sa.load("planar2").path.read_text(encoding="utf-8")
+    arm = load_text(text.replace('izz="0.25"', 'izz="-3"'), check="accept")
+    with pytest.raises(sa.ModelError, match="planar2: the mass matrix M is not positive definite"):
+        sa.capture(arm.at([0.3, 0.4]), [0.1, 0, 0, 0, 0, 0], 5.0, np.eye(3))

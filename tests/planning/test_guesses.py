@@ -8,12 +8,12 @@ from hypothesis import given
 
 import spacearm as sa
 from spacearm.mechanics.compiled import reactions
+from spacearm.mechanics.floating import walk
 from spacearm.planning.curve import CurveFamily, sample
 from spacearm.planning.free_space import FreeSpace
 from spacearm.planning.guesses import INTERVALS, Search
 from spacearm.planning.many_curves import landed, turns
 from spacearm.planning.optimiser import Steering, Task
-from spacearm.planning.result import walk
 
 
 @given(seeds, one_to_eight)

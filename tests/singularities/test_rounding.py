@@ -74,7 +74,7 @@ def test_inertias_that_turn_are_in_the_bars():
 
 
 LOADS = {
-    "its momentum": {"base": "attitude-controlled", "mass": 100.0},
+    "its momentum": {"mode": "attitude-controlled", "mass": 100.0},
     "its lever arm": {
         "carrier": "bus",
         "mass": 1.0,
@@ -104,7 +104,7 @@ def loaded(
     place=0.1,
     bus=(10.0, 0.0, 0.1),
     links=0.1,
-    base="free-floating",
+    mode="free-floating",
     tip="link_3",
 ):
     """An arm with a load at a place [m], by a frame 1e6 m away, on a bus of a mass, CM, inertia."""
@@ -123,7 +123,7 @@ def loaded(
         arms.joint("back", "away", "load", "fixed", back),
     ]
     arm = arms.load_text(arms.robot(*elements), tip=tip, task="position")
-    return arm.at(rng.uniform(-3, 3, 3)), base
+    return arm.at(rng.uniform(-3, 3, 3)), mode
 
 
 @pytest.mark.parametrize("rpy", [(0, 0, 2.3), (2.3, 2.3, 2.3)])

@@ -87,7 +87,7 @@ def test_shells_are_those_of_the_sweep_in_memory(tmp_path):
     base = "free-floating"
     """
     ds = sa.sweep(sa.Study.parse(text), tmp_path / "s.zarr").isel(arm=0)
-    same = sa.design.sweep(sa.load("planar2"), {"base_inertia": [1, 5], "mount_x": [0.0, 0.5]})
+    same = sa.design.workspaces(sa.load("planar2"), {"base_inertia": [1, 5], "mount_x": [0.0, 0.5]})
     for name in ("piw", "reachable", "fraction"):
         np.testing.assert_array_equal(ds[name], same[name])
     there = same.sizes["shell"]

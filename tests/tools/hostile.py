@@ -99,7 +99,7 @@ def _apart(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
 
 
 def _varied(arm: sa.SpaceArm, _: np.random.Generator) -> np.ndarray:
-    designs = sa.design.sweep(arm, {"base_inertia": [1.0, 2.0]}, effort=20)
+    designs = sa.design.workspaces(arm, {"base_inertia": [1.0, 2.0]}, effort=20)
     return designs["reachable"].values
 
 

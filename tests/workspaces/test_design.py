@@ -8,7 +8,7 @@ import pytest
 from helpers.commands import spacearm
 
 import spacearm as sa
-from spacearm.workspaces.design import optimise_mount, sweep, vary
+from spacearm.workspaces.design import optimise_mount, vary, workspaces
 
 ARM = sa.load("planar2")
 
@@ -36,7 +36,7 @@ def test_a_payload_moves_the_cm_and_no_singularity():
 
 
 def test_a_sweep_equals_its_points():
-    result = sweep(ARM, {"base_inertia": [1, 5], "mount_x": [0.0, 0.3, 0.5]}, risk_bins=4)
+    result = workspaces(ARM, {"base_inertia": [1, 5], "mount_x": [0.0, 0.3, 0.5]}, risk_bins=4)
     assert result["piw"].dims == ("base_inertia", "mount_x")
     assert result["done"].all()
     for k in (1, 5):
@@ -56,7 +56,7 @@ def test_ctrl_c_keeps_what_is_done():
         if done == 2:
             raise KeyboardInterrupt
 
-    result = sweep(ARM, {"mount_x": [0.1, 0.2, 0.3, 0.4]}, progress=stop)
+    result = workspaces(ARM, {"mount_x": [0.1, 0.2, 0.3, 0.4]}, progress=stop)
     assert result["done"].values.tolist() == [True, True, False, False]
     assert np.isfinite(result["piw"].values[:2]).all()
     assert np.isnan(result["piw"].values[2:]).all()
@@ -117,8 +117,8 @@ def test_bad_commands(arguments, message, tmp_path):
         (lambda: vary(ARM, {"base_mass": -3}), sa.ModelError, "positive"),
         (lambda: vary(ARM, {"mass:wing": 3}), sa.ModelError, "wing"),
         (lambda: vary(ARM, {"payload": -1}), sa.ModelError, "payload"),
-        (lambda: sweep(ARM, {}), sa.ConfigurationError, "one or more"),
-        (lambda: sweep(ARM, {"base_mass": []}), sa.ConfigurationError, "one or more"),
+        (lambda: workspaces(ARM, {}), sa.ConfigurationError, "one or more"),
+        (lambda: workspaces(ARM, {"base_mass": []}), sa.ConfigurationError, "one or more"),
         (lambda: optimise_mount(ARM, {}), sa.ConfigurationError, "bounds"),
         (lambda: optimise_mount(ARM, {"mount_x": (1, 0)}), sa.ConfigurationError, "low < high"),
         (lambda: optimise_mount(ARM, {"payload": (0, 1)}), sa.ConfigurationError, "mount_x"),

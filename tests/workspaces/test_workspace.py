@@ -30,6 +30,7 @@ import spacearm as sa
 from spacearm.plots import style as plot
 from spacearm.polynomial.extremes import enclose
 from spacearm.singularities.polynomial import radius_squared
+from spacearm.singularities.risk import uniform
 from spacearm.workspaces.shells import merged
 
 ALPHA, BETA, GAMMA = 20 / 47, 42 / 47, 45.5 / 47
@@ -88,12 +89,12 @@ def test_bounds_are_attained_at_singular_configurations(planar2):
     np.testing.assert_allclose(q, [81.7116, 172.1288], atol=1e-3)  # 2.1 of the theory
 
 
-@pytest.mark.parametrize("base", ["attitude-controlled", "fixed"])
-def test_a_held_spacecraft_leaves_kinematic_singularities_only(planar2, base):
-    held = sa.workspace(planar2.arm, mode=base)
+@pytest.mark.parametrize("mode", ["attitude-controlled", "fixed"])
+def test_a_held_spacecraft_leaves_kinematic_singularities_only(planar2, mode):
+    held = sa.workspace(planar2.arm, mode=mode)
     for shell in held.shells:
         assert np.sin(shell.at[:, 1]) == pytest.approx(0.0, abs=1e-9)  # q2 = k pi
-    if base == "attitude-controlled":
+    if mode == "attitude-controlled":
         np.testing.assert_allclose(held.piw, planar2.free, atol=1e-7)
         assert held.volumes["piw"] > planar2.volumes["piw"]
 
@@ -436,12 +437,29 @@ def test_poses_of_all_configurations_give_the_whole_share():
     [
         ({"bins": 0}, sa.ConfigurationError),
         ({"sigma_min": 0.1, "distance": 0.1}, sa.ConfigurationError),
-        ({"base": "fixed"}, sa.UnsupportedError),
     ],
 )
 def test_bad_risk(options, error):
     with pytest.raises(error):
         sa.risk_profile(sa.load("planar2"), **options)
+
+
+def test_risks_are_those_of_a_floating_spacecraft():
+    held = sa.workspace(sa.load("planar2"), mode="fixed")
+    with pytest.raises(sa.UnsupportedError, match=r"free-floating .* not 'fixed'"):
+        held.profile()
+    with pytest.raises(sa.UnsupportedError, match=r"free-floating .* not 'fixed'"):
+        sa.design.workspaces(held.arm, {"base_inertia": [1.0]}, mode="fixed", risk_bins=4)
+
+
+def test_the_centre_seen_from_the_tip_is_that_of_the_configurations():
+    """By compiled equations, for every kind of joint."""
+    for name in ("planar3", "mda6", "chaser7"):
+        arm = sa.load(name)
+        found = sa.pose_risk(arm, limits=True, poses=200, neighbours=3, samples=200, seed=5)
+        Q = uniform(arm, True, 200, np.random.default_rng(5))
+        wanted = np.array([cfg.tip.actInv(cfg.com) for cfg in map(arm.at, Q)])
+        np.testing.assert_allclose(found.centre, wanted, atol=1e-12 * np.abs(wanted).max())
 
 
 # --- pictures -------------------------------------------------------------------------------

@@ -1,0 +1,4 @@
+"""The quantities that kernels compute of a configuration; importing this imports no compiler."""
+
+QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
+"""Their names, in the order of the arrays that hold them."""
