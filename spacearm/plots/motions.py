@@ -66,7 +66,7 @@ def draw_motion(
         nearness.set_ylim(*decades)
         nearness.yaxis.set_minor_formatter(NullFormatter())
         for axes in (attitude, joints, nearness):
-            for t in _singular_times(motion):
+            for t in motion.singular_times[:MOST_MARKS]:
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")
         figure.align_ylabels()
         return figure
@@ -80,7 +80,7 @@ def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
     except (TypeError, ValueError):
         x = np.empty(0)
     if x.shape == (3,) and normal is not None:
-        x = np.delete(x @ goal_axes(motion.at(0)), normal)
+        x = np.delete(x @ goal_axes(motion[0]), normal)
     if x.shape != (3 if normal is None else 2,) or not np.isfinite(x).all():
         raise ConfigurationError(
             f"target is {target!r}; give 3 finite numbers [m]"
@@ -93,7 +93,7 @@ def _draw_path(
     figure: Any, motion: Drawn, target: Array | None, workspace: Workspace | None
 ) -> None:
     normal = motion.arm.tree.plane_normal()
-    start = motion.at(0)
+    start = motion[0]
     x = motion.tip[:, :3] @ goal_axes(start)
     if normal is None:
         axes = figure.add_subplot(projection="3d")
@@ -111,7 +111,7 @@ def _draw_path(
     marks = [("start", x[0], BLUE)]
     if target is None or np.linalg.norm(x[-1] - target) > CLOSE * np.ptp(x, axis=0).max():
         marks.append(("end", x[-1], BLUE))
-    first = _singular_times(motion)[:1]
+    first = motion.singular_times[:1]
     if first:
         at = np.array([np.interp(first[0], motion.t, column) for column in x.T])
         axes.plot(*at[:, None], "x", color=RED, ms=10, mew=2.5)
@@ -126,7 +126,7 @@ def _draw_path(
             axes.annotate(label, at, (8, 6), textcoords="offset points", color=color)
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
-    figure.suptitle(f"{motion.arm.name}, {_story(motion)}", x=0.02, ha="left")
+    figure.suptitle(f"{motion.arm.name}, {motion.story}", x=0.02, ha="left")
 
 
 def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
@@ -152,16 +152,8 @@ def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
     axes.plot(x, y, "P", color="black", ms=7)
 
 
-def _story(motion: Drawn) -> str:
-    """What kind of motion it is and how it ended."""
-    if isinstance(motion, Plan):
-        return f"{motion.method}: joint travel {motion.length:.3g}, {motion.t[-1]:.3g} s"
-    ended = f"{motion.t[-1]:.4g} s" if motion.ended == "duration" else f"ended by {motion.ended}"
-    return f"{motion.mode}: {ended}"
-
-
 def _draw_attitude(axes: Any, motion: Drawn) -> None:
-    along = goal_axes(motion.at(0)).T
+    along = goal_axes(motion[0]).T
     rotations = [along @ pin.XYZQUATToSE3(pose).rotation for pose in motion.base]
     turns = np.degrees([pin.log3(R) for R in rotations])
     normal = motion.arm.tree.plane_normal()
@@ -197,12 +189,3 @@ def _name(axes: Any, x: float, ends: Array, labels: list[str]) -> None:
             labels[i], (x, y), (4, 0), textcoords="offset points", va="center", fontsize=9,
             color=axes.lines[i].get_color(), annotation_clip=False,
         )  # fmt: skip
-
-
-def _singular_times(motion: Drawn) -> list[float]:
-    """When the motion met singularities."""
-    if isinstance(motion, Plan):
-        return []
-    if isinstance(motion, Followed):
-        return [float(motion.t[-1])] if motion.ended == "singularity" else []
-    return [event.t for event in motion.events if event.kind == "singularity"][:MOST_MARKS]

@@ -151,7 +151,7 @@ def trajectories(rng: np.random.Generator, folder: Path, named: set[str]) -> Non
             with path.open("wb") as file:
                 np.save(file, rng.normal(size=3))
     run = sa.Trajectory.load(path, arm)
-    repr(run), run.to_dict(), run.at(0), run.at(-1), run.drift, run.imbalance, run.to_xarray()
+    repr(run), run.to_dict(), run[0], run[-1], run.drift, run.imbalance, run.to_xarray()
     sa.Motion.of(run).at(0.2)
     if rng.random() < 0.3:
         named.add("page.html")
