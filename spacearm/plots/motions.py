@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +14,10 @@ from scipy.optimize import isotonic_regression
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
-from spacearm.motion.following import Followed
 from spacearm.motion.goal import goal_axes
-from spacearm.motion.trajectory import Trajectory
-from spacearm.planning.result import Plan
+from spacearm.motion.motion import Motion
 from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
 from spacearm.workspaces.path_dependent import Workspace
-
-Drawn: TypeAlias = Trajectory | Followed | Plan
 
 CLOSE = 0.05
 """Share of the tip path's extent within which its end needs no name beside the target's."""
@@ -34,14 +30,14 @@ ROUNDING = 1e-16
 
 
 def draw_motion(
-    motion: Drawn, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
+    motion: Motion, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
 ) -> Figure:
     """Draws a motion: tip path (figure 5), attitude and joints (figure 6), nearness to singularity.
 
     All along the axes in which goals are given: a plane that is tilted is drawn as a flat one.
 
     Args:
-        motion: From `sa.simulate`, `sa.follow` or `sa.plan`.
+        motion: The motion, from `sa.simulate`, `sa.follow` or `sa.plan`, or another one.
         target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
         workspace: Of a planar arm, to draw its shells about the system CM.
 
@@ -72,7 +68,7 @@ def draw_motion(
         return figure
 
 
-def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
+def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
     """The components of a point that are drawn: 3, or the 2 in the plane of a planar arm."""
     normal = motion.arm.tree.plane_normal()
     try:
@@ -90,7 +86,7 @@ def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
 
 
 def _draw_path(
-    figure: Any, motion: Drawn, target: Array | None, workspace: Workspace | None
+    figure: Any, motion: Motion, target: Array | None, workspace: Workspace | None
 ) -> None:
     normal = motion.arm.tree.plane_normal()
     start = motion[0]
@@ -152,7 +148,7 @@ def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
     axes.plot(x, y, "P", color="black", ms=7)
 
 
-def _draw_attitude(axes: Any, motion: Drawn) -> None:
+def _draw_attitude(axes: Any, motion: Motion) -> None:
     along = goal_axes(motion[0]).T
     rotations = [along @ pin.XYZQUATToSE3(pose).rotation for pose in motion.base]
     turns = np.degrees([pin.log3(R) for R in rotations])
@@ -167,7 +163,7 @@ def _draw_attitude(axes: Any, motion: Drawn) -> None:
         axes.set_ylabel("attitude\n[deg]")
 
 
-def _draw_joints(axes: Any, motion: Drawn) -> None:
+def _draw_joints(axes: Any, motion: Motion) -> None:
     arm = motion.arm
     q = motion.q * np.where(arm.slides, 100.0, 180.0 / np.pi)
     for i in range(arm.n):
