@@ -69,7 +69,7 @@ def attitude(arm: sa.SpaceArm, rng: np.random.Generator) -> pin.SE3:
 
 def replay(plan: sa.Plan) -> pin.SE3:
     """Where the tip ends when the rows are followed by another integrator."""
-    arm, start = plan.arm, plan.at(0)
+    arm, start = plan.arm, plan[0]
     T = start.base.rotation
     for q, dq in zip(plan.q[:-1], np.diff(plan.q, axis=0), strict=True):
 

@@ -128,9 +128,8 @@ def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "")
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.shape != shape or not (np.abs(array) <= LARGEST).all():
-        size = str(shape[0]) if len(shape) == 1 else f"a {shape} array of"
+        size = f"{shape[0]} finite numbers" if shape else "a finite number"
+        size = f"a {shape} array of finite numbers" if len(shape) > 1 else size
         given = f"is {values!r}" if np.size(array) <= 36 else f"has shape {np.shape(array)}"
-        raise ConfigurationError(
-            f"{name} {given}; give {size} finite numbers{meaning and ' '}{meaning}"
-        )
+        raise ConfigurationError(f"{name} {given}; give {size}{meaning and ' '}{meaning}")
     return array

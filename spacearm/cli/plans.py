@@ -102,7 +102,7 @@ def plan_(
         from spacearm.plots.motions import draw_motion  # imports matplotlib
 
         where = output or Path(f"{arm.name}_plan.png")
-        write_picture(where, draw_motion(found, mark_of(found.at(-1), target), _shells(arm)))
+        write_picture(where, draw_motion(found, mark_of(found[-1], target), _shells(arm)))
         if not as_json:
             out.print(f"wrote {where}")
     if view:
@@ -128,7 +128,7 @@ def _print(found: Plan, deg: bool) -> None:
     for method, arrived, story in found.tried:
         rows.add_row(method, "arrives" if arrived else "fails", story)
     out.print(rows)
-    end = found.at(-1)
+    end = found[-1]
     out.print(f"tip at the end      {vector(end.tip.translation)} m")
     turn = pin.log3(end.base.rotation)
     what = np.degrees(turn) if deg else turn

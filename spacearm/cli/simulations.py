@@ -117,7 +117,7 @@ def simulate_(
         run = simulate(
             arm, q0, law, duration, base=spacecraft_about_cm(arm, q0, attitude, deg),
             mode=mode.value, stop=stop or [], rtol=rtol,
-            progress=lambda t: bar.update(task_id, completed=t),
+            progress=lambda t, _: bar.update(task_id, completed=t),
         )  # fmt: skip
     if save:
         run.save(save)
@@ -136,7 +136,7 @@ def simulate_(
         from spacearm.plots.motions import draw_motion  # imports matplotlib
 
         where = output or Path(f"{arm.name}_simulation.png")
-        write(where, draw_motion(run, None if goal is None else mark_of(run.at(-1), goal)))
+        write(where, draw_motion(run, None if goal is None else mark_of(run[-1], goal)))
         if not as_json:
             out.print(f"wrote {where}")
     if view:
@@ -180,7 +180,7 @@ def _print(run: Trajectory, deg: bool) -> None:
         out.print(rows)
     if len(run.events) > MOST:
         out.print(f"and {len(run.events) - MOST} more events")
-    end = run.at(-1)
+    end = run[-1]
     out.print(f"tip at the end  {vector(end.tip.translation)} m, sigma_min {run.sigma_min[-1]:.4g}")
     turn = pin.log3(end.base.rotation)
     what = np.degrees(turn) if deg else turn

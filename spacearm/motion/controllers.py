@@ -1,80 +1,93 @@
-"""Control: laws that turn a configuration and its rates into joint torques.
+"""Controllers: laws that give joint torques from time, configuration and joint rates.
 
 A controller is anything that is called as controller(t, cfg, dq) and returns (n,) torques; those
-here are data, so that a simulation can be written down and read. `mode` says which Jacobian a law
-believes in: "fixed" is the law of an earth-bound arm, which on a floating one shows what goes wrong
-if the spacecraft's motion is ignored.
+here are plain data. Their `mode` selects the Jacobian: "fixed" is the law of an earth-bound arm,
+which shows on a floating one what happens if the motion of the spacecraft is ignored.
 
-Some laws ask for joint rates. Their torques then come from inverse dynamics, which let the rates
-follow with the time constant 1 / `servo`.
+Some laws ask for joint rates. Inverse dynamics gives their torques, such that the joints take up
+these rates with the time constant 1 / `servo`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
-from spacearm.arrays import Array, positive
+from spacearm.arrays import Array, finite, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
 from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode
-from spacearm.motion.goal import Goal, goal_pose, in_rows, miss, out_of_reach, twist_between
+from spacearm.motion.goal import Goal, goal_pose, goal_rows, miss, out_of_reach, twist_between
 from spacearm.singularities.report import NO_INVERSE
 
 Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
-Target: TypeAlias = Goal | Callable[[float], Goal]
+MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 """A goal, or a function of time [s] that gives one: a moving target, or a path and the speed."""
 
 INSTANT = 1e-6
 """Half the time over which the velocity of a moving target is taken [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TipLaw(ABC):
-    """What the laws that lead the tip have in common.
+@dataclass(frozen=True)
+class Law(ABC):
+    """Base of all controllers here: torques from time, configuration and joint rates."""
 
-    They assume zero momentum. Where `simulate` is given some, the drift J_b A_b^-1 h of the tip is
-    a disturbance to them, which leaves an error.
+    @abstractmethod
+    def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
+        """Return the torques (n,) [N m] or forces [N]."""
+
+    @abstractmethod
+    def error(self, t: float, cfg: Configuration) -> Array:
+        """Return the target minus what is there, in the unit of each row."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters as plain data; functions as their repr."""
+        return {f.name: _parameter(getattr(self, f.name)) for f in fields(self)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipLaw(Law):
+    """Base of the laws that lead the tip to a target.
+
+    The laws assume zero momentum. With momentum h the tip drifts by J_b A_b^-1 h, a disturbance
+    that leaves an error.
 
     Attributes:
         target: Where the tip shall be: a point for tasks of linear rows only, along the goal axes
             (see `follow`), a pose, or a function of time that gives either.
-        mode: Which Jacobian.
+        mode: Selects the Jacobian; see `generalized_jacobian`.
     """
 
-    target: Target
+    target: MovingGoal
     mode: BaseMode = "free-floating"
 
-    @abstractmethod
-    def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
-        """(n,) torques [N m] or forces [N]."""
-
     def goal(self, t: float) -> Goal:
-        """The target at a time."""
+        """Return the target at a time."""
         return self.target(t) if callable(self.target) else self.target
 
     def error(self, t: float, cfg: Configuration) -> Array:
-        """(k,) x_des - x in the task's rows [m], [rad]."""
+        """Return x_des - x (k,) in the task's rows [m], [rad]."""
         return miss(cfg, self.goal(t))
 
     def feed(self, t: float, cfg: Configuration) -> Array:
-        """(k,) velocity of the target in the task's rows."""
+        """Return the velocity (k,) of the target in the task's rows [m/s], [rad/s]."""
         if not callable(self.target):
             return np.zeros(cfg.arm.task.k)
         before, after = (goal_pose(cfg, self.goal(t + s)) for s in (-INSTANT, INSTANT))
-        return in_rows(cfg, twist_between(before, after)) / (2.0 * INSTANT)
+        return goal_rows(cfg, twist_between(before, after)) / (2.0 * INSTANT)
 
     def jacobian(self, cfg: Configuration) -> Array:
-        """(k, n) rows of J* that the task names."""
-        return in_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
+        """Return the rows (k, n) of J* that the task names."""
+        return goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +103,7 @@ class TransposedJacobian(TipLaw):
     kd: npt.ArrayLike
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
-        """(n,) torques [N m] or forces [N]."""
+        """Return the torques (n,) [N m] or forces [N]."""
         J = self.jacobian(cfg)
         kp, kd = _gains(self.kp, len(J), "kp"), _gains(self.kd, len(J), "kd")
         return J.T @ (kp * self.error(t, cfg) + kd * (self.feed(t, cfg) - J @ dq))
@@ -98,11 +111,11 @@ class TransposedJacobian(TipLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class RateLaw(TipLaw):
-    """What the laws that ask for joint rates have in common.
+    """Base of the laws that ask for joint rates.
 
     Attributes:
-        gain: How fast the error shall vanish [1/s], one number or one per task row.
-        servo: How fast the joints shall take up their rates [1/s].
+        gain: Rate at which the error shall vanish [1/s], one number or one per task row.
+        servo: Rate at which the joints shall take up their rates [1/s].
     """
 
     gain: npt.ArrayLike = 1.0
@@ -110,15 +123,15 @@ class RateLaw(TipLaw):
 
     @abstractmethod
     def rates(self, t: float, cfg: Configuration) -> Array:
-        """(n,) joint rates asked for [rad/s] or [m/s]."""
+        """Return the joint rates (n,) that the law asks for [rad/s] or [m/s]."""
 
     def wanted(self, t: float, cfg: Configuration) -> Array:
-        """(k,) tip velocity in the task's rows: xdot_des + gain (x_des - x)."""
+        """Return the tip velocity (k,) asked for in the task rows: xdot_des + gain (x_des - x)."""
         gain = _gains(self.gain, cfg.arm.task.k, "gain")
         return self.feed(t, cfg) + gain * self.error(t, cfg)
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
-        """(n,) torques [N m] or forces [N]."""
+        """Return the torques (n,) [N m] or forces [N]."""
         ddq = self.servo * (self.rates(t, cfg) - dq)
         return inverse_dynamics(cfg, dq, ddq, mode=self.mode).tau
 
@@ -130,14 +143,14 @@ class ResolvedRate(RateLaw):
     Umetani & Yoshida, IEEE Trans. Robot. Autom. 5(3), 303-314 (1989), DOI 10.1109/70.34766.
 
     Attributes:
-        rest: (n,) joint positions that redundant arms tend to in their null space, as fast as
-            `gain` on average; None for no motion there.
+        rest: (n,) joint positions to which redundant arms move in their null space, with the mean
+            of `gain`; None for no motion there.
     """
 
     rest: npt.ArrayLike | None = None
 
     def rates(self, t: float, cfg: Configuration) -> Array:
-        """(n,) joint rates asked for.
+        """Return the joint rates (n,) that the law asks for [rad/s] or [m/s].
 
         Raises:
             NoSolutionError: J* is singular.
@@ -149,7 +162,7 @@ class ResolvedRate(RateLaw):
                 f"J* is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}) and has no "
                 "inverse; start elsewhere, or use DampedLeastSquares"
             )
-        dq: Array = Vt.T @ ((U.T @ self.wanted(t, cfg)) / sigma)
+        dq = Vt.T @ ((U.T @ self.wanted(t, cfg)) / sigma)
         if self.rest is not None:
             away = joint_vector(cfg.arm, self.rest, "rest") - cfg.q
             dq = dq + np.asarray(self.gain).mean() * (away - Vt.T @ (Vt @ away))
@@ -176,11 +189,11 @@ class DampedLeastSquares(RateLaw):
         positive(self.threshold, "threshold")
 
     def rates(self, t: float, cfg: Configuration) -> Array:
-        """(n,) joint rates asked for."""
-        return self.nearest(t, cfg, self.jacobian(cfg))
+        """Return the joint rates (n,) that the law asks for [rad/s] or [m/s]."""
+        return self.damped_rates(t, cfg, self.jacobian(cfg))
 
-    def nearest(self, t: float, cfg: Configuration, J: Array) -> Array:
-        """The rates that a Jacobian (k, m) of the task gives, damped; (m,)."""
+    def damped_rates(self, t: float, cfg: Configuration, J: Array) -> Array:
+        """Return the damped rates (m,) for a Jacobian (k, m) of the task."""
         scale = cfg.arm.task.scale
         U, sigma, Vt = np.linalg.svd(scale * J, full_matrices=False)
         nearness = min(sigma[-1] / self.threshold, 1.0)
@@ -198,7 +211,7 @@ class Reactionless(DampedLeastSquares):
     """
 
     def rates(self, t: float, cfg: Configuration) -> Array:
-        """(n,) joint rates asked for.
+        """Return the joint rates (n,) that the law asks for [rad/s] or [m/s].
 
         Raises:
             UnsupportedError: Every joint motion turns the spacecraft.
@@ -212,11 +225,11 @@ class Reactionless(DampedLeastSquares):
                 f"every joint motion turns the spacecraft: D_q has rank {rank} and {cfg.arm.name} "
                 f"{cfg.arm.n} joints; Reactionless takes more joints than that"
             )
-        return N @ self.nearest(t, cfg, self.jacobian(cfg) @ N)
+        return N @ self.damped_rates(t, cfg, self.jacobian(cfg) @ N)
 
 
 @dataclass(frozen=True)
-class JointPD:
+class JointPD(Law):
     """tau = K_p (q_des - q) - K_d dq.
 
     Attributes:
@@ -230,33 +243,34 @@ class JointPD:
     kd: npt.ArrayLike
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
-        """(n,) torques [N m] or forces [N]."""
+        """Return the torques (n,) [N m] or forces [N]."""
         kp, kd = _gains(self.kp, len(dq), "kp"), _gains(self.kd, len(dq), "kd")
         return kp * self.error(t, cfg) - kd * dq
 
     def error(self, t: float, cfg: Configuration) -> Array:
-        """(n,) q_des - q [rad] or [m]."""
+        """Return q_des - q (n,) [rad] or [m]."""
         target = self.target(t) if callable(self.target) else self.target
         return joint_vector(cfg.arm, target, "target") - cfg.q
 
 
 def _gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
-    """A gain, or one for each of the rows."""
-    try:
-        gains = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        gains = np.full(rows, np.nan)
-    if gains.shape not in ((), (rows,)):
-        raise ConfigurationError(
-            f"{name} has shape {gains.shape}; give one number, or {rows}, one a row"
-        )
-    if not np.isfinite(gains).all():
-        raise ConfigurationError(f"{name} is {values!r}; give finite numbers")
-    return gains
+    """Return a gain, or one for each of the rows."""
+    if np.iterable(values):
+        return finite(values, (rows,), name, "(gains, one for each row), or one for all rows")
+    return finite(values, (), name, f"(a gain), or {rows}, one for each row")
+
+
+def _parameter(value: Any) -> Any:
+    """Return a parameter as plain data; a function as its repr, a pose as position and xyzw."""
+    if value is None or isinstance(value, str):
+        return value
+    if callable(value):
+        return repr(value)
+    return np.asarray(pin.SE3ToXYZQUAT(value) if isinstance(value, pin.SE3) else value).tolist()
 
 
 def check_target(controller: Controller, cfg: Configuration) -> None:
-    """Refuses a fixed target farther from the system CM than the stretched virtual manipulator.
+    """Refuse a fixed target farther from the system CM than the stretched virtual manipulator.
 
     Raises:
         ConfigurationError: The target is out of reach, for a spacecraft whose CM stays.

@@ -1,15 +1,14 @@
-"""Events: what is watched while a motion is integrated, and where in a step it happened."""
+"""Events: functions of time and state whose roots are events, and the search for these roots."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.optimize import brentq
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
@@ -18,12 +17,13 @@ from spacearm.singularities.report import singular_values
 
 EVENTS = ("singularity", "joint limit", "target")
 LOOK = 0.05
-"""Largest joint motion [rad] or [m] between two looks for events."""
+"""Largest joint motion [rad] or [m] between two evaluations of the event functions."""
 NEAR = 1e-3
 """Arms without a singularity polynomial count as singular at this sigma_min over sigma_max."""
 ROUNDING = 1e-12
+"""Values of an event function below this are zero at the start."""
 SHARPNESS = 1e-14
-"""How sharply the time of an event is found, as a share of the largest time."""
+"""Tolerance of the time of an event, as a share of the largest time."""
 
 Measure: TypeAlias = Callable[[float, Array], float]
 """A function of time and state; the state begins with the n joint positions."""
@@ -36,7 +36,7 @@ class Event(NamedTuple):
         t: When [s].
         kind: "singularity", "joint limit" or "target".
         q: (n,) joint positions then.
-        detail: More about it: the joint, the measure.
+        detail: More about it: the name of the joint, or the measure and its value.
     """
 
     t: float
@@ -44,8 +44,12 @@ class Event(NamedTuple):
     q: Array
     detail: str
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the event as plain data, q as a list."""
+        return {name: plain(value) for name, value in self._asdict().items()}
 
-class Watch(NamedTuple):
+
+class EventFunction(NamedTuple):
     """A function of time and state whose root is an event.
 
     Attributes:
@@ -61,33 +65,38 @@ class Watch(NamedTuple):
     falling: bool
 
 
-def watches(
+def event_functions(
     arm: SpaceArm, mode: BaseMode, kinds: Iterable[str], miss: Measure | None, reach: float
-) -> list[Watch]:
-    """What to watch for events of these kinds.
+) -> list[EventFunction]:
+    """Return the functions whose roots are the events of some kinds.
 
     Args:
         arm: The arm.
         mode: What the spacecraft does.
-        kinds: Of `EVENTS`.
-        miss: How far the target is, if there is one.
-        reach: How near it counts as reached.
+        kinds: Names in `EVENTS`.
+        miss: Distance to the target, if there is one.
+        reach: The distance at which the target counts as reached.
+
+    Raises:
+        ConfigurationError: A kind does not exist.
     """
     for kind in kinds:
         if kind not in EVENTS:
             raise ConfigurationError(unknown("event", kind, EVENTS))
     found = []
     if "singularity" in kinds:
-        found.append(singular(arm, mode))
+        found.append(singularity_function(arm, mode))
     if "joint limit" in kinds:
-        found += limits(arm)
+        found += limit_functions(arm)
     if "target" in kinds and miss is not None:
-        found.append(Watch("target", f"error {reach:g}", lambda t, y: miss(t, y) - reach, True))
+        found.append(
+            EventFunction("target", f"error {reach:g}", lambda t, y: miss(t, y) - reach, True)
+        )
     return found
 
 
-def singular(arm: SpaceArm, mode: BaseMode) -> Watch:
-    """A root of the singularity polynomial where the arm has one, else a small sigma_min."""
+def singularity_function(arm: SpaceArm, mode: BaseMode) -> EventFunction:
+    """Return the singularity polynomial where the arm has one, else sigma_min less a threshold."""
 
     def nearness(_: float, y: Array) -> float:
         sigma = singular_values(arm.at(y[: arm.n]), mode=mode)
@@ -96,62 +105,72 @@ def singular(arm: SpaceArm, mode: BaseMode) -> Watch:
     try:
         S = singularity_polynomial(arm, mode=mode)
     except UnsupportedError:
-        return Watch("singularity", f"sigma_min {NEAR:g} of sigma_max", nearness, True)
-    return Watch("singularity", "S = 0", lambda _, y: float(S(y[: arm.n])) / S.scale, False)
+        return EventFunction("singularity", f"sigma_min {NEAR:g} of sigma_max", nearness, True)
+    return EventFunction("singularity", "S = 0", lambda _, y: float(S(y[: arm.n])) / S.scale, False)
 
 
-def limits(arm: SpaceArm) -> list[Watch]:
-    """The room that every joint has to its limits."""
+def limit_functions(arm: SpaceArm) -> list[EventFunction]:
+    """Return the distance of every joint to each of its limits."""
 
-    def room(j: int, sign: float, limit: float) -> Measure:
+    def distance(j: int, sign: float, limit: float) -> Measure:
         return lambda _, y: sign * (limit - float(y[j]))
 
     return [
-        Watch("joint limit", name, room(j, sign, bounds[j]), True)
+        EventFunction("joint limit", name, distance(j, sign, bounds[j]), True)
         for j, name in enumerate(arm.joint_names)
         for sign, bounds in ((1.0, arm.upper), (-1.0, arm.lower))
         if np.isfinite(bounds[j])
     ]
 
 
-class Lookout:
-    """Finds the events of a motion of n joints, step by step.
+class EventFinder:
+    """The search for the events of a motion of n joints, step by step.
 
     Args:
-        watched: What to watch.
+        functions: The functions whose roots are events.
         n: Number of joints, whose positions begin the state.
-        t: Where the motion starts.
-        y: The state there.
+        t: Time at which the motion starts.
+        y: The state then.
     """
 
-    def __init__(self, watched: Sequence[Watch], n: int, t: float, y: Array) -> None:
-        self.watched, self.n = watched, n
+    def __init__(self, functions: Sequence[EventFunction], n: int, t: float, y: Array) -> None:
+        self.functions, self.n = functions, n
         self.t, self.q = t, y[:n].copy()
-        self.values = [watch.value(t, y) for watch in watched]
+        self.values = [function.value(t, y) for function in functions]
 
-    def met(self) -> list[Event]:
-        """What is so already at the start."""
+    def at_start(self) -> list[Event]:
+        """Return the events that are already so at the start."""
         return [
-            Event(self.t, watch.kind, self.q, watch.detail)
-            for watch, value in zip(self.watched, self.values, strict=True)
-            if (value < 0.0 if watch.falling else abs(value) <= ROUNDING)
+            Event(self.t, function.kind, self.q, function.detail)
+            for function, value in zip(self.functions, self.values, strict=True)
+            if (value < 0.0 if function.falling else abs(value) <= ROUNDING)
         ]
 
-    def step(self, y: Callable[[float], Array], end: float) -> list[Event]:
-        """The events of the next step, in order."""
+    def in_step(self, y: Callable[[float], Array], end: float) -> list[Event]:
+        """Return the events of the next step, in order.
+
+        Args:
+            y: The state in the step, a function of time.
+            end: Time at which the step ends.
+        """
         looks = np.linspace(self.t, end, 2 + int(np.abs(y(end)[: self.n] - self.q).max() / LOOK))
         found = []
         for start, t in pairwise(looks):
             state = y(t)
-            values = [watch.value(t, state) for watch in self.watched]
-            for watch, before, after in zip(self.watched, self.values, values, strict=True):
+            values = [function.value(t, state) for function in self.functions]
+            for function, before, after in zip(self.functions, self.values, values, strict=True):
                 fell, rose = before > 0.0 >= after, before < 0.0 <= after
-                if (before >= 0.0 > after) if watch.falling else (fell or rose):
-                    found.append(self._between(watch, y, float(start), float(t)))
+                if (before >= 0.0 > after) if function.falling else (fell or rose):
+                    found.append(self._between(function, y, float(start), float(t)))
             self.values = values
         self.t, self.q = end, state[: self.n].copy()
         return sorted(found, key=lambda event: event.t)
 
-    def _between(self, watch: Watch, y: Callable[[float], Array], a: float, b: float) -> Event:
-        t = brentq(lambda s: watch.value(s, y(s)), a, b, xtol=SHARPNESS * b)
-        return Event(float(t), watch.kind, y(t)[: self.n].copy(), watch.detail)
+    def _between(
+        self, function: EventFunction, y: Callable[[float], Array], a: float, b: float
+    ) -> Event:
+        """Return the event between two times."""
+        from scipy.optimize import brentq  # slow to import
+
+        t = brentq(lambda s: function.value(s, y(s)), a, b, xtol=SHARPNESS * b)
+        return Event(float(t), function.kind, y(t)[: self.n].copy(), function.detail)

@@ -9,19 +9,21 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.barycentric_formulation import barycentric
+from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import sound_pose
+from spacearm.model.mode import BaseMode
 
 Goal: TypeAlias = npt.ArrayLike | pin.SE3
 """A point in the task's linear rows [m], along the goal axes, or a pose."""
 
 
 def goal_axes(cfg: Configuration) -> Array:
-    """(3, 3) the axes along which goals are given and missed, columns, in inertial axes.
+    """Return the axes (3, 3) along which goals are given, columns in inertial axes.
 
     They are the task axes, which are the inertial ones for most tasks and tilted with the plane of
     a planar arm (see `Task.axes`), unless these turn while the joints move: then they are the
@@ -32,56 +34,77 @@ def goal_axes(cfg: Configuration) -> Array:
 
 @lru_cache(maxsize=64)
 def _steady(arm: SpaceArm) -> bool:
-    """Whether the task singles out no direction, or none but the normal of the arm's plane."""
+    """Tell whether the task singles out no direction but, if any, the normal of the arm's plane."""
     return arm.task.singled_out <= {arm.tree.plane_normal()}
 
 
 def goal_pose(cfg: Configuration, goal: Goal) -> pin.SE3:
-    """The pose that a goal stands for; what a point leaves open is as the tip has it now."""
+    """Return the pose that a goal stands for; what a point leaves open is as the tip has it now.
+
+    Raises:
+        ConfigurationError: The goal is no pose, and no point in the task's rows.
+    """
     if isinstance(goal, pin.SE3):
         return sound_pose(goal, "target")
     rows, names = cfg.arm.task.indices, cfg.arm.task.names
-    try:
-        point = np.asarray(goal, dtype=np.float64)
-    except (TypeError, ValueError):
-        point = np.empty(0)
-    if max(rows) > 2 or point.shape != (len(rows),) or not np.isfinite(point).all():
-        raise ConfigurationError(
-            f"target is {goal!r}; the task {names!r} takes "
-            + ("a pin.SE3" if max(rows) > 2 else f"{len(rows)} finite numbers or a pin.SE3")
-        )
+    if max(rows) > 2:
+        raise ConfigurationError(f"target is {goal!r}; the task {names!r} takes a pin.SE3")
+    meaning = f"[m], one for each row of the task {names!r}, or a pin.SE3"
     pose, axes = cfg.tip, goal_axes(cfg)
     place = axes.T @ pose.translation
-    place[rows] = point
+    place[rows] = finite(goal, (len(rows),), "target", meaning)
     pose.translation = axes @ place
     return pose
 
 
 def as_goal(cfg: Configuration, pose: pin.SE3) -> Goal:
-    """A pose as the task takes it: the point in its rows, if they are all linear."""
+    """Return a pose as a goal of the task: the point in its rows, if they are all linear."""
     rows = cfg.arm.task.indices
     return pose if max(rows) > 2 else (goal_axes(cfg).T @ pose.translation)[rows]
 
 
 def twist_between(start: pin.SE3, end: pin.SE3) -> Array:
-    """(6,) the constant twist that leads from one pose to the other in unit time."""
+    """Return the constant twist (6,) that leads from one pose to the other in unit time."""
     turn = pin.log3(end.rotation @ start.rotation.T)
     return np.concatenate((end.translation - start.translation, turn))
 
 
 def miss(cfg: Configuration, goal: Goal) -> Array:
-    """(k,) goal minus tip in the task's rows [m], [rad], along the goal axes."""
-    return in_rows(cfg, twist_between(cfg.tip, goal_pose(cfg, goal)))
+    """Return goal minus tip (k,) in the task's rows [m], [rad], along the goal axes."""
+    return goal_rows(cfg, twist_between(cfg.tip, goal_pose(cfg, goal)))
 
 
-def in_rows(cfg: Configuration, twist: Array) -> Array:
-    """(k,) or (k, n) the task's rows of a twist (6,), or of a Jacobian (6, n), in inertial axes."""
+def goal_rows(cfg: Configuration, twist: Array) -> Array:
+    """Return the task's rows along the goal axes, unscaled, in [m] and [rad].
+
+    `Task.jacobian` takes the same rows along the task axes, which may turn with the spacecraft,
+    and divides the linear rows of a mixed task by its length.
+
+    Args:
+        cfg: The configuration.
+        twist: (6,) twist or (6, n) Jacobian, inertial axes.
+
+    Returns:
+        (k,) or (k, n) rows.
+    """
     columns = twist.reshape(len(twist), -1)
     return cfg.arm.task.components(columns, goal_axes(cfg)).reshape(-1, *twist.shape[1:])
 
 
+def goal_singular_values(cfg: Configuration, mode: BaseMode) -> Array:
+    """Return the singular values (k,) of J* in the rows of `goal_rows`, scaled, largest first.
+
+    They differ from `singular_values` only for tasks whose axes turn with the spacecraft.
+    """
+    J = goal_rows(cfg, generalized_jacobian(cfg, mode=mode))
+    return np.linalg.svd(cfg.arm.task.scale * J, compute_uv=False)
+
+
 def out_of_reach(cfg: Configuration, goal: pin.SE3) -> str:
-    """Says so if a goal is farther from the system CM than the stretched virtual manipulator."""
+    """Return a message if a goal is farther from the system CM than the arm can reach, else "".
+
+    The reach is the length of the stretched virtual manipulator.
+    """
     rows = [i for i in cfg.arm.task.indices if i < 3]
     try:
         links = barycentric(cfg).virtual_manipulator.links

@@ -1,28 +1,34 @@
-"""Motion: joint positions and spacecraft poses over time, whatever made them."""
+"""Motion: joint positions and spacecraft poses over time, the base of all results that move."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import Array, Result, finite, plain
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode, free_components
+from spacearm.motion import motion_file
+from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
+from spacearm.singularities.report import singular_values
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def unit_quaternions(poses: Array) -> bool:
-    """Whether poses (m, 7), position and quaternion xyzw, have quaternions of length 1 to 1e-6."""
-    with np.errstate(over="ignore"):
-        lengths = np.linalg.norm(poses[:, 3:], axis=1)
-    return bool((np.abs(lengths - 1.0) <= 1e-6).all())
+AnyMotion = TypeVar("AnyMotion", bound="Motion")
 
 
 class Playable(Protocol):
-    """What can be played: trajectories, followed paths, motions, whatever made them."""
+    """Any object that `Motion.of` and `sa.view` take."""
 
     @property
     def arm(self) -> SpaceArm:
@@ -42,50 +48,72 @@ class Playable(Protocol):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion:
+class Motion(Result):
     """A sampled motion, linear between its samples.
+
+    `len(motion)` is the number of samples, `motion[i]` the configuration of one of them and
+    `motion.at(t)` that at a time. What is not given is computed from the samples when it is first
+    asked for.
 
     Attributes:
         arm: The arm.
         t: (m,) times, growing [s].
         q: (m, n) joint positions [rad] or [m].
-        base: (m, 7) spacecraft poses: x y z [m], quaternion xyzw.
+        base: (m, 7) poses of the spacecraft: position [m], quaternion xyzw, inertial frame.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+
+    Raises:
+        ConfigurationError: An array has the wrong shape, or values that no motion has.
     """
 
     arm: SpaceArm
     t: Array
     q: Array
     base: Array
+    mode: BaseMode = field(default="free-floating", kw_only=True)
+
+    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
+        "t": Quantity("s"),
+        "q": Quantity("rad or m", "joint"),
+        "dq": Quantity("rad/s or m/s", "joint"),
+        "base": Quantity("m, quaternion xyzw", "pose"),
+        "tip": Quantity("m, quaternion xyzw", "pose"),
+        "com": Quantity("m", "axis"),
+        "sigma_min": Quantity("as in sa.singularity"),
+    }
+    """All that is known at each time, stored or computed."""
 
     def __post_init__(self) -> None:
-        for name in ("t", "q", "base"):
-            try:
-                array = np.array(getattr(self, name), dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise ConfigurationError(f"motion: {name} must be numbers: {error}") from None
+        m, n = _length(self.t), self.arm.n
+        shapes = {"t": (m,), "q": (m, n), "base": (m, 7)}
+        for name, shape in shapes.items():
+            array = finite(getattr(self, name), shape, f"motion: {name}")
             object.__setattr__(self, name, array)
-        m, n = self.t.size, self.arm.n
-        for name, shape in (("t", (m,)), ("q", (m, n)), ("base", (m, 7))):
-            array = getattr(self, name)
-            if array.shape != shape or not (np.abs(array) <= LARGEST).all():
-                raise ConfigurationError(
-                    f"motion: {name} has shape {array.shape}; give {shape}, all finite numbers up "
-                    f"to {LARGEST:g}"
-                )
+        super().__post_init__()
+        free_components(self.mode)
         if not unit_quaternions(self.base):
-            raise ConfigurationError("motion: base must hold quaternions of length 1")
-        if m == 0 or (np.diff(self.t) <= 0.0).any():
-            raise ConfigurationError("motion: t must hold growing times, at least one")
+            raise ConfigurationError(
+                "motion: base holds quaternions that are not of length 1; give poses as "
+                "pin.SE3ToXYZQUAT does"
+            )
+        if (np.diff(self.t) <= 0.0).any():
+            raise ConfigurationError("motion: t does not grow; give the times in order, each once")
 
     @classmethod
     def of(cls, thing: Any) -> Motion:
-        """The motion in any object with `arm`, `t`, `q` and `base`.
+        """Return the motion in any object with `arm`, `t`, `q` and `base`, a motion as it is.
 
-        `base` may be (m, 7) numbers or a sequence of pin.SE3.
+        Args:
+            thing: The object; `base` may be (m, 7) numbers or a sequence of pin.SE3.
+
+        Raises:
+            ConfigurationError: The object lacks one of them, or its values are wrong.
         """
+        if isinstance(thing, Motion):
+            return thing
         try:
             base = [pin.SE3ToXYZQUAT(b) if isinstance(b, pin.SE3) else b for b in thing.base]
-            return cls(thing.arm, thing.t, thing.q, np.array(base, dtype=np.float64))
+            return Motion(thing.arm, thing.t, thing.q, np.array(base, dtype=np.float64))
         except (AttributeError, TypeError, ValueError) as error:
             if isinstance(error, ConfigurationError):
                 raise
@@ -94,15 +122,168 @@ class Motion:
                 "object with arm, t (m,), q (m, n) and base (m poses)"
             ) from None
 
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, i: int) -> Configuration:
+        return self.arm.at(self.q[i], base=_pose(self.base[i]))
+
+    def __iter__(self) -> Iterator[Configuration]:
+        return (self[i] for i in range(len(self)))
+
     def at(self, t: float) -> Configuration:
-        """The configuration at a time; the first or last one outside the motion."""
-        i = int(np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, max(len(self.t) - 2, 0)))
-        j = min(i + 1, len(self.t) - 1)
+        """Return the configuration at a time; the first or last one outside the motion.
+
+        Joint positions and the position of the spacecraft are linear between two samples; its
+        attitude turns at a constant rate.
+
+        Args:
+            t: The time [s].
+        """
+        i = int(np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, max(len(self) - 2, 0)))
+        j = min(i + 1, len(self) - 1)
         span = self.t[j] - self.t[i]
         s = float(np.clip((t - self.t[i]) / span, 0.0, 1.0)) if span > 0.0 else 0.0
-        pose = pin.SE3.Interpolate(self._pose(i), self._pose(j), s)
+        pose = pin.SE3.Interpolate(_pose(self.base[i]), _pose(self.base[j]), s)
         return self.arm.at((1.0 - s) * self.q[i] + s * self.q[j], base=pose)
 
-    def _pose(self, i: int) -> pin.SE3:
-        x, y, z, *quaternion = self.base[i]
-        return pin.SE3(pin.Quaternion(np.array(quaternion)).normalized(), np.array([x, y, z]))
+    @cached_property
+    def dq(self) -> Array:
+        """(m, n) joint rates [rad/s] or [m/s], by differences of second order."""
+        if len(self) == 1:
+            return _kept(np.zeros_like(self.q))
+        return _kept(np.gradient(self.q, self.t, axis=0))
+
+    @cached_property
+    def tip(self) -> Array:
+        """(m, 7) poses of the tip: position [m], quaternion xyzw, inertial frame."""
+        return self._each(lambda cfg: pin.SE3ToXYZQUAT(cfg.tip))
+
+    @cached_property
+    def com(self) -> Array:
+        """(m, 3) positions of the system CM [m]."""
+        return self._each(lambda cfg: cfg.com)
+
+    @cached_property
+    def sigma_min(self) -> Array:
+        """(m,) least singular value of the task Jacobian, as in `sa.singularity`."""
+        return self._each(lambda cfg: singular_values(cfg, mode=self.mode)[-1])
+
+    @property
+    def story(self) -> str:
+        """What kind of motion it is and how it ended, in one line."""
+        return f"{self.mode}: {self.t[-1]:.4g} s"
+
+    @property
+    def singular_times(self) -> tuple[float, ...]:
+        """Times at which a singularity is known to have been met [s]."""
+        return ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields and quantities as plain data; the arm by its name, arrays as lists."""
+        data = {f.name: getattr(self, f.name) for f in fields(self)} | {"arm": self.arm.name}
+        data |= {name: getattr(self, name) for name in self._layout(self.arm).quantities}
+        return {name: _plain(value) for name, value in data.items()}
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return all quantities as labelled arrays, with units in their attributes."""
+        import xarray as xr
+
+        layout, data = self._layout(self.arm), {}
+        for name, quantity in layout.quantities.items():
+            dims = ("t", quantity.columns) if quantity.columns else ("t",)
+            data[name] = (dims, getattr(self, name), {"unit": quantity.unit})
+        times = data.pop("t")
+        words = ["mode", *(name for name, kind in layout.details.items() if kind is str)]
+        attrs = {"arm": self.arm.name} | {name: getattr(self, name) for name in words}
+        return xr.Dataset(data, {"t": times, "joint": list(self.arm.joint_names)}, attrs)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the motion to a NumPy file, .npz; the arm is not in it.
+
+        Raises:
+            SpaceArmError: The file cannot be written.
+        """
+        motion_file.save(path, self, self._layout(self.arm))
+
+    @classmethod
+    def load(cls: type[AnyMotion], path: str | os.PathLike[str], arm: SpaceArm) -> AnyMotion:
+        """Read what `save` wrote: `Motion.load` any kind of motion, `Plan.load` a plan, and so on.
+
+        Args:
+            path: The file.
+            arm: The arm of the motion, with the same joints.
+
+        Raises:
+            ConfigurationError: The file holds no motion of that kind, or one of other joints.
+        """
+        what = cls.__name__.lower()
+        try:
+            arrays = motion_file.read(path)
+            kind = cls._kind(motion_file.word(arrays, "kind"))
+            joints = motion_file.joint_names(arrays)
+            values = motion_file.values(arrays, kind._layout(arm), len(joints))
+            if joints == arm.joint_names:
+                stored = {f.name for f in fields(kind)} - {"arm"}
+                return kind(arm=arm, **{name: values[name] for name in stored})
+        except ValueError as error:  # ConfigurationError too
+            raise ConfigurationError(f"{path} is no saved {what}: {error}") from None
+        raise ConfigurationError(
+            f"{path} holds a motion of joints {', '.join(joints)[:200]}; {arm.name} has "
+            f"{', '.join(arm.joint_names)}"
+        )
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.arm.name}, {self.story}, {len(self)} samples)"
+
+    @classmethod
+    def _layout(cls, arm: SpaceArm) -> Layout:
+        """Return what a file holds of such a motion of an arm; several tips have no one path."""
+        left_out = () if len(arm.tips) == 1 else ("tip",)
+        kept = {name: q for name, q in cls.QUANTITIES.items() if name not in left_out}
+        return Layout.of(cls, kept)
+
+    @classmethod
+    def _kind(cls: type[AnyMotion], name: str) -> type[AnyMotion]:
+        """Return this class or the one derived from it that has a name.
+
+        Raises:
+            ConfigurationError: There is none.
+        """
+        kinds = {kind.__name__: kind for kind in (cls, *cls.__subclasses__())}
+        if name not in kinds:
+            raise ConfigurationError(unknown("kind of motion", name, kinds))
+        return kinds[name]
+
+    def _each(self, value: Callable[[Configuration], npt.ArrayLike]) -> Array:
+        """Return the values of a function of the configuration at all samples."""
+        return _kept(np.array([value(cfg) for cfg in self]))
+
+
+def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
+    """Return q (m, n) and base (m, 7) of configurations, as `Motion` has them."""
+    base = [pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]
+    return {"q": np.array([cfg.q for cfg in cfgs]), "base": np.array(base)}
+
+
+def _length(t: Any) -> int:
+    """Return the number of times, 1 for what is no sequence of them."""
+    try:
+        return max(len(t), 1)
+    except TypeError:
+        return 1
+
+
+def _pose(row: Array) -> pin.SE3:
+    x, y, z, *quaternion = row
+    return pin.SE3(pin.Quaternion(np.array(quaternion)).normalized(), np.array([x, y, z]))
+
+
+def _kept(array: Array) -> Array:
+    """Return the array, read-only."""
+    array.flags.writeable = False
+    return array
+
+
+def _plain(value: Any) -> Any:
+    return [plain(item) for item in value] if isinstance(value, tuple) else plain(value)

@@ -9,10 +9,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError
 from spacearm.model.configuration import Configuration
-from spacearm.motion.goal import Goal, goal_pose, in_rows, twist_between
+from spacearm.motion.goal import Goal, goal_pose, goal_rows, twist_between
 
 Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
 """The corners of a polyline, or a function of path length [m]."""
@@ -36,12 +36,18 @@ class Segment(NamedTuple):
 
 
 def segments(cfg: Configuration, path: Path, length: float | None) -> list[Segment]:
-    """The path in smooth pieces, from where the tip is."""
+    """Return the path in smooth pieces, from where the tip is.
+
+    Args:
+        cfg: The configuration at the start.
+        path: The path.
+        length: Length of a path given as a function [m]; None for a polyline.
+
+    Raises:
+        ConfigurationError: The path or its length does not make sense.
+    """
     if callable(path):
-        if length is None or not (np.isfinite(length) and length > 0.0):
-            raise ConfigurationError(
-                f"length is {length}; give the length of a path that is a function, above 0 [m]"
-            )
+        length = positive(length, "length", "length [m] of the path, which is a function")
         return [*_line(cfg, cfg.tip, goal_pose(cfg, path(0.0))), _curve(cfg, path, length)]
     if length is not None:
         raise ConfigurationError(f"length is {length}; a polyline has its own, leave it out")
@@ -60,13 +66,13 @@ def segments(cfg: Configuration, path: Path, length: float | None) -> list[Segme
 
 
 def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:
-    """A straight line with a constant angular velocity, nothing if it has no length.
+    """Return a straight line with a constant angular velocity, nothing if it has no length.
 
     Turns count by the task's length [m/rad], 1 m/rad where it has none.
     """
     task = cfg.arm.task
     whole = twist_between(start, end)
-    rows = in_rows(cfg, whole)
+    rows = goal_rows(cfg, whole)
     linear = np.array(task.indices) < 3
     length = float(np.linalg.norm(np.where(linear, rows, rows * (task.length or 1.0))))
     if length < 1e-12:
@@ -81,7 +87,7 @@ def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:
 
 
 def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> Segment:
-    """A path given as a function of its length, its direction by differences."""
+    """Return a path given as a function of its length, its direction by differences."""
 
     def pose(s: float) -> pin.SE3:
         return goal_pose(cfg, path(s))

@@ -1,1 +1,1 @@
-"""Joint motions that arrive although the straight way is singular."""
+"""Planning: joint motions that lead the tip to a goal although the straight line is singular."""

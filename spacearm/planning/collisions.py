@@ -1,8 +1,9 @@
 """Collisions of the arm with the spacecraft and itself, from the URDF's collision geometry.
 
 Distances are those of coal, the library behind Pinocchio; meshes count as their convex hulls. A
-motion is proven free by conservative advancement: over a piece of it no point of a body comes
-nearer to another body than the joints between the two can carry it.
+motion is proven free by conservative advancement: on a piece of it no body comes nearer to another
+than by the motion of the joints between the two. coal has that for two bodies on given paths, not
+for the bodies of a chain.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from spacearm.errors import ModelError
 from spacearm.model.arm import SpaceArm
 
 POSTURES = 64
-"""Random postures: bodies that touch in all of them are taken to be joined."""
+"""Random postures; bodies that touch in all of them are taken to be joined."""
 CLOSE = 1e-4
-"""Bodies that are nearer than this share of the arm's reach count as touching."""
+"""Distance below which bodies count as touching, as a share of the arm's reach."""
 FLAT = 1e-9
-"""A mesh whose thickness is a smaller share of its length counts as flat."""
+"""Thickness below which a mesh counts as flat, as a share of its length."""
 WITHOUT = "correct that, or plan with collisions=False to do without"
 
 
@@ -50,10 +51,10 @@ class Contact(NamedTuple):
 
 
 class _Body(NamedTuple):
-    """A geometry: its link, the joint that carries it, and where it stands there.
+    """A geometry: its link, the joint that carries it, and its pose there.
 
-    Each joint on the way to the spacecraft moves its points by at most reach [m/rad], and by as
-    much more as the joints between, those of `slides`, have slid; a sliding joint itself by 1.
+    Each joint between the spacecraft and the body moves its points by at most `reach` [m/rad], plus
+    the displacement of the sliding joints between, named in `slides`; a sliding joint itself by 1.
     """
 
     link: str
@@ -99,7 +100,7 @@ class Collisions:
         return bool(self._pairs)
 
     def distances(self, q: Array) -> Array:
-        """(pairs,) distances between the bodies that may meet, negative where they overlap [m]."""
+        """Return distances (pairs,) of bodies that may meet, negative where they overlap [m]."""
         arm = self.arm
         data = arm.borrow()
         full = pin.neutral(arm.model)
@@ -110,7 +111,7 @@ class Collisions:
         return np.array([self._distance(a, oMi[a.joint], b, oMi[b.joint]) for a, b in pairs])
 
     def contact(self, path: Array) -> Contact | None:
-        """A contact on straight joint segments, or None if there is none: that is proven.
+        """Find a contact on straight joint segments; None if there is proven to be none.
 
         Args:
             path: (m, n) joint positions, at least one row.
@@ -141,10 +142,13 @@ class Collisions:
         return float(coal.distance(a.shape, A, b.shape, B, request, result))
 
     def gains(self, path: Array) -> Array:
-        """(pairs, n) how far joints move two bodies against each other at most [m/rad] or [1].
+        """Return how far joints move two bodies against each other at most: (pairs, n) [m/rad], [1].
 
-        A joint does so if it carries only one of them. Slides between it and the body make its
-        arm longer: by no more than they are out somewhere on the path (m, n), which is straight.
+        A joint does so if it carries only one of them. Sliding joints between it and the body make
+        its lever longer, by no more than their largest displacement on the path.
+
+        Args:
+            path: (m, n) joint positions of straight segments.
         """
         arm = self.arm
         out = np.abs([arm.all_joints(q) for q in path]).max(axis=0)
@@ -157,14 +161,14 @@ class Collisions:
 
 
 def _at(rows: Array, u: float) -> Array:
-    """(n,) the value at row u, between whole numbers straight."""
+    """Return the value (n,) at row u, interpolated between whole numbers."""
     i = min(int(u), max(len(rows) - 2, 0))
     return rows[i] + (u - i) * (rows[min(i + 1, len(rows) - 1)] - rows[i])
 
 
 @lru_cache(maxsize=16)
 def collision_geometry(arm: SpaceArm) -> Collisions:
-    """The collision geometry of an arm, read once; errors as for `Collisions`."""
+    """Return the collision geometry of an arm, read once; errors as for `Collisions`."""
     return Collisions(arm)
 
 
@@ -199,7 +203,7 @@ def _solid(arm: SpaceArm, link: str, geometry: Geometry) -> coal.CollisionGeomet
 
 
 def _hull(name: str, points: Array) -> coal.Convex:
-    """The convex hull of the points (m, 3) of a mesh."""
+    """Return the convex hull of the points (m, 3) of a mesh."""
     if not (np.abs(points) <= LARGEST).all():
         raise ModelError(f"mesh {name!r} is larger than {LARGEST:g} m")
     extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -222,7 +226,7 @@ def _hull(name: str, points: Array) -> coal.Convex:
 def _reach(
     arm: SpaceArm, frame: pin.Frame, pose: pin.SE3, shape: coal.CollisionGeometry
 ) -> tuple[dict[int, float], dict[int, list[int]]]:
-    """Reach and slides of a body, for each joint that carries it."""
+    """Return reach and slides of a body, for each joint that carries it."""
     shape.computeLocalAABB()
     far = float(np.linalg.norm(pose.act(shape.aabb_center)) + shape.aabb_radius)
     reach: dict[int, float] = {}
@@ -239,7 +243,7 @@ def _reach(
 
 
 def _connected(arm: SpaceArm, links: Collection[str]) -> set[frozenset[str]]:
-    """Pairs of links with a geometry that a joint connects, links without one looked through."""
+    """Return the pairs of links that a joint connects, links without geometry being passed over."""
     joints = arm.tree.joints.values()
     above = {joint.child: joint for joint in joints}
 

@@ -1,11 +1,11 @@
-"""Joint curves: how far they turn the spacecraft, and how that changes with the curve.
+"""Joint curves: the turn of the spacecraft along them, and its derivative by the curve.
 
 A curve leads from q_0 to q_1 in joint space, s from 0 to 1:
 
     q(s) = q_0 + s (q_1 - q_0) + sum_j c_j sin(j pi s).
 
 Without momentum the attitude follows T' = T [A(q) q']x with the connection A = -D^-1 D_q of (33c),
-in spacecraft axes. It is integrated by the fourth-order Magnus method as in `reaction`, and
+in spacecraft axes. It is integrated by the fourth-order Magnus method as in `move`, and
 differentiated exactly: changes dw of the angular velocity turn the end by dphi, the sum of all dw
 carried to the end.
 """
@@ -27,7 +27,7 @@ from spacearm.model.frames import LWA
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What an optimiser needs to know at (m,) configurations, the spacecraft at the identity.
+    """Jacobians and their derivatives at m configurations, the spacecraft at the identity.
 
     Attributes:
         A: (m, 6, 6 + n) centroidal momentum matrices.
@@ -45,12 +45,12 @@ class Samples:
 
     @cached_property
     def X(self) -> Array:
-        """(m, 6, n) A_b^-1 A_q: the spacecraft moves with -X dq."""
+        """(m, 6, n) X = A_b^-1 A_q; the twist of the spacecraft is -X dq."""
         return np.linalg.solve(self.A[..., :6], self.A[..., 6:])
 
     @cached_property
     def dX(self) -> Array:
-        """(m, n, 6, n) its derivatives."""
+        """(m, n, 6, n) derivatives of X with respect to each joint."""
         right = self.dA[..., 6:] - self.dA[..., :6] @ self.X[:, None]
         return np.linalg.solve(self.A[:, None, :, :6], right)
 
@@ -61,13 +61,13 @@ class Samples:
 
     @cached_property
     def dJ_star(self) -> Array:
-        """(m, n, 6, n) its derivatives with respect to each joint."""
+        """(m, n, 6, n) derivatives of J* with respect to each joint."""
         moved = self.dJ[..., :6] @ self.X[:, None] + self.J[:, None, :, :6] @ self.dX
         return self.dJ[..., 6:] - moved
 
 
 def sample(arm: SpaceArm, Q: Array) -> Samples:
-    """All of it at Q (m, n)."""
+    """Compute the samples at joint positions Q (m, n)."""
     m, n = Q.shape
     A, J = np.empty((2, m, 6, 6 + n))
     dA, dJ = np.empty((2, m, n, 6, 6 + n))
@@ -91,13 +91,13 @@ def sample(arm: SpaceArm, Q: Array) -> Samples:
 
 
 class CurveFamily:
-    """All curves of some number of waves from one configuration.
+    """The curves with some number of sines from one configuration.
 
     A curve is the vector p = (q_1, c_1, ..., c_waves), (waves + 1, n).
 
     Args:
         arm: The arm.
-        q0: (n,) where the curves begin.
+        q0: (n,) joint positions at the start of the curves.
         waves: Number of sines.
         intervals: Steps of the integration along a curve.
     """
@@ -109,11 +109,11 @@ class CurveFamily:
         self.basis, self.slope = sines(self.s, waves)
 
     def points(self, p: Array) -> Array:
-        """(2 intervals + 1, n) the Gauss points of every interval, and the end."""
+        """Return the Gauss points of every interval, and the end, (2 intervals + 1, n)."""
         return self.q0 + self.basis @ (p - self._offset)
 
     def rows(self, p: Array, m: int) -> Array:
-        """(m + 1, n) joint positions evenly along s."""
+        """Return joint positions (m + 1, n) at even steps of s."""
         basis, _ = sines(np.linspace(0.0, 1.0, m + 1), len(p) - 1)
         return self.q0 + basis @ (p - self._offset)
 
@@ -125,13 +125,13 @@ class CurveFamily:
         return offset
 
     def length_squared(self, p: Array) -> tuple[float, Array]:
-        """The integral of |q'|^2, which the shortest curve minimises, and its gradient."""
+        """Return the integral of |q'|^2, least for the shortest curve, and its gradient."""
         weight = np.append(1.0, 0.5 * (np.pi * np.arange(1, len(p))) ** 2)[:, None]
         d = p - self._offset
         return float((weight * d * d).sum()), 2.0 * weight * d
 
     def turn(self, p: Array, at: Samples) -> tuple[Array, Array]:
-        """How the spacecraft turns along the curve.
+        """Compute the turn of the spacecraft along the curve, and its derivative.
 
         Args:
             p: The curve.
@@ -162,7 +162,7 @@ class CurveFamily:
 
 
 def sines(s: Array, waves: int) -> tuple[Array, Array]:
-    """(m, waves + 1) the functions s and sin(j pi s), and their derivatives (all but the last)."""
+    """Return the functions s and sin(j pi s) (m, waves + 1), and their slopes but the last."""
     j = np.pi * np.arange(1, waves + 1)
     basis = np.column_stack((s, np.sin(np.outer(s, j))))
     slope = np.column_stack((np.ones(len(s) - 1), j * np.cos(np.outer(s[:-1], j))))

@@ -1,7 +1,7 @@
-"""The free space of a motion: within joint limits and clear of singularities, many curves at once.
+"""Free space: within joint limits and clear of singularities, for many curves at once.
 
-A square task changes the sign of det J* at a singularity, and no motion may cross one: free is
-only what has the sign of the start.
+det J* of a square task changes its sign at a singularity, and no motion may cross one: only
+configurations with the sign of the start are free.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from spacearm.model.arm import SpaceArm
 
 
 class FreeSpace:
-    """Where the joints may be.
+    """The joint positions that a motion may pass.
 
     Args:
         arm: The arm.
-        q: (n,) where the motion begins.
+        q: (n,) joint positions at the start.
         lower: (n,) least joint positions, -inf for joints without limits.
         upper: (n,) largest.
     """
@@ -29,30 +29,30 @@ class FreeSpace:
         self._turns = ~arm.slides & (arm.coupling is None)
 
     def draw(self, m: int, rng: np.random.Generator) -> Array:
-        """(m, n) positions anywhere within the limits, at most half a turn from q where none are.
+        """Draw joint positions (m, n) within the limits, at most half a turn from q without limits.
 
         Args:
-            m: How many.
-            rng: Their source.
+            m: Number of rows.
+            rng: Source of random numbers.
         """
         low = np.where(np.isfinite(self.lower), self.lower, self.q - np.pi)
         high = np.where(np.isfinite(self.upper), self.upper, self.q + np.pi)
         return rng.uniform(low, high, (m, self.arm.n))
 
     def wrapped(self, Q: Array) -> Array:
-        """(m, n) the same postures by whole turns, within the limits if may be, nearest to q."""
+        """Return the same postures (m, n) by whole turns, near q and within the limits."""
         turned = self.q + np.mod(Q - self.q + np.pi, 2.0 * np.pi) - np.pi
         turned += 2.0 * np.pi * ((turned < self.lower) * 1.0 - (turned > self.upper))
         return np.where(self._turns, turned, Q)
 
     def windings(self, width: float, m: int, rng: np.random.Generator) -> Array:
-        """(m, n) whole turns of the joints that have no limits, the more the larger the width."""
+        """Draw whole turns (m, n) of the joints without limits, more of them for a larger width."""
         endless = self._turns & np.isinf(self.lower) & np.isinf(self.upper)
-        turns: Array = 2.0 * np.pi * np.rint(0.5 * width * rng.normal(size=(m, self.arm.n)))
+        turns = 2.0 * np.pi * np.rint(0.5 * width * rng.normal(size=(m, self.arm.n)))
         return turns * endless
 
-    def room(self, curves: Array) -> Array:
-        """(K,) least sigma_min on curves, (K, m, n) points on each; negative if they leave it."""
+    def least_sigma_min(self, curves: Array) -> Array:
+        """Return the least sigma_min (K,) on curves (K, m, n), -1 if they leave the free space."""
         inside = ((curves >= self.lower) & (curves <= self.upper)).all(axis=(1, 2))
         few = curves[inside]
         names = ("sigma_min",) if np.isnan(self._det) else ("sigma_min", "determinant")

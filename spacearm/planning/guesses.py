@@ -1,8 +1,8 @@
-"""First guesses for the optimiser of `joint_space`, the best of thousands tried at once.
+"""First guesses for the optimiser, the best of thousands that are tried at once.
 
-A guess is a curve of `curve`, or a closed loop run through some number of times and then a straight
-line; it arrives, within the limits and clear of singularities, or nearly so. Where the attitude at
-the end is free it follows from the curve, and the joints at its end are found for it.
+A guess is a curve of a `CurveFamily`, or a closed loop run through some number of times and then a
+straight line. It arrives, within the limits and clear of singularities, or nearly so. Where the
+attitude at the end is free, it follows from the curve, and inverse kinematics finds the end.
 """
 
 from __future__ import annotations
@@ -23,113 +23,115 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.curve import sines
 from spacearm.planning.free_space import FreeSpace
-from spacearm.planning.many_curves import landed, turning_axes, turns
-from spacearm.planning.optimiser import Task
+from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns, turning_axes
+from spacearm.planning.optimiser import Target
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 Indices: TypeAlias = npt.NDArray[np.int64]
 
 FEW, MANY = 600, 2000
-"""Curves, and loops, that are tried at once."""
+"""Numbers of curves, and of loops, that are tried at once."""
 LOOPS = (1, 2, 3, 4, 6, 8, 12)
-"""How many times a loop is run through."""
+"""Numbers of times that a loop is run through."""
 WORDS = 8
-"""For each end that many turns of loops are looked at, those nearest to what is needed."""
+"""Numbers of turns by loops that are considered for each end, nearest to the one needed."""
 BROAD, SPREAD, GENERATIONS = 300, 0.2, 4
-"""Of the loops those that turn the spacecraft most are made larger, at random, again and again."""
+"""Loops that are made larger at random, those that turn the spacecraft most; by how much at most
+[rad] or [m]; how often."""
 SAMPLE = 20
-"""Loops by which a place for loops is judged."""
+"""Loops that are tried at a place, to compare places."""
 NEAR = 0.4
-"""How far from the turn that is needed that of some loops may be [rad]."""
+"""Largest angle between the turn by loops and the turn that is needed [rad]."""
 CLOSE = 1e-4
-"""How near the goal the tip has to come [m], [rad]."""
+"""Largest distance of the tip from its goal [m], [rad]."""
 INTERVALS, POINTS = 16, 65
-LANDING, SHOOTING = 25, 12
-"""Newton steps with the attitude held, and with the attitude that follows."""
+"""Steps of the integration along a curve; points at which sigma_min is evaluated."""
+HELD_STEPS, TURNING_STEPS = 25, 12
+"""Newton steps with the attitude held, and with the attitude that follows from the curve."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """A curve to start from.
+    """A motion from which the optimiser starts.
 
     Attributes:
-        x: The unknowns of `Steering`.
+        x: The unknowns of `CurveOptimiser`.
         loops: How many times its loop is run through.
-        room: Least sigma_min on it.
+        sigma_min: Least sigma_min on the way; negative beyond a limit or a singularity.
     """
 
     x: Array
     loops: int
-    room: float
+    sigma_min: float
 
 
 class Loops(NamedTuple):
-    """Loops that may be run through.
+    """Closed loops, free of singularities.
 
     Attributes:
-        C: (K, waves, n) their sines.
-        room: (K,) least sigma_min on each.
+        C: (K, waves, n) coefficients of their sines.
+        sigma_min: (K,) least sigma_min on each.
         turn: (K, 3) rotation vectors by which each turns the spacecraft [rad].
     """
 
     C: Array
-    room: Array
+    sigma_min: Array
     turn: Array
 
     def broadest(self, m: int) -> Array:
-        """(<= m, waves, n) sines of those that turn it most."""
+        """Return the sines (<= m, waves, n) of those that turn the spacecraft most."""
         return self.C[np.argsort(-np.linalg.norm(self.turn, axis=1))[:m]]
 
 
-class Search:
-    """Guesses for motions from one configuration.
+class GuessFinder:
+    """The search for guesses of motions from one configuration.
 
     Args:
-        start: Where they begin.
-        task: What they must achieve.
+        start: The configuration.
+        target: What the motions must achieve.
         waves: Number of sines of curve and loop.
-        rng: The source of all that is random.
+        rng: Source of random numbers.
     """
 
     def __init__(
-        self, start: Configuration, task: Task, waves: int, rng: np.random.Generator
+        self, start: Configuration, target: Target, waves: int, rng: np.random.Generator
     ) -> None:
-        self.start, self.task, self.waves, self.rng = start, task, waves, rng
+        self.start, self.target, self.waves, self.rng = start, target, waves, rng
         self.arm, self.T0, self.com = start.arm, start.base.rotation, start.com
         self.axes = goal_axes(start)
-        self.free = FreeSpace(self.arm, start.q, task.lower, task.upper)
+        self.free = FreeSpace(self.arm, start.q, target.lower, target.upper)
         s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
         self._basis, self._slope = sines(np.append(s, 1.0), waves)
         self._along, _ = sines(np.linspace(0.0, 1.0, POINTS), waves)
 
-    def direct(self, width: float) -> Iterator[Guess]:
-        """Curves that arrive: the free ones, the shorter the earlier, then others.
+    def curves(self, width: float) -> Iterator[Guess]:
+        """Yield curves that arrive: free ones, shortest first, then others.
 
         Args:
-            width: How far they go about [rad], [m], and how far the spacecraft may turn [rad].
+            width: Size of the sines [rad], [m], and of the turns of the spacecraft [rad].
         """
         _, ends = self._ends(width, FEW)
         ends = np.resize(ends, (FEW if len(ends) else 0, self.arm.n))
         P = width * _closed(self._sines(len(ends)))
         P[1::4] = 0.0  # straight lines too
         P[:, 0] = ends - self.start.q
-        if self.task.q is None:
+        if self.target.q is None:
             P[:, 0] += self.free.windings(width, len(ends), self.rng)
         P, near = self._arriving(P, np.broadcast_to(np.eye(3), (len(P), 3, 3)))
-        room, travel = self.free.room(self._points(P)), _travel(self._points(P))
-        clear = room > self.task.clearance
+        room, travel = self.free.least_sigma_min(self._points(P)), _travel(self._points(P))
+        clear = room > self.target.clearance
         for i in (*_shortest(travel, near & clear), *np.flatnonzero(near & ~clear)):
             yield Guess(self._unknowns(P[i]), 0, room[i])
 
-    def looped(self) -> Iterator[Guess]:
-        """Loops and straight lines that arrive, free, the shorter the earlier."""
-        task, loops = self.task, self._loops()
+    def loops_and_lines(self) -> Iterator[Guess]:
+        """Yield loops with a straight line after them that arrive, free, shortest first."""
+        target, loops = self.target, self._loops()
         T, ends = self._ends(np.pi, MANY)
         P: Array = np.zeros((len(ends), self.waves + 1, self.arm.n))
         P[:, 0] = ends - self.start.q
-        clear = self.free.room(self._points(P)) > task.clearance
+        clear = self.free.least_sigma_min(self._points(P)) > target.clearance
         P, T = P[clear], T[clear]
-        if len(loops.C) == 0 or len(P) == 0 or (task.tip is None and task.attitude is None):
+        if len(loops.C) == 0 or len(P) == 0 or (target.tip is None and target.attitude is None):
             return
         needed = Rotation.from_matrix(self.T0.T @ T @ np.swapaxes(self._turns(P), 1, 2))
         end, loop, times = _matches(loops, needed)
@@ -139,64 +141,76 @@ class Search:
         end, loop, times, travel = end[best], loop[best], times[best], travel[best]
         W = Rotation.from_rotvec(times[:, None] * loops.turn[loop]).as_matrix()
         P, near = self._arriving(P[end], W)
-        room = np.minimum(self.free.room(self._points(P)), loops.room[loop])
-        for i in _shortest(travel, near & (room > task.clearance)):
+        room = np.minimum(self.free.least_sigma_min(self._points(P)), loops.sigma_min[loop])
+        for i in _shortest(travel, near & (room > target.clearance)):
             yield Guess(self._unknowns(P[i], loops.C[loop[i]]), int(times[i]), room[i])
 
     def points(self, guess: Guess) -> Array:
-        """(m, n) points along a guess, its loop once."""
+        """Return points (m, n) along a guess, its loop once."""
         P = guess.x.reshape(-1, self.arm.n)
         curve, C = P[: self.waves + 1].copy(), P[self.waves + 1 :]
         curve[0] -= self.start.q
         loop = self._points(_closed(C[None]))[0] if guess.loops else curve[:0]
         return np.concatenate((loop, self._points(curve[None])[0]))
 
-    def hubs(self, m: int) -> Array:
-        """(<= m, n) places where loops turn the spacecraft far, the way there straight."""
+    def loop_places(self, m: int) -> Array:
+        """Return joint positions (<= m, n) about which loops turn the spacecraft far.
+
+        The straight way there is free.
+        """
         Q = self.free.draw(MANY, self.rng)
         way = self.start.q + np.linspace(0.0, 1.0, POINTS)[:, None] * (Q - self.start.q)[:, None]
-        Q = Q[self.free.room(way) > self.task.clearance]
-        Q = Q[np.argsort(-self.free.room(Q[:, None]))[: MANY // SAMPLE]]
+        Q = Q[self.free.least_sigma_min(way) > self.target.clearance]
+        Q = Q[np.argsort(-self.free.least_sigma_min(Q[:, None]))[: MANY // SAMPLE]]
         if len(Q) == 0:
             return Q
         places, P = np.repeat(Q, SAMPLE, axis=0)[:, None], _closed(self._sines(SAMPLE * len(Q)))
-        clear = self.free.room(places + self._along @ P) > self.task.clearance
+        clear = self.free.least_sigma_min(places + self._along @ P) > self.target.clearance
         turn = np.zeros(len(P))
         turn[clear] = _angles(self._turns(P[clear], places[clear]))
         return Q[np.argsort(-turn.reshape(-1, SAMPLE).max(axis=1))[:m]]
 
     def _ends(self, width: float, m: int) -> tuple[Array, Array]:
-        """Attitudes (<= m, 3, 3) and joint positions (<= m, n) at the goal."""
-        task, axes = self.task, np.zeros(3)
+        """Return attitudes (<= m, 3, 3) and joint positions (<= m, n) at the goal."""
+        target, axes = self.target, np.zeros(3)
         axes[list(turning_axes(self.arm))] = 1.0
         turned = Rotation.from_rotvec(width * self.rng.normal(size=(m, 3)) * axes).as_matrix()
-        T = self.T0 @ turned if task.attitude is None else np.resize(task.attitude, (m, 3, 3))
-        if task.tip is None:
-            return T[:1], np.array([task.q])
-        tip = pin.SE3(task.tip.rotation, task.tip.translation - self.com)
-        Q, miss = landed(self.arm, self.free.draw(m, self.rng), tip, T, self.axes, LANDING)
+        T = self.T0 @ turned if target.attitude is None else np.resize(target.attitude, (m, 3, 3))
+        if target.tip is None:
+            return T[:1], np.array([target.q])
+        tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
+        Q, miss = inverse_kinematics(
+            self.arm, self.free.draw(m, self.rng), tip, T, self.axes, HELD_STEPS
+        )
         Q = self.free.wrapped(Q)
-        good = (miss < CLOSE) & (self.free.room(Q[:, None]) > task.clearance)
+        good = (miss < CLOSE) & (self.free.least_sigma_min(Q[:, None]) > target.clearance)
         return T[good], Q[good]
 
     def _arriving(self, P: Array, W: Array) -> tuple[Array, Mask]:
-        """Curves after turns W (K, 3, 3), their ends moved to the goal; whether they come near."""
-        task = self.task
-        if task.attitude is not None:
-            return P, _angles(task.attitude.T @ self.T0 @ W @ self._turns(P)) < NEAR
-        if task.tip is None or len(P) == 0:
+        """Move the ends of curves to the goal; return the curves, and whether each comes near it.
+
+        Args:
+            P: (K, waves + 1, n) the curves.
+            W: (K, 3, 3) turns of the spacecraft before each curve.
+        """
+        target = self.target
+        if target.attitude is not None:
+            return P, _angles(target.attitude.T @ self.T0 @ W @ self._turns(P)) < NEAR
+        if target.tip is None or len(P) == 0:
             return P, np.ones(len(P), dtype=bool)
 
         def attitude(Q: Array) -> Array:
             P[:, 0] = Q - self.start.q
             return self.T0 @ W @ self._turns(P)
 
-        tip = pin.SE3(task.tip.rotation, task.tip.translation - self.com)
-        _, miss = landed(self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, SHOOTING)
+        tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
+        _, miss = inverse_kinematics(
+            self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, TURNING_STEPS
+        )
         return P, miss < CLOSE
 
     def _loops(self) -> Loops:
-        """Free loops, the broad ones made broader again and again."""
+        """Return free loops, among them large ones made from those that turn it most."""
         found = self._free_loops(self.rng.uniform(0.2, 2.0, (MANY, 1, 1)) * self._sines(MANY))
         for _ in range(GENERATIONS if len(found.C) else 0):
             C = np.resize(found.broadest(BROAD), (MANY, self.waves, self.arm.n))
@@ -206,38 +220,47 @@ class Search:
         return found
 
     def _free_loops(self, C: Array) -> Loops:
-        """Those of sines C (K, waves, n) that are free."""
+        """Return the loops of sines C (K, waves, n) that are free."""
         P = _closed(C)
-        room = self.free.room(self._points(P))
-        free = room > self.task.clearance
+        room = self.free.least_sigma_min(self._points(P))
+        free = room > self.target.clearance
         turn = Rotation.from_matrix(self._turns(P[free])).as_rotvec()
         return Loops(C[free], room[free], turn)
 
     def _sines(self, m: int) -> Array:
-        """(m, waves, n) random sines, the shorter waves the smaller."""
-        C: Array = self.rng.normal(size=(m, self.waves, self.arm.n))
+        """Return random sines (m, waves, n), smaller for shorter waves."""
+        C = self.rng.normal(size=(m, self.waves, self.arm.n))
         return C / np.arange(1.0, self.waves + 1.0)[:, None]
 
     def _points(self, P: Array) -> Array:
-        """(K, POINTS, n) points on curves, P (K, waves + 1, n) from the start."""
+        """Return points (K, POINTS, n) on curves P (K, waves + 1, n) from the start."""
         return self.start.q + self._along @ P
 
     def _turns(self, P: Array, places: Array | None = None) -> Array:
-        """(K, 3, 3) how far they turn the spacecraft; from other places (K, 1, n) if given."""
+        """Return the turns of the spacecraft (K, 3, 3) along curves from the start or from places.
+
+        Args:
+            P: (K, waves + 1, n) the curves.
+            places: (K, 1, n) where they begin; the start if None.
+        """
         places = self.start.q if places is None else places
-        return turns(self.arm, places + self._basis[:-1] @ P, self._slope @ P)
+        return spacecraft_turns(self.arm, places + self._basis[:-1] @ P, self._slope @ P)
 
     def _unknowns(self, P: Array, C: Array | None = None) -> Array:
-        """Those of `Steering`."""
+        """Return the unknowns of `CurveOptimiser` for a curve P and a loop of sines C."""
         curve = P.copy()
         curve[0] += self.start.q
         return np.concatenate((curve.ravel(), np.empty(0) if C is None else C.ravel()))
 
 
 def _matches(loops: Loops, needed: Rotation) -> tuple[Indices, Indices, Indices]:
-    """Turns that are needed, loops that make them nearly, and how many times those do so.
+    """Match loops with the turns that are needed.
 
-    Unit quaternions are as far apart as 2 sin(angle / 4).
+    The distance between the unit quaternions of two attitudes is 2 sin(angle / 4).
+
+    Returns:
+        The numbers of turns that are needed, the numbers of loops that nearly make them, and how
+        many times these have to be run through.
     """
     wound = Rotation.concatenate([Rotation.from_rotvec(k * loops.turn) for k in LOOPS])
     tree = cKDTree(np.concatenate((wound.as_quat(), -wound.as_quat())))
@@ -249,21 +272,21 @@ def _matches(loops: Loops, needed: Rotation) -> tuple[Indices, Indices, Indices]
 
 
 def _angles(R: Array) -> Array:
-    """(K,) angles of rotations (K, 3, 3) [rad]."""
+    """Return the angles (K,) of rotations (K, 3, 3) [rad]."""
     return np.asarray(Rotation.from_matrix(R).magnitude())
 
 
 def _closed(C: Array) -> Array:
-    """(K, waves + 1, n) closed curves of sines C (K, waves, n)."""
+    """Return the closed curves (K, waves + 1, n) of sines C (K, waves, n)."""
     return np.concatenate((np.zeros_like(C[:, :1]), C), axis=1)
 
 
 def _travel(points: Array) -> Array:
-    """(K,) the sum over all joints."""
+    """Return the joint travel (K,) along points (K, m, n), the sum over all joints."""
     return np.abs(np.diff(points, axis=1)).sum(axis=(1, 2))
 
 
 def _shortest(travel: Array, good: Mask) -> Indices:
-    """Those that are good, the shortest first."""
-    order: Indices = np.argsort(travel, kind="stable")
+    """Return the numbers of those that are good, shortest first."""
+    order = np.argsort(travel, kind="stable")
     return order[good[order]]

@@ -1,7 +1,7 @@
-"""Many joint curves at once: how far each turns the spacecraft, and where its tip comes to rest.
+"""Many joint curves at once: the turn of the spacecraft along each, and inverse kinematics.
 
-All of it by compiled kernels, without derivatives along the curves: `curve` has those, for one
-curve at a time.
+Computed by compiled kernels, without derivatives with respect to the curves; the module `curve` has
+those, for one curve at a time.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""
 
 Turns = Callable[[Array], Array]
-"""From ends (K, n) of curves to the attitudes (K, 3, 3) of the spacecraft there."""
+"""Returns the attitudes (K, 3, 3) of the spacecraft at the ends (K, n) of curves."""
 
 
 @lru_cache(maxsize=64)
 def turning_axes(arm: SpaceArm) -> tuple[int, ...]:
-    """The axes about which an arm turns its spacecraft: the normal of a plane, or all three."""
+    """Return the axes about which an arm turns its spacecraft: the normal of a plane, or all."""
     Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
     normal = plane_of_motion(arm, [arm.at(q) for q in Q])
     return (0, 1, 2) if normal is None else (normal,)
 
 
-def turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
-    """(K, 3, 3) how far curves turn the spacecraft, by the Magnus method of `reaction`.
+def spacecraft_turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
+    """Return the turns of the spacecraft (K, 3, 3) along curves, by the Magnus method of `move`.
 
     Args:
         arm: The arm.
@@ -55,22 +55,22 @@ def turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
     return whole
 
 
-def landed(
+def inverse_kinematics(
     arm: SpaceArm, q: Array, tip: pin.SE3, attitude: Array | Turns, axes: Array, steps: int
 ) -> tuple[Array, Array]:
-    """Joint positions that bring the tip to a pose, by damped Newton steps from first guesses.
+    """Find joint positions that bring the tip to a pose, by damped Newton steps from first guesses.
 
     Args:
         arm: The arm.
         q: (K, n) first guesses.
         tip: The pose, from the system CM.
-        attitude: (K, 3, 3) attitudes of the spacecraft, held; or how they follow from q: then the
-            spacecraft turns with each step as (33c) has it.
+        attitude: (K, 3, 3) attitudes of the spacecraft, held; or a function that gives them for
+            joint positions (K, n): then the spacecraft turns with each step by (33c).
         axes: (3, 3) the goal axes; see `goal_axes`.
-        steps: How many.
+        steps: Number of steps.
 
     Returns:
-        (K, n) positions; (K,) how far the tip's task rows are from the pose [m], [rad].
+        (K, n) joint positions; (K,) norm of what the tip misses in the task's rows [m], [rad].
     """
     from spacearm.mechanics.compiled import reactions  # imports the compiler
 

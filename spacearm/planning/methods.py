@@ -1,10 +1,13 @@
-"""The four ways to a goal: each takes a problem and gives a motion, or says why it cannot."""
+"""The four methods of planning: each takes a problem and returns rows that solve it, or fails.
+
+A method that fails raises a NoSolutionError that says why.
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import pinocchio as pin
@@ -15,76 +18,76 @@ from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
-from spacearm.motion.following import Followed, follow
-from spacearm.motion.goal import as_goal, goal_axes, in_rows, miss
-from spacearm.planning.guesses import CLOSE, Guess, Search
-from spacearm.planning.many_curves import landed, turning_axes
-from spacearm.planning.optimiser import ARRIVED, LANDINGS, SPACING, Steering, Task
-from spacearm.planning.problem import WAVES, Motion, Problem
+from spacearm.motion.following import follow
+from spacearm.motion.goal import as_goal, goal_axes, goal_rows, miss
+from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
+from spacearm.planning.many_curves import inverse_kinematics, turning_axes
+from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING, CurveOptimiser, Target
+from spacearm.planning.problem import WAVES, Problem, Rows
 
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
-"""How far curves go about [rad]."""
-HUBS = 8
-"""Places where loops are tried."""
+"""Sizes of the curves that are tried [rad]."""
+PLACES = 8
+"""Postures about which loops are tried."""
 STARTS = 60
-"""Curves that are no motions yet but may be made ones, over the number of joints."""
+"""Curves with a singularity on the way that are optimised, over the number of joints."""
 TRIES, ENOUGH = 6, 2
-"""Guesses that are optimised, and motions of which the shortest is taken."""
+"""Guesses that are optimised, and solutions of which the shortest is taken."""
 TURNS, TURN_STEPS = 72, 24
-"""Attitudes about an axis from which the straight line is tried."""
+"""Attitudes about an axis from which the straight line is tried; steps of the turn to each."""
 NEAREST = 4
-"""Of the free ones the nearest that are steered to."""
+"""Attitudes, nearest first, to which a motion is looked for."""
 
 
-def straight(problem: Problem) -> Motion:
-    """The line of the tip by J*."""
-    steering = Steering(problem.start, problem.task, 1)
-    if np.linalg.norm(steering.left(problem.start)) <= ARRIVED:
+def straight(problem: Problem) -> Rows:
+    """Lead the tip along a straight line by J*."""
+    optimiser = CurveOptimiser(problem.start, problem.target, 1)
+    if np.linalg.norm(optimiser.residual(problem.start)) <= ARRIVED:
         return [problem.start]
-    if problem.task.tip is None:
+    if problem.target.tip is None:
         raise NoSolutionError("the goal is in joint space, no line leads there")
-    motion = _along_line(problem, problem.start, problem.task.tip)
-    if np.linalg.norm(steering.left(motion[-1])) > ARRIVED:
+    rows = _along_line(problem, problem.start, problem.target.tip)
+    if np.linalg.norm(optimiser.residual(rows[-1])) > ARRIVED:
         raise NoSolutionError("the line ends with another attitude of the spacecraft")
-    return problem.checked(motion)
+    return problem.check(rows)
 
 
-def joint_space(problem: Problem) -> Motion:
-    """The shortest joint curve that arrives, of the first few that are found."""
-    search = problem.search(problem.start, problem.task)
+def joint_space(problem: Problem) -> Rows:
+    """Find the shortest joint curve that arrives, of the first few."""
+    finder = problem.guesses(problem.start, problem.target)
     tries = []
     for width in WIDTHS:
-        problem.in_time()
-        tries.append(list(search.direct(width)))
+        problem.check_time()
+        tries.append(list(finder.curves(width)))
     mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
     if not mixed:
         raise NoSolutionError("no joint positions, clear of singularities, were found at the goal")
-    free = (guess for guess in mixed if guess.room > problem.task.clearance)
-    apart = _apart(problem, search, free)
-    return _steered(problem, search, apart or mixed[: STARTS // problem.start.arm.n])
+    free = (guess for guess in mixed if guess.sigma_min > problem.target.clearance)
+    apart = _without_contact(problem, finder, free)
+    return _optimised(problem, finder, apart or mixed[: STARTS // problem.start.arm.n])
 
 
-def cycles(problem: Problem) -> Motion:
-    """A closed loop in joint space, run through as often as it takes, and a curve to the goal."""
-    return _turned(problem, problem.task)
+def cycles(problem: Problem) -> Rows:
+    """Repeat a closed loop in joint space as often as it takes, then follow a curve to the goal."""
+    return _by_loops(problem, problem.target)
 
 
-def attitude_first(problem: Problem) -> Motion:
-    """The spacecraft turned under the tip to where the line is free, then the line."""
-    tip = problem.task.tip
-    if tip is None or problem.task.attitude is not None:
+def attitude_first(problem: Problem) -> Rows:
+    """Turn the spacecraft under the tip to where the line is free, then follow the line."""
+    tip = problem.target.tip
+    if tip is None or problem.target.attitude is not None:
         raise NoSolutionError("the goal is not only a place of the tip, to which a line could lead")
     free = _free_turns(problem, tip)
     turns = ", ".join(turn for turn, _ in free)
     for _, start in free[:NEAREST]:
-        task = problem.task._replace(tip=None, q=start.q, attitude=start.base.rotation)
+        target = problem.target._replace(tip=None, q=start.q, attitude=start.base.rotation)
         try:
-            there = _turned(problem, task)
-            motion = problem.checked(there + _along_line(problem, there[-1], tip)[1:])
+            there = _by_loops(problem, target)
+            rows = problem.check(there + _along_line(problem, there[-1], tip)[1:])
         except NoSolutionError:
             continue
         problem.note = f"the line is free after turns of {turns}"
-        return motion
+        return rows
     raise NoSolutionError(
         f"the line is free after turns of {turns}, which could not be made"
         if free
@@ -92,28 +95,28 @@ def attitude_first(problem: Problem) -> Motion:
     )
 
 
-def _steered(problem: Problem, search: Search, guesses: Iterable[Guess]) -> Motion:
-    """The shortest of the first few motions that the optimiser makes of guesses.
+def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) -> Rows:
+    """Return the shortest of the first few solutions that the optimiser makes of guesses.
 
     Raises:
         NoSolutionError: There is none.
     """
-    found: list[Motion] = []
+    found: list[Rows] = []
     why = "none of the curves tried keeps all constraints"
     for guess in guesses:
-        problem.in_time()
-        aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
-        task = search.task._replace(clearance=max(aim, search.task.clearance))
-        steering = Steering(search.start, task, WAVES, guess.loops)
-        x, met = steering.solve(guess.x, problem.in_time)
-        for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
+        problem.check_time()
+        aim = min(problem.ample, guess.sigma_min) if guess.sigma_min > 0.0 else problem.ample
+        target = finder.target._replace(clearance=max(aim, finder.target.clearance))
+        optimiser = CurveOptimiser(finder.start, target, WAVES, guess.loops)
+        x, met = optimiser.solve(guess.x, problem.check_time)
+        for unknowns, usable in ((x, met), (guess.x, guess.sigma_min > 0.0)):
             if not usable:
                 continue
             try:
-                found.append(problem.checked(steering.arrive(unknowns)))
+                found.append(problem.check(optimiser.refine(unknowns)))
                 break
             except NoSolutionError as error:
-                problem.in_time()
+                problem.check_time()
                 why = str(error)
                 if isinstance(error.best, list):
                     problem.best = error.best
@@ -124,48 +127,54 @@ def _steered(problem: Problem, search: Search, guesses: Iterable[Guess]) -> Moti
     return min(found, key=_travel)
 
 
-def _turned(problem: Problem, task: Task) -> Motion:
-    """Loops where the joints are, or after a straight motion to where loops turn more."""
+def _by_loops(problem: Problem, target: Target) -> Rows:
+    """Run through loops at the start, or after a straight motion to where loops turn more.
+
+    Raises:
+        NoSolutionError: No loop leads to the target.
+    """
     why = ""
-    for hub in _places(problem, task):
-        if problem.contact(np.array([problem.start.q, hub])) is not None:
+    for place in _loop_places(problem, target):
+        if problem.contact(np.array([problem.start.q, place])) is not None:
             continue
-        there = walk(problem.start, _line(problem.start.q, hub))
-        search = problem.search(there[-1], task)
+        there = walk(problem.start, _line(problem.start.q, place))
+        finder = problem.guesses(there[-1], target)
         try:
-            guesses = _apart(problem, search, search.looped())
-            return there + _steered(problem, search, guesses)[1:]
+            guesses = _without_contact(problem, finder, finder.loops_and_lines())
+            return there + _optimised(problem, finder, guesses)[1:]
         except NoSolutionError as error:
             why = why or str(error)
-    raise NoSolutionError(f"{why} ({HUBS} places for loops)", problem.best)
+    raise NoSolutionError(f"{why} ({PLACES} places for loops)", problem.best)
 
 
-def _places(problem: Problem, task: Task) -> Iterator[Array]:
-    """Where loops are tried, (n,) each."""
+def _loop_places(problem: Problem, target: Target) -> Iterator[Array]:
+    """Yield the joint positions (n,) at which loops are tried."""
     yield problem.start.q
-    problem.in_time()
-    yield from problem.search(problem.start, task).hubs(HUBS)
+    problem.check_time()
+    yield from problem.guesses(problem.start, target).loop_places(PLACES)
 
 
-def _apart(problem: Problem, search: Search, guesses: Iterable[Guess]) -> list[Guess]:
-    """The first few guesses in which no bodies meet."""
-    apart = (g for g in guesses if problem.contact(search.points(g)) is None)
+def _without_contact(
+    problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]
+) -> list[Guess]:
+    """Return the first few guesses in which no bodies meet."""
+    apart = (g for g in guesses if problem.contact(finder.points(g)) is None)
     return list(itertools.islice(apart, TRIES))
 
 
 def _line(start: Array, end: Array) -> Array:
-    """(m, n) rows of a straight motion; only the start where it goes nowhere."""
+    """Return rows (m, n) of a straight motion; only the start if both ends are the same."""
     steps = math.ceil(float(np.abs(end - start).sum()) / SPACING)
     return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
 
 
 def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[str, Configuration]]:
-    """Turns under the tip after which the line is free, the least first."""
+    """Return the turns under the tip after which the line is free, in words, smallest first."""
     free = []
     for turn, start in _turns_under_tip(problem.start):
-        problem.in_time()
+        problem.check_time()
         try:
-            problem.checked(_along_line(problem, start, tip))
+            problem.check(_along_line(problem, start, tip))
         except (NoSolutionError, ConfigurationError):
             continue
         free.append((turn, start))
@@ -173,7 +182,10 @@ def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[str, Configuration
 
 
 def _turns_under_tip(start: Configuration) -> list[tuple[str, Configuration]]:
-    """The spacecraft turned while the tip stays, the joints following step by step."""
+    """Return turns of the spacecraft under a tip that stays, with the configuration after each.
+
+    Inverse kinematics finds the joint positions step by step, so that they change continuously.
+    """
     axes = np.eye(3)[list(turning_axes(start.arm))]
     angles = np.pi * np.arange(1, TURNS // 2 + 1) / (TURNS // 2)
     angles = np.column_stack((angles, -angles)).ravel()
@@ -182,44 +194,55 @@ def _turns_under_tip(start: Configuration) -> list[tuple[str, Configuration]]:
     tip = pin.SE3(start.tip.rotation, start.tip.translation - start.com)
     for share in np.arange(1, TURN_STEPS + 1) / TURN_STEPS:
         T = start.base.rotation @ Rotation.from_rotvec(share * w).as_matrix()
-        Q, off = landed(start.arm, Q, tip, T, goal_axes(start), 4)
+        Q, off = inverse_kinematics(start.arm, Q, tip, T, goal_axes(start), 4)
     there = (off < CLOSE) & (np.abs(Q - start.q).max(axis=1) < 2.0 * np.pi)
     return [
-        (_turn(w[i]), start.arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(start.com))
+        (_in_words(w[i]), start.arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(start.com))
         for i in np.flatnonzero(there)
     ]
 
 
-def _turn(w: Array) -> str:
-    """A turn about one axis."""
+def _in_words(w: Array) -> str:
+    """Describe a turn about one axis."""
     axis = int(np.abs(w).argmax())
     return f"{np.degrees(w[axis]):.0f} deg about {'xyz'[axis]}"
 
 
-def _travel(motion: Motion) -> float:
-    return float(np.abs(np.diff([cfg.q for cfg in motion], axis=0)).sum())
+def _travel(rows: Rows) -> float:
+    """Return the sum of the motions of all joints."""
+    return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
 
 
-def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Motion:
-    """The tip straight to its goal, its end made exact.
+def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
+    """Lead the tip straight to its goal, and make the end exact by Newton's method.
 
     Raises:
         NoSolutionError: The line meets a singularity or a limit.
     """
-    limited = bool(np.isfinite(problem.task.lower).any() or np.isfinite(problem.task.upper).any())
+    limits = np.append(problem.target.lower, problem.target.upper)
     if np.linalg.norm(miss(start, tip)) <= ARRIVED:
         return [start]
     goal = as_goal(start, tip)
-    line: Followed = follow(start.arm, start.q, [goal], base=start.base, limits=limited)
+    limited = bool(np.isfinite(limits).any())
+    line = follow(start.arm, start.q, [goal], base=start.base, limits=limited)
     if not line.arrived:
-        raise NoSolutionError(line.reason, [line.at(i) for i in range(len(line.t))])
+        raise NoSolutionError(line.reason, list(line))
     Q = line.q
     ramp = np.linspace(0.0, 1.0, len(Q))[:, None]
-    for _ in range(LANDINGS):
-        motion = walk(start, Q)
-        left = miss(motion[-1], tip)
+    for _ in range(NEWTON_STEPS):
+        rows = walk(start, Q)
+        left = miss(rows[-1], tip)
         if np.linalg.norm(left) <= ARRIVED:
-            return motion
-        J = in_rows(motion[-1], generalized_jacobian(motion[-1]))
+            return rows
+        J = goal_rows(rows[-1], generalized_jacobian(rows[-1]))
         Q = Q + ramp * np.linalg.lstsq(J, left, rcond=None)[0]
-    raise NoSolutionError("the end of the line cannot be made exact", motion)
+    raise NoSolutionError("the end of the line cannot be made exact", rows)
+
+
+METHODS: dict[str, Callable[[Problem], Rows]] = {
+    "straight": straight,
+    "joint space": joint_space,
+    "cycles": cycles,
+    "attitude first": attitude_first,
+}
+"""In the order in which "auto" tries them."""

@@ -1,14 +1,14 @@
-"""Planning: joint motions that arrive although the straight way is singular.
+"""Planner: tries the methods of planning from cheap to thorough, and keeps an account of them.
 
 Papadopoulos & Dubowsky (1993) end on an open problem, "the efficient construction of paths to reach
-points in the path dependent workspace". Here are four answers, from cheap to thorough; a motion
-counts only if it arrives when its rows are replayed, with the clearance asked for.
+points in the path dependent workspace". A motion counts as a solution only if it arrives when its
+rows are replayed, with the clearance asked for.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from numbers import Real
 
@@ -20,17 +20,7 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import Goal
-from spacearm.planning import methods as plan_methods
-from spacearm.planning.problem import Motion, Problem, bodies_apart, what_it_takes
 from spacearm.planning.result import Attempt, Joints, Plan
-
-METHODS: dict[str, Callable[[Problem], Motion]] = {
-    "straight": plan_methods.straight,
-    "joint space": plan_methods.joint_space,
-    "cycles": plan_methods.cycles,
-    "attitude first": plan_methods.attitude_first,
-}
-"""In the order in which "auto" tries them."""
 
 
 def plan(
@@ -47,16 +37,16 @@ def plan(
     seed: int = 0,
     timeout: float = 60.0,
 ) -> Plan:
-    """Finds a joint motion that leads the tip of a floating arm to a goal, from rest to rest.
+    """Find a joint motion that leads the tip of a floating arm to a goal, from rest to rest.
 
-    The spacecraft carries no momentum. With a constant momentum it drifts while the arm moves, and
-    these plans miss: detumble first, or replan at the end.
+    The momentum is zero. With another momentum the spacecraft drifts while the arm moves, and the
+    tip misses the goal: detumble first, or plan again at the end.
 
-    Methods: "straight", a line of the tip by J*; "attitude first", a joint motion that turns the
-    spacecraft to an attitude from which the line is free (Nanos & Papadopoulos, 2015); "cycles", a
-    closed loop in joint space that turns it, run through as often as it takes, then a curve to the
-    goal; "joint space", the shortest joint curve that arrives. "auto" tries straight, joint space,
-    cycles and attitude first, in this order.
+    Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "joint
+    space", the shortest joint curve that arrives; "cycles", a closed loop in joint space that turns
+    the spacecraft, run through as often as it takes, then a curve to the goal; "attitude first", a
+    joint motion that turns the spacecraft to an attitude from which the line is free (Nanos &
+    Papadopoulos, 2015).
 
     Args:
         arm: The arm.
@@ -67,11 +57,11 @@ def plan(
             over joint space, but no more than half of what the start has.
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
-        limits: Whether the joint limits count.
+        limits: Whether the joint limits hold.
         collisions: Whether the spacecraft and the links must not meet where the URDF has collision
             geometry; bodies on both sides of one joint may touch, meshes count as convex hulls.
         method: "auto", or one of the four.
-        seed: Of the first guesses; the same seed gives the same plan.
+        seed: Seed of the random first guesses; the same seed gives the same plan.
         timeout: Time after which the search is given up [s].
 
     Raises:
@@ -80,6 +70,9 @@ def plan(
         NoSolutionError: No motion was found; says why, of every method that was tried, and carries
             the best attempt (the start alone, where there is no better).
     """
+    from spacearm.planning.methods import METHODS  # slow to import, as is all behind it
+    from spacearm.planning.problem import Problem, bodies_apart, make_target
+
     if method not in ("auto", *METHODS):
         raise ConfigurationError(unknown("method", method, ("auto", *METHODS)))
     if not isinstance(timeout, Real) or not timeout > 0.0:
@@ -93,21 +86,21 @@ def plan(
         )
     cfg, ends = arm.at(q0, base=base), time.monotonic() + float(timeout)
     try:
-        task, ample = what_it_takes(cfg, goal, clearance, final_attitude, limits, seed)
-        bodies = bodies_apart(cfg, task) if collisions else None
+        target, ample = make_target(cfg, goal, clearance, final_attitude, limits, seed)
+        bodies = bodies_apart(cfg, target) if collisions else None
     except NoSolutionError as error:
         raise NoSolutionError(str(error), _best(cfg, error.best, ())) from None
-    problem = Problem(cfg, task, ample, seed, ends, bodies)
+    problem = Problem(cfg, target, ample, seed, ends, bodies)
     tried: list[Attempt] = []
     for name in METHODS if method == "auto" else (method,):
         try:
-            problem.in_time()
-            motion = METHODS[name](problem)
+            problem.check_time()
+            rows = METHODS[name](problem)
         except NoSolutionError as error:
             tried.append(Attempt(name, False, str(error)))
             problem.best = error.best if isinstance(error.best, list) else problem.best
             continue
-        found = Plan.of(name, motion, task.clearance, tried, True if bodies else None)
+        found = Plan.of_rows(name, rows, target.clearance, tried, True if bodies else None)
         story = f"joint travel {found.length:.4g}, sigma_min at least {found.sigma_min.min():.3g}"
         tried.append(Attempt(name, True, "; ".join(filter(None, (story, problem.note)))))
         return replace(found, tried=tuple(tried))
@@ -116,6 +109,7 @@ def plan(
     raise NoSolutionError(f"{arm.name}: no plan found: {stories}", best)
 
 
-def _best(cfg: Configuration, motion: object, tried: Sequence[Attempt]) -> Plan:
-    """The best attempt: a motion that does not do what was asked for, or the start alone."""
-    return Plan.of("best attempt", motion if isinstance(motion, list) else [cfg], 0.0, tried, None)
+def _best(cfg: Configuration, rows: object, tried: Sequence[Attempt]) -> Plan:
+    """Return the best attempt: rows that do not solve the problem, or the start alone."""
+    best = rows if isinstance(rows, list) else [cfg]
+    return Plan.of_rows("best attempt", best, 0.0, tried, None)

@@ -1,16 +1,17 @@
-"""Problem: what is to be planned, and whether it can be done at all."""
+"""Problem: what a plan must achieve, checked before the search, and the check of its solutions."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
 from numbers import Real
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -19,104 +20,107 @@ from spacearm.model.joints import joint_vector
 from spacearm.motion.following import follow
 from spacearm.motion.goal import Goal, as_goal, goal_pose, out_of_reach
 from spacearm.planning.collisions import Collisions, Contact, collision_geometry
-from spacearm.planning.guesses import Search
+from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.many_curves import turning_axes
-from spacearm.planning.optimiser import ARRIVED, Task
-from spacearm.planning.result import Joints, certified
+from spacearm.planning.optimiser import ARRIVED, Target
+from spacearm.planning.result import Joints, prove_regular
 from spacearm.singularities.report import NO_INVERSE, singular_values, singularity
 
-Motion = list[Configuration]
+Rows: TypeAlias = list[Configuration]
+"""The configurations along a motion, which is straight in joint space between them."""
 
 WAVES = 3
 """Number of sines of curves and loops."""
 SHARE = 0.002
-"""The clearance where none is asked for, as a share of the median sigma_min in joint space; no more
-than half of what the start has."""
+"""The clearance where none is asked for, as a share of the median sigma_min over joint space; no
+more than half of sigma_min at the start."""
 AMPLE = 0.2
 """The clearance that is aimed at first, likewise."""
 PROBES = 200
+"""Random postures for that median."""
 
 
 @dataclass
 class Problem:
-    """What is to be planned.
+    """A planning problem.
 
     Attributes:
-        start: Where the motion begins.
-        task: What it must achieve.
+        start: Configuration in which the motion begins.
+        target: What the motion must achieve.
         ample: Clearance that is aimed at first.
-        seed: Of the first guesses.
-        deadline: `time.monotonic` at which the search is given up.
-        collisions: The bodies that must not meet; None if that does not matter.
+        seed: Seed of the random first guesses.
+        deadline: Value of `time.monotonic` at which the search is given up.
+        collisions: The bodies that must not meet; None if collisions do not count.
         best: The last attempt that is no solution.
-        note: What a method found out besides.
+        note: Remark of a method on its solution.
     """
 
     start: Configuration
-    task: Task
+    target: Target
     ample: float
     seed: int
     deadline: float
     collisions: Collisions | None
-    best: Motion | None = None
+    best: Rows | None = None
     note: str = ""
 
-    def checked(self, motion: Motion) -> Motion:
-        """A motion that arrives, if it keeps clearance and limits.
+    def check(self, rows: Rows) -> Rows:
+        """Return rows that arrive if they keep clearance, joint limits and distance between bodies.
 
         Raises:
-            NoSolutionError: It does not.
+            NoSolutionError: They do not.
         """
-        sigma = [singular_values(cfg)[-1] for cfg in motion]
+        sigma = [singular_values(cfg)[-1] for cfg in rows]
         worst = int(np.argmin(sigma))
-        if sigma[worst] < self.task.clearance:
+        if sigma[worst] < self.target.clearance:
             raise NoSolutionError(
-                f"sigma_min falls to {sigma[worst]:.2g} at q = {_numbers(motion[worst].q)}, below "
-                f"the clearance of {self.task.clearance:.2g}"
+                f"sigma_min falls to {sigma[worst]:.2g} at q = {_numbers(rows[worst].q)}, below "
+                f"the clearance of {self.target.clearance:.2g}"
             )
-        q = np.array([cfg.q for cfg in motion])
-        over = np.maximum(q - self.task.upper, self.task.lower - q).max(axis=0)
+        q = np.array([cfg.q for cfg in rows])
+        over = np.maximum(q - self.target.upper, self.target.lower - q).max(axis=0)
         if over.max() > 1e-9:
             name = self.start.arm.joint_names[int(over.argmax())]
             raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
-        proof = certified(self.start.arm, q)
+        proof = prove_regular(self.start.arm, q)
         if proof is not None and proof.at is not None:
             raise NoSolutionError(f"a singularity is met at q = {_numbers(proof.at)}")
         if (contact := self.contact(q)) is not None:
             raise NoSolutionError(str(contact))
-        return motion
+        return rows
 
     def contact(self, path: Array) -> Contact | None:
-        """Where bodies meet on straight joint segments (m, n), if they matter."""
-        self.in_time()
+        """Return a contact on straight joint segments (m, n); None if none is there or counts."""
+        self.check_time()
         return self.collisions.contact(path) if self.collisions else None
 
-    def search(self, start: Configuration, task: Task) -> Search:
-        """Guesses for motions from a configuration."""
-        return Search(start, task, WAVES, np.random.default_rng(self.seed))
+    def guesses(self, start: Configuration, target: Target) -> GuessFinder:
+        """Return the finder of first guesses for motions from a configuration."""
+        return GuessFinder(start, target, WAVES, np.random.default_rng(self.seed))
 
-    def in_time(self) -> None:
-        """Raises NoSolutionError once the time is up."""
+    def check_time(self) -> None:
+        """Raise a NoSolutionError once the time is up."""
         if time.monotonic() > self.deadline:
             raise NoSolutionError("the time is up (timeout)", self.best)
 
 
-def what_it_takes(
+def make_target(
     cfg: Configuration,
     goal: Goal | Joints,
     clearance: float | None,
     final_attitude: npt.ArrayLike | pin.SE3 | float | None,
     limits: bool,
     seed: int,
-) -> tuple[Task, float]:
-    """What a motion must achieve, arguments as in `plan`; the ample clearance.
+) -> tuple[Target, float]:
+    """Return the target of a plan, and the clearance to aim at first; arguments as in `plan`.
 
     Raises:
-        NoSolutionError: No motion can do that.
+        ConfigurationError: An argument does not make sense.
+        NoSolutionError: No motion can achieve the target.
     """
     lower, upper = _bounds(cfg, limits)
     least, ample = _clearance(cfg, clearance, seed)
-    task = Task(
+    target = Target(
         tip=None if isinstance(goal, Joints) else _reachable(cfg, goal_pose(cfg, goal), limits),
         q=joint_vector(cfg.arm, goal.q, "goal") if isinstance(goal, Joints) else None,
         attitude=None if final_attitude is None else _attitude(cfg, final_attitude),
@@ -124,19 +128,19 @@ def what_it_takes(
         lower=lower,
         upper=upper,
     )
-    if task.q is not None:
-        _check_joints(cfg, task.q, task)
-    return task, ample
+    if target.q is not None:
+        _check_joints(cfg, target.q, target)
+    return target, ample
 
 
-def bodies_apart(cfg: Configuration, task: Task) -> Collisions:
-    """The bodies that must not meet.
+def bodies_apart(cfg: Configuration, target: Target) -> Collisions:
+    """Return the bodies that must not meet.
 
     Raises:
-        NoSolutionError: They do, at the start or at the goal.
+        NoSolutionError: Some meet at the start or at the goal.
     """
     bodies = collision_geometry(cfg.arm)
-    for what, q in (("start", cfg.q), ("goal", task.q)):
+    for what, q in (("start", cfg.q), ("goal", target.q)):
         if q is not None and bodies and (contact := bodies.contact(q[None])) is not None:
             raise NoSolutionError(
                 f"the {what} is in collision: {contact}; collisions=False ignores it"
@@ -145,10 +149,10 @@ def bodies_apart(cfg: Configuration, task: Task) -> Collisions:
 
 
 def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
-    """(n,) each: where the joints may be.
+    """Return the least and the largest joint positions (n,).
 
     Raises:
-        NoSolutionError: The start is beyond them.
+        NoSolutionError: The start is beyond the limits.
     """
     arm, free = cfg.arm, np.full(cfg.arm.n, np.inf)
     if not limits:
@@ -158,7 +162,7 @@ def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
 
 
 def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array) -> None:
-    """Raises NoSolutionError where joint positions (n,) are beyond their limits."""
+    """Raise a NoSolutionError if joint positions (n,) are beyond their limits."""
     beyond = (q < lower) | (q > upper)
     if beyond.any():
         j = int(np.flatnonzero(beyond)[0])
@@ -169,34 +173,34 @@ def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array
 
 
 def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
-    """The goal, unless it is farther from the system CM than the stretched virtual manipulator.
+    """Return the goal if the stretched virtual manipulator is long enough for it.
 
     Raises:
-        NoSolutionError: It is; carries the way of the tip towards it as far as J* leads.
+        NoSolutionError: It is not; carries the motion towards the goal as far as J* leads.
     """
     if far := out_of_reach(cfg, goal):
         line = follow(cfg.arm, cfg.q, [as_goal(cfg, goal)], base=cfg.base, limits=limits)
-        raise NoSolutionError(far, [line.at(i) for i in range(len(line.t))])
+        raise NoSolutionError(far, list(line))
     return goal
 
 
-def _check_joints(cfg: Configuration, q: Array, task: Task) -> None:
-    """Raises NoSolutionError where no motion can lead to joint positions q (n,)."""
-    _check_within(cfg.arm, "goal", q, task.lower, task.upper)
+def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
+    """Raise a NoSolutionError if no motion can lead to joint positions q (n,)."""
+    _check_within(cfg.arm, "goal", q, target.lower, target.upper)
     here, there = (singularity(cfg.arm.at(x)).determinant for x in (cfg.q, q))
     if here is not None and there is not None and here * there <= 0.0:
         raise NoSolutionError(
             f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
             "them meets a singularity; lead the tip there and leave the joints open"
         )
-    if (sigma := singular_values(cfg.arm.at(q))[-1]) < task.clearance:
+    if (sigma := singular_values(cfg.arm.at(q))[-1]) < target.clearance:
         raise NoSolutionError(
-            f"the goal has sigma_min {sigma:.3g}, below the clearance of {task.clearance:.3g}"
+            f"the goal has sigma_min {sigma:.3g}, below the clearance of {target.clearance:.3g}"
         )
 
 
 def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
-    """(3, 3) the attitude asked for.
+    """Return the attitude (3, 3) asked for.
 
     Raises:
         NoSolutionError: A planar arm cannot turn its spacecraft there.
@@ -213,25 +217,21 @@ def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
 
 
 def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
-    """(3, 3) a rotation from what final_attitude may be."""
+    """Return the rotation (3, 3) that final_attitude stands for."""
     normal = arm.tree.plane_normal()
     given = attitude.rotation if isinstance(attitude, pin.SE3) else attitude
-    try:
-        values = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.shape == () and normal is not None and np.isfinite(values):
-        return pin.exp3(float(values) * np.eye(3)[normal])
-    if values.shape != (3, 3):
-        raise ConfigurationError(
-            f"final_attitude is {attitude!r}; give a (3, 3) rotation matrix, a pin.SE3"
-            + (", or an angle [rad]" if normal is not None else "")
-        )
-    return sound_pose(pin.SE3(values, np.zeros(3)), "final_attitude").rotation
+    meaning = "(a rotation matrix), a pin.SE3"
+    if normal is not None:
+        if not np.iterable(given):
+            angle = finite(given, (), "final_attitude", "[rad], a (3, 3) rotation or a pin.SE3")
+            return pin.exp3(float(angle) * np.eye(3)[normal])
+        meaning += ", or an angle [rad]"
+    R = finite(given, (3, 3), "final_attitude", meaning)
+    return sound_pose(pin.SE3(R, np.zeros(3)), "final_attitude").rotation
 
 
 def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[float, float]:
-    """The least sigma_min on the way, and an ample one.
+    """Return the least sigma_min on the way, and the one to aim at first.
 
     Raises:
         NoSolutionError: The start has less.
@@ -258,4 +258,5 @@ def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[
 
 
 def _numbers(q: Array) -> str:
+    """Return joint positions in a row."""
     return "(" + ", ".join(f"{x:.4g}" for x in q) + ")"

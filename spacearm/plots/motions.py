@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +14,10 @@ from scipy.optimize import isotonic_regression
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
-from spacearm.motion.following import Followed
 from spacearm.motion.goal import goal_axes
-from spacearm.motion.trajectory import Trajectory
-from spacearm.planning.result import Plan
+from spacearm.motion.motion import Motion
 from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
 from spacearm.workspaces.path_dependent import Workspace
-
-Drawn: TypeAlias = Trajectory | Followed | Plan
 
 CLOSE = 0.05
 """Share of the tip path's extent within which its end needs no name beside the target's."""
@@ -34,14 +30,14 @@ ROUNDING = 1e-16
 
 
 def draw_motion(
-    motion: Drawn, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
+    motion: Motion, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
 ) -> Figure:
     """Draws a motion: tip path (figure 5), attitude and joints (figure 6), nearness to singularity.
 
     All along the axes in which goals are given: a plane that is tilted is drawn as a flat one.
 
     Args:
-        motion: From `sa.simulate`, `sa.follow` or `sa.plan`.
+        motion: The motion, from `sa.simulate`, `sa.follow` or `sa.plan`, or another one.
         target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
         workspace: Of a planar arm, to draw its shells about the system CM.
 
@@ -66,13 +62,13 @@ def draw_motion(
         nearness.set_ylim(*decades)
         nearness.yaxis.set_minor_formatter(NullFormatter())
         for axes in (attitude, joints, nearness):
-            for t in _singular_times(motion):
+            for t in motion.singular_times[:MOST_MARKS]:
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")
         figure.align_ylabels()
         return figure
 
 
-def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
+def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
     """The components of a point that are drawn: 3, or the 2 in the plane of a planar arm."""
     normal = motion.arm.tree.plane_normal()
     try:
@@ -80,7 +76,7 @@ def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
     except (TypeError, ValueError):
         x = np.empty(0)
     if x.shape == (3,) and normal is not None:
-        x = np.delete(x @ goal_axes(motion.at(0)), normal)
+        x = np.delete(x @ goal_axes(motion[0]), normal)
     if x.shape != (3 if normal is None else 2,) or not np.isfinite(x).all():
         raise ConfigurationError(
             f"target is {target!r}; give 3 finite numbers [m]"
@@ -90,10 +86,10 @@ def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:
 
 
 def _draw_path(
-    figure: Any, motion: Drawn, target: Array | None, workspace: Workspace | None
+    figure: Any, motion: Motion, target: Array | None, workspace: Workspace | None
 ) -> None:
     normal = motion.arm.tree.plane_normal()
-    start = motion.at(0)
+    start = motion[0]
     x = motion.tip[:, :3] @ goal_axes(start)
     if normal is None:
         axes = figure.add_subplot(projection="3d")
@@ -111,7 +107,7 @@ def _draw_path(
     marks = [("start", x[0], BLUE)]
     if target is None or np.linalg.norm(x[-1] - target) > CLOSE * np.ptp(x, axis=0).max():
         marks.append(("end", x[-1], BLUE))
-    first = _singular_times(motion)[:1]
+    first = motion.singular_times[:1]
     if first:
         at = np.array([np.interp(first[0], motion.t, column) for column in x.T])
         axes.plot(*at[:, None], "x", color=RED, ms=10, mew=2.5)
@@ -126,7 +122,7 @@ def _draw_path(
             axes.annotate(label, at, (8, 6), textcoords="offset points", color=color)
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
-    figure.suptitle(f"{motion.arm.name}, {_story(motion)}", x=0.02, ha="left")
+    figure.suptitle(f"{motion.arm.name}, {motion.story}", x=0.02, ha="left")
 
 
 def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
@@ -152,16 +148,8 @@ def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
     axes.plot(x, y, "P", color="black", ms=7)
 
 
-def _story(motion: Drawn) -> str:
-    """What kind of motion it is and how it ended."""
-    if isinstance(motion, Plan):
-        return f"{motion.method}: joint travel {motion.length:.3g}, {motion.t[-1]:.3g} s"
-    ended = f"{motion.t[-1]:.4g} s" if motion.ended == "duration" else f"ended by {motion.ended}"
-    return f"{motion.mode}: {ended}"
-
-
-def _draw_attitude(axes: Any, motion: Drawn) -> None:
-    along = goal_axes(motion.at(0)).T
+def _draw_attitude(axes: Any, motion: Motion) -> None:
+    along = goal_axes(motion[0]).T
     rotations = [along @ pin.XYZQUATToSE3(pose).rotation for pose in motion.base]
     turns = np.degrees([pin.log3(R) for R in rotations])
     normal = motion.arm.tree.plane_normal()
@@ -175,7 +163,7 @@ def _draw_attitude(axes: Any, motion: Drawn) -> None:
         axes.set_ylabel("attitude\n[deg]")
 
 
-def _draw_joints(axes: Any, motion: Drawn) -> None:
+def _draw_joints(axes: Any, motion: Motion) -> None:
     arm = motion.arm
     q = motion.q * np.where(arm.slides, 100.0, 180.0 / np.pi)
     for i in range(arm.n):
@@ -197,12 +185,3 @@ def _name(axes: Any, x: float, ends: Array, labels: list[str]) -> None:
             labels[i], (x, y), (4, 0), textcoords="offset points", va="center", fontsize=9,
             color=axes.lines[i].get_color(), annotation_clip=False,
         )  # fmt: skip
-
-
-def _singular_times(motion: Drawn) -> list[float]:
-    """When the motion met singularities."""
-    if isinstance(motion, Plan):
-        return []
-    if isinstance(motion, Followed):
-        return [float(motion.t[-1])] if motion.ended == "singularity" else []
-    return [event.t for event in motion.events if event.kind == "singularity"][:MOST_MARKS]

@@ -8,6 +8,7 @@ from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.cli.options import join_numbers
+from spacearm.plots.motions import draw_motion
 
 FIGURE_5 = ["planar2", "--deg", "--start", -57.936, 60.337, "--attitude", 0, 0, 21]
 FIGURE_5 += ["--target", 1.5, 1.5]
@@ -25,7 +26,7 @@ def test_figures_5_and_6(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["planar2_simulation.png", "run.npz"]
     kept = sa.Trajectory.load(tmp_path / "run.npz", sa.load("planar2"))
     np.testing.assert_allclose(kept.tip[0, :2], (2, 0), atol=1e-4)
-    figure = kept.plot((1.5, 1.5))
+    figure = draw_motion(kept, (1.5, 1.5))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "sigma_min\n[m/rad]"]
     assert {"start", "singular", "target"} <= {text.get_text() for text in figure.axes[0].texts}

@@ -1,6 +1,4 @@
-"""Moving with a floating spacecraft, and motions sampled in time."""
-
-from types import SimpleNamespace
+"""Moving with a floating spacecraft."""
 
 import numpy as np
 import pinocchio as pin
@@ -78,43 +76,3 @@ def test_a_small_loop_turns_by_the_curvature_it_encloses():
     for corner in (q + a * x, q + a, q + a * y, q):
         loop = sa.move(loop, corner)
     assert pin.log3(loop.base.rotation)[2] == pytest.approx(curvature * a * a, rel=1e-4)
-
-
-def motion():
-    arm = sa.load("planar2")
-    cfgs = [arm.at([0, 0]), sa.move(arm.at([0, 0]), [0.5, 1.0])]
-    return SimpleNamespace(
-        arm=arm, t=[0.0, 2.0], q=[c.q for c in cfgs], base=[c.base for c in cfgs]
-    )
-
-
-def test_a_motion_is_linear_between_its_samples():
-    m = sa.Motion.of(motion())
-    assert np.allclose(m.at(1.0).q, [0.25, 0.5])
-    assert np.allclose(m.at(-1.0).q, [0, 0])
-    assert np.allclose(m.at(9.0).q, [0.5, 1.0])
-    assert m.at(2.0).base.isApprox(motion().base[1], 1e-12)
-    assert sa.Motion.of(m).at(0.3).base.isApprox(m.at(0.3).base, 1e-12)
-    lists = sa.Motion(m.arm, m.t.tolist(), m.q.tolist(), m.base.tolist())
-    assert np.array_equal(lists.at(0.3).q, m.at(0.3).q)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"t": [0.0]}, r"q has shape \(2, 2\); give \(1, 2\)"),
-        ({"t": [0.0, 0.0]}, "growing times"),
-        ({"q": [[0, 0], [0, np.nan]]}, "q .* all finite"),
-        ({"t": [0.0, 1e300]}, "t .* up to 1e"),
-        ({"base": [[0] * 7] * 2}, "base .* quaternions of length 1"),
-        ({"base": [[0] * 6] * 2}, r"base has shape \(2, 6\)"),
-        ({"t": None}, r"t has shape \(\)"),
-        ({"q": [[0, 0], [1]]}, "q must be numbers"),
-        ({"base": None}, "cannot be played"),
-    ],
-)
-def test_bad_motions_are_refused(change, message):
-    with pytest.raises(sa.ConfigurationError, match=message):
-        sa.Motion.of(SimpleNamespace(**{**vars(motion()), **change}))
-    with pytest.raises(sa.ConfigurationError, match="a dict cannot be played"):
-        sa.Motion.of({})

@@ -54,7 +54,7 @@ def test_a_pose_is_reached():
     goal = pin.SE3(pin.exp3(np.array([0.1, -0.05, 0.08])), np.zeros(3)) * cfg.tip
     goal.translation = cfg.tip.translation + np.array([0.02, -0.03, 0.01])
     run = sa.simulate(arm, q, sa.ResolvedRate(target=goal), 15.0, events=())
-    np.testing.assert_allclose(run.at(-1).tip.homogeneous, goal.homogeneous, atol=1e-5)
+    np.testing.assert_allclose(run[-1].tip.homogeneous, goal.homogeneous, atol=1e-5)
 
 
 def test_the_null_space_tends_to_the_posture_of_rest():
@@ -65,7 +65,7 @@ def test_the_null_space_tends_to_the_posture_of_rest():
     assert np.abs(still.q - Q7).max() < 1e-9
     away = []
     for i in (0, -1):
-        J = sa.generalized_jacobian(moved.at(i))[:3]
+        J = sa.generalized_jacobian(moved[i])[:3]
         away.append(np.linalg.norm((np.eye(7) - np.linalg.pinv(J) @ J) @ (moved.q[i] - 0.5 * Q7)))
     assert away[1] < 0.02 * away[0]
     assert error(moved, lambda _: goal).max() < 5e-3
@@ -104,7 +104,7 @@ def test_reactionless_motion_does_not_turn_the_spacecraft():
     goal = arm.at(Q7).tip.translation + np.array([0.05, 0.0, 0.03])
     run = sa.simulate(arm, Q7, sa.Reactionless(target=goal), 10.0, events=())
     usual = sa.simulate(arm, Q7, sa.ResolvedRate(target=goal), 10.0, events=())
-    turned = [abs(np.linalg.norm(pin.log3(r.at(-1).base.rotation))) for r in (run, usual)]
+    turned = [abs(np.linalg.norm(pin.log3(r[-1].base.rotation))) for r in (run, usual)]
     assert turned[0] < 1e-4
     assert turned[1] > 10 * turned[0]
     miss = error(run, lambda _: goal)

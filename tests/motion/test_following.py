@@ -17,7 +17,7 @@ def at_the_cm(arm, q, attitude):
 
 
 def attitude(run):
-    return np.degrees(pin.log3(run.at(-1).base.rotation)[2])
+    return np.degrees(pin.log3(run[-1].base.rotation)[2])
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +53,10 @@ def test_to_c(to_c):
 
 def test_nine_turns_about_c_and_then_to_b(arm, to_c):
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-    start = to_c.at(-1)
+    start = to_c[-1]
     turns = sa.follow(arm, start.q, [*(9 * corners), corners[0], C], base=start.base, limits=False)
     assert attitude(turns) == pytest.approx(73.1, abs=0.05)
-    end = turns.at(-1)
+    end = turns[-1]
     arrived = sa.follow(arm, end.q, [B], base=end.base, limits=False)
     assert arrived.arrived
     np.testing.assert_allclose(arrived.tip[-1, :2], B, atol=1e-9)
@@ -104,7 +104,7 @@ def test_there_and_back_returns_a_square_task_to_its_joints(mode):
     assert run.arrived
     np.testing.assert_allclose(run.q[-1], q, atol=1e-7)
     half = np.abs(run.s - run.length / 2).argmin()
-    np.testing.assert_allclose(run.at(half).tip.translation, away.translation, atol=0.02)
+    np.testing.assert_allclose(run[half].tip.translation, away.translation, atol=0.02)
     if mode != "free-floating":
         np.testing.assert_allclose(run.base[:, 3:], run.base[:1, 3:].repeat(len(run.t), 0))
 
@@ -113,13 +113,13 @@ def test_a_path_that_is_a_function(arm, to_c):
     def circle(s):
         return C + 0.2 * np.array([np.cos(s / 0.2), -np.sin(s / 0.2)])
 
-    start = to_c.at(-1)
+    start = to_c[-1]
     run = sa.follow(arm, start.q, circle, length=0.4 * np.pi, base=start.base, speed=0.2)
     assert run.arrived
     assert run.length == pytest.approx(0.2 + 0.4 * np.pi)
     np.testing.assert_allclose(run.t, run.s / 0.2)
     np.testing.assert_allclose(np.linalg.norm(run.tip[run.s > 0.2, :2] - C, axis=1), 0.2, atol=1e-7)
-    turned = pin.log3(run.at(-1).base.rotation @ run.at(np.sum(run.s < 0.2)).base.rotation.T)
+    turned = pin.log3(run[-1].base.rotation @ run[np.sum(run.s < 0.2)].base.rotation.T)
     assert np.degrees(np.linalg.norm(turned)) > 1.0  # a closed path turns the spacecraft
 
 
@@ -130,12 +130,12 @@ def test_a_redundant_arm_and_the_momentum_of_its_motion():
     run = sa.follow(arm, q, [goal])
     assert run.arrived
     np.testing.assert_allclose(run.tip[-1, :3], goal, atol=1e-9)
-    com = np.array([run.at(i).com for i in range(len(run.t))])
+    com = np.array([run[i].com for i in range(len(run.t))])
     np.testing.assert_allclose(com, com[:1].repeat(len(com), 0), atol=1e-12)
-    moved = run.at(0)
+    moved = run[0]
     for i in range(1, len(run.t)):
         moved = sa.move(moved, run.q[i])
-    np.testing.assert_allclose(moved.base.homogeneous, run.at(-1).base.homogeneous, atol=1e-5)
+    np.testing.assert_allclose(moved.base.homogeneous, run[-1].base.homogeneous, atol=1e-5)
 
 
 TILTS = {
@@ -180,7 +180,7 @@ def test_rows_that_turn_with_the_spacecraft_are_followed_and_judged_in_inertial_
 
 
 def test_joint_limits_stop(arm, to_c):
-    start = to_c.at(-1)
+    start = to_c[-1]
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     run = sa.follow(arm, start.q, 9 * corners, base=start.base)
     assert run.ended == "joint limit"

@@ -66,7 +66,7 @@ def test_figure_6_never_arrives(figure_5):
 
 def test_a_run_can_end_at_the_first_singularity(figure_5):
     law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
-    start = figure_5.at(0)
+    start = figure_5[0]
     found = sa.simulate(start.arm, start.q, law, 200.0, base=start.base, stop=["singularity"])
     assert found.ended == "singularity"
     assert found.t[-1] == pytest.approx(4.889, abs=0.005)
@@ -112,13 +112,13 @@ def test_momentum_does_not_drift_in_a_thousand_seconds():
     assert run.imbalance < 1e-8
     h = 1e-4
     for i in (200, 1000, 1999):
-        start = {"base": run.at(i).base, "dq0": run.dq[i]}
+        start = {"base": run[i].base, "dq0": run.dq[i]}
         near = sa.simulate(
             arm, run.q[i], lambda s, *now, t=run.t[i]: vigorous(t + s, *now), 2 * h, dt=h, **start
         )
-        before, after = near.at(0), near.at(-1)
+        before, after = near[0], near[-1]
         turning = pin.log3(after.base.rotation @ before.base.rotation.T) / (2 * h)
-        momentum = sa.momentum_matrix(near.at(1))
+        momentum = sa.momentum_matrix(near[1])
         shift = (after.base.translation - before.base.translation) / (2 * h)
         h_seen = momentum.base @ np.append(shift, turning) + momentum.joints @ near.dq[1]
         assert np.abs(h_seen).max() < 1e-5 * np.abs(momentum.joints @ near.dq[1]).max()
@@ -129,7 +129,7 @@ def test_an_initial_momentum_is_kept_as_a_vector():
     h = np.array([3.0, -1.0, 2.0, 0.5, 4.0, -2.0])
     run = sa.simulate(arm, np.zeros(7), push(1, 7), 10.0, momentum=h, events=())
     np.testing.assert_allclose(run.momentum, np.tile(h, (len(run.t), 1)), atol=1e-10)
-    com = np.array([run.at(i).com for i in (0, -1)])
+    com = np.array([run[i].com for i in (0, -1)])
     np.testing.assert_allclose(com[1] - com[0], h[:3] / arm.mass * run.t[-1], atol=1e-9)
 
 
@@ -159,7 +159,7 @@ def test_an_arm_that_rests_on_its_target_stays(name, method):
 def test_a_settled_arm_can_be_simulated_on():
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.4, 0.5], kp=5.0, kd=15.0)
-    settled = sa.simulate(arm, [0.3, 0.3], law, 120.0).at(-1)
+    settled = sa.simulate(arm, [0.3, 0.3], law, 120.0)[-1]
     run = sa.simulate(arm, settled.q, law, 30.0, base=settled.base)
     np.testing.assert_allclose(run.q[-1], [0.4, 0.5], atol=1e-3)
 
@@ -169,7 +169,7 @@ def test_time_reversal_returns_to_the_start():
     h = np.array([0, 0, 0, 0, 0, 1.0])
     q0, dq0 = np.array([0.2, 0.5, -0.4]), np.array([0.3, -0.2, 0.1])
     there = sa.simulate(arm, q0, nothing, 5.0, dq0=dq0, momentum=h, rtol=1e-11, atol=1e-12)
-    end = there.at(-1)
+    end = there[-1]
     back = sa.simulate(
         arm, end.q, nothing, 5.0, base=end.base, dq0=-there.dq[-1], momentum=-h,
         rtol=1e-11, atol=1e-12,
@@ -300,7 +300,7 @@ def test_a_trajectory_is_saved_and_loaded(figure_5, tmp_path):
         ("base", lambda a: a.astype(str), "base holds <U32"),
         ("tip", lambda a: np.full_like(a, np.nan), "tip holds numbers that are not finite"),
         ("t", lambda a: a[::-1], "t does not grow"),
-        ("event_q", lambda a: a[:, :1], "event_q holds float64"),
+        ("events_q", lambda a: a[:, :1], "events_q holds float64"),
         ("base", np.zeros_like, "base holds quaternions that are not of length 1"),
         ("tip", lambda a: 1e200 * a, "tip holds quaternions that are not of length 1"),
         ("sigma_min", lambda a: -a, "sigma_min is negative"),
@@ -338,7 +338,7 @@ def test_files_that_are_no_archives_or_packed_ones_are_refused(figure_5, tmp_pat
 
 @pytest.mark.parametrize(
     ("name", "kind", "shape"),
-    [("joints", "<U0", (10**10,)), ("joints", "|V0", (10**12,)), ("event_kind", "<U0", (10**10,)),
+    [("joints", "<U0", (10**10,)), ("joints", "|V0", (10**12,)), ("events_kind", "<U0", (10**10,)),
      ("mode", "|V0", (10**12,)), ("t", "<f8", (10**18, 0)), ("q", "<f8", (0, 10**18))],
 )  # fmt: skip
 def test_arrays_of_nothing_are_refused(figure_5, tmp_path, name, kind, shape):

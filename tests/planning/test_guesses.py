@@ -11,9 +11,9 @@ from spacearm.mechanics.compiled import reactions
 from spacearm.mechanics.floating import walk
 from spacearm.planning.curve import CurveFamily, sample
 from spacearm.planning.free_space import FreeSpace
-from spacearm.planning.guesses import INTERVALS, Search
-from spacearm.planning.many_curves import landed, turns
-from spacearm.planning.optimiser import Steering, Task
+from spacearm.planning.guesses import INTERVALS, GuessFinder
+from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
+from spacearm.planning.optimiser import CurveOptimiser, Target
 
 
 @given(seeds, one_to_eight)
@@ -39,7 +39,7 @@ def test_many_curves_turn_the_spacecraft_as_each_alone(name):
     curves = rng.normal(size=(5, 4, arm.n))
     Q = np.array([family.points(p)[:-1] for p in curves])
     rates = np.array([family.slope @ (p - family._offset) for p in curves])
-    for p, turn in zip(curves, turns(arm, Q, rates), strict=True):
+    for p, turn in zip(curves, spacecraft_turns(arm, Q, rates), strict=True):
         alone, _ = family.turn(p, sample(arm, family.points(p)))
         np.testing.assert_allclose(turn, alone, atol=1e-12)
 
@@ -48,7 +48,7 @@ def test_landing_with_the_attitude_held():
     arm, rng = sa.load("mda6"), np.random.default_rng(2)
     T = np.array([random_base(rng).rotation for _ in range(40)])
     goal = arm.at(rng.uniform(-1, 1, 6)).centred(np.zeros(3)).tip
-    Q, miss = landed(arm, rng.uniform(-3, 3, (40, 6)), goal, T, np.eye(3), 40)
+    Q, miss = inverse_kinematics(arm, rng.uniform(-3, 3, (40, 6)), goal, T, np.eye(3), 40)
     there = np.flatnonzero(miss < 1e-9)
     assert len(there) > 10
     for i in there:
@@ -63,7 +63,9 @@ def test_free_space_ends_at_limits_and_singularities():
     inside = q + 1e-3 * np.linspace(0, 1, 5)[:, None] * np.ones(6)
     beyond = q + np.linspace(0, 1, 5)[:, None] * np.array([0, 0, 0, 0, 0, 4.0])
     elbow = q + np.linspace(0, 1, 41)[:, None] * np.array([0, 0, np.radians(200), 0, 0, 0])
-    room = free.room(np.array([np.resize(inside, (41, 6)), np.resize(beyond, (41, 6)), elbow]))
+    room = free.least_sigma_min(
+        np.array([np.resize(inside, (41, 6)), np.resize(beyond, (41, 6)), elbow])
+    )
     assert room[0] == pytest.approx(sa.evaluate(arm, inside)["sigma_min"].min())
     assert (room[1:] < 0.0).all()
     np.testing.assert_allclose(free.wrapped(q[None] + 2 * np.pi), q[None], atol=1e-12)
@@ -77,14 +79,14 @@ def test_guesses_arrive_and_are_free(name, way):
     start = arm.at(q).centred(np.zeros(3))
     turned = arm.at(q + 0.3, base=pin.SE3(pin.exp3(np.array([0, 0, 0.2])), np.zeros(3)))
     tip = turned.centred(np.zeros(3)).tip
-    task = Task(tip, None, None, 1e-3, arm.lower, arm.upper)
-    search = Search(start, task, 3, rng)
-    guesses = list(search.direct(0.5) if way == "direct" else search.looped())
-    free = [guess for guess in guesses if guess.room > 0.0][:5]
+    target = Target(tip, None, None, 1e-3, arm.lower, arm.upper)
+    finder = GuessFinder(start, target, 3, rng)
+    guesses = list(finder.curves(0.5) if way == "direct" else finder.loops_and_lines())
+    free = [guess for guess in guesses if guess.sigma_min > 0.0][:5]
     assert free
     for guess in free:
-        steering = Steering(start, task, 3, guess.loops)
-        motion = walk(start, steering.rows(guess.x))
-        assert np.linalg.norm(steering.left(motion[-1])) < 5e-3  # its integration is coarse
-        assert min(sa.singularity(cfg).sigma_min for cfg in motion) > 0.5 * guess.room
-        assert (search.points(guess) <= arm.upper).all()
+        optimiser = CurveOptimiser(start, target, 3, guess.loops)
+        motion = walk(start, optimiser.positions(guess.x))
+        assert np.linalg.norm(optimiser.residual(motion[-1])) < 5e-3  # its integration is coarse
+        assert min(sa.singularity(cfg).sigma_min for cfg in motion) > 0.5 * guess.sigma_min
+        assert (finder.points(guess) <= arm.upper).all()

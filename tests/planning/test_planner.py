@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 
 import spacearm as sa
 from spacearm.planning.curve import CurveFamily, sample
-from spacearm.planning.optimiser import Steering, Task
-from spacearm.planning.result import times
+from spacearm.planning.optimiser import CurveOptimiser, Target
+from spacearm.planning.timing import rest_to_rest_times
+from spacearm.plots.motions import draw_motion
 
 E, B, C = np.radians([-57.936, 60.337]), np.array([1.5, 1.5]), np.array([1.0, 0.0])
 
@@ -25,7 +26,7 @@ def about_cm(arm, q, *rpy):
 
 def replay(plan):
     """The end of the plan by scipy's DOP853 on the momentum equation, straight between rows."""
-    arm, start = plan.arm, plan.at(0)
+    arm, start = plan.arm, plan[0]
     T = start.base.rotation.ravel()
     for q, dq in zip(plan.q[:-1], np.diff(plan.q, axis=0), strict=True):
 
@@ -63,7 +64,7 @@ def test_the_open_problem_of_the_paper(arm, found):
     assert (np.abs(found.q) <= np.pi).all()
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     squares = sa.follow(
-        arm, E, [C, *(9 * corners), corners[0], C, B], base=found.at(0).base, limits=False
+        arm, E, [C, *(9 * corners), corners[0], C, B], base=found[0].base, limits=False
     )
     assert squares.arrived
     assert found.length < np.abs(np.diff(squares.q, axis=0)).sum() / 3
@@ -80,7 +81,7 @@ def test_the_joints_come_to_rest_at_corners(arm):
     corner = np.vstack(
         (np.linspace([0, 1.0], [0.5, 1.0], 30), np.linspace([0.5, 1.0], [0.5, 2.0], 60))
     )
-    t = times(arm, corner)
+    t = rest_to_rest_times(arm, corner)
     rates = np.diff(corner, axis=0) / np.diff(t)[:, None]
     assert np.abs(rates[28:30]).max() < 0.2 * np.abs(rates).max()
     assert np.abs(rates).max() <= 1.001 * arm.tree.joints["joint_1"].velocity
@@ -101,7 +102,7 @@ def test_a_plan_is_a_motion_that_can_be_kept_and_drawn(found, tmp_path):
     found.save(tmp_path / "plan.npz")
     with np.load(tmp_path / "plan.npz") as file:
         np.testing.assert_array_equal(file["q"], found.q)
-    assert len(found.plot(B).axes) == 4
+    assert len(draw_motion(found, B).axes) == 4
     assert "joint space" in repr(found)
 
 
@@ -156,9 +157,9 @@ def test_a_pose_of_a_planar_arm_and_a_place_of_a_spatial_one():
         [-0.4, 1.3, 0.6], base=pin.SE3(pin.exp3(np.array([0, 0, 1.0])), np.zeros(3))
     ).tip
     plan = sa.plan(planar, [0.5, 0.8, -0.9], goal, limits=False)
-    start_com = plan.at(0).com
+    start_com = plan[0].com
     np.testing.assert_allclose(replay(plan).tip.homogeneous, goal.homogeneous, atol=1e-6)
-    np.testing.assert_allclose(plan.at(-1).com, start_com, atol=1e-9)
+    np.testing.assert_allclose(plan[-1].com, start_com, atol=1e-9)
     spatial = sa.load("chaser7", task="position")
     q = np.array([0.3, 0.8, -0.4, 1.1, 0.2, 0.6, 0.1])
     place = spatial.at(q).tip.translation + np.array([0.3, -0.2, 0.1])
@@ -175,16 +176,16 @@ def test_gradients_of_all_constraints(name, loops):
     arm, rng = sa.load(name), np.random.default_rng(1)
     q = np.full(arm.n, 0.7)
     goal = arm.at(q + 0.2).tip
-    task = Task(goal, None, pin.exp3(np.array([0, 0, 0.2])), 0.01, arm.lower, arm.upper)
-    steering = Steering(arm.at(q), task, 2, loops)
-    x = np.tile(q, 7)[: steering.size] + 0.2 * rng.normal(size=steering.size)
+    target = Target(goal, None, pin.exp3(np.array([0, 0, 0.2])), 0.01, arm.lower, arm.upper)
+    optimiser = CurveOptimiser(arm.at(q), target, 2, loops)
+    x = np.tile(q, 7)[: optimiser.size] + 0.2 * rng.normal(size=optimiser.size)
 
     def all_of(x):
-        values = steering.values(x)
-        return np.concatenate((values.end, values.room, [steering.cost(x)[0]]))
+        values = optimiser.values(x)
+        return np.concatenate((values.end, values.margins, [optimiser.cost(x)[0]]))
 
-    values = steering.values(x)
-    exact = np.vstack((values.d_end, values.d_room, steering.cost(x)[1]))
+    values = optimiser.values(x)
+    exact = np.vstack((values.d_end, values.d_margins, optimiser.cost(x)[1]))
     steps = 1e-6 * np.eye(len(x))
     differences = np.array([(all_of(x + e) - all_of(x - e)) / 2e-6 for e in steps]).T
     np.testing.assert_allclose(exact, differences, atol=1e-6 * np.abs(exact).max())
@@ -232,7 +233,7 @@ def test_out_of_reach_the_best_attempt_goes_until_it_is_stretched(arm):
     with pytest.raises(sa.NoSolutionError, match="comes no farther") as caught:
         sa.plan(arm, [0.3, 1.2], (3.0, 0.0))
     best, reach = caught.value.best, sa.workspace(arm).reachable.max()
-    R = np.linalg.norm(best.tip[:, :2] - best.at(0).com[:2], axis=1)
+    R = np.linalg.norm(best.tip[:, :2] - best[0].com[:2], axis=1)
     assert 0.99 * reach < R[-1] < reach + 1e-9
     assert best.sigma_min[-1] < 1e-9
 

@@ -19,6 +19,7 @@ from mutations import HOSTILE, altered, changed_text
 import spacearm as sa
 import spacearm.sweeps.processes
 from spacearm.planning.collisions import Collisions
+from spacearm.plots.motions import draw_motion
 from spacearm.sweeps.runner import status
 from spacearm.sweeps.study import Chunk, Recipe
 from spacearm.sweeps.worker import do
@@ -151,11 +152,11 @@ def trajectories(rng: np.random.Generator, folder: Path, named: set[str]) -> Non
             with path.open("wb") as file:
                 np.save(file, rng.normal(size=3))
     run = sa.Trajectory.load(path, arm)
-    repr(run), run.to_dict(), run.at(0), run.at(-1), run.drift, run.imbalance, run.to_xarray()
+    repr(run), run.to_dict(), run[0], run[-1], run.drift, run.imbalance, run.to_xarray()
     sa.Motion.of(run).at(0.2)
     if rng.random() < 0.3:
         named.add("page.html")
-        run.plot()
+        draw_motion(run)
         sa.view(run, open=False).save("page.html")
 
 

@@ -1,0 +1,207 @@
+"""The file of a motion: named arrays of numbers and words in NumPy's format, checked when read.
+
+Each field of a motion is one array. A list of records, such as the events of a trajectory, is one
+array for each field of the records ("events_t", "events_kind"). The file names the joints of the
+arm, but does not hold the arm.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias, get_args, get_origin, get_type_hints
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.files import opened, write
+
+Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
+Form: TypeAlias = tuple[str, tuple[int, ...]]
+"""NumPy's letter for what an array holds ("f" numbers, "b" truth values, "U" words); its shape."""
+
+LETTERS = {str: "U", float: "f", bool: "b"}
+TYPES = {"U": np.str_, "f": np.float64, "b": np.bool_}
+MAYBE = {"True": True, "False": False, "None": None}
+
+
+class Quantity(NamedTuple):
+    """A quantity over time.
+
+    Attributes:
+        unit: Its unit.
+        columns: What its columns stand for: "joint", "pose", "component" (of a momentum) or "axis";
+            empty for a quantity with one number at each time.
+    """
+
+    unit: str
+    columns: str = ""
+
+    def shape(self, m: int, n: int) -> tuple[int, ...]:
+        """Return the shape of its array for m times and n joints."""
+        sizes = {"joint": n, "pose": 7, "component": 6, "axis": 3}
+        return (m, sizes[self.columns]) if self.columns else (m,)
+
+
+class Layout(NamedTuple):
+    """The content of the file of one kind of motion.
+
+    Attributes:
+        kind: Name of the class.
+        quantities: The quantities over time.
+        details: The other fields and their types: `str`, `float` or `bool | None`.
+        lists: The fields that are tuples of records, and the types of the records.
+    """
+
+    kind: str
+    quantities: Mapping[str, Quantity]
+    details: Mapping[str, Any]
+    lists: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, kind: type, quantities: Mapping[str, Quantity]) -> Layout:
+        """Read the layout off the types of the fields of a dataclass."""
+        types = get_type_hints(kind)
+        names = [f.name for f in fields(kind) if f.name not in ("arm", "mode", *quantities)]
+        lists = {
+            name: get_args(types[name])[0] for name in names if get_origin(types[name]) is tuple
+        }
+        details = {name: types[name] for name in names if name not in lists}
+        return cls(kind.__name__, quantities, details, lists)
+
+
+def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
+    """Write a motion to a file, whole or not at all.
+
+    Raises:
+        SpaceArmError: The file cannot be written.
+    """
+    joints = motion.arm.joint_names
+    words = {"kind": layout.kind, "mode": motion.mode, "joints": joints}
+    arrays: Arrays = {name: np.array(word) for name, word in words.items()}
+    arrays |= {name: getattr(motion, name) for name in layout.quantities}
+    for name, kind in layout.details.items():
+        value = getattr(motion, name)
+        arrays[name] = np.array(value if kind in (str, float) else str(value))
+    for name, record in layout.lists.items():
+        items = getattr(motion, name)
+        for i, (column, form) in enumerate(_forms(record, len(items), len(joints)).items()):
+            array: npt.NDArray[Any] = np.array([item[i] for item in items], TYPES[form[0]])
+            arrays[f"{name}_{column}"] = array.reshape(form[1])
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    write(Path(path), buffer.getvalue())
+
+
+def read(path: str | os.PathLike[str]) -> Arrays:
+    """Return the arrays of a file that `save` may have written.
+
+    Raises:
+        ValueError: The file cannot be read, or is none of NumPy's archives of plain arrays.
+    """
+    try:
+        with opened(Path(path)) as file, np.load(file, allow_pickle=False) as archive:
+            held = sum(entry.file_size for entry in archive.zip.infolist())
+            packed = held > os.fstat(file.fileno()).st_size
+            arrays = {} if packed else dict(archive)
+    except Exception as error:  # whatever zipfile and NumPy make of a damaged file
+        raise ValueError(str(error)) from None
+    if packed:
+        raise ValueError("it holds more data than it has bytes (compressed?); write it by save")
+    return arrays
+
+
+def word(arrays: Arrays, name: str) -> str:
+    """Return the word in an array.
+
+    Raises:
+        ValueError: The array is missing, or holds something else.
+    """
+    return str(_array(arrays, name, ("U", ())))
+
+
+def joint_names(arrays: Arrays) -> tuple[str, ...]:
+    """Return the names of the joints.
+
+    Raises:
+        ValueError: They are missing, or no names.
+    """
+    joints = arrays.get("joints", np.empty(0))
+    if joints.dtype.kind != "U" or joints.itemsize == 0:  # no letters, no bytes: any number of them
+        raise ValueError(f"joints holds {joints.dtype} of shape {joints.shape}, not names")
+    return tuple(str(name) for name in joints.ravel())
+
+
+def values(arrays: Arrays, layout: Layout, n: int) -> dict[str, Any]:
+    """Return the values of all fields of a motion of n joints but the arm.
+
+    Raises:
+        ValueError: An array is missing, or its shape or values are none that `save` writes.
+    """
+    m = arrays["t"].size if "t" in arrays else 0
+    found: dict[str, Any] = {"mode": word(arrays, "mode")}
+    for name, quantity in layout.quantities.items():
+        found[name] = _array(arrays, name, ("f", quantity.shape(m, n)))
+    for name in {"tip", "base"} & found.keys():
+        if not unit_quaternions(found[name]):
+            raise ValueError(f"{name} holds quaternions that are not of length 1")
+    if (found["sigma_min"] < 0.0).any():
+        raise ValueError("sigma_min is negative")
+    for name, kind in layout.details.items():
+        if kind is float:
+            found[name] = float(_array(arrays, name, ("f", ())))
+        elif kind is str:
+            found[name] = word(arrays, name)
+        elif (text := word(arrays, name)) in MAYBE:
+            found[name] = MAYBE[text]
+        else:
+            raise ValueError(f"{name} is {text[:60]!r}, none of {', '.join(MAYBE)}")
+    for name, record in layout.lists.items():
+        found[name] = tuple(_records(arrays, name, record, n))
+    return found
+
+
+def unit_quaternions(poses: npt.NDArray[Any]) -> bool:
+    """Tell whether the quaternions of poses (m, 7) have length 1, to 1e-6."""
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(poses[:, 3:], axis=1)
+    return bool((np.abs(lengths - 1.0) <= 1e-6).all())
+
+
+def _forms(record: Any, k: int, n: int) -> dict[str, Form]:
+    """Return the form of the array of each field of k records; what is no number has n of them."""
+    types = get_type_hints(record)
+    return {
+        name: (LETTERS[types[name]], (k,)) if types[name] in LETTERS else ("f", (k, n))
+        for name in record._fields
+    }
+
+
+def _records(arrays: Arrays, name: str, record: Any, n: int) -> list[Any]:
+    """Return the records of a list."""
+    first = arrays.get(f"{name}_{record._fields[0]}", np.empty(0))
+    columns = [
+        _array(arrays, f"{name}_{column}", form)
+        for column, form in _forms(record, first.size, n).items()
+    ]
+    rows = zip(*columns, strict=True)
+    return [record(*(x if x.ndim else x.item() for x in row)) for row in rows]
+
+
+def _array(arrays: Arrays, name: str, form: Form) -> npt.NDArray[Any]:
+    """Return an array of this form, finite numbers if it holds numbers.
+
+    Raises:
+        ValueError: It is missing, or has another form.
+    """
+    if name not in arrays:
+        raise ValueError(f"it holds no {name}")
+    array, (letter, shape) = arrays[name], form
+    if array.shape != shape or array.dtype.kind != letter:
+        raise ValueError(f"{name} holds {array.dtype} of shape {array.shape}, not {shape}")
+    if letter == "f" and not np.isfinite(array).all():
+        raise ValueError(f"{name} holds numbers that are not finite")
+    return array

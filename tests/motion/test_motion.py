@@ -1,0 +1,272 @@
+"""Motion: the base of all that moves, between its samples, in files, as labelled and plain data."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import spacearm as sa
+
+
+def two_samples():
+    arm = sa.load("planar2")
+    cfgs = [arm.at([0, 0]), sa.move(arm.at([0, 0]), [0.5, 1.0])]
+    return SimpleNamespace(
+        arm=arm, t=[0.0, 2.0], q=[c.q for c in cfgs], base=[c.base for c in cfgs]
+    )
+
+
+@pytest.fixture(scope="module")
+def kinds():
+    """One motion of each kind."""
+    arm, q = sa.load("planar2"), [0.3, 1.2]
+    law = sa.JointPD(target=[0.4, 1.1], kp=5.0, kd=9.0)
+    return {
+        "Motion": sa.Motion.of(two_samples()),
+        "Trajectory": sa.simulate(arm, q, law, 2.0, events=["target"], reach=0.1, dt=0.5),
+        "Followed": sa.follow(arm, q, [(1.2, 1.0)]),
+        "Plan": sa.plan(arm, q, (1.2, 1.0), method="straight"),
+    }
+
+
+KINDS = ("Motion", "Trajectory", "Followed", "Plan")
+
+
+# --- samples and what lies between them -----------------------------------------------------
+
+
+def test_a_motion_is_linear_between_its_samples():
+    given = two_samples()
+    m = sa.Motion.of(given)
+    assert np.allclose(m.at(1.0).q, [0.25, 0.5])
+    assert np.allclose(m.at(-1.0).q, [0, 0])
+    assert np.allclose(m.at(9.0).q, [0.5, 1.0])
+    assert m.at(2.0).base.isApprox(given.base[1], 1e-12)
+    assert sa.Motion.of(m).at(0.3).base.isApprox(m.at(0.3).base, 1e-12)
+    lists = sa.Motion(m.arm, m.t.tolist(), m.q.tolist(), m.base.tolist())
+    assert np.array_equal(lists.at(0.3).q, m.at(0.3).q)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_samples_are_configurations(kinds, kind):
+    motion = kinds[kind]
+    assert len(motion) == len(motion.t) > 1
+    assert isinstance(motion, sa.Motion)
+    for i in (0, 1, -1):
+        np.testing.assert_array_equal(motion[i].q, motion.q[i])
+        np.testing.assert_allclose(pin.SE3ToXYZQUAT(motion[i].base), motion.base[i], atol=1e-12)
+        np.testing.assert_allclose(motion[i].q, motion.at(motion.t[i]).q, atol=1e-12)
+    assert [cfg.q.tolist() for cfg in motion] == motion.q.tolist()
+    with pytest.raises(IndexError):
+        motion[len(motion)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_follows_from_the_samples(kinds, kind):
+    motion = kinds[kind]
+    for i, cfg in enumerate(motion):
+        np.testing.assert_array_equal(motion.com[i], cfg.com)
+        np.testing.assert_array_equal(motion.tip[i], pin.SE3ToXYZQUAT(cfg.tip))
+        assert motion.sigma_min[i] == pytest.approx(sa.singularity(cfg).sigma_min, abs=1e-14)
+    for name in ("t", "q", "dq", "base", "tip", "com", "sigma_min"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(motion, name)[0] = 0.0
+
+
+def test_rates_are_differences_where_they_are_not_given(kinds):
+    arm = sa.load("planar2")
+    t = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
+    q = np.column_stack((t**2, 1.0 - t))
+    motion = sa.Motion(arm, t, q, np.tile(np.eye(7)[6], (5, 1)))
+    np.testing.assert_allclose(motion.dq[1:-1], np.column_stack((2 * t, -np.ones(5)))[1:-1])
+    still = sa.Motion(arm, t[:1], q[:1], motion.base[:1])
+    np.testing.assert_array_equal(still.dq, [[0.0, 0.0]])
+    run = kinds["Trajectory"]
+    assert np.abs(run.dq[0]).max() == 0.0  # simulated, not differences
+
+
+def test_the_mode_decides_what_is_singular():
+    arm = sa.load("planar2")
+    base = np.eye(7)[6:]
+    held = sa.Motion(arm, [0.0], [[0.3, 0.0]], base, mode="fixed")
+    assert held.sigma_min[0] < 1e-12 < sa.Motion(arm, [0.0], [[0.3, 0.0]], base).sigma_min[0]
+    with pytest.raises(sa.ConfigurationError, match="'adrift'"):
+        sa.Motion(arm, [0.0], [[0.3, 0.0]], base, mode="adrift")
+
+
+def test_a_motion_of_several_tips_has_no_one_path():
+    arm = sa.load("dual_ur5")
+    arm = arm.replace(tip=arm.tips if len(arm.tips) > 1 else ("left", "right"))
+    motion = sa.Motion(arm, [0.0, 1.0], [np.full(12, 0.4)] * 2, np.tile(np.eye(7)[6], (2, 1)))
+    with pytest.raises(sa.UnsupportedError):
+        motion.tip  # noqa: B018
+    assert motion.sigma_min.shape == (2,)
+    assert "tip" not in motion.to_dict()
+    assert "tip" not in motion.to_xarray()
+
+
+# --- the story ------------------------------------------------------------------------------
+
+
+def test_every_kind_says_how_it_ended(kinds):
+    assert kinds["Motion"].story == "free-floating: 2 s"
+    assert kinds["Trajectory"].story == "free-floating: 2 s"
+    assert kinds["Followed"].story == "free-floating: arrived"
+    assert kinds["Plan"].story.startswith("straight: joint travel ")
+    for motion in kinds.values():
+        assert "\n" not in motion.story
+        assert motion.singular_times == ()
+        assert type(motion).__name__ in repr(motion)
+
+
+def test_singular_times():
+    arm, q = sa.load("planar2"), np.radians([-57.936, 60.337])
+    base = arm.at(q, base=pin.SE3(pin.exp3(np.radians([0, 0, 21])), np.zeros(3)))
+    stuck = sa.follow(arm, q, [(1.5, 1.5)], base=base.centred(np.zeros(3)).base)
+    assert stuck.story == "free-floating: ended by singularity"
+    assert stuck.singular_times == (stuck.t[-1],)
+    law = sa.JointPD(target=[0.3, -1.2], kp=5.0, kd=9.0)
+    run = sa.simulate(arm, [0.3, 1.2], law, 20.0, stop=["singularity"])
+    assert run.story == "free-floating: ended by singularity"
+    assert run.singular_times == (run.events[0].t,)
+
+
+# --- files ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_saved_and_loaded(kinds, kind, tmp_path):
+    motion, path = kinds[kind], tmp_path / "motion.npz"
+    motion.save(path)
+    for read in (sa.Motion, type(motion)):
+        again = read.load(path, motion.arm)
+        assert type(again) is type(motion)
+        assert again.to_dict() == motion.to_dict()
+        assert repr(again) == repr(motion)
+
+
+def test_a_plan_is_proven_anew_when_it_is_read(kinds, tmp_path):
+    kinds["Plan"].save(tmp_path / "plan.npz")
+    plan = sa.Motion.load(tmp_path / "plan.npz", kinds["Plan"].arm)
+    assert plan.certificate.free
+    assert plan.tried == kinds["Plan"].tried
+    assert plan.apart is kinds["Plan"].apart
+
+
+def test_a_file_of_another_kind_is_refused(kinds, tmp_path):
+    path = tmp_path / "plan.npz"
+    kinds["Plan"].save(path)
+    with pytest.raises(sa.ConfigurationError, match=r"no saved trajectory: .*'Plan'"):
+        sa.Trajectory.load(path, kinds["Plan"].arm)
+    with pytest.raises(sa.ConfigurationError, match="joint_3"):
+        sa.Motion.load(path, sa.load("planar3"))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("kind", np.array("Ballet"), "'Ballet'"),
+        ("kind", np.array(3.0), "kind holds float64"),
+        ("apart", np.array("perhaps"), "apart is 'perhaps'"),
+        ("tried_arrived", np.array(["yes"]), "tried_arrived holds <U3"),
+        ("tried_story", None, "holds no tried_story"),
+        ("tried_method", np.array("straight"), "tried_method holds"),
+        ("clearance", np.array(np.nan), "clearance holds numbers that are not finite"),
+        ("method", None, "holds no method"),
+        ("base", None, "holds no base"),
+        ("com", np.zeros((2, 3)), "com holds float64"),
+    ],
+)
+def test_damaged_plans_are_refused(kinds, tmp_path, name, value, message):
+    path = tmp_path / "plan.npz"
+    kinds["Plan"].save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    del arrays[name]
+    np.savez(path, **(arrays if value is None else arrays | {name: value}))
+    with pytest.raises(sa.ConfigurationError, match=f"no saved motion: .*{message}"):
+        sa.Motion.load(path, kinds["Plan"].arm)
+
+
+# --- labelled and plain data ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_as_labelled_arrays(kinds, kind):
+    motion = kinds[kind]
+    data = motion.to_xarray()
+    assert data.attrs["mode"] == "free-floating"
+    assert data["tip"].dims == ("t", "pose")
+    assert data["com"].attrs["unit"] == "m"
+    np.testing.assert_array_equal(data["t"], motion.t)
+    np.testing.assert_array_equal(data["q"].sel(joint="joint_2"), motion.q[:, 1])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_as_plain_data(kinds, kind):
+    motion = kinds[kind]
+    data = json.loads(json.dumps(motion.to_dict()))
+    assert data["arm"] == "planar2"
+    for name in ("t", "q", "dq", "base", "tip", "com", "sigma_min"):
+        np.testing.assert_array_equal(data[name], getattr(motion, name))
+
+
+def test_parts_of_results_as_plain_data(kinds):
+    (event,) = kinds["Trajectory"].events
+    assert json.loads(json.dumps(event.to_dict()))["q"] == event.q.tolist()
+    assert kinds["Trajectory"].to_dict()["events"] == [event.to_dict()]
+    (attempt,) = kinds["Plan"].tried
+    assert kinds["Plan"].to_dict()["tried"] == [attempt.to_dict()]
+    assert attempt.to_dict()["method"] == "straight"
+    assert sa.Joints((0.1, 0.2)).to_dict() == {"q": [0.1, 0.2]}
+
+
+def still(_):
+    return (1.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("law", "expected"),
+    [
+        (sa.TransposedJacobian(target=(1.0, 0.5), kp=[5, 6], kd=np.ones(2)),
+         {"target": [1.0, 0.5], "mode": "free-floating", "kp": [5, 6], "kd": [1.0, 1.0]}),
+        (sa.ResolvedRate(target=pin.SE3.Identity()),
+         {"target": [0, 0, 0, 0, 0, 0, 1.0], "mode": "free-floating", "gain": 1.0, "servo": 20.0,
+          "rest": None}),
+        (sa.DampedLeastSquares(target=still, mode="fixed"),
+         {"target": repr(still), "mode": "fixed", "gain": 1.0, "servo": 20.0, "damping": 0.1,
+          "threshold": 0.1}),
+        (sa.Reactionless(target=(1.0, 0.5), threshold=0.2),
+         {"target": [1.0, 0.5], "mode": "free-floating", "gain": 1.0, "servo": 20.0,
+          "damping": 0.1, "threshold": 0.2}),
+        (sa.JointPD((0.1, 0.2), kp=2, kd=4), {"target": [0.1, 0.2], "kp": 2, "kd": 4}),
+    ],
+)  # fmt: skip
+def test_controllers_as_plain_data(law, expected):
+    assert json.loads(json.dumps(law.to_dict())) == expected
+
+
+# --- bad input ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"t": [0.0]}, r"q is .*give a \(1, 2\) array of finite numbers"),
+        ({"t": [0.0, 0.0]}, "t does not grow"),
+        ({"q": [[0, 0], [0, np.nan]]}, "q .* finite numbers"),
+        ({"t": [0.0, 1e300]}, "t .* finite numbers"),
+        ({"base": [[0] * 7] * 2}, "base .* quaternions that are not of length 1"),
+        ({"base": [[0] * 6] * 2}, r"(?s)base is .*give a \(2, 7\)"),
+        ({"t": None}, "t is None; give 1 finite numbers"),
+        ({"q": [[0, 0], [1]]}, "q is .*finite numbers"),
+        ({"base": None}, "cannot be played"),
+    ],
+)
+def test_bad_motions_are_refused(change, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.Motion.of(SimpleNamespace(**{**vars(two_samples()), **change}))
+    with pytest.raises(sa.ConfigurationError, match="a dict cannot be played"):
+        sa.Motion.of({})
