@@ -142,7 +142,7 @@ class Collisions:
         return float(coal.distance(a.shape, A, b.shape, B, request, result))
 
     def gains(self, path: Array) -> Array:
-        """Return how far joints move two bodies against each other at most: (pairs, n) [m/rad], [1].
+        """Return how far joints move two bodies against each other at most (pairs, n), [m/rad].
 
         A joint does so if it carries only one of them. Sliding joints between it and the body make
         its lever longer, by no more than their largest displacement on the path.

@@ -12,7 +12,6 @@ carried to the end.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,9 +19,16 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.mechanics.floating import GAUSS
+from spacearm.mechanics.floating import GAUSS, magnus_step, magnus_step_derivative
+from spacearm.mechanics.jacobian import (
+    base_response,
+    base_response_derivative,
+    partial_derivatives,
+    reduced_jacobian,
+    reduced_jacobian_derivative,
+)
 from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import LWA
+from spacearm.model.configuration import kinematics
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,48 +52,35 @@ class Samples:
     @cached_property
     def X(self) -> Array:
         """(m, 6, n) X = A_b^-1 A_q; the twist of the spacecraft is -X dq."""
-        return np.linalg.solve(self.A[..., :6], self.A[..., 6:])
+        return base_response(self.A)
 
     @cached_property
     def dX(self) -> Array:
         """(m, n, 6, n) derivatives of X with respect to each joint."""
-        right = self.dA[..., 6:] - self.dA[..., :6] @ self.X[:, None]
-        return np.linalg.solve(self.A[:, None, :, :6], right)
+        return base_response_derivative(self.A, self.dA, self.X)
 
     @cached_property
     def J_star(self) -> Array:
         """(m, 6, n) J*."""
-        return self.J[..., 6:] - self.J[..., :6] @ self.X
+        return reduced_jacobian(self.J, self.X)
 
     @cached_property
     def dJ_star(self) -> Array:
         """(m, n, 6, n) derivatives of J* with respect to each joint."""
-        moved = self.dJ[..., :6] @ self.X[:, None] + self.J[:, None, :, :6] @ self.dX
-        return self.dJ[..., 6:] - moved
+        return reduced_jacobian_derivative(self.J, self.dJ, self.X, self.dX)
 
 
 def sample(arm: SpaceArm, Q: Array) -> Samples:
     """Compute the samples at joint positions Q (m, n)."""
-    m, n = Q.shape
-    A, J = np.empty((2, m, 6, 6 + n))
-    dA, dJ = np.empty((2, m, n, 6, 6 + n))
-    model, data, frame = arm.model, arm.borrow(), arm.tip_frame
-    full = pin.neutral(model)
-    unit = [np.concatenate((np.zeros(6), arm.all_rates(e))) for e in np.eye(n)]
-    tips = []
-    for i, q in enumerate(Q):
-        full[7:] = arm.all_joints(q)
-        for j, v in enumerate(unit):
-            dA[i, j] = arm.project(pin.computeCentroidalMapTimeVariation(model, data, full, v))
-            pin.computeJointJacobiansTimeVariation(model, data, full, v)
-            dJ[i, j] = arm.project(pin.getFrameJacobianTimeVariation(model, data, frame, LWA))
-        A[i] = arm.project(pin.computeCentroidalMap(model, data, full))
-        J[i] = arm.project(pin.computeFrameJacobian(model, data, full, frame, LWA))
-        tip = pin.updateFramePlacement(model, data, frame).copy()
-        tip.translation -= data.com[0]
-        tips.append(tip)
-    arm.give_back(data)
-    return Samples(A, J, dA, dJ, tips)
+    at = [kinematics(arm, q, pin.SE3.Identity()).centred(np.zeros(3)) for q in Q]
+    derivatives = [partial_derivatives(arm, cfg.full_at_origin) for cfg in at]
+    return Samples(
+        A=np.array([cfg.A for cfg in at]),
+        J=np.array([cfg.J for cfg in at]),
+        dA=np.array([dA for dA, _ in derivatives]),
+        dJ=np.array([dJ for _, dJ in derivatives]),
+        tip=[cfg.tip for cfg in at],
+    )
 
 
 class CurveFamily:
@@ -147,14 +140,12 @@ class CurveFamily:
         G = -np.einsum("mkij,mj->mik", at.dX[:-1, :, 3:], rates)
         dw = np.einsum("ma,mik->miak", self.basis[:-1], G)
         dw += np.einsum("ma,mik->miak", self.slope, A)
-        h, cross = self.h, math.sqrt(3.0) / 12.0 * self.h**2
         w1, w2 = w[::2], w[1::2]
         dw1, dw2 = (part.reshape(len(part), 3, -1) for part in (dw[::2], dw[1::2]))
-        angles = 0.5 * h * (w1 + w2) + cross * np.cross(w1, w2)
-        changes = 0.5 * h * (dw1 + dw2)
+        angles = magnus_step(w1, w2, self.h)
+        changes = magnus_step_derivative(w1, w2, dw1, dw2, self.h)
         T, dphi = np.eye(3), np.zeros((3, p.size))
-        for a, b, da, db, angle, change in zip(w1, w2, dw1, dw2, angles, changes, strict=True):
-            change = change + cross * (pin.skew(a) @ db - pin.skew(b) @ da)
+        for angle, change in zip(angles, changes, strict=True):
             step = pin.exp3(angle)
             dphi = step.T @ dphi + pin.Jexp3(angle) @ change
             T = T @ step

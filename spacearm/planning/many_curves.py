@@ -6,7 +6,6 @@ those, for one curve at a time.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import lru_cache
 
@@ -15,6 +14,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
+from spacearm.mechanics.floating import magnus_step
 from spacearm.model.arm import SpaceArm
 from spacearm.singularities.polynomial import plane_of_motion
 
@@ -47,8 +47,11 @@ def spacecraft_turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
     A = reactions(arm, Q.reshape(-1, n).T).A.reshape(K, points, 3, n)
     w = np.einsum("kgij,kgj->kgi", A, rates)
     w1, w2, h = w[:, ::2], w[:, 1::2], 2.0 / points
-    steps = 0.5 * h * (w1 + w2) + math.sqrt(3.0) / 12.0 * h * h * np.cross(w1, w2)
-    R = Rotation.from_rotvec(steps.reshape(-1, 3)).as_matrix().reshape(K, points // 2, 3, 3)
+    R = (
+        Rotation.from_rotvec(magnus_step(w1, w2, h).reshape(-1, 3))
+        .as_matrix()
+        .reshape(K, points // 2, 3, 3)
+    )
     whole = R[:, 0]
     for i in range(1, points // 2):
         whole = whole @ R[:, i]
