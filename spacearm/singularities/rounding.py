@@ -1,26 +1,40 @@
-"""Accuracy: how many digits of J* and sigma_min the arithmetic leaves.
+"""Error bars: bounds of the rounding errors of J* and of its singular values.
 
-Positions, momenta and inertias are sums of rounded terms, and where the terms cancel, as in the
-inertia of a heavy payload about the spacecraft, taken to the system CM, or on a way out and back
-by fixed joints, digits are lost. With bounds E for these errors from the size of the terms, from
-the URDF's numbers on, A_b X = A_q and J* = J_q - J_b X give
+Positions, momenta and inertias are sums of rounded terms. Digits are lost where the terms cancel,
+as in the inertia of a heavy payload about the spacecraft, taken to the system CM, or along fixed
+joints that lead out and back. A term of size t has an error of at most u t, where u grows with the
+number of bodies and joints (`_sizes`).
+
+Size of the terms. A length in the arm is a *distance*, the sum of the link lengths of the model,
+where fixed joints are merged; its error is u times its *way*, the sum of all link lengths of the
+tree. With mass m, first moments s (by distance) and w (by way) and second moment i of all that a
+joint carries, c and c' the distance of the system CM by distance and by way, a unit rate gives
+
+    prismatic joint: linear momentum m, angular momentum about the CM up to w + c' m;
+    revolute joint:  linear momentum up to 2 w, angular momentum about the CM up to i + c w + c' s,
+
+in which one length of each product is a distance and one a way. u times these sizes are the bounds
+E_b and E_q for the entries of A_b and A_q, u times 1 and the way to the tip those for J_b and J_q.
+
+Propagation. With A_b X = A_q and J* = J_q - J_b X,
 
     |dX|  <= (1 - |A_b^-1| E_b)^-1 |A_b^-1| (E_q + E_b |X|)
     |dJ*| <= E_Jq + E_Jb (|X| + |dX|) + |J_b A_b^-1| (E_q + E_b (|X| + |dX|))
 
 and Weyl's inequality |d sigma| <= ||dJ*||. |.| is the matrix of 2-norms of the linear and angular
-3-vectors and 3 x 3 blocks: units are not mixed, and nothing depends on the attitude. Perturbation
-of linear systems: Higham, Accuracy and Stability of Numerical Algorithms (2002), section 7.2.
+3-vectors and 3 x 3 blocks, so that units are not mixed and nothing depends on the attitude.
+Perturbation of linear systems: Higham, Accuracy and Stability of Numerical Algorithms (2002),
+section 7.2.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, named
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode, free_components
@@ -30,27 +44,32 @@ ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 
 
 class ErrorBars(NamedTuple):
-    """How far computed numbers can be from those of exact arithmetic.
+    """Bounds of the rounding errors of J* and of the singular values.
 
-    Of the arithmetic only: the numbers of the URDF, those given to `SpaceArm.replace` and joint
-    positions count as exact, although they are known to far fewer digits. So does the CM of a
-    spacecraft whose mass or inertia was replaced. What is made of them does not: rotations from
-    roll, pitch and yaw, links that fixed and locked joints merge, positions of mimic joints.
+    They cover the arithmetic only. The numbers of the URDF, those given to `SpaceArm.replace`,
+    joint positions and the CM of a spacecraft whose mass or inertia was replaced count as exact.
+    Covered is all that is computed from them: rotations from roll, pitch and yaw, links merged by
+    fixed and locked joints, positions of mimic joints.
 
     Attributes:
-        sigma: Bound for every singular value of the task Jacobian, in the same unit. A sigma_min
-            below it may be an exact zero.
+        sigma: Bound for every singular value of the task Jacobian, in its unit. A sigma_min below
+            it may be an exact zero.
         jacobian: (6, n) bounds for the entries of J*, rows as in `generalized_jacobian`.
     """
 
     sigma: float
     jacobian: Array
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return both bounds as plain JSON data."""
+        return named(self)
+
 
 def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> ErrorBars:
-    """Error bars of `generalized_jacobian` and of the singular values in `singularity`.
+    """Compute error bars of `generalized_jacobian` and of the singular values in `singularity`.
 
-    See the module's docstring. Infinite where rounding alone could make A_b singular.
+    A rounding analysis of the sums, Weyl's inequality for the singular values. Infinite where
+    rounding alone could make A_b singular.
 
     Args:
         cfg: The configuration.
@@ -79,32 +98,42 @@ def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Error
 
 
 def _norms(matrix: Array, columns: int) -> Array:
-    """2-norms of the blocks of 3 rows and 1 or 3 columns."""
+    """Compute the 2-norms of the blocks of 3 rows and 1 or 3 columns."""
     rows, width = matrix.shape
     blocks = matrix.reshape(rows // 3, 3, width // columns, columns).swapaxes(1, 2)
     return np.linalg.norm(blocks, 2, axis=(2, 3))
 
 
 class _Sizes(NamedTuple):
-    """Sums of absolute values over what each of the model's joints carries, the spacecraft first.
+    """Moments of what each joint carries about the spacecraft's frame, absolute values summed.
 
-    About the spacecraft's frame, where Pinocchio takes them. What is near may have a long way to
-    it: a distance adds up the links of the model, where fixed joints are merged, a way all links
-    of the tree.
+    One entry for the whole system, then one for each joint of the model; see the module's
+    docstring for distance and way.
+
+    Attributes:
+        mass: m [kg].
+        first: s, the first moment by distance [kg m].
+        first_by_way: w, the first moment by way [kg m].
+        second: i, three times the second moment (distance times way) and twice the inertia about
+            the bodies' own CMs, which is turned from both sides [kg m^2].
     """
 
-    m: Array  # mass [kg]
-    s: Array  # first moment, by distance [kg m]
-    w: Array  # first moment, by way [kg m]
-    i: Array  # second moment, distance by way, three times, and inertia, twice [kg m^2]
+    mass: Array
+    first: Array
+    first_by_way: Array
+    second: Array
 
 
 def _sizes(cfg: Configuration, terms: Array) -> tuple[_Sizes, Array, Array, float]:
-    """The sizes, the way to each tip, the joints on it (tips, nv - 5), the rounding of a term.
+    """Add up the sizes of the terms.
 
     Args:
         cfg: The configuration.
-        terms: (nv - 6,) sizes of what adds up to the positions of the model's joints.
+        terms: (nv - 6,) sizes of the terms that add up to the positions of the model's joints.
+
+    Returns:
+        The sizes; the way to each tip; the joints on it (tips, nv - 5), 1 or 0, the spacecraft
+        first; the rounding u of a term.
     """
     arm, tree, model = cfg.arm, cfg.arm.tree, cfg.arm.model
     joints = tree.depth_first()
@@ -129,34 +158,33 @@ def _sizes(cfg: Configuration, terms: Array) -> tuple[_Sizes, Array, Array, floa
     tips = [links.index(tip) for tip in arm.tips]
     bodies = [k for k, link in enumerate(links) if tree.links[link] is not None]
     u = ROUNDING * (1.0 + max(len(bodies), turns[bodies + tips].max()))
-    m, CM, I = zip(*(tree.links[links[k]] for k in bodies), strict=True)
+    mass, CM, I = zip(*(tree.links[links[k]] for k in bodies), strict=True)
     frames = [model.frames[model.getFrameId(links[k], pin.BODY)].placement for k in bodies]
     r = [frame.act(pose.translation) for frame, pose in zip(frames, CM, strict=True)]
     far = way[bodies] + _lengths([pose.translation for pose in CM])
     near = distance[bodies] + _lengths(r) + u * far
-    i = 3.0 * np.multiply(m, near * far) + 2.0 * np.linalg.norm(I, 2, axis=(1, 2))
-    each = np.array([m, m * near, m * far, i])
+    second = 3.0 * np.multiply(mass, near * far) + 2.0 * np.linalg.norm(I, 2, axis=(1, 2))
+    each = np.array([mass, mass * near, mass * far, second])
     return _Sizes(*(each @ carried[bodies])), way[tips], carried[tips], u
 
 
 def _lengths(vectors: list[Array]) -> Array:
+    """Compute the lengths of vectors."""
     return np.linalg.norm(vectors, axis=1)
 
 
 def _rounding(cfg: Configuration) -> tuple[Array, Array, Array, Array, float]:
-    """E_b (2, 2), E_q (2, n), E_Jb (2 tips, 2), E_Jq (2 tips, n), and the rounding of a term.
+    """Bound the errors of A and J: E_b (2, 2), E_q (2, n), E_Jb (2 tips, 2), E_Jq (2 tips, n), u.
 
-    A joint that turns gives momentum up to 2 s and, about the CM at a distance up to c, angular
-    momentum up to i + 2 c s: m r^2 of the body and twice m r in its lever arm. A length has the
-    error of its way, so that in each product of two lengths one is a distance and one a way; an
-    inertia is turned from both sides.
+    See the module's docstring for the bounds.
     """
     arm = cfg.arm
     coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
-    (m, s, w, i), ways, moves_tip, u = _sizes(cfg, coupling @ np.abs(cfg.q) + np.abs(arm.offsets))
-    c, way_to_c = s[0] / m[0], w[0] / m[0]
-    turning = np.array([2.0 * w, i + c * w + way_to_c * s])
-    sliding = np.array([m, w + way_to_c * m])
+    sizes, ways, moves_tip, u = _sizes(cfg, coupling @ np.abs(cfg.q) + np.abs(arm.offsets))
+    mass, first, first_by_way, second = sizes
+    c, way_to_c = first[0] / mass[0], first_by_way[0] / mass[0]
+    turning = np.array([2.0 * first_by_way, second + c * first_by_way + way_to_c * first])
+    sliding = np.array([mass, first_by_way + way_to_c * mass])
     slides = [arm.tree.joints[name].kind == "prismatic" for name in arm.model.names[2:]]
     E_b = np.column_stack((sliding[:, 0], turning[:, 0]))
     E_q = np.where(slides, sliding[:, 1:], turning[:, 1:]) @ coupling

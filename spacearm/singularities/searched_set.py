@@ -55,9 +55,7 @@ class FoundSet(SingularSet):
 
     def _unsupported(self, *_: object, **__: object) -> NoReturn:
         """Raise UnsupportedError: the arm has no singularity polynomial, and why."""
-        check_square(
-            self.arm, "its singular configurations are searched, with .sample and .nearest"
-        )
+        check_square(self.arm, "a FoundSet has only .sample and .nearest")
         raise UnsupportedError(f"{self.arm.name} has an exact set; take it from sa.singular_set")
 
     roots = is_free = clearance = curves = surface = components = _unsupported

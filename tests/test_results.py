@@ -1,0 +1,106 @@
+"""Every result has a `to_dict` of plain JSON data."""
+
+import json
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import spacearm as sa
+from spacearm.arrays import plain
+
+PLAIN = (dict, list, str, int, float, bool, type(None))
+
+
+@cache
+def arm():
+    return sa.load("planar2")
+
+
+def configuration():
+    return arm().at([0.3, 0.4], base=pin.SE3.Random())
+
+
+@cache
+def singular_set():
+    return sa.singular_set(arm())
+
+
+@cache
+def workspace():
+    return sa.workspace(arm())
+
+
+@cache
+def barycentric():
+    return sa.barycentric(configuration())
+
+
+def grasp():
+    return sa.capture(configuration(), np.ones(6), 2.0, np.eye(3))
+
+
+RESULTS = {
+    "Barycentric": barycentric,
+    "Capture": grasp,
+    "Certificate": lambda: singular_set().is_free([0.1, 0.2], [0.2, 0.3]),
+    "Certificate of a singularity": lambda: singular_set().is_free([0.1, -2.0], [0.1, 2.0]),
+    "Component": lambda: singular_set().components()[0],
+    "Dynamics": lambda: sa.forward_dynamics(configuration(), [0.1, 0.2], [1.0, 0.0]),
+    "ErrorBars": lambda: sa.error_bars(configuration()),
+    "FoundSet": lambda: sa.singular_set(sa.load("planar3", task="x y")),
+    "MomentumMatrix": lambda: sa.momentum_matrix(configuration()),
+    "Mounted": lambda: sa.design.optimise_mount(arm(), {"mount_x": (0.4, 0.5)}, most=2),
+    "PoseRisk": lambda: sa.pose_risk(arm(), poses=3, neighbours=2, samples=50),
+    "PrescribedMotion": lambda: sa.prescribed_motion(configuration(), {"joint_1": 0.1}),
+    "Region": lambda: workspace().regions([2.0, 0.0]),
+    "RiskProfile": lambda: sa.risk_profile(arm(), bins=3, samples=100),
+    "RiskProfile of empty classes": lambda: sa.risk_profile(arm(), bins=[9.0, 10.0], samples=9),
+    "Roots": lambda: singular_set().roots([0.1, 0.2]),
+    "Shell": lambda: workspace().shells[0],
+    "SingularMap": lambda: sa.singular_map(arm(), points=5),
+    "SingularSet": singular_set,
+    "SingularityReport": lambda: sa.singularity(configuration()),
+    "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
+    "VirtualManipulator": lambda: barycentric().virtual_manipulator,
+    "Workspace": workspace,
+}
+
+
+def assert_plain(value):
+    """Of exactly the types that JSON has: no numpy scalars, which are floats and ints too."""
+    assert type(value) in PLAIN
+    if isinstance(value, dict):
+        assert all(type(key) is str for key in value)
+        value = list(value.values())
+    if isinstance(value, list):
+        for entry in value:
+            assert_plain(entry)
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_results_are_plain_data(name):
+    data = RESULTS[name]().to_dict()
+    assert isinstance(data, dict)
+    assert_plain(data)
+    assert json.loads(json.dumps(data)).keys() == data.keys()
+
+
+def test_arms_are_told_by_name_poses_by_seven_numbers():
+    pose = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.pi), np.array([1.0, 2.0, 3.0]))
+    told = plain({"arm": arm(), 1: (pose, np.float64("nan"), 1j)})
+    assert told["arm"] == "planar2"
+    np.testing.assert_allclose(told["1"][0], [1, 2, 3, 0, 0, 1, 0], atol=1e-12)
+    assert np.isnan(told["1"][1])
+    assert told["1"][2] == [0.0, 1.0]
+    with pytest.raises(TypeError, match="a object has no form as plain data"):
+        plain(object())
+
+
+def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
+    S = sa.singularity_polynomial(arm())
+    data = S.to_dict()
+    assert data["degrees"] == [2, 1]
+    pairs = np.array(data["coefficients"])
+    np.testing.assert_array_equal(pairs[..., 0] + 1j * pairs[..., 1], S.coefficients)
