@@ -18,7 +18,7 @@ from spacearm.motion.following import Followed
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.trajectory import Trajectory
 from spacearm.planning.result import Plan
-from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
+from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, style
 from spacearm.workspaces.path_dependent import Workspace
 
 Drawn: TypeAlias = Trajectory | Followed | Plan
@@ -50,8 +50,8 @@ def draw_motion(
     """
     mark = None if target is None else _in_picture(motion, target)
     with style():
-        figure = Figure(figsize=(11.0, 6.4))
-        both: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.1])
+        whole = figure(11.0, 6.4)
+        both: Any = whole.subfigures(1, 2, width_ratios=[1.0, 1.1])
         left, right = both
         _draw_path(left, motion, mark, workspace)
         attitude, joints, nearness = right.subplots(3, 1, sharex=True)
@@ -68,8 +68,8 @@ def draw_motion(
         for axes in (attitude, joints, nearness):
             for t in _singular_times(motion):
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")
-        figure.align_ylabels()
-        return figure
+        whole.align_ylabels()
+        return whole
 
 
 def _in_picture(motion: Drawn, target: npt.ArrayLike) -> Array:

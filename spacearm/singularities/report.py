@@ -38,6 +38,8 @@ class SingularityReport(Result):
     linear tasks, without unit for angular and mixed ones.
 
     Attributes:
+        configuration: The configuration.
+        mode: What the spacecraft does.
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
         sigma_min: Least singular value; `error_bars` says what its digits are worth.
@@ -58,6 +60,8 @@ class SingularityReport(Result):
         tolerance: The relative tolerance that decided the rank.
     """
 
+    configuration: Configuration
+    mode: BaseMode
     sigma: Array
     sigma_min: float
     rank: int
@@ -109,6 +113,8 @@ def singularity(
     fixed_rank = _rank(_svd(task.jacobian(fixed_base_jacobian(cfg), R))[1], tolerance)
     dJ = task.jacobian(generalized_jacobian_derivative(cfg, mode=mode), R)
     return SingularityReport(
+        configuration=cfg,
+        mode=mode,
         sigma=sigma,
         sigma_min=float(sigma[-1]),
         rank=rank,

@@ -15,7 +15,7 @@ def figure():
     arm = sa.load("mda6")
     q = np.radians([0, 60, -100, -50, 30, 0])
     run = sa.simulate(arm, q, sa.JointPD(target=q + np.radians(10), kp=20, kd=20), 2.0)
-    figure = run.plot()
+    figure = draw_motion(run)
     figure.canvas.draw()
     return figure
 
@@ -49,7 +49,7 @@ def test_a_target_in_the_plane_has_two_or_three_components(target):
 def test_a_motion_that_is_singular_all_the_way():
     arm = sa.load("planar2")
     run = sa.simulate(arm, [0.3, 1.2], sa.JointPD(target=[0.4, 1.2], kp=5.0, kd=9.0), 1.0)
-    figure = replace(run, sigma_min=0.0 * run.sigma_min).plot()
+    figure = draw_motion(replace(run, sigma_min=0.0 * run.sigma_min))
     assert figure.axes[-1].get_ylim()[0] > 0.0
 
 
@@ -81,7 +81,7 @@ def test_a_target_that_cannot_be_marked(name, target, hint):
     q = np.full(arm.n, 0.3)
     plan = sa.plan(arm, q, sa.Joints(q))
     with pytest.raises(sa.ConfigurationError, match=hint):
-        plan.plot(target)
+        draw_motion(plan, target)
 
 
 def test_nearness_spans_whole_decades(figure):
