@@ -10,14 +10,7 @@ from rich.text import Text
 
 from spacearm.cli.options import (
     AsJson,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
-    TaskRows,
-    Tip,
-    arm_from,
+    on_a_model,
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
 from spacearm.description.arms import arms
@@ -26,7 +19,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
 
 
-def models(as_json: AsJson = False) -> None:
+def list_models(as_json: AsJson = False) -> None:
     """Lists the models that travel with spacearm, and the arms to mount on a bus of one's own."""
     if as_json:
         return print_json([{**info.to_dict(), **_masses(info.name)} for info in catalogue()])
@@ -50,20 +43,15 @@ def _masses(name: str) -> dict[str, float]:
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
 
 
-def info(
-    model: ModelName,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
+@on_a_model
+def describe_model(
+    arm: SpaceArm,
+    deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Shows bodies, masses, joints, limits, tip, task and centre of mass of a model."""
-    arm = arm_from(model, tip, task, length, lock, check, deg)
     if as_json:
-        return print_json(_facts(arm))
+        return print_json(arm.to_dict())
     scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""
     title = f"  {arm.n} joints, {number(arm.mass)} kg  "
     out.print(Text.assemble((arm.name, "bold"), title, (str(arm.path), "dim")))
@@ -109,34 +97,3 @@ def _bodies(arm: SpaceArm) -> dict[str, pin.Inertia]:
 
 def _system_cm(arm: SpaceArm) -> Any:
     return arm.at(np.zeros(arm.n)).com
-
-
-def _facts(arm: SpaceArm) -> dict[str, Any]:
-    return {
-        "name": arm.name,
-        "path": str(arm.path),
-        "n": arm.n,
-        "mass": arm.mass,
-        "tip": arm.tip,
-        "task": {"rows": arm.task.rows, "length": arm.task.length},
-        "cm_at_zero": _system_cm(arm),
-        "bodies": [
-            {"link": link, "mass": body.mass, "cm": body.lever, "inertia": body.inertia}
-            for link, body in _bodies(arm).items()
-        ],
-        "joints": [
-            {
-                "name": joint.name,
-                "type": joint.kind,
-                "parent": joint.parent,
-                "child": joint.child,
-                "lower": joint.lower,
-                "upper": joint.upper,
-                "velocity": joint.velocity,
-                "effort": joint.effort,
-                "mimic": joint.mimic._asdict() if joint.mimic else None,
-            }
-            for joint in arm.tree.depth_first()
-            if joint.movable
-        ],
-    }

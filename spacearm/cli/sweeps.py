@@ -36,7 +36,7 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
 
-def sweep_(
+def run_study(
     study: Annotated[Path, typer.Argument(metavar="STUDY.TOML", help="See help(spacearm.Study).")],
     store: Annotated[Path, typer.Option(help="Zarr directory; what is there is kept.")],
     scheduler: Annotated[

@@ -22,6 +22,8 @@ FLOOR = 1e-3
 """Share of the largest sigma_min below which the colours of a map do not change."""
 BINS = 18
 """Bins along each joint in which samples are counted to find the joints that show structure."""
+LINES = 10_000
+"""Lines along which an empty set is searched for roots."""
 MOST_SAMPLED, MOST_FOUND = 4000, 200
 """Samples drawn of an exact set, and of one whose every sample takes a search."""
 
@@ -60,10 +62,10 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
     return axes.figure
 
 
-def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
+def draw_singular_set(result: SingularSet | FoundSet, *, ax: Any = None) -> Figure:
     """Draw a singular set over the joints that matter to it.
 
-    Sets of one dimension are drawn as curves, those of two as a surface, all others as samples over
+    Complete sets of one dimension are drawn as curves, those of two as a surface, all others as samples over
     the two joints that show most of their structure.
 
     Args:
@@ -74,10 +76,13 @@ def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
     Raises:
         UnsupportedError: The set is empty or the whole joint space.
     """
+    if isinstance(result, FoundSet):
+        return _draw_found(result, ax)
     arm, relevant = result.arm, result.relevant
-    if not relevant:
+    if not relevant or _rootless(result):
         raise UnsupportedError(
-            f"{arm.name}: no joint decides whether the arm is singular; there is nothing to draw"
+            f"{arm.name}, {result.mode}: no joint decides whether the arm is singular; there is "
+            "nothing to draw"
         )
     names = [arm.joint_names[j] for j in relevant]
     if result.dimension == 2:
@@ -98,19 +103,20 @@ def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
     return axes.figure
 
 
-def draw_found_set(result: FoundSet, *, ax: Any = None) -> Figure:
-    """Draw samples of a searched singular set over the two joints that show most of its structure.
-
-    Args:
-        result: The set.
-        ax: Matplotlib axes to draw into; None for a new figure.
-    """
-    arm = result.arm
+def _draw_found(result: FoundSet, ax: Any) -> Figure:
+    """Draw what a search finds of a set that is not known exactly."""
     samples = result.sample(MOST_FOUND, np.random.default_rng(0))
-    axes = _draw_samples(arm, samples, ax)
+    axes = _draw_samples(result.arm, samples, ax)
     with style():
-        axes.set_title(f"{arm.name}, {result.mode}: {len(samples)} singular configurations found")
+        found = f"{len(samples)} singular configurations found"
+        axes.set_title(f"{result.arm.name}, {result.mode}: {found}")
     return axes.figure
+
+
+def _rootless(result: SingularSet) -> bool:
+    """Return whether no line along the eliminated joint, of many, meets the set."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (LINES, result.S.n))
+    return bool(np.isnan(result.S.roots_along(Q, result.eliminated)).all())
 
 
 def _draw_curves(axes: Any, curves: list[Array]) -> None:

@@ -26,7 +26,7 @@ from spacearm.plots.configurations import (
     draw_region,
     draw_virtual_manipulator_alone,
 )
-from spacearm.plots.maps import draw_found_set, draw_map, draw_singular_set
+from spacearm.plots.maps import draw_map, draw_singular_set
 from spacearm.plots.motions import draw_motion
 from spacearm.plots.polynomials import draw_polynomial
 from spacearm.plots.reports import (
@@ -66,7 +66,7 @@ DRAWINGS: Mapping[type, Callable[..., Any]] = {
     TrigPolynomial: draw_polynomial,
     SingularMap: draw_map,
     SingularSet: draw_singular_set,
-    FoundSet: draw_found_set,
+    FoundSet: draw_singular_set,
     Workspace: draw_workspace,
     Region: draw_region,
     RiskProfile: draw_profile,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -77,6 +77,16 @@ class SingularityReport(Result):
     axes: Array
     length: float | None
     tolerance: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data, with the tip's distance from the CM and the task."""
+        cfg = self.configuration
+        tips = [float(np.linalg.norm(tip.translation - cfg.com)) for tip in cfg.tips]
+        return {
+            **super().to_dict(),
+            "radius": tips[0] if len(tips) == 1 else tips,
+            "task": {"rows": list(cfg.arm.task.rows), "unit": cfg.arm.sigma_unit},
+        }
 
     def __repr__(self) -> str:
         k, n = self.jacobian.shape
