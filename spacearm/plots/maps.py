@@ -65,8 +65,8 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
 def draw_singular_set(result: SingularSet | FoundSet, *, ax: Any = None) -> Figure:
     """Draw a singular set over the joints that matter to it.
 
-    Complete sets of one dimension are drawn as curves, those of two as a surface, all others as samples over
-    the two joints that show most of their structure.
+    Complete sets of one dimension are drawn as curves, those of two as a surface, all others as
+    samples over the two joints that show most of their structure.
 
     Args:
         result: The set.
@@ -114,9 +114,9 @@ def _draw_found(result: FoundSet, ax: Any) -> Figure:
 
 
 def _rootless(result: SingularSet) -> bool:
-    """Return whether no line along the eliminated joint, of many, meets the set."""
+    """Return whether no line along a joint that matters, of many, meets the set."""
     Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (LINES, result.S.n))
-    return bool(np.isnan(result.S.roots_along(Q, result.eliminated)).all())
+    return bool(np.isnan(result.S.roots_along(Q, result.relevant[-1])).all())
 
 
 def _draw_curves(axes: Any, curves: list[Array]) -> None:
