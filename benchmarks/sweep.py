@@ -31,7 +31,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import spacearm as sa
 from spacearm.sweeps.dask import WIDTH, connect
-from spacearm.sweeps.runner import plan
+from spacearm.sweeps.runner import estimate
 
 RISK = """
 arms = ["{arm}"]
@@ -61,7 +61,7 @@ def risk(arm: str, samples: int, chunk: int = 2**22) -> sa.Study:
 def seconds_a_chunk(study: sa.Study, store: Path, **options: object) -> float:
     """Wall time from one chunk to the next."""
     times: list[float] = []
-    sa.sweep(study, store, progress=lambda _: times.append(time.perf_counter()), **options)
+    sa.sweep(study, store, progress=lambda *_: times.append(time.perf_counter()), **options)
     lots = zip(times, times[WINDOW:], strict=False)
     return min(end - start for start, end in lots) / WINDOW
 
@@ -100,7 +100,7 @@ def costs() -> dict[str, float]:
     studies = {f"risk, {arm}": risk(arm, 2**22) for arm in ("planar2", "mda6", "chaser7")}
     studies["map, planar2"] = sa.Study.parse(MAP.format(points=2048, chunk=2**22))
     for name, study in studies.items():
-        found[name] = min(plan(study)[0].seconds for _ in range(3)) / 2**22 * 1e6
+        found[name] = min(estimate(study)[0].seconds for _ in range(3)) / 2**22 * 1e6
         print(f"{name:15} {found[name]:7.4f} s for a million configurations on one core")
     return found
 

@@ -6,22 +6,44 @@
     cfg = arm.at(np.radians([-65, -11.41]))
     sa.singularity(cfg)
 
+Names by what they are for:
+
+===========  ====================================================================================
+load         load mount catalogue arms SpaceArm Configuration Task Bus ModelInfo ArmInfo
+query        singularity generalized_jacobian generalized_jacobian_derivative
+             generalized_jacobian_rate fixed_base_jacobian prescribed_motion error_bars evaluate
+             generalized_jacobians SingularityReport PrescribedMotion ErrorBars
+dynamics     momentum_matrix base_velocity generalized_inertia forward_dynamics inverse_dynamics
+             kinetic_energy capture barycentric MomentumMatrix Dynamics Capture Barycentric
+             VirtualManipulator
+sets         singular_set singular_map singularity_polynomial SingularSet FoundSet SingularMap
+             TrigPolynomial Certificate
+workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
+motion       simulate follow move JointPD TransposedJacobian ResolvedRate DampedLeastSquares
+             Reactionless Motion Trajectory Followed Event
+planning     plan Joints Plan Attempt
+sweeps       sweep Study
+show         plot view
+errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
+             StoreError SweepError ModelWarning
+===========  ====================================================================================
+
 Conventions, everywhere:
 
-==========  =====================================================================================
-twist       [linear; angular] of the frame's origin, inertial axes (Pinocchio's
-            LOCAL_WORLD_ALIGNED)
-momentum    [linear; angular about the system CM], inertial axes
-quaternion  xyzw, as Pinocchio and scipy have it
-pose        pin.SE3; `base` and `tip` are placements in the inertial frame
-angles      rad; the command line takes degrees with --deg
-q           (n,) one number per movable joint, in the model's order, spacecraft excluded
-task        rows named "x y z rx ry rz"; aliases "pose", "position", "orientation"; a length [m]
-            scales the linear rows where both kinds are present
-symbols     q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & Dubowsky, Dynamic
-            Singularities in Free-Floating Space Manipulators, J. Dyn. Sys. Meas. Control 115(1),
-            44-52 (1993), whose equation numbers are cited as (35)
-==========  =====================================================================================
+===========  ====================================================================================
+twist        [linear; angular] of the frame's origin, inertial axes (Pinocchio's
+             LOCAL_WORLD_ALIGNED)
+momentum     [linear; angular about the system CM], inertial axes
+quaternion   xyzw, as Pinocchio and scipy have it
+pose         pin.SE3; `base` and `tip` are placements in the inertial frame
+angles       rad; the command line takes degrees with --deg
+q            (n,) one number per joint that counts, in the model's order, spacecraft excluded
+task         rows named "x y z rx ry rz"; aliases "pose", "position", "orientation"; a length [m]
+             scales the linear rows where both kinds are present
+symbols      q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & Dubowsky, Dynamic
+             Singularities in Free-Floating Space Manipulators, J. Dyn. Sys. Meas. Control 115(1),
+             44-52 (1993), whose equation numbers are cited as (35)
+===========  ====================================================================================
 """
 
 from importlib.metadata import version
@@ -38,7 +60,11 @@ from spacearm.errors import (
     SweepError,
     UnsupportedError,
 )
-from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator, barycentric
+from spacearm.mechanics.barycentric_formulation import (
+    Barycentric,
+    VirtualManipulator,
+    barycentric,
+)
 from spacearm.mechanics.batch import evaluate, generalized_jacobians
 from spacearm.mechanics.dynamics import (
     Dynamics,
@@ -76,6 +102,7 @@ from spacearm.motion.simulation import simulate
 from spacearm.motion.trajectory import Trajectory
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Attempt, Joints, Plan
+from spacearm.plots.show import plot
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
@@ -95,84 +122,97 @@ from spacearm.workspaces.regions import Region
 
 __version__ = version("spacearm")
 
-__all__ = [
+__all__ = ["__version__"]
+__all__ += [
     "ArmInfo",
-    "Attempt",
-    "Barycentric",
     "Bus",
-    "Capture",
-    "Certificate",
     "Configuration",
-    "ConfigurationError",
-    "DampedLeastSquares",
-    "Dynamics",
-    "ErrorBars",
-    "Event",
-    "Followed",
-    "FoundSet",
-    "JointPD",
-    "Joints",
-    "ModelError",
     "ModelInfo",
-    "ModelWarning",
-    "MomentumMatrix",
-    "Motion",
-    "NoSolutionError",
-    "Plan",
-    "PoseRisk",
-    "PrescribedMotion",
-    "Reactionless",
-    "Region",
-    "ResolvedRate",
-    "RiskProfile",
-    "SingularMap",
-    "SingularSet",
-    "SingularityReport",
     "SpaceArm",
-    "SpaceArmError",
-    "StoreError",
-    "Study",
-    "SweepError",
     "Task",
-    "Trajectory",
-    "TransposedJacobian",
-    "TrigPolynomial",
-    "UnsupportedError",
-    "VirtualManipulator",
-    "Workspace",
-    "__version__",
     "arms",
-    "barycentric",
-    "base_velocity",
-    "capture",
     "catalogue",
-    "design",
+    "load",
+    "mount",
+]  # load
+__all__ += [
+    "ErrorBars",
+    "PrescribedMotion",
+    "SingularityReport",
     "error_bars",
     "evaluate",
     "fixed_base_jacobian",
-    "follow",
-    "forward_dynamics",
-    "generalized_inertia",
     "generalized_jacobian",
     "generalized_jacobian_derivative",
     "generalized_jacobian_rate",
     "generalized_jacobians",
+    "prescribed_motion",
+    "singularity",
+]  # query
+__all__ += [
+    "Barycentric",
+    "Capture",
+    "Dynamics",
+    "MomentumMatrix",
+    "VirtualManipulator",
+    "barycentric",
+    "base_velocity",
+    "capture",
+    "forward_dynamics",
+    "generalized_inertia",
     "inverse_dynamics",
     "kinetic_energy",
-    "load",
     "momentum_matrix",
-    "mount",
-    "move",
-    "plan",
-    "pose_risk",
-    "prescribed_motion",
-    "risk_profile",
-    "simulate",
+]  # dynamics
+__all__ += [
+    "Certificate",
+    "FoundSet",
+    "SingularMap",
+    "SingularSet",
+    "TrigPolynomial",
     "singular_map",
     "singular_set",
-    "singularity",
     "singularity_polynomial",
-    "sweep",
-    "view",
+]  # sets
+__all__ += [
+    "PoseRisk",
+    "Region",
+    "RiskProfile",
+    "Workspace",
+    "design",
+    "pose_risk",
+    "risk_profile",
     "workspace",
-]
+]  # workspaces
+__all__ += [
+    "DampedLeastSquares",
+    "Event",
+    "Followed",
+    "JointPD",
+    "Motion",
+    "Reactionless",
+    "ResolvedRate",
+    "Trajectory",
+    "TransposedJacobian",
+    "follow",
+    "move",
+    "simulate",
+]  # motion
+__all__ += ["Attempt", "Joints", "Plan", "plan"]  # planning
+__all__ += ["Study", "sweep"]  # sweeps
+__all__ += ["plot", "view"]  # show
+__all__ += [
+    "ConfigurationError",
+    "ModelError",
+    "ModelWarning",
+    "NoSolutionError",
+    "SpaceArmError",
+    "StoreError",
+    "SweepError",
+    "UnsupportedError",
+]  # errors
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return __all__

@@ -6,47 +6,53 @@ import io
 import os
 import sys
 import warnings
+from collections.abc import Iterable
+from importlib import import_module
 from typing import Annotated
 
 import typer
 from typer.exceptions import TyperException
 
-from spacearm import __version__
-from spacearm.cli import (
-    designs,
-    maps,
-    models,
-    plans,
-    queries,
-    simulations,
-    sweeps,
-    views,
-    workspaces,
-)
 from spacearm.cli.options import join_numbers
 from spacearm.errors import SpaceArmError
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-app.command()(models.models)
-app.command(context_settings={"ignore_unknown_options": True})(models.info)
-app.command(context_settings={"ignore_unknown_options": True})(queries.query)
-app.command(context_settings={"ignore_unknown_options": True})(views.view)
-app.command("map", context_settings={"ignore_unknown_options": True})(maps.map_)
-app.command("workspace", context_settings={"ignore_unknown_options": True})(workspaces.workspace_)
-app.command(context_settings={"ignore_unknown_options": True})(designs.design)
+COMMANDS = {
+    "models": "models.list_models",
+    "info": "models.describe_model",
+    "query": "queries.report_singularity",
+    "view": "views.view_configuration",
+    "map": "maps.draw_singular_map",
+    "workspace": "workspaces.compute_workspace",
+    "design": "designs.sweep_designs",
+    "plan": "plans.plan_motion",
+    "simulate": "simulations.simulate_motion",
+    "sweep": "sweeps.run_study",
+}
+"""Functions by the commands that they are."""
+NO_NUMBERS = ("models", "sweep")
+"""Commands that take no numbers, so that what starts with a minus sign is an option."""
 
-app.command("plan", context_settings={"ignore_unknown_options": True})(plans.plan_)
-app.command("simulate", context_settings={"ignore_unknown_options": True})(simulations.simulate_)
-app.command("sweep")(sweeps.sweep_)
+
+def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
+    """Make the application with some of its commands, whose modules are imported."""
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    app.callback(invoke_without_command=True)(options)
+    for name in names:
+        module, _, function = COMMANDS[name].partition(".")
+        command = getattr(import_module(f"spacearm.cli.{module}"), function)
+        settings = {} if name in NO_NUMBERS else {"ignore_unknown_options": True}
+        app.command(name, context_settings=settings)(command)
+    return app
 
 
-@app.callback(invoke_without_command=True)
 def options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
     """Where a free-floating space manipulator cannot move, and why."""
     if version:
+        from spacearm import __version__
+
         print(f"spacearm {__version__}")
     elif context.invoked_subcommand is None:
         print(context.get_help())
@@ -58,7 +64,9 @@ def main() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without ° is no reason to stop
     try:
-        code = app(join_numbers(sys.argv[1:]), standalone_mode=False)
+        words = join_numbers(sys.argv[1:])
+        called = [word for word in words[:1] if word in COMMANDS]
+        code = application(called or COMMANDS)(words, standalone_mode=False)
         sys.stdout.flush()
     except (SpaceArmError, TyperException) as error:
         message = error.format_message() if isinstance(error, TyperException) else error

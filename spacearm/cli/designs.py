@@ -13,28 +13,23 @@ from rich.progress import Progress
 from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
     Picture,
     Spacecraft,
     SpacecraftMode,
-    TaskRows,
-    Tip,
-    arm_from,
+    on_a_model,
 )
 from spacearm.cli.output import check_picture, err, out, print_json, table, write_picture
 from spacearm.errors import ConfigurationError
+from spacearm.model.arm import SpaceArm
 from spacearm.workspaces.design import workspaces
 
 Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="One value or a range.")]
 COUNT = 9
 
 
-def design(
-    model: ModelName,
+@on_a_model
+def sweep_designs(
+    arm: SpaceArm,
     base_mass: Range = None,
     base_inertia: Range = None,
     mount_x: Range = None,
@@ -51,12 +46,6 @@ def design(
         int | None, typer.Option(help="Singular configurations to search from, larger arms.", min=1)
     ] = None,
     output: Picture = None,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
     as_json: AsJson = False,
 ) -> None:
     """Draws the path independent share over design parameters; Ctrl-C keeps what is done.
@@ -64,7 +53,6 @@ def design(
     base-inertia is a factor at constant mass, mount-* in metres, masses in kg.
     """
     check_picture(output)
-    arm = arm_from(model, tip, task, length, lock, check, deg)
     named = {
         "base_mass": base_mass, "base_inertia": base_inertia, "mount_x": mount_x,
         "mount_y": mount_y, "mount_z": mount_z, "payload": payload,

@@ -10,26 +10,21 @@ import typer
 
 from spacearm.cli.options import (
     AsJson,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
     Picture,
-    TaskRows,
-    Tip,
-    arm_from,
     assignments,
     joint_values,
+    on_a_model,
 )
 from spacearm.cli.output import check_picture, out, print_json, write_picture
 from spacearm.files import write
+from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.singularities.map import SingularMap, singular_map
 
 
-def map_(
-    model: ModelName,
+@on_a_model
+def draw_singular_map(
+    arm: SpaceArm,
     joints: Annotated[
         tuple[str, str] | None,
         typer.Option(
@@ -44,17 +39,11 @@ def map_(
     output: Picture = None,
     npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy file.")] = None,
     points: Annotated[int, typer.Option(help="Grid points in each joint.", min=3, max=2001)] = 181,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
+    deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Maps sigma_min over two joints, with the exact singular curves on top."""
     check_picture(output)
-    arm = arm_from(model, tip, task, length, lock, check, deg)
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
@@ -64,8 +53,7 @@ def map_(
     if output or not (as_json or npz):
         _write_picture(output or Path(f"{arm.name}_map.png"), result, quiet=as_json)
     if as_json:
-        curves = None if result.curves is None else [curve.tolist() for curve in result.curves]
-        print_json({**result.to_dict(), "curves": curves})
+        print_json(result.to_dict())
 
 
 def _write_picture(path: Path, result: SingularMap, quiet: bool) -> None:

@@ -9,14 +9,7 @@ from rich.text import Text
 
 from spacearm.cli.options import (
     AsJson,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
-    TaskRows,
-    Tip,
-    arm_from,
+    on_a_model,
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
 from spacearm.description.catalogue import arms, catalogue
@@ -25,7 +18,7 @@ from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.loading import load
 
 
-def models(as_json: AsJson = False) -> None:
+def list_models(as_json: AsJson = False) -> None:
     """Lists the models that travel with spacearm, and the arms to mount on a bus of one's own."""
     if as_json:
         return print_json([{**info.to_dict(), **_masses(info.name)} for info in catalogue()])
@@ -49,18 +42,13 @@ def _masses(name: str) -> dict[str, float]:
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
 
 
-def info(
-    model: ModelName,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
+@on_a_model
+def describe_model(
+    arm: SpaceArm,
+    deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Shows bodies, masses, joints, limits, tip, task and centre of mass of a model."""
-    arm = arm_from(model, tip, task, length, lock, check, deg)
     if as_json:
         return print_json(arm.to_dict())
     scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""

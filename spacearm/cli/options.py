@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +27,7 @@ from spacearm.model.loading import load
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_pose
 
+T = TypeVar("T")
 ModelName = Annotated[
     str, typer.Argument(metavar="MODEL", help="Catalogue name (spacearm models) or URDF file.")
 ]
@@ -70,15 +72,15 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radi
 
 
 def arm_from(
-    model: str,
-    tip: str | None,
-    task: str | None,
-    length: float | None,
-    lock: list[str] | None,
-    check: str | None,
-    deg: bool,
+    model: ModelName,
+    tip: Tip = None,
+    task: TaskRows = None,
+    length: Length = None,
+    lock: Lock = None,
+    check: Checked = None,
+    deg: Degrees = False,
 ) -> SpaceArm:
-    """The arm that the shared options describe."""
+    """Load the arm that the shared options describe; this signature states them once."""
     locked = assignments("--lock", lock)
     if deg and locked:
         info = find_model(model)
@@ -89,6 +91,33 @@ def arm_from(
     wanted = None if task is None else Task(task, length)
     arm = load(model, tip=tip, task=wanted, locked=locked, check=cast("Check | None", check))
     return arm if wanted or length is None else arm.replace(task=Task(arm.task.names, length))
+
+
+def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
+    """Give a command the argument MODEL and the options of `arm_from` in place of `arm`.
+
+    MODEL comes first and the options last, before --json. A command with a parameter `deg` is told
+    whether angles are in degrees.
+    """
+    own = dict(inspect.signature(command, eval_str=True).parameters)
+    shared = dict(inspect.signature(arm_from, eval_str=True).parameters)
+    told_deg = own.pop("deg", None) is not None
+    last = {name: own.pop(name) for name in ("as_json",) if name in own}
+    del own["arm"]
+    first = {"model": shared["model"]}
+    parameters = first | own | shared | last
+
+    def run(**given: Any) -> T:
+        deg = {"deg": given["deg"]} if told_deg else {}
+        arm = arm_from(**{name: given.pop(name) for name in shared})
+        return command(arm=arm, **given, **deg)
+
+    run.__doc__, run.__module__, run.__name__ = command.__doc__, __name__, command.__name__
+    run.__annotations__ = {name: p.annotation for name, p in parameters.items()}
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    signature = inspect.Signature([p.replace(kind=keyword) for p in parameters.values()])
+    run.__dict__["__signature__"] = signature
+    return run
 
 
 def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
@@ -178,7 +207,7 @@ def join_numbers(words: Sequence[str]) -> list[str]:
     return joined
 
 
-VECTORS = ("--start", "--target", "--goal", "--kp", "--kd")
+VECTORS = ("--q0", "--target", "--goal", "--kp", "--kd")
 """Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 

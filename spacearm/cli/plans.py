@@ -12,18 +12,11 @@ import typer
 from spacearm.cli.options import (
     AsJson,
     Attitude,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
     Picture,
-    TaskRows,
-    Tip,
-    arm_from,
     goal_from,
     joint_values,
     mark_of,
+    on_a_model,
     spacecraft_about_cm,
     spacecraft_pose,
 )
@@ -35,9 +28,12 @@ from spacearm.planning.result import Plan
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
 
-def plan_(
-    model: ModelName,
-    start: Annotated[str, typer.Option(help="Joint values at the start.", metavar="Q1 Q2 ...")],
+@on_a_model
+def plan_motion(
+    arm: SpaceArm,
+    q0: Annotated[
+        str, typer.Option("--q0", help="Joint values at the start.", metavar="Q1 Q2 ...")
+    ],
     goal: Annotated[
         str,
         typer.Option(
@@ -66,21 +62,16 @@ def plan_(
     output: Picture = None,
     save: Annotated[Path | None, typer.Option(help="Write the plan.", metavar="NPZ")] = None,
     view: Annotated[bool, typer.Option("--view", help="Play it in the browser.")] = False,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
+    deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Plans a motion of the arm that leads the tip to a goal; the system CM is the origin."""
     check_picture(output)
-    arm = arm_from(model, tip, task, length, lock, check, deg)
-    q0 = joint_values(arm, start.split(), deg)
+    start = joint_values(arm, q0.split(), deg)
     target = goal_from(arm, "--goal", goal, deg)
     found = plan(
-        arm, q0, target, base=spacecraft_about_cm(arm, q0, attitude, deg), clearance=clearance,
+        arm, start, target, base=spacecraft_about_cm(arm, start, attitude, deg),
+        clearance=clearance,
         final_attitude=None if final_attitude is None else spacecraft_pose(final_attitude, deg),
         limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
         timeout=timeout,
@@ -88,12 +79,7 @@ def plan_(
     if save:
         found.save(save)
     if as_json:
-        print_json({
-            "arm": arm.name, "method": found.method, "length": found.length, "apart": found.apart,
-            "t": found.t, "q": found.q, "base": found.base, "tip": found.tip,
-            "sigma_min": found.sigma_min,
-            "tried": [attempt._asdict() for attempt in found.tried],
-        })  # fmt: skip
+        print_json(found.to_dict())
     else:
         _print(found, deg)
         if save:

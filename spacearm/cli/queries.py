@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -11,17 +11,10 @@ from rich.text import Text
 from spacearm.cli.options import (
     AsJson,
     Attitude,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
     Spacecraft,
     SpacecraftMode,
-    TaskRows,
-    Tip,
-    arm_from,
     joint_values,
+    on_a_model,
     spacecraft_pose,
 )
 from spacearm.cli.output import (
@@ -34,8 +27,8 @@ from spacearm.cli.output import (
     table,
     vector,
 )
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
 from spacearm.singularities.report import RANK_TOLERANCE, SingularityReport, singularity
 
 ROUNDING = 1e-9
@@ -43,8 +36,9 @@ ROUNDING = 1e-9
 STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
-def query(
-    model: ModelName,
+@on_a_model
+def report_singularity(
+    arm: SpaceArm,
     q: Annotated[
         list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
     ] = None,
@@ -53,48 +47,30 @@ def query(
     tolerance: Annotated[
         float, typer.Option(help="Share of the largest singular value that counts as zero.")
     ] = RANK_TOLERANCE,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
+    deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Reports whether a configuration is singular, what is lost and what is left."""
-    arm = arm_from(model, tip, task, length, lock, check, deg)
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
     report = singularity(cfg, mode=mode.value, tolerance=tolerance)
     if as_json:
-        return print_json(_answer(cfg, report, mode.value))
-    _print(cfg, report, mode.value, deg)
-
-
-def _answer(cfg: Configuration, report: SingularityReport, mode: BaseMode) -> dict[str, Any]:
-    return {
-        "model": cfg.arm.name,
-        "joints": cfg.arm.joint_names,
-        "q": cfg.q,
-        "mode": mode,
-        "attitude": cfg.base.rotation,
-        "tip": {"position": cfg.tip.translation, "rotation": cfg.tip.rotation},
-        "cm": cfg.com,
-        "radius": _radius(cfg),
-        "task": {"rows": cfg.arm.task.rows, "unit": cfg.arm.sigma_unit},
-        **report.to_dict(),
-    }
+        return print_json(report.to_dict())
+    _print(report, deg)
 
 
 def _radius(cfg: Configuration) -> float:
     return float(np.linalg.norm(cfg.tip.translation - cfg.com))
 
 
-def _print(cfg: Configuration, report: SingularityReport, mode: BaseMode, deg: bool) -> None:
+def _print(report: SingularityReport, deg: bool) -> None:
+    cfg = report.configuration
     arm, task = cfg.arm, cfg.arm.task
     k = task.k
     verdict = report.kind if report.rank == k else f"{report.kind} singularity"
     lost = "" if report.rank == k else f", {k - report.rank} of {k} directions lost"
-    out.print(Text.assemble((arm.name, "bold"), f", {mode}: ", (verdict, STYLE[report.kind]), lost))
+    out.print(
+        Text.assemble((arm.name, "bold"), f", {report.mode}: ", (verdict, STYLE[report.kind]), lost)
+    )
 
     heading("Posture")
     joints = table("joint", "q", "dsigma_min/dq", "")

@@ -14,21 +14,14 @@ from rich.progress import Progress
 from spacearm.cli.options import (
     AsJson,
     Attitude,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
     Picture,
     Spacecraft,
     SpacecraftMode,
-    TaskRows,
-    Tip,
-    arm_from,
     goal_from,
     joint_values,
     mark_of,
     numbers,
+    on_a_model,
     spacecraft_about_cm,
 )
 from spacearm.cli.output import check_picture, err, joint_value, out, print_json, table, vector
@@ -62,9 +55,12 @@ MOST = 10
 """Events that are printed."""
 
 
-def simulate_(
-    model: ModelName,
-    start: Annotated[str, typer.Option(help="Joint values at the start.", metavar="Q1 Q2 ...")],
+@on_a_model
+def simulate_motion(
+    arm: SpaceArm,
+    q0: Annotated[
+        str, typer.Option("--q0", help="Joint values at the start.", metavar="Q1 Q2 ...")
+    ],
     target: Annotated[
         str,
         typer.Option(
@@ -95,12 +91,7 @@ def simulate_(
     output: Picture = None,
     save: Annotated[Path | None, typer.Option(help="Write the trajectory.", metavar="NPZ")] = None,
     view: Annotated[bool, typer.Option("--view", help="Play it in the browser.")] = False,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
+    deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulates an arm under a controller; draws tip path, attitude, joints and sigma_min.
@@ -108,32 +99,26 @@ def simulate_(
     The system CM is the origin. Events: singularity, "joint limit", target.
     """
     check_picture(output)
-    arm = arm_from(model, tip, task, length, lock, check, deg)
-    q0 = joint_values(arm, start.split(), deg)
+    start = joint_values(arm, q0.split(), deg)
     believed: BaseMode = "fixed" if earthbound else mode.value
     law, goal = _law(arm, controller, target, kp, kd, gain, believed, deg)
     with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
         task_id = bar.add_task("simulated", total=duration)
         run = simulate(
-            arm, q0, law, duration, base=spacecraft_about_cm(arm, q0, attitude, deg),
+            arm, start, law, duration, base=spacecraft_about_cm(arm, start, attitude, deg),
             mode=mode.value, stop=stop or [], rtol=rtol,
             progress=lambda t, _: bar.update(task_id, completed=t),
         )  # fmt: skip
     if save:
         run.save(save)
     if as_json:
-        events = [event._asdict() | {"q": event.q.tolist()} for event in run.events]
-        print_json({
-            "arm": arm.name, "mode": mode, "ended": run.ended, "t": run.t[-1], "q": run.q[-1],
-            "tip": run.tip[-1], "base": run.base[-1], "sigma_min": run.sigma_min[-1],
-            "energy_imbalance": run.imbalance, "momentum_drift": run.drift, "events": events,
-        })  # fmt: skip
+        print_json(run.to_dict())
     else:
         _print(run, deg)
         if save:
             out.print(f"wrote {save}")
     if output or not (as_json or view):
-        from spacearm.plots.motions import draw_motion  # imports matplotlib
+        from spacearm.plots.motions import draw_motion
 
         where = output or Path(f"{arm.name}_simulation.png")
         write(where, draw_motion(run, None if goal is None else mark_of(run[-1], goal)))

@@ -6,7 +6,7 @@ import logging
 import math
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,7 +26,7 @@ from rich.text import Text
 from spacearm.cli.output import err, out, table
 from spacearm.errors import ConfigurationError, SweepError
 from spacearm.kernels.processors import processors
-from spacearm.sweeps.runner import Tally, plan, status, sweep
+from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
 from spacearm.sweeps.study import Study
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
 
-def sweep_(
+def run_study(
     study: Annotated[Path, typer.Argument(metavar="STUDY.TOML", help="See help(spacearm.Study).")],
     store: Annotated[Path, typer.Option(help="Zarr directory; what is there is kept.")],
     scheduler: Annotated[
@@ -60,16 +60,9 @@ def sweep_(
     if dry_run:
         with _client(scheduler) as client:
             cores = sum(client.nthreads().values()) if client else workers or processors()
-        _print_plan(read, store, cores)
+        _print_estimate(read, store, cores)
         return 0
-    latest = Tally(0, 0, 0, sum(map(read.count, read.quantities)))
-
-    def show(tally: Tally) -> None:
-        nonlocal latest
-        latest = tally
-        done = tally.kept + tally.computed + tally.failed
-        bar.update(task, completed=done, total=tally.total)
-
+    latest = Tally(0, 0, 0, read.total)
     columns = (BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn(), TextColumn("left"))
     code = 0
     with (
@@ -78,7 +71,9 @@ def sweep_(
     ):
         task = bar.add_task("chunks", total=latest.total)
         try:
-            sweep(read, store, client=client, workers=workers, progress=show)
+            with closing(run_chunks(read, store, client=client, workers=workers)) as tallies:
+                for latest in tallies:
+                    bar.update(task, completed=latest.done, total=latest.total)
         except SweepError as error:
             err.print(f"spacearm: {error}")
             code = 1
@@ -131,11 +126,11 @@ def _print_status(study: Study, store: Path) -> int:
     return 1 if errors else 0
 
 
-def _print_plan(study: Study, store: Path, cores: int) -> None:
+def _print_estimate(study: Study, store: Path, cores: int) -> None:
     done = {s.quantity: s.done for s in status(study, store)} if store.exists() else {}
     rows = table("quantity", "chunks", "to do", "s a chunk", "core hours", "disk [MB]")
     seconds = size = 0.0
-    for quantity, chunks, each, nbytes in plan(study):
+    for quantity, chunks, each, nbytes in estimate(study):
         left = chunks - done.get(quantity, 0)
         seconds += left * each
         size += nbytes

@@ -11,26 +11,21 @@ import typer
 
 from spacearm.cli.options import (
     Attitude,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
-    TaskRows,
-    Tip,
-    arm_from,
     joint_values,
+    on_a_model,
     spacecraft_pose,
 )
 from spacearm.cli.output import out
+from spacearm.model.arm import SpaceArm
 from spacearm.viewer.show import view as show
 
 if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer
 
 
-def view(
-    model: ModelName,
+@on_a_model
+def view_configuration(
+    arm: SpaceArm,
     q: Annotated[
         list[str] | None,
         typer.Argument(metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; zeros if none."),
@@ -48,15 +43,9 @@ def view(
     png: Annotated[
         Path | None, typer.Option(help="Write a picture and end.", metavar="PNG")
     ] = None,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
+    deg: bool = False,
 ) -> None:
     """Shows a configuration in the browser, with sliders; Ctrl-C ends it."""
-    arm = arm_from(model, tip, task, length, lock, check, deg)
     start = joint_values(arm, q, deg) if q else np.clip(0.0, arm.lower, arm.upper)
     viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
     if save:

@@ -11,26 +11,21 @@ import typer
 from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
-    Checked,
-    Degrees,
-    Length,
-    Lock,
-    ModelName,
     Picture,
     Spacecraft,
     SpacecraftMode,
-    TaskRows,
-    Tip,
-    arm_from,
+    on_a_model,
 )
 from spacearm.cli.output import check_picture, out, print_json, table, write_picture
 from spacearm.errors import ConfigurationError
 from spacearm.files import read
+from spacearm.model.arm import SpaceArm
 from spacearm.workspaces.path_dependent import EFFORT, Workspace, workspace
 
 
-def workspace_(
-    model: ModelName,
+@on_a_model
+def compute_workspace(
+    arm: SpaceArm,
     mode: SpacecraftMode = Spacecraft.FREE,
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
@@ -43,24 +38,14 @@ def workspace_(
         typer.Option(help="Tip path to draw over: text, a point a line, from the CM [m]."),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the shells in the browser.")] = False,
-    tip: Tip = None,
-    task: TaskRows = None,
-    length: Length = None,
-    lock: Lock = None,
-    check: Checked = None,
-    deg: Degrees = False,
     as_json: AsJson = False,
 ) -> None:
     """Prints and draws the path dependent and path independent workspaces."""
     check_picture(output)
-    arm = arm_from(model, tip, task, length, lock, check, deg)
     points = None if path is None else _points(path)
     result = workspace(arm, mode=mode.value, limits=limits, effort=effort, seed=seed)
     if as_json:
-        data = {**result.to_dict(), "arm": arm.name, "fraction": result.fraction}
-        shells = [{"radius": s.radius.tolist(), "at": s.at.tolist()} for s in result.shells]
-        data |= {"free": result.free.tolist(), "volumes": result.volumes, "shells": shells}
-        print_json(data)
+        print_json(result.to_dict())
     else:
         _print(result)
     if output or not (as_json or view):

@@ -1,28 +1,45 @@
-"""Singular maps: figure 4 of Papadopoulos & Dubowsky (1993), for any two joints."""
+"""Singular maps and singular sets over joint angles: figure 4 of Papadopoulos & Dubowsky (1993)."""
 
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.plots.style import RED, TITLE, style
+from spacearm.errors import UnsupportedError
+from spacearm.model.arm import SpaceArm
+from spacearm.plots.style import RED, TITLE, axes_for, style
+from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.map import SingularMap
 
-if TYPE_CHECKING:
-    pass
+FLOOR = 1e-3
+"""Share of the largest sigma_min below which the colours of a map do not change."""
+BINS = 18
+"""Bins along each joint in which samples are counted to find the joints that show structure."""
+LINES = 10_000
+"""Lines along which an empty set is searched for roots."""
+MOST_SAMPLED, MOST_FOUND = 4000, 200
+"""Samples drawn of an exact set, and of one whose every sample takes a search."""
 
 
-def draw_map(result: SingularMap) -> Figure:
-    """Draws a singular map: figure 4 of Papadopoulos & Dubowsky (1993) for planar2."""
+def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
+    """Draw sigma_min over two joints, with the exact singular curves where they are known.
+
+    Figure 4 of Papadopoulos & Dubowsky (1993) for planar2.
+
+    Args:
+        result: The map.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.2, 6.0)
     with style():
-        figure = Figure(figsize=(7.2, 6.0))
-        axes = figure.subplots()
         degrees = np.degrees(result.angles)
-        floor = max(float(result.sigma_min.max()) * 1e-3, 1e-300)
+        floor = max(float(result.sigma_min.max()) * FLOOR, 1e-300)
         image = axes.pcolormesh(
             degrees,
             degrees,
@@ -30,25 +47,131 @@ def draw_map(result: SingularMap) -> Figure:
             cmap="cividis",
             rasterized=True,
         )
-        figure.colorbar(image, ax=axes, label=f"log10 of sigma_min [{result.unit}]", shrink=0.9)
-        for curve in result.curves or []:
-            axes.plot(*_on_screen(np.degrees(curve)).T, color=RED, lw=2.0)
-        turn = range(-180, 181, 60)
-        axes.set(
-            xlim=(-180, 180), ylim=(-180, 180), xticks=turn, yticks=turn, aspect="equal",
-            xlabel=f"{result.joints[0]} [deg]", ylabel=f"{result.joints[1]} [deg]",
-        )  # fmt: skip
+        axes.figure.colorbar(
+            image, ax=axes, label=f"log10 of sigma_min [{result.unit}]", shrink=0.9
+        )
+        _draw_curves(axes, result.curves or [])
+        _angle_axes(axes, result.joints)
         what = "sigma_min" if result.curves is None else "singular set (red)"
         held = ", ".join(
             f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
         )
         where = "\n" + textwrap.fill(f"{held} deg, others 0", TITLE) if held else ""
         axes.set_title(f"{result.arm}: {what}{where}")
-        return figure
+    return axes.figure
+
+
+def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
+    """Draw a singular set over the joints that matter to it.
+
+    Complete sets of one dimension are drawn as curves, those of two as a surface, all others as
+    samples over the two joints that show most of their structure.
+
+    Args:
+        result: The set.
+        ax: Matplotlib axes to draw into, three-dimensional ones for a surface; None for a new
+            figure.
+
+    Raises:
+        UnsupportedError: The set is empty or the whole joint space.
+    """
+    if not result.complete:
+        return _draw_found(result, ax)
+    arm, relevant = result.arm, result.relevant
+    if not relevant or _rootless(result):
+        raise UnsupportedError(
+            f"{arm.name}, {result.mode}: no joint decides whether the arm is singular; there is "
+            "nothing to draw"
+        )
+    names = [arm.joint_names[j] for j in relevant]
+    if result.dimension == 2:
+        axes = axes_for(ax, 6.8, 6.0, spatial=True)
+        with style():
+            _draw_surface(axes, result)
+            _angle_axes(axes, names)
+    elif result.dimension == 1:
+        axes = axes_for(ax, 6.4, 6.0)
+        with style():
+            _draw_curves(axes, [curve[:, relevant] for curve in result.curves()])
+            _angle_axes(axes, names)
+    else:
+        samples = result.sample(MOST_SAMPLED, np.random.default_rng(0))
+        axes = _draw_samples(arm, samples, ax)
+    with style():
+        axes.set_title(f"{arm.name}, {result.mode}: singular set")
+    return axes.figure
+
+
+def _draw_found(result: SingularSet, ax: Any) -> Figure:
+    """Draw what a search finds of a set that is not known exactly."""
+    samples = result.sample(MOST_FOUND, np.random.default_rng(0))
+    axes = _draw_samples(result.arm, samples, ax)
+    with style():
+        found = f"{len(samples)} singular configurations found"
+        axes.set_title(f"{result.arm.name}, {result.mode}: {found}")
+    return axes.figure
+
+
+def _rootless(result: SingularSet) -> bool:
+    """Return whether no line along a joint that matters, of many, meets the set."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (LINES, result.S.n))
+    return bool(np.isnan(result.S.roots_along(Q, result.relevant[-1])).all())
+
+
+def _draw_curves(axes: Any, curves: list[Array]) -> None:
+    for curve in curves:
+        axes.plot(*_on_screen(np.degrees(curve)).T, color=RED, lw=2.0)
+
+
+def _draw_surface(axes: Any, result: SingularSet) -> None:
+    mesh = result.surface()
+    corners = np.degrees(mesh.vertices)[mesh.triangles]
+    across = (np.ptp(corners, axis=1) > 180.0).any(axis=1)
+    axes.add_collection3d(
+        Poly3DCollection(corners[~across], facecolors=RED, alpha=0.6, shade=True, lw=0)
+    )
+    axes.set_box_aspect((1, 1, 1))
+
+
+def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
+    """Scatter samples over two joints; count them over the only joint of an arm."""
+    axes = axes_for(ax, 6.4, 6.0)
+    shown = samples * np.where(arm.slides, 1.0, 180.0 / np.pi)
+    labels = [
+        f"{name} [{'m' if slides else 'deg'}]"
+        for name, slides in zip(arm.joint_names, arm.slides, strict=True)
+    ]
+    with style():
+        if arm.n == 1:
+            axes.hist(shown[:, 0], bins=BINS**2, color=RED)
+            axes.set(xlabel=labels[0], ylabel="samples")
+            return axes
+        i, j = max(combinations(range(arm.n), 2), key=lambda pair: _structure(shown[:, pair]))
+        axes.plot(shown[:, i], shown[:, j], ".", color=RED, ms=3, alpha=0.6)
+        if not arm.slides[[i, j]].any():
+            _angle_axes(axes, (arm.joint_names[i], arm.joint_names[j]))
+        axes.set(xlabel=labels[i], ylabel=labels[j])
+    return axes
+
+
+def _structure(points: Array) -> float:
+    """Return how far (m, 2) samples are from uniform: the sum of squared counts of their bins."""
+    return float(np.square(np.histogramdd(points, BINS)[0]).sum())
+
+
+def _angle_axes(axes: Any, names: Any) -> None:
+    """Let all axes span one turn, in degrees, with the names of their joints."""
+    turn = range(-180, 181, 60 if len(names) == 2 else 90)
+    for axis, name in zip("xyz", names, strict=False):
+        axes.set(
+            **{f"{axis}lim": (-180, 180), f"{axis}ticks": turn, f"{axis}label": f"{name} [deg]"}
+        )
+    if len(names) == 2:
+        axes.set(aspect="equal")
 
 
 def _on_screen(curve: Array) -> Array:
-    """A curve on the torus folded into -180 .. 180, broken where it leaves the screen."""
+    """Fold a curve on the torus into -180 .. 180, broken where it leaves the screen."""
     folded = 180.0 - (180.0 - curve) % 360.0
     jumps = np.flatnonzero(np.abs(np.diff(folded, axis=0)).max(axis=1) > 180.0) + 1
     return np.insert(folded, jumps, np.nan, axis=0)

@@ -16,7 +16,7 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, style
+from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, style
 from spacearm.workspaces.path_dependent import Workspace
 
 CLOSE = 0.05
@@ -46,8 +46,8 @@ def draw_motion(
     """
     mark = None if target is None else _in_picture(motion, target)
     with style():
-        figure = Figure(figsize=(11.0, 6.4))
-        both: Any = figure.subfigures(1, 2, width_ratios=[1.0, 1.1])
+        whole = figure(11.0, 6.4)
+        both: Any = whole.subfigures(1, 2, width_ratios=[1.0, 1.1])
         left, right = both
         _draw_path(left, motion, mark, workspace)
         attitude, joints, nearness = right.subplots(3, 1, sharex=True)
@@ -64,8 +64,8 @@ def draw_motion(
         for axes in (attitude, joints, nearness):
             for t in motion.singular_times[:MOST_MARKS]:
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")
-        figure.align_ylabels()
-        return figure
+        whole.align_ylabels()
+        return whole
 
 
 def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:

@@ -1,29 +1,24 @@
-"""Plots, in one style: labelled axes with units, colours that all can tell apart, fit for print."""
+"""The style of all figures: labelled axes with units, colours that all can tell apart."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
+from matplotlib import figure as mpl_figure
 from matplotlib import rcsetup
-from matplotlib.figure import Figure
 
-from spacearm.files import write
-from spacearm.viewer.show import in_notebook
-
-if TYPE_CHECKING:
-    pass
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError
 
 BLUE, RED, GREEN, ORANGE, GREY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#5b6470"
 PURPLE, SKY = "#cc79a7", "#56b4e9"
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
-"""Okabe and Ito's colours."""
-STYLE: Any = {  # matplotlib's names of settings are no plain text to its stubs
+"""Colours of Okabe and Ito, which colour-blind readers can tell apart."""
+STYLE: Any = {  # Matplotlib's stubs accept literal names only
     "figure.dpi": 110,
     "savefig.dpi": 160,
     "font.size": 11,
@@ -39,41 +34,96 @@ PIXELS_PER_INCH = 90
 """Size of figures in notebooks."""
 TITLE = 54
 """Characters in a line of a title."""
+FLAT = 1e-9
+"""Share of their extent by which points may leave a plane and still count as flat."""
 
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The style of the project, for as long as the context lasts."""
+    """Apply the style of the project for as long as the context lasts."""
     with mpl.rc_context(STYLE):
         yield
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A figure that stands in a notebook where it is the last line of a cell.
-
-    Attributes:
-        figure: The figure.
-    """
-
-    figure: Figure
-
-    def png(self) -> bytes:
-        """The picture."""
-        buffer = io.BytesIO()
-        with style():
-            self.figure.savefig(buffer, format="png")
-        return buffer.getvalue()
+class Figure(mpl_figure.Figure):
+    """A Matplotlib figure that a notebook shows where it is the last line of a cell."""
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        """The picture and its size on the page [px]."""
-        width, height = (int(PIXELS_PER_INCH * inches) for inches in self.figure.get_size_inches())
-        return self.png(), {"width": width, "height": height}
+        """Return the picture and its size on the page [px]."""
+        buffer = io.BytesIO()
+        with style():
+            self.savefig(buffer, format="png")
+        width, height = (int(PIXELS_PER_INCH * inches) for inches in self.get_size_inches())
+        return buffer.getvalue(), {"width": width, "height": height}
 
 
-def show(figure: Figure, name: str) -> Shown:
-    """Shows a figure in a notebook; where the notebook runs as a script, writes NAME.png."""
-    shown = Shown(figure)
-    if not in_notebook():
-        print(f"wrote {write(Path(f'{name}.png'), shown.png())}")
-    return shown
+def figure(width: float, height: float) -> Figure:
+    """Make an empty figure in the style of the project.
+
+    Add its axes within `style()`, which gives them the style too.
+
+    Args:
+        width: Width [inch].
+        height: Height [inch].
+    """
+    with style():
+        return Figure(figsize=(width, height))
+
+
+def axes_for(ax: Any, width: float, height: float, *, spatial: bool = False) -> Any:
+    """Return the given axes, or those of a new figure with one panel.
+
+    Args:
+        ax: Matplotlib axes to draw into; None for a new figure.
+        width: Width of a new figure [inch].
+        height: Height of a new figure [inch].
+        spatial: Whether three-dimensional axes are needed.
+
+    Raises:
+        ConfigurationError: `ax` is not Matplotlib axes, or has the wrong number of dimensions.
+    """
+    if ax is None:
+        with style():
+            return figure(width, height).add_subplot(projection="3d" if spatial else None)
+    if not isinstance(ax, mpl.axes.Axes):
+        raise ConfigurationError(f"ax is {ax!r}; give Matplotlib axes")
+    if spatial != (ax.name == "3d"):
+        needed = "projection='3d'" if spatial else "no projection"
+        raise ConfigurationError(
+            f"ax has the projection {ax.name!r}; this drawing needs figure.add_subplot with "
+            f"{needed}"
+        )
+    return ax
+
+
+def equal_axes(axes: Any, names: str = "xyz") -> None:
+    """Label axes in metres and give them one scale."""
+    labels = {f"{axis}label": f"{name} [m]" for axis, name in zip("xyz", names, strict=False)}
+    if axes.name == "3d":
+        axes.set(**labels)
+        axes.set_aspect("equal", adjustable="datalim")
+    else:
+        axes.set(**labels, aspect="equal", adjustable="datalim")
+
+
+def flat_rows(points: Array) -> tuple[int, ...]:
+    """Return which of x, y, z to draw: the two of a plane of axes that holds the points, or all.
+
+    Args:
+        points: (m, 3) points.
+    """
+    extent = points.max(axis=0) - points.min(axis=0)
+    still = [i for i in range(3) if extent[i] <= FLAT * extent.max()]
+    return tuple(i for i in range(3) if i != still[-1]) if still else (0, 1, 2)
+
+
+def annotate(axes: Any, text: str, at: Array, color: str, *, below: bool = False) -> None:
+    """Write a label beside or below a point, in the plane or in space."""
+    if axes.name == "3d":
+        axes.text(*at, f"  {text}", color=color, va="top" if below else "bottom")
+    else:
+        offset = (0, -18) if below else (8, 6)
+        axes.annotate(
+            text, at, offset, textcoords="offset points", color=color,
+            ha="center" if below else "left",
+        )  # fmt: skip

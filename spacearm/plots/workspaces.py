@@ -10,8 +10,9 @@ from matplotlib.patches import Annulus, Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, style
-from spacearm.singularities.risk import RiskProfile
+from spacearm.errors import ConfigurationError
+from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, figure, style
+from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.workspaces.path_dependent import Workspace
 
 if TYPE_CHECKING:
@@ -19,48 +20,106 @@ if TYPE_CHECKING:
 
 
 def draw_workspace(
-    result: Workspace, path: Array | None = None, profile: RiskProfile | None = None
+    result: Workspace,
+    path: Array | None = None,
+    profile: RiskProfile | None = None,
+    *,
+    ax: Any = None,
 ) -> Figure:
-    """Draws a workspace: for planar arms figure 7 of Papadopoulos & Dubowsky (1993).
+    """Draw a workspace: for planar arms figure 7 of Papadopoulos & Dubowsky (1993).
 
     Args:
         result: The workspace.
         path: (m, 2) or (m, 3) a tip path from the system CM to draw over a planar one [m].
         profile: A risk profile to draw beside the shells of a spatial arm.
+        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
+            figure.
+
+    Raises:
+        ConfigurationError: `ax` is of the wrong kind, or given although there is a profile to draw.
     """
+    if result.planar:
+        axes = axes_for(ax, 7.2, 6.4)
+        with style():
+            _draw_rings(axes, result, path)
+        return axes.figure
+    if profile is None:
+        axes = axes_for(ax, 6.4, 5.4, spatial=True)
+        with style():
+            _draw_cut_away(axes, result)
+        return axes.figure
+    if ax is not None:
+        raise ConfigurationError("a workspace beside a risk profile has two panels; leave ax out")
     with style():
-        if result.planar:
-            figure = Figure(figsize=(7.2, 6.4))
-            _draw_rings(figure.subplots(), result, path)
-        else:
-            figure = Figure(figsize=(11.0 if profile else 6.4, 5.4))
-            columns = 2 if profile else 1
-            _draw_cut_away(figure.add_subplot(1, columns, 1, projection="3d"), result)
-            if profile:
-                _draw_profile(figure.add_subplot(1, 2, 2), profile)
-        return figure
+        whole = figure(11.0, 5.4)
+        _draw_cut_away(whole.add_subplot(1, 2, 1, projection="3d"), result)
+        _draw_profile(whole.add_subplot(1, 2, 2), profile)
+        return whole
 
 
-def draw_profile(result: RiskProfile) -> Figure:
-    """Draws the share of configurations near a singularity over the distance from the CM."""
+def draw_profile(result: RiskProfile, *, ax: Any = None) -> Figure:
+    """Draw the share of configurations near a singularity over the distance from the CM.
+
+    Args:
+        result: The risk profile.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.2, 4.4)
     with style():
-        figure = Figure(figsize=(7.2, 4.4))
-        _draw_profile(figure.subplots(), result)
-        return figure
+        _draw_profile(axes, result)
+    return axes.figure
 
 
-def draw_design(result: xr.Dataset) -> Figure:
-    """Draws the path independent share over one design parameter, or over two as a map."""
+def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
+    """Draw the share of near-singular configurations of each pose over its distance from the CM.
+
+    Args:
+        result: The risk of sampled tip poses.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.2, 4.4)
+    with style():
+        mean = float(result.share.mean())
+        axes.plot(
+            np.linalg.norm(result.centre, axis=1), 100.0 * result.share, "o", color=RED, alpha=0.6
+        )
+        axes.axhline(100.0 * mean, color=GREY, lw=1, ls=":")
+        axes.set(
+            xlabel="distance of the tip from the system CM [m]",
+            ylabel="configurations near a singularity [%]",
+            ylim=(0.0, None),
+        )
+        axes.set_title(
+            f"{len(result.share)} tip poses, near: sigma_min up to {result.bound:.3g}\n"
+            f"mean {mean:.1%}"
+        )
+    return axes.figure
+
+
+def draw_design(result: xr.Dataset, *, ax: Any = None) -> Figure:
+    """Draw the path independent share over one design parameter, or over two as a map.
+
+    Args:
+        result: The designs, from `spacearm.design`.
+        ax: Matplotlib axes to draw into; None for a new figure.
+
+    Raises:
+        ConfigurationError: The dataset holds no designs.
+    """
+    if "fraction" not in result or not {"arm", "mode"} <= set(result.attrs):
+        raise ConfigurationError(
+            "the dataset has no path independent share; give one that spacearm.design returns"
+        )
     names = [str(name) for name in result["fraction"].dims]
     varied = [name for name in names if result.sizes[name] > 1] or names[:1]
     share = result["fraction"].isel({name: 0 for name in names if name not in varied[:2]}) * 100.0
     labels = [f"{name} [{result[name].attrs['unit']}]" for name in varied]
+    axes = axes_for(ax, 7.2, 4.8)
     with style():
-        figure = Figure(figsize=(7.2, 4.8))
-        axes = figure.subplots()
         if len(varied) == 1:
             axes.plot(result[varied[0]], share, "o-", color=BLUE, lw=2)
-            axes.set(xlabel=labels[0], ylabel="path independent share [%]", ylim=(0.0, None))
+            top = 1.05 * float(np.nanmax(share)) or 1.0
+            axes.set(xlabel=labels[0], ylabel="path independent share [%]", ylim=(0.0, top))
         else:
             image = axes.pcolormesh(
                 result[varied[0]],
@@ -68,10 +127,10 @@ def draw_design(result: xr.Dataset) -> Figure:
                 share.transpose(*varied[1::-1]),
                 cmap="cividis",
             )
-            figure.colorbar(image, ax=axes, label="path independent share [%]")
+            axes.figure.colorbar(image, ax=axes, label="path independent share [%]")
             axes.set(xlabel=labels[0], ylabel=labels[1])
         axes.set_title(f"{result.attrs['arm']}, {result.attrs['mode']}")
-        return figure
+    return axes.figure
 
 
 def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
@@ -112,7 +171,7 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
 
 
 def _draw_cut_away(axes: Any, result: Workspace) -> None:
-    """Spheres with a quarter taken out; the cut faces show which distances are what."""
+    """Draw spheres with a quarter cut out; the cut faces show the workspaces."""
     outer = float(result.reachable[0, 1])
     polar, around = np.linspace(0, np.pi, 40), np.linspace(0, 1.5 * np.pi, 60)
     sphere = np.stack((

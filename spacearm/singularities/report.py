@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -37,6 +37,8 @@ class SingularityReport(Result):
     linear tasks, dimensionless for angular and mixed ones.
 
     Attributes:
+        configuration: The configuration.
+        mode: What the spacecraft does.
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
         sigma_min: Least singular value; `error_bars` bounds its rounding errors.
@@ -57,6 +59,8 @@ class SingularityReport(Result):
         tolerance: The relative tolerance that decided the rank.
     """
 
+    configuration: Configuration
+    mode: BaseMode
     sigma: Array
     sigma_min: float
     rank: int
@@ -72,6 +76,16 @@ class SingularityReport(Result):
     axes: Array
     length: float | None
     tolerance: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data, with the tip's distance from the CM and the task."""
+        cfg = self.configuration
+        tips = [float(np.linalg.norm(tip.translation - cfg.com)) for tip in cfg.tips]
+        return {
+            **super().to_dict(),
+            "radius": tips[0] if len(tips) == 1 else tips,
+            "task": {"rows": list(cfg.arm.task.rows), "unit": cfg.arm.sigma_unit},
+        }
 
     def __repr__(self) -> str:
         k, n = self.jacobian.shape
@@ -108,6 +122,8 @@ def singularity(
     fixed_rank = _rank(singular_values(cfg, mode="fixed"), tolerance)
     dJ = task_jacobian_derivative(cfg, mode=mode)
     return SingularityReport(
+        configuration=cfg,
+        mode=mode,
         sigma=sigma,
         sigma_min=float(sigma[-1]),
         rank=rank,

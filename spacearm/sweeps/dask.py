@@ -1,4 +1,4 @@
-"""Cluster: chunks done by the workers of a Dask cluster, which the user starts and ends."""
+"""Chunks computed by the workers of a Dask cluster, which the user starts and ends."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from distributed import Client
 
 WIDTH = 2000
-"""Chunks that the scheduler knows at a time: enough for a thousand cores, little to keep."""
+"""Chunks that the scheduler holds at a time: enough for a thousand cores."""
 PATIENCE = 5
-"""How long a scheduler may take to answer [s]."""
+"""Time that a scheduler may take to answer [s]."""
 
 
 def connect(address: str) -> Client:
-    """A client of the scheduler at an address such as tcp://127.0.0.1:8786.
+    """Connect to the scheduler at an address such as tcp://127.0.0.1:8786.
 
     Raises:
         UnsupportedError: Dask is not installed.
@@ -41,7 +41,7 @@ def connect(address: str) -> Client:
 
 
 async def _greet(address: str) -> None:
-    """Opens a connection to a scheduler and closes it."""
+    """Open a connection to a scheduler and close it."""
     from distributed import Security
     from distributed.comm.core import connect as open_comm
 
@@ -55,7 +55,7 @@ class Cluster:
 
     Attributes:
         width: Chunks to have under way so that no worker waits.
-        final: What is not tried again: Dask has, on several workers.
+        final: Errors after which a chunk is not tried again: Dask has tried several workers.
     """
 
     def __init__(self, client: Client, recipe: Recipe, path: str) -> None:
@@ -69,13 +69,13 @@ class Cluster:
 
     @property
     def lost(self) -> bool:
-        """Whether the scheduler is."""
+        """Whether the scheduler is lost."""
         return bool(self._client.status != "running")
 
     def submit(self, chunk: Chunk) -> Future[str]:
-        """Has a chunk done; Dask moves it to another worker if its own dies."""
+        """Have a chunk done; Dask moves it to another worker if its own dies."""
         return self._executor.submit(do, *self._order, chunk)
 
     def close(self) -> None:
-        """Cancels what has not begun."""
+        """Cancel the chunks that have not begun."""
         self._executor.shutdown(wait=False)

@@ -1,8 +1,12 @@
-"""Processes: chunks done by processes of this machine, each told what to do in lines of JSON.
+"""Worker processes of this machine, which are told in lines of JSON what to do.
 
 The study and the store go to a process when it starts, then chunks, one a line; it answers each
 with a line. It ends when its input does, so that none outlives the main process by more than the
 chunk at hand. Nothing of the main program runs in it.
+
+`concurrent.futures.ProcessPoolExecutor` is not used: when one of its workers is killed, for lack of
+memory for example, the whole pool is broken and all chunks under way are lost. Here the process is
+replaced and its chunk tried again.
 """
 
 from __future__ import annotations
@@ -49,11 +53,11 @@ class Processes:
         self._closed = False
 
     def submit(self, chunk: Chunk) -> Future[str]:
-        """Has a chunk done by the next process that is free."""
+        """Have a chunk done by the next free process."""
         return self._threads.submit(self._do, chunk)
 
     def close(self) -> None:
-        """Ends all processes at once; what they were at is not marked as done."""
+        """End all processes at once; their chunks are not marked as done."""
         self._threads.shutdown(wait=False, cancel_futures=True)
         with self._lock:
             self._closed = True
@@ -101,7 +105,7 @@ class Process:
         self._order: tuple[Recipe, str] | None = (recipe, path)
 
     def ask(self, chunk: Chunk) -> dict[str, str] | None:
-        """The answer to a chunk; None if the process is no more."""
+        """Send a chunk and return the answer; None if the process has ended."""
         if self._popen.stdin is None or self._popen.stdout is None:
             return None
         messages = [self._order, chunk] if self._order else [chunk]
@@ -115,11 +119,11 @@ class Process:
         return json.loads(line) if line.endswith("\n") else None
 
     def kill(self) -> None:
-        """Kills it."""
+        """Kill the process."""
         self._popen.kill()
 
     def end(self) -> str:
-        """Kills it if it still runs, and says how it ended."""
+        """Kill the process if it still runs, and return how it ended."""
         self._popen.kill()
         code = self._popen.wait()
         for pipe in (self._popen.stdin, self._popen.stdout):
@@ -129,7 +133,7 @@ class Process:
 
 
 def serve(requests: TextIO, answers: TextIO) -> None:
-    """What a worker process does until its input ends."""
+    """Compute chunks in a worker process until its input ends."""
     recipe, path = json.loads(requests.readline())
     answer: dict[str, str]
     for line in requests:

@@ -1,4 +1,4 @@
-"""Quantities: what a study asks of every design, computed a chunk at a time.
+"""Quantities that a study asks of every design, computed a chunk at a time.
 
 A chunk is one design, at one box of the quantity's own grid (blocks of samples, joint angles). Its
 numbers depend on the study and on nothing else, so that any process may compute it at any time.
@@ -7,8 +7,8 @@ numbers depend on the study and on nothing else, so that any process may compute
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, get_args
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol, get_args
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.risk import check_slides, risk_profile
-from spacearm.sweeps.tiles import Region, Shape, regions, tile
+from spacearm.sweeps.tiles import Box, Shape, boxes, tile
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT, check_shells
@@ -28,10 +28,6 @@ PART = 2**16
 """Configurations in memory at a time, however large the chunk."""
 MOST_SHELLS = 16
 """Shells that there is room for in each design."""
-
-Compute = Callable[[SpaceArm, Region, Sequence[int]], Mapping[str, Any]]
-"""compute(arm, box, seed): the numbers of one chunk by variable, for one design, at one box of the
-grid, with the seed of study and design."""
 
 
 class Variable(NamedTuple):
@@ -50,41 +46,60 @@ class Variable(NamedTuple):
     dtype: str = "float64"
 
 
-class Quantity(NamedTuple):
+class Quantity(Protocol):
     """One quantity of a study.
 
     Attributes:
-        name: Its table in the study.
-        variables: The arrays that it fills.
-        compute: What fills them.
+        variables: The arrays that it fills, by name.
         coords: Labels of its axes, with their attributes.
         dims: Its own axes, which chunks divide.
         shape: Their lengths.
         tile: Shape of a chunk along them.
     """
 
-    name: str
     variables: Mapping[str, Variable]
-    compute: Compute
     coords: Mapping[str, tuple[Array, Mapping[str, Any]]]
     dims: tuple[str, ...] = ()
     shape: Shape = ()
     tile: Shape = ()
 
+    def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
+        """Compute the numbers of one chunk, by variable.
 
-def shells(table: Table, seed: int, arms: Sequence[SpaceArm]) -> Quantity:
-    """Path dependent shells and path independent share, as `workspace` finds them."""
-    for arm in arms:
-        check_shells(arm)
-    table.knows("mode", "limits", "effort")
-    modes: dict[str, BaseMode] = {mode: mode for mode in get_args(BaseMode)}
-    if (wanted := table.take("mode", str, "free-floating")) not in modes:
-        raise table.fail("mode", unknown("mode", wanted, modes))
-    mode, limits = modes[wanted], table.take("limits", bool, False)
-    effort = table.positive("effort", int, EFFORT)
+        Args:
+            arm: The design.
+            box: The part of the quantity's grid.
+            seed: Seed of the study and number of the design.
+        """
 
-    def compute(arm: SpaceArm, _: Region, __: Sequence[int]) -> Mapping[str, Any]:
-        found = shell_measures(arm, mode=mode, limits=limits, effort=effort, seed=seed)
+
+class Shells(Quantity):
+    """Path dependent shells and the path independent share, as `workspace` finds them."""
+
+    def __init__(self, table: Table, seed: int, arms: Sequence[SpaceArm]) -> None:
+        for arm in arms:
+            check_shells(arm)
+        table.knows("mode", "limits", "effort")
+        modes: dict[str, BaseMode] = {mode: mode for mode in get_args(BaseMode)}
+        if (wanted := table.take("mode", str, "free-floating")) not in modes:
+            raise table.fail("mode", unknown("mode", wanted, modes))
+        self.mode, self.limits = modes[wanted], table.take("limits", bool, False)
+        self.effort, self.seed = table.positive("effort", int, EFFORT), seed
+        volume = {"unit": "m^3; m^2 for planar arms"}
+        shell = ("shell", "bound"), (MOST_SHELLS, 2)
+        self.variables = {
+            "piw": Variable({**volume, "about": "path independent workspace"}),
+            "reachable": Variable({**volume, "about": "reachable workspace"}),
+            "fraction": Variable({"unit": "1", "about": "path independent share"}),
+            "pdw": Variable({"unit": "m", "about": "path dependent shells"}, *shell),
+        }
+        self.coords = {"bound": (np.array(["least", "largest"], dtype=object), {})}
+
+    def compute(self, arm: SpaceArm, _box: Box, _seed: Sequence[int]) -> Mapping[str, Any]:
+        """Find the shells of a design."""
+        found = shell_measures(
+            arm, mode=self.mode, limits=self.limits, effort=self.effort, seed=self.seed
+        )
         pdw = np.full((MOST_SHELLS, 2), np.nan)
         if len(found["pdw"]) > MOST_SHELLS:
             raise UnsupportedError(
@@ -93,43 +108,43 @@ def shells(table: Table, seed: int, arms: Sequence[SpaceArm]) -> Quantity:
         pdw[: len(found["pdw"])] = found["pdw"]
         return {**found, "pdw": pdw}
 
-    volume = {"unit": "m^3; m^2 for planar arms"}
-    variables = {
-        "piw": Variable({**volume, "about": "path independent workspace"}),
-        "reachable": Variable({**volume, "about": "reachable workspace"}),
-        "fraction": Variable({"unit": "1", "about": "path independent share"}),
-        "pdw": Variable(
-            {"unit": "m", "about": "path dependent shells"}, ("shell", "bound"), (MOST_SHELLS, 2)
-        ),
-    }
-    bounds = np.array(["least", "largest"], dtype=object)
-    return Quantity("shells", variables, compute, {"bound": (bounds, {})})
 
-
-def risk(table: Table, chunk: int, arms: Sequence[SpaceArm]) -> Quantity:
-    """Configurations in classes of the tip's distance from the CM, and how many are near singular.
+class Risk(Quantity):
+    """Configurations near a singularity, counted by the tip's distance from the CM.
 
     Counts of `risk_profile` for blocks of samples: their sums over `block` are those of all.
     """
-    for arm in arms:
-        check_slides(arm)
-    table.knows("sigma_min", "radius", "samples", "limits")
-    bound = table.positive("sigma_min", float)
-    edges, samples = table.axis("radius"), table.positive("samples", int)
-    if len(edges) < 2 or edges[0] < 0.0 or (np.diff(edges) <= 0.0).any():
-        raise table.fail("radius", "give two or more growing edges of distance classes [m]")
-    limits, bins = table.take("limits", bool, False), len(edges) - 1
 
-    def compute(arm: SpaceArm, box: Region, seed: Sequence[int]) -> Mapping[str, Any]:
+    def __init__(self, table: Table, chunk: int, arms: Sequence[SpaceArm]) -> None:
+        for arm in arms:
+            check_slides(arm)
+        table.knows("sigma_min", "radius", "samples", "limits")
+        self.bound = table.positive("sigma_min", float)
+        self.edges, self.samples = table.axis("radius"), table.positive("samples", int)
+        if len(self.edges) < 2 or self.edges[0] < 0.0 or (np.diff(self.edges) <= 0.0).any():
+            raise table.fail("radius", "give two or more growing edges of distance classes [m]")
+        self.limits, self.chunk = table.take("limits", bool, False), chunk
+        classes = ("radius",), (len(self.edges) - 1,)
+        attrs = {"unit": "1", "sigma_min": f"{self.bound}"}
+        self.variables = {
+            "configurations": Variable({**attrs, "about": "drawn"}, *classes),
+            "near": Variable({**attrs, "about": "with sigma_min up to this"}, *classes),
+        }
+        middles = 0.5 * (self.edges[:-1] + self.edges[1:])
+        self.coords = {"radius": (middles, {"unit": "m", "edges": self.edges.tolist()})}
+        self.dims, self.shape, self.tile = ("block",), (-(-self.samples // chunk),), (1,)
+
+    def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
+        """Count a block of samples."""
         block = box[0].start
-        left = min(chunk, samples - block * chunk)
-        count, near = np.zeros(bins), np.zeros(bins)
-        for part, (drawn,) in enumerate(regions((left,), PART)):
+        left = min(self.chunk, self.samples - block * self.chunk)
+        count, near = np.zeros(len(self.edges) - 1), np.zeros(len(self.edges) - 1)
+        for part, (drawn,) in enumerate(boxes((left,), PART)):
             profile = risk_profile(
                 arm,
-                limits=limits,
-                sigma_min=bound,
-                bins=edges,
+                limits=self.limits,
+                sigma_min=self.bound,
+                bins=self.edges,
                 samples=drawn.stop - drawn.start,
                 seed=(*seed, block, part),
                 threads=1,
@@ -138,83 +153,78 @@ def risk(table: Table, chunk: int, arms: Sequence[SpaceArm]) -> Quantity:
             near += np.rint(np.nan_to_num(profile.share) * profile.count)
         return {"configurations": count[None], "near": near[None]}
 
-    attrs = {"unit": "1", "sigma_min": f"{bound}"}
-    variables = {
-        "configurations": Variable({**attrs, "about": "drawn"}, ("radius",), (bins,)),
-        "near": Variable({**attrs, "about": "with sigma_min up to this"}, ("radius",), (bins,)),
-    }
-    middle = {"radius": (0.5 * (edges[:-1] + edges[1:]), {"unit": "m", "edges": edges.tolist()})}
-    blocks = -(-samples // chunk)
-    return Quantity("risk", variables, compute, middle, ("block",), (blocks,), (1,))
 
-
-def sigma_min(table: Table, chunk: int, arms: Sequence[SpaceArm]) -> Quantity:
+class SigmaMin(Quantity):
     """A map of the least singular value over a grid of joint positions."""
-    table.knows("joints", "held", "single")
-    joints = Table(f"{table.where}: joints", table.values.get("joints"))
-    held = Table(f"{table.where}: held", table.values.get("held", {}))
-    names = {arm: {text: joint_name(arm, text) for text in joints.values} for arm in arms}
-    if not joints.values or any(len(set(own.values())) < len(own) for own in names.values()):
-        raise table.fail("joints", "name one or more, none twice")
-    axes = {text: joints.axis(text) for text in joints.values}
-    at = {text: held.take(text, float) for text in held.values}
-    for arm, own in names.items():
-        for text, value in at.items():
-            if joint_name(arm, text) in own.values() or abs(value) > LARGEST:
-                raise held.fail(text, f"give finite positions [rad], of joints not in {[*axes]}")
-    shape = tuple(map(len, axes.values()))
-    dtype = "float32" if table.take("single", bool, False) else "float64"
 
-    def compute(arm: SpaceArm, box: Region, _: Sequence[int]) -> Mapping[str, Any]:
-        column = {text: arm.joint_names.index(joint_name(arm, text)) for text in (*axes, *at)}
-        grid = [values[part] for values, part in zip(axes.values(), box, strict=True)]
-        sigma = np.empty(tuple(map(len, grid)), dtype)
-        for part in regions(sigma.shape, PART):
+    def __init__(self, table: Table, chunk: int, arms: Sequence[SpaceArm]) -> None:
+        table.knows("joints", "held", "single")
+        joints = Table(f"{table.where}: joints", table.values.get("joints"))
+        held = Table(f"{table.where}: held", table.values.get("held", {}))
+        names = {arm: {text: joint_name(arm, text) for text in joints.values} for arm in arms}
+        if not joints.values or any(len(set(own.values())) < len(own) for own in names.values()):
+            raise table.fail("joints", "name one or more, none twice")
+        self.axes = {text: joints.axis(text) for text in joints.values}
+        self.held = {text: held.take(text, float) for text in held.values}
+        for arm, own in names.items():
+            for text, value in self.held.items():
+                if joint_name(arm, text) in own.values() or abs(value) > LARGEST:
+                    listed = [*self.axes]
+                    raise held.fail(text, f"give finite positions [rad], of joints not in {listed}")
+        units = "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
+        about = {"unit": units, "about": "least singular value of the task Jacobian"}
+        self.dtype = "float32" if table.take("single", bool, False) else "float64"
+        self.variables = {"sigma_min": Variable(about, dtype=self.dtype)}
+        self.coords = {text: (values, {"unit": "rad or m"}) for text, values in self.axes.items()}
+        self.dims, self.shape = tuple(self.axes), tuple(map(len, self.axes.values()))
+        self.tile = tile(self.shape, chunk)
+
+    def compute(self, arm: SpaceArm, box: Box, _seed: Sequence[int]) -> Mapping[str, Any]:
+        """Evaluate sigma_min on a box of the grid."""
+        column = {
+            text: arm.joint_names.index(joint_name(arm, text)) for text in (*self.axes, *self.held)
+        }
+        grid = [values[part] for values, part in zip(self.axes.values(), box, strict=True)]
+        sigma = np.empty(tuple(map(len, grid)), self.dtype)
+        for part in boxes(sigma.shape, PART):
             q = np.zeros((*(s.stop - s.start for s in part), arm.n))
-            for text, value in at.items():
+            for text, value in self.held.items():
                 q[..., column[text]] = value
             cut = (values[s] for values, s in zip(grid, part, strict=True))
-            for text, values in zip(
-                axes, np.meshgrid(*cut, indexing="ij", copy=False), strict=True
-            ):
+            mesh = np.meshgrid(*cut, indexing="ij", copy=False)
+            for text, values in zip(self.axes, mesh, strict=True):
                 q[..., column[text]] = values
             found = evaluate(arm, q.reshape(-1, arm.n), ["sigma_min"], threads=1)["sigma_min"]
             sigma[part] = found.reshape(q.shape[:-1])
         return {"sigma_min": sigma}
 
-    units = "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
-    about = {"unit": units, "about": "least singular value of the task Jacobian"}
-    coords = {text: (values, {"unit": "rad or m"}) for text, values in axes.items()}
-    return Quantity(
-        "sigma_min",
-        {"sigma_min": Variable(about, dtype=dtype)},
-        compute,
-        coords,
-        tuple(axes),
-        shape,
-        tile(shape, chunk),
-    )
-
 
 QUANTITIES = ("shells", "risk", "sigma_min")
-"""What a study can ask for."""
+"""Tables of a study that ask for a quantity."""
 
 
 def read(table: Table, seed: int, chunk: int, arms: Sequence[SpaceArm]) -> dict[str, Quantity]:
-    """The quantities that the tables of a study ask for, by name."""
-    asked = {name: Table(name, table.values[name]) for name in QUANTITIES if name in table.values}
-    if not asked:
+    """Read the quantities that the tables of a study ask for, by name.
+
+    Raises:
+        ConfigurationError: No quantity is asked for, or a table makes no sense.
+        UnsupportedError: An arm cannot have the quantity.
+    """
+    own = {name: Table(name, table.values[name]) for name in QUANTITIES if name in table.values}
+    if not own:
         raise table.fail("quantities", f"add one or more of the tables {', '.join(QUANTITIES)}")
-    makers: dict[str, Callable[[Table], Quantity]] = {
-        "shells": lambda own: shells(own, seed, arms),
-        "risk": lambda own: risk(own, chunk, arms),
-        "sigma_min": lambda own: sigma_min(own, chunk, arms),
-    }
-    return {name: makers[name](own) for name, own in asked.items()}
+    found: dict[str, Quantity] = {}
+    if "shells" in own:
+        found["shells"] = Shells(own["shells"], seed, arms)
+    if "risk" in own:
+        found["risk"] = Risk(own["risk"], chunk, arms)
+    if "sigma_min" in own:
+        found["sigma_min"] = SigmaMin(own["sigma_min"], chunk, arms)
+    return found
 
 
 def nbytes(quantity: Quantity, designs: int) -> int:
-    """Bytes of all its numbers, uncompressed."""
+    """Return the size of all numbers of a quantity [bytes], uncompressed."""
     points = designs * math.prod(quantity.shape)
     return sum(
         points * math.prod(v.shape) * np.dtype(v.dtype).itemsize

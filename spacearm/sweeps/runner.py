@@ -1,4 +1,4 @@
-"""Sweep: a study computed chunk by chunk into a store, on this machine or on a Dask cluster."""
+"""Sweeps: studies computed chunk by chunk into a store, on this machine or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import queue
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from contextlib import closing
 from pathlib import Path
@@ -19,7 +19,7 @@ from spacearm.arrays import whole
 from spacearm.errors import StoreError, SweepError
 from spacearm.kernels.processors import processors
 from spacearm.sweeps.quantities import nbytes
-from spacearm.sweeps.store import DONE, FAILED, Store
+from spacearm.sweeps.store import DONE, FAILED, Store, dataset
 from spacearm.sweeps.study import Chunk, Study
 
 if TYPE_CHECKING:
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 
 ATTEMPTS = 3
-"""How often a chunk is tried."""
+"""Number of times a chunk is tried."""
 PATIENCE = 5.0
-"""How long to wait for a chunk before asking whether the cluster is there [s]."""
+"""Time to wait for a chunk before asking whether the cluster is there [s]."""
 SHOWN = 200
 """Characters of an error that are recorded."""
 
 
 class Tally(NamedTuple):
-    """How far a sweep is.
+    """Progress of a sweep, in chunks.
 
     Attributes:
         kept: Chunks that an earlier run had done.
@@ -50,9 +50,14 @@ class Tally(NamedTuple):
     failed: int
     total: int
 
+    @property
+    def done(self) -> int:
+        """Chunks that are through, failed ones too."""
+        return self.kept + self.computed + self.failed
 
-class Plan(NamedTuple):
-    """What a quantity of a study will take.
+
+class Estimate(NamedTuple):
+    """Time and disk that a quantity of a study will take.
 
     Attributes:
         quantity: Its name.
@@ -68,7 +73,7 @@ class Plan(NamedTuple):
 
 
 class Status(NamedTuple):
-    """How much of a quantity is in a store.
+    """The part of a quantity that is in a store.
 
     Attributes:
         quantity: Its name.
@@ -84,20 +89,20 @@ class Status(NamedTuple):
 
 
 class Pool(Protocol):
-    """What does chunks."""
+    """Workers that compute chunks."""
 
     width: int
     final: tuple[type[BaseException], ...]
 
     @property
     def lost(self) -> bool:
-        """Whether nothing will come of it any more."""
+        """Whether the workers are gone for good."""
 
     def submit(self, chunk: Chunk) -> Future[str]:
-        """Has a chunk done."""
+        """Have a chunk done."""
 
     def close(self) -> None:
-        """Drops what is not done."""
+        """Drop what is not done."""
 
 
 def sweep(
@@ -106,9 +111,9 @@ def sweep(
     *,
     client: Client | None = None,
     workers: int | None = None,
-    progress: Callable[[Tally], object] | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> xr.Dataset:
-    """Computes a study into a Zarr store, chunk by chunk; what is there already is kept.
+    """Compute a study into a Zarr store, chunk by chunk; keep what is there already.
 
     It may be stopped or killed at any time, and so may each of its workers: run again, it goes on
     where it was, and the numbers are the same to the bit (on processors of one kind). A chunk that
@@ -121,7 +126,8 @@ def sweep(
         client: A client of a Dask cluster, which then does the work.
         workers: Processes on this machine, if there is no client; as many as there are processors
             if None.
-        progress: Called as progress(tally) after each chunk.
+        progress: Called as progress(done, total), in chunks, after each chunk; failed ones count as
+            done.
 
     Returns:
         The store as one labelled dataset, read when it is used; `xarray.open_zarr` gives the same.
@@ -134,28 +140,49 @@ def sweep(
         SweepError: All is through, but some chunks failed.
     """
     study = study if isinstance(study, Study) else Study.read(study)
+    with closing(run_chunks(study, store, client=client, workers=workers)) as tallies:
+        for tally in tallies:
+            if progress:
+                progress(tally.done, tally.total)
+    return dataset(store)
+
+
+def run_chunks(
+    study: Study,
+    store: str | os.PathLike[str],
+    *,
+    client: Client | None = None,
+    workers: int | None = None,
+) -> Generator[Tally]:
+    """Compute a study into a store, as `sweep` does, and yield a tally after each chunk.
+
+    Close the generator if you leave it early: it ends the workers.
+    """
     there = Path(store).exists()
     target = Store.create(store, study)
+    failed: dict[str, str] = {}
     with closing(_pool(study, target, client, workers)) as pool:
-        failed = _run(study, target, pool, progress)
+        yield from _run(study, target, pool, failed)
     if there and not failed:
         target.tidy()
     if failed:
         (name, error), *others = failed.items()
         raise SweepError(
-            f"{len(failed)} of {sum(map(study.count, study.quantities))} chunks failed "
+            f"{len(failed)} of {study.total} chunks failed "
             f"{ATTEMPTS} times each, the others are in {store}: {name}: {error}"
             + (f" (and {len(others)} more)" if others else ""),
             failed,
         )
-    return target.dataset()
 
 
-def plan(study: Study) -> list[Plan]:
-    """What a study will take: of each quantity a chunk in the middle, computed and thrown away."""
-    plans = []
+def estimate(study: Study) -> list[Estimate]:
+    """Estimate what a study will take.
+
+    Of each quantity a chunk in the middle is computed and thrown away.
+    """
+    estimates = []
     with tempfile.TemporaryDirectory() as folder:
-        store = Store.create(Path(folder) / "plan.zarr", study)
+        store = Store.create(Path(folder) / "estimate.zarr", study)
         for name, quantity in study.quantities.items():
             chunk = Chunk(name, study.count(name) // 2)
             seconds = []
@@ -164,12 +191,12 @@ def plan(study: Study) -> list[Plan]:
                 store.write(chunk, study.compute(chunk))
                 seconds.append(time.perf_counter() - start)
             size = nbytes(quantity, math.prod(study.shape))
-            plans.append(Plan(name, study.count(name), min(seconds), size))
-    return plans
+            estimates.append(Estimate(name, study.count(name), min(seconds), size))
+    return estimates
 
 
 def status(study: Study, store: str | os.PathLike[str]) -> list[Status]:
-    """How much of a study is in its store, by the marks there."""
+    """Return how much of a study is in its store, by the marks there."""
     opened = Store(store, study)
     found = []
     for name in study.quantities:
@@ -192,17 +219,13 @@ def _pool(study: Study, store: Store, client: Client | None, workers: int | None
     return Processes(workers, study.recipe, path)
 
 
-def _run(
-    study: Study, store: Store, pool: Pool, progress: Callable[[Tally], object] | None
-) -> dict[str, str]:
-    """Has all chunks done; returns the errors of those that fail."""
+def _run(study: Study, store: Store, pool: Pool, failed: dict[str, str]) -> Generator[Tally]:
+    """Have all chunks done; note the errors of those that fail in `failed`."""
     finished: queue.SimpleQueue[Future[str]] = queue.SimpleQueue()
     running: dict[Future[str], Chunk] = {}
     attempts: Counter[Chunk] = Counter()
-    failed: dict[str, str] = {}
     outcomes: Counter[str] = Counter()
     chunks = study.chunks()
-    total = sum(map(study.count, study.quantities))
 
     def start(chunk: Chunk) -> None:
         future = pool.submit(chunk)
@@ -237,8 +260,6 @@ def _run(
             text = f"{type(error).__name__}: {error}"[:SHOWN]
             failed[f"{chunk.quantity} {chunk.number}"] = text
             store.record_failure(chunk, text)
-        if progress:
-            progress(Tally(outcomes["kept"], outcomes["computed"], len(failed), total))
+        yield Tally(outcomes["kept"], outcomes["computed"], len(failed), study.total)
         for following in itertools.islice(chunks, 1):
             start(following)
-    return failed

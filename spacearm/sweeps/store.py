@@ -1,4 +1,4 @@
-"""Store: the Zarr directory that a sweep fills chunk by chunk, and that opens as one dataset.
+"""The Zarr store that a sweep fills chunk by chunk, and that opens as one dataset.
 
 Each chunk of each array is one file, with its CRC-32C in it, written beside its place and renamed.
 When all files of a chunk are there, its mark is written: the CRC-32 of its numbers. A chunk
@@ -33,7 +33,7 @@ MARKS = "chunks"
 """Group of the marks, an array for each quantity."""
 DONE, FAILED = "done", "failed"
 DAMAGED = (ValueError, MemoryError)
-"""What Zarr makes of a file whose checksum is wrong, or that says that it holds no end of text."""
+"""Errors of Zarr for a file with a wrong checksum, or with an impossible length of text."""
 LAYOUT = (
     "node_type", "shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value",
     "dimension_names",
@@ -49,10 +49,10 @@ class Store:
     """
 
     def __init__(self, path: str | os.PathLike[str], study: Study) -> None:
-        """Opens a store that `create` made.
+        """Open a store that `create` made.
 
         Raises:
-            StoreError: There is none, or it is that of another study, model or version.
+            StoreError: There is no store, or it belongs to another study, model or version.
         """
         import zarr
 
@@ -69,7 +69,7 @@ class Store:
 
     @classmethod
     def create(cls, path: str | os.PathLike[str], study: Study) -> Store:
-        """Opens the store of a study, and makes it first if nothing is there.
+        """Open the store of a study; make it first if nothing is there.
 
         Raises:
             StoreError: Something else is there, or nothing can be written.
@@ -91,7 +91,7 @@ class Store:
         return cls(path, study)
 
     def marks(self, quantity: str) -> list[str]:
-        """(count,) the marks of a quantity: "", "done CRC" or "failed ERROR"; "" if damaged."""
+        """Return the marks of a quantity: "", "done CRC" or "failed ERROR"; "" if damaged."""
         with self._files():
             marks = self._marks[quantity]
             try:
@@ -100,32 +100,32 @@ class Store:
                 return [self._mark(Chunk(quantity, i)) for i in range(marks.shape[0])]
 
     def is_done(self, chunk: Chunk) -> bool:
-        """Whether the chunk is marked as done and its files hold what they should."""
+        """Return whether the chunk is marked as done and its files agree with the mark."""
         with self._files():
             mark = self._mark(chunk)
             if not mark.startswith(DONE):
                 return False
             try:
-                region = self.study.region(chunk)
+                box = self.study.box(chunk)
                 names = self.study.quantities[chunk.quantity].variables
-                return mark == _done({name: self._arrays[name][region] for name in names})
+                return mark == _done({name: self._arrays[name][box] for name in names})
             except DAMAGED:
                 return False
 
     def write(self, chunk: Chunk, values: Mapping[str, Array]) -> None:
-        """Writes a chunk, then its mark.
+        """Write a chunk, then its mark.
 
         Raises:
             StoreError: It cannot be written.
         """
         with self._files():
-            region = self.study.region(chunk)
+            box = self.study.box(chunk)
             for name, array in values.items():
-                self._arrays[name][region] = array
+                self._arrays[name][box] = array
             self._marks[chunk.quantity][chunk.number] = _done(values)
 
     def record_failure(self, chunk: Chunk, error: str) -> None:
-        """Marks a chunk as failed.
+        """Mark a chunk as failed.
 
         Raises:
             StoreError: It cannot be written.
@@ -134,15 +134,9 @@ class Store:
             self._marks[chunk.quantity][chunk.number] = f"{FAILED} {error}"
 
     def tidy(self) -> None:
-        """Removes what killed processes left unfinished."""
+        """Remove the unfinished files of killed processes."""
         for partial in self.path.rglob("*.partial"):
             partial.unlink(missing_ok=True)
-
-    def dataset(self) -> xr.Dataset:
-        """All of it, labelled; numbers are read when they are used, NaN where none are yet."""
-        import xarray as xr
-
-        return xr.open_zarr(self.path, chunks=None, consolidated=False, zarr_format=3)
 
     def _mark(self, chunk: Chunk) -> str:
         try:
@@ -158,8 +152,15 @@ class Store:
             raise _trouble(self.path, error) from None
 
 
+def dataset(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Open a store as one labelled dataset, read when it is used; NaN where no numbers are yet."""
+    import xarray as xr
+
+    return xr.open_zarr(Path(path), chunks=None, consolidated=False, zarr_format=3)
+
+
 def _describe(path: Path, study: Study) -> None:
-    """Writes attributes, labels and the descriptions of all arrays, without their numbers."""
+    """Write attributes, labels and the descriptions of all arrays, without their numbers."""
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -197,7 +198,7 @@ def _describe(path: Path, study: Study) -> None:
 
 
 def _compare(path: Path, study: Study) -> None:
-    """Refuses a store that is not this study's.
+    """Refuse the store of another study.
 
     Labels that are damaged and descriptions that are lost are written again, as the study gives
     them.
@@ -231,7 +232,7 @@ def _compare(path: Path, study: Study) -> None:
 
 
 def _description(path: Path) -> dict[str, Any]:
-    """What a zarr.json says, nothing if it is none."""
+    """Read a zarr.json; return an empty dictionary if there is none or it is damaged."""
     try:
         found = json.loads(read(path))
     except (OSError, ValueError, RecursionError):
@@ -240,13 +241,13 @@ def _description(path: Path) -> dict[str, Any]:
 
 
 def _difference(theirs: object, ours: object) -> tuple[str, str]:
-    """The first lines in which two values differ."""
+    """Return the first lines in which two values differ."""
     lines = zip_longest(str(theirs).splitlines(), str(ours).splitlines(), fillvalue="")
     return next((a, b) for a, b in lines if a != b)
 
 
 def _done(values: Mapping[str, Array]) -> str:
-    """The mark of a chunk with these numbers."""
+    """Return the mark of a chunk with these numbers."""
     crc = 0
     for array in values.values():
         crc = zlib.crc32(np.ascontiguousarray(array).tobytes(), crc)

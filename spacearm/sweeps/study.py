@@ -1,49 +1,44 @@
-"""Study: what a sweep computes, read from a TOML file: arms, designs, quantities, seeds, chunks."""
+"""Design studies: arms, designs, quantities, seeds and chunks, read from a TOML file."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array
-from spacearm.description.catalogue import catalogue
-from spacearm.description.readers.urdf import Check
-from spacearm.description.urdf_writer import document
+from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
-from spacearm.model.loading import load
-from spacearm.model.task import Task
 from spacearm.sweeps import quantities, tiles
+from spacearm.sweeps.arms import fingerprint, read_arms
 from spacearm.sweeps.quantities import Quantity
-from spacearm.sweeps.tiles import Region, Shape
+from spacearm.sweeps.tiles import Box, Shape
 from spacearm.sweeps.toml import Table, parse
 from spacearm.workspaces.design import PARAMETERS, vary
 
 CHUNK = 2**22
-"""Configurations of a chunk, if the study does not say."""
+"""Configurations in a chunk, if the study does not say."""
 KEPT = 16
-"""Designs that a process keeps at hand."""
+"""Designs that a process keeps in memory."""
 NAME = re.compile(r"[^./][^/]*")
-"""What an array of a store may be named."""
+"""Pattern of the names that an array of a store may have."""
 
 
 class Chunk(NamedTuple):
-    """One piece of work.
+    """One chunk of one quantity.
 
     Attributes:
         quantity: Name of the quantity.
-        number: Which of its chunks.
+        number: Number of the chunk, from 0 on.
     """
 
     quantity: str
@@ -51,11 +46,11 @@ class Chunk(NamedTuple):
 
 
 class Recipe(NamedTuple):
-    """What a worker process makes the study from.
+    """What a worker process needs to make the study again.
 
     Attributes:
         text: The study, TOML.
-        folder: Where its URDF files are.
+        folder: Folder that paths of robot files start from.
         models: SHA-256 of each arm's links and joints, as text.
     """
 
@@ -96,9 +91,9 @@ class Study:
     name, tip, task, length, locked and check, as `load` takes them.
 
     Attributes:
-        text: The file's text.
-        folder: What paths of URDF files start from.
-        seed: Of all samples.
+        text: The text of the file.
+        folder: Folder that paths of robot files start from.
+        seed: Seed of all samples.
         arms: The arms by name.
         axes: Values of the parameters by name.
         quantities: What is computed, by name.
@@ -115,10 +110,10 @@ class Study:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Study:
-        """Reads a study file.
+        """Read a study from its file.
 
         Raises:
-            ConfigurationError: It cannot be read.
+            ConfigurationError: The file cannot be read.
             SpaceArmError: As `parse` does.
         """
         try:
@@ -129,11 +124,11 @@ class Study:
 
     @classmethod
     def parse(cls, text: str, folder: str | os.PathLike[str] = ".") -> Study:
-        """A study from its text.
+        """Read a study from its text.
 
         Args:
-            text: TOML, as above.
-            folder: What paths of URDF files start from.
+            text: TOML, as in the docstring of the class.
+            folder: Folder that paths of robot files start from.
 
         Raises:
             ConfigurationError: Something in it makes no sense.
@@ -147,25 +142,25 @@ class Study:
         if seed < 0:
             raise table.fail("seed", "give a whole number from 0 on")
         folder = Path(folder).resolve()
-        arms = _arms(table, folder)
+        arms = read_arms(table, folder)
         parameters = Table("parameters", table.values.get("parameters", {}))
         axes = {name: parameters.axis(name) for name in parameters.values}
         for arm in arms.values():  # names and bounds are wrong now or never
             for end in (0, -1):
                 vary(arm, {name: float(values[end]) for name, values in axes.items()})
         asked = quantities.read(table, seed, chunk, tuple(arms.values()))
-        models = "\n".join(f"{name} sha256:{_fingerprint(arm)}" for name, arm in arms.items())
+        models = "\n".join(f"{name} sha256:{fingerprint(arm)}" for name, arm in arms.items())
         _check_names([*axes], asked.values())
         return cls(text, folder, seed, arms, axes, asked, models)
 
     @property
     def recipe(self) -> Recipe:
-        """What makes the same study in another process."""
+        """The recipe that makes the same study in another process."""
         return Recipe(self.text, str(self.folder), self.models)
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """What a store says of where its numbers come from."""
+        """The origin of the numbers, as attributes of a store."""
         return {
             "spacearm_version": version("spacearm"),
             "models": self.models,
@@ -186,22 +181,27 @@ class Study:
         return {"arm": (names, {})} | {name: (v, units[name]) for name, v in self.axes.items()}
 
     def count(self, quantity: str) -> int:
-        """How many chunks a quantity has."""
+        """Return the number of chunks of a quantity."""
         asked = self.quantities[quantity]
         return math.prod(self.shape) * math.prod(tiles.counts(asked.shape, asked.tile))
 
+    @property
+    def total(self) -> int:
+        """Number of all chunks."""
+        return sum(map(self.count, self.quantities))
+
     def chunks(self) -> Iterator[Chunk]:
-        """All chunks."""
+        """Iterate over all chunks."""
         return (Chunk(name, i) for name in self.quantities for i in range(self.count(name)))
 
-    def region(self, chunk: Chunk) -> Region:
-        """Where the numbers of a chunk go, along the axes of designs and of the quantity's grid."""
+    def box(self, chunk: Chunk) -> Box:
+        """Return the box of the store that a chunk fills, along designs and the grid."""
         design, box = self._where(chunk)
         at = np.unravel_index(design, self.shape)
         return (*(slice(int(i), int(i) + 1) for i in at), *box)
 
     def compute(self, chunk: Chunk) -> dict[str, Array]:
-        """The numbers of a chunk by variable, shaped as its region and the variable's own axes."""
+        """Compute a chunk: numbers by variable, shaped as its box and the variable's axes."""
         design, box = self._where(chunk)
         asked = self.quantities[chunk.quantity]
         found = asked.compute(_design(self, design), box, (self.seed, design))
@@ -211,12 +211,24 @@ class Study:
             for name, variable in asked.variables.items()
         }
 
-    def _where(self, chunk: Chunk) -> tuple[int, Region]:
-        """Number of the design, and the box of the grid."""
+    def _where(self, chunk: Chunk) -> tuple[int, Box]:
+        """Return the number of the design and the box of the grid."""
         asked = self.quantities[chunk.quantity]
         boxes = math.prod(tiles.counts(asked.shape, asked.tile))
         design, box = divmod(chunk.number, boxes)
-        return design, tiles.region(asked.shape, asked.tile, box)
+        return design, tiles.box(asked.shape, asked.tile, box)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the study as plain data: its text, arms, axes, and the chunks of each quantity."""
+        return {
+            "text": self.text,
+            "folder": str(self.folder),
+            "seed": self.seed,
+            "arms": list(self.arms),
+            "axes": {name: plain(values) for name, values in self.axes.items()},
+            "chunks": {name: self.count(name) for name in self.quantities},
+            "models": self.models,
+        }
 
     def __reduce__(self) -> tuple[Callable[[Recipe], Study], tuple[Recipe]]:
         return remade, (self.recipe,)
@@ -228,7 +240,7 @@ class Study:
 
 @lru_cache(maxsize=4)
 def remade(recipe: Recipe) -> Study:
-    """The study in another process.
+    """Make the study in another process.
 
     Raises:
         ConfigurationError: The URDF files are not the same here.
@@ -248,13 +260,8 @@ def _design(study: Study, number: int) -> SpaceArm:
     return vary(list(study.arms.values())[arm], values)
 
 
-def _fingerprint(arm: SpaceArm) -> str:
-    """SHA-256 of what physics needs of an arm, as URDF; not of what it looks like."""
-    return hashlib.sha256(document(replace(arm.tree, visuals={}), arm.tips)).hexdigest()
-
-
 def _check_names(axes: list[str], asked: Iterable[Quantity]) -> None:
-    """Refuses axes that would have the name of something else in the store."""
+    """Refuse axes that would have the name of something else in the store."""
     names = ["arm", "block", "shell", "chunks", *axes]
     for quantity in asked:
         names += [*quantity.coords, *quantity.variables]
@@ -264,36 +271,3 @@ def _check_names(axes: list[str], asked: Iterable[Quantity]) -> None:
                 f"an axis cannot be named {name!r}, which is the name of something else in the "
                 "store or none that files can have; name joints q1, q2, ..."
             )
-
-
-def _arms(table: Table, folder: Path) -> dict[str, SpaceArm]:
-    """The arms by their names in the study."""
-    listed = table.take("arms", list)
-    arms: dict[str, SpaceArm] = {}
-    for entry in listed:
-        own = Table("arms", {"model": entry} if isinstance(entry, str) else entry)
-        own.knows("model", "name", "tip", "task", "length", "locked", "check")
-        model = own.take("model", str)
-        name = own.take("name", str, Path(model).stem)
-        if name in arms:
-            raise ConfigurationError(f"arms: two are named {name!r}; give one another name = ...")
-        arms[name] = _arm(own, model, folder)
-    if not arms:
-        raise table.fail("arms", "name one or more")
-    return arms
-
-
-def _arm(own: Table, model: str, folder: Path) -> SpaceArm:
-    known = model in (info.name for info in catalogue())
-    given = {key: own.take(key, str) for key in ("tip", "task", "check") if key in own.values}
-    held = Table("arms: locked", own.values.get("locked", {}))
-    arm = load(
-        model if known else folder / model,
-        tip=given.get("tip"),
-        task=given.get("task"),
-        locked={joint: held.take(joint, float) for joint in held.values},
-        check=cast("Check | None", given.get("check")),
-    )
-    if "length" not in own.values:
-        return arm
-    return arm.replace(task=Task(arm.task.names, own.positive("length", float)))

@@ -1,4 +1,4 @@
-"""Tiles: large grids cut into boxes of limited size, counted in the order of memory."""
+"""Large grids cut into boxes of limited size, counted in the order of memory."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 Shape = tuple[int, ...]
-Region = tuple[slice, ...]
+Box = tuple[slice, ...]
+"""A part of a grid: one slice along each axis."""
 
 
 def tile(shape: Sequence[int], most: int) -> Shape:
-    """The shape of boxes with at most so many points: whole along the last axes that fit."""
+    """Return the shape of boxes of at most `most` points: whole along the last axes that fit."""
     sizes: list[int] = []
     for length in reversed(shape):
         sizes.append(max(1, min(length, most)))
@@ -21,12 +22,12 @@ def tile(shape: Sequence[int], most: int) -> Shape:
 
 
 def counts(shape: Sequence[int], size: Sequence[int]) -> Shape:
-    """How many boxes stand along each axis; the last ones may be smaller."""
+    """Return the number of boxes along each axis; the last boxes may be smaller."""
     return tuple(-(-length // step) for length, step in zip(shape, size, strict=True))
 
 
-def region(shape: Sequence[int], size: Sequence[int], number: int) -> Region:
-    """Box `number` of the grid."""
+def box(shape: Sequence[int], size: Sequence[int], number: int) -> Box:
+    """Return box `number` of the grid."""
     at = np.unravel_index(number, counts(shape, size)) if shape else ()
     return tuple(
         slice(int(i) * step, min((int(i) + 1) * step, length))
@@ -34,7 +35,7 @@ def region(shape: Sequence[int], size: Sequence[int], number: int) -> Region:
     )
 
 
-def regions(shape: Sequence[int], most: int) -> Iterator[Region]:
-    """All boxes of at most so many points."""
+def boxes(shape: Sequence[int], most: int) -> Iterator[Box]:
+    """Iterate over all boxes of at most `most` points."""
     size = tile(shape, most)
-    return (region(shape, size, i) for i in range(math.prod(counts(shape, size))))
+    return (box(shape, size, i) for i in range(math.prod(counts(shape, size))))

@@ -1,4 +1,4 @@
-"""TOML tables read with care: keys that are known, values of the right kind, or the reason."""
+"""TOML tables with checks: known keys, and values of the right kind, or an error that says why."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_POINTS = 10**7
 
 
 class Table:
-    """One table of a file: gives values, or says what is wrong with them."""
+    """One table of a file, which gives checked values."""
 
     def __init__(self, where: str, values: object) -> None:
         if not isinstance(values, Mapping):
@@ -27,18 +27,18 @@ class Table:
         self.values = dict(values)
 
     def knows(self, *names: str) -> None:
-        """Refuses keys that are none of these."""
+        """Refuse keys that are not among these names."""
         for key in self.values:
             if key not in names:
                 raise ConfigurationError(f"{self.where}: {unknown('key', key, names)}")
 
     def fail(self, key: str, remedy: str) -> ConfigurationError:
-        """The error for the value of a key."""
+        """Return the error for the value of a key, with a remedy."""
         value = self.values.get(key, "missing")
         return ConfigurationError(f"{self.where}: {key} is {value!r}; {remedy}")
 
     def take(self, key: str, kind: type[T], default: T | None = None) -> T:
-        """The value of a key, of this type."""
+        """Return the value of a key, of this type."""
         value = self.values.get(key, default)
         if kind is float and type(value) is int:
             value = float(value)
@@ -48,14 +48,14 @@ class Table:
         return value
 
     def positive(self, key: str, kind: type[T], default: T | None = None) -> T:
-        """A number above zero."""
+        """Return the value of a key, a number above zero."""
         value: Any = self.take(key, kind, default)
         if value <= 0:
             raise self.fail(key, "give a number above zero")
         return value
 
     def axis(self, key: str) -> Array:
-        """(m,) different finite numbers: a list of them, or {from, to, points}."""
+        """Return (m,) different finite numbers, given as a list or as {from, to, points}."""
         value = self.values.get(key)
         if isinstance(value, Mapping):
             ends = Table(f"{self.where}: {key}", value)
@@ -76,10 +76,10 @@ class Table:
 
 
 def parse(text: str) -> Table:
-    """The table that a TOML text is.
+    """Parse a TOML text.
 
     Raises:
-        ConfigurationError: It is no TOML.
+        ConfigurationError: The text is not TOML.
         UnsupportedError: Python is older than 3.11.
     """
     try:
@@ -91,4 +91,4 @@ def parse(text: str) -> Table:
     try:
         return Table("study", tomllib.loads(text))
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits too
-        raise ConfigurationError(f"the study is no TOML: {error}") from None
+        raise ConfigurationError(f"the study is not TOML: {error}") from None

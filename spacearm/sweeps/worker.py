@@ -1,4 +1,4 @@
-"""Work: one chunk done, in whatever process."""
+"""One chunk computed and written, in any process."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Outcome = Literal["kept", "computed"]
 
 
 def do(recipe: Recipe, path: str, chunk: Chunk) -> Outcome:
-    """Computes a chunk and writes it, unless it is there and sound.
+    """Compute a chunk and write it, unless it is there and sound.
 
     Returns:
-        Which of the two was the case.
+        "computed", or "kept" if it was there.
 
     Raises:
         StoreError: The store cannot be read or written, or the study not be made here.

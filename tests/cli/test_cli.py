@@ -32,7 +32,8 @@ def test_options_and_negative_numbers_in_any_order(words):
 def test_json_is_the_report():
     got = answer("query", "planar2", "-1e-1", "-.5")
     report = sa.singularity(sa.load("planar2").at([-0.1, -0.5]))
-    assert got["q"] == [-0.1, -0.5]
+    assert got["configuration"]["q"] == [-0.1, -0.5]
+    assert got == json.loads(json.dumps(report.to_dict()))
     assert got["sigma"] == list(report.sigma)
     assert got["gradient"] == list(report.gradient)
     assert got["jacobian"] == report.jacobian.tolist()
@@ -44,12 +45,12 @@ def test_infinite_condition_is_null_in_json():
 
 def test_attitude_task_tip_lock_and_base():
     turned = answer("query", "planar2", "--deg", "0", "0", "--attitude", "0", "0", "-90")
-    assert np.allclose(turned["tip"]["position"], [0, -2.5, 0])
+    assert np.allclose(turned["configuration"]["tip"][:3], [0, -2.5, 0])
     assert answer("query", "planar2", "0.1", "0.2", "--task", "x")["task"]["rows"] == ["x"]
-    assert answer("query", "planar2", "0", "0", "--tip", "link_1")["tip"]["position"][0] == 0.5
+    assert answer("query", "planar2", "0", "0", "--tip", "link_1")["radius"] < 0.5
     locked = answer("query", "mda6", "0", "1", "0", "0", "--deg", "--lock", "joint_3=-90",
                     "--lock", "joint_6=0")  # fmt: skip
-    assert locked["joints"] == ["joint_1", "joint_2", "joint_4", "joint_5"]
+    assert locked["configuration"]["joints"] == ["joint_1", "joint_2", "joint_4", "joint_5"]
     held = answer("query", "planar2", "--deg", "-65", "-11.41", "--mode", "attitude-controlled")
     assert held["kind"] == "regular"
     assert answer("query", "mda6", *"010101", "--length", "2")["length"] == 2.0
@@ -58,7 +59,7 @@ def test_attitude_task_tip_lock_and_base():
 def test_lock_takes_degrees_with_deg():
     a = answer("query", "planar2", "--deg", "10", "--lock", "joint_2=90")
     b = answer("query", "planar2", str(np.radians(10)), "--lock", f"joint_2={np.pi / 2}")
-    assert np.allclose(a["tip"]["position"], b["tip"]["position"])
+    assert np.allclose(a["configuration"]["tip"], b["configuration"]["tip"])
 
 
 def test_models_and_info():
@@ -121,7 +122,7 @@ def test_warnings_are_one_line_on_stderr(tmp_path):
     path.write_text(robot(*two_links(inside="")))
     run = spacearm("query", path, "0.1", "--json")
     assert run.returncode == 0
-    assert json.loads(run.stdout)["q"] == [0.1]
+    assert json.loads(run.stdout)["configuration"]["q"] == [0.1]
     assert run.stderr.startswith("spacearm: warning: ")
     assert len(run.stderr.splitlines()) == 1
 
@@ -165,7 +166,9 @@ def test_locks_and_lengths_count_when_the_arm_is_loaded(tmp_path):
     path = tmp_path / "two.urdf"
     other = (link("other"), joint("elbow_2", "bus", "other"))
     path.write_text(robot(*two_links(), *other))
-    assert answer("query", path, "0.1", "--lock", "elbow_2=0")["joints"] == ["elbow"]
+    assert answer("query", path, "0.1", "--lock", "elbow_2=0")["configuration"]["joints"] == [
+        "elbow"
+    ]
     task = ("--tip", "arm", "--task", "pose", "--length", "1")
     assert answer("query", path, "0", "0", *task)["length"] == 1.0
 

@@ -8,9 +8,8 @@ from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.cli.options import join_numbers
-from spacearm.plots.motions import draw_motion
 
-FIGURE_5 = ["planar2", "--deg", "--start", -57.936, 60.337, "--attitude", 0, 0, 21]
+FIGURE_5 = ["planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21]
 FIGURE_5 += ["--target", 1.5, 1.5]
 
 
@@ -26,7 +25,7 @@ def test_figures_5_and_6(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["planar2_simulation.png", "run.npz"]
     kept = sa.Trajectory.load(tmp_path / "run.npz", sa.load("planar2"))
     np.testing.assert_allclose(kept.tip[0, :2], (2, 0), atol=1e-4)
-    figure = draw_motion(kept, (1.5, 1.5))
+    figure = sa.plot(kept, target=(1.5, 1.5))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "sigma_min\n[m/rad]"]
     assert {"start", "singular", "target"} <= {text.get_text() for text in figure.axes[0].texts}
@@ -35,13 +34,13 @@ def test_figures_5_and_6(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        "planar2 --start 0.3 0.8 --target 1.2 0.9 --controller resolved",
-        "planar2 --start 0.3 0.8 --target 1.2 0.9 --controller damped",
-        "planar3 --start 0.3 0.8 -0.5 --target 1.2 0.9 1.0 --kp 5 5 2 --kd 10 10 4",
-        "planar3 --start 0.3 0.8 -0.5 --target 1.2,0.9 --controller reactionless --task x,y",
-        "chaser7 --start 0 1 0 1 0 1 0 --target 0 .9 0 .8 0 .7 0 --controller joints",
-        "planar2 --start 0.3 0.8 --target 1.2 0.9 --earthbound --base attitude-controlled",
-        "planar2 --start 0.3 0.8 --target 1.2 --task x --controller damped",
+        "planar2 --q0 0.3 0.8 --target 1.2 0.9 --controller resolved",
+        "planar2 --q0 0.3 0.8 --target 1.2 0.9 --controller damped",
+        "planar3 --q0 0.3 0.8 -0.5 --target 1.2 0.9 1.0 --kp 5 5 2 --kd 10 10 4",
+        "planar3 --q0 0.3 0.8 -0.5 --target 1.2,0.9 --controller reactionless --task x,y",
+        "chaser7 --q0 0 1 0 1 0 1 0 --target 0 .9 0 .8 0 .7 0 --controller joints",
+        "planar2 --q0 0.3 0.8 --target 1.2 0.9 --earthbound --mode attitude-controlled",
+        "planar2 --q0 0.3 0.8 --target 1.2 --task x --controller damped",
     ],
 )
 def test_every_law_as_json(tmp_path, words):
@@ -49,23 +48,23 @@ def test_every_law_as_json(tmp_path, words):
     assert done.returncode == 0, done.stderr
     data = json.loads(done.stdout)
     assert data["ended"] == "duration"
-    assert data["t"] == 2.0
-    assert data["energy_imbalance"] < 1e-4
+    assert data["t"][-1] == 2.0
+    assert data["imbalance"] < 1e-4
     assert (tmp_path / "motion.svg").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--start", "0.1", "--target", "1", "1"), "1 joint values given"),
-        (("--start", "0.1 x", "--target", "1", "1"), "'x' is no number"),
-        (("--start", "0.1", "0.2", "--target", "1"), "takes 2: x y"),
-        (("--start", "0.1", "0.2", "--target", "9", "9"), "sa.workspace"),
-        (("--start", "0.1", "0.2", "--target", "1", "1", "--kp", "nan"), "--kp is 'nan'"),
-        (("--start", "0.1", "0.2", "--target", "1", "1", "--kp", "1 2 3"), "kp"),
-        (("--start", "0.1", "0.2", "--target", "1", "1", "--stop", "crash"), "'crash'"),
-        (("--start", "0.1", "0.2", "--target", "1", "1", "--output", "a.gif"), "'.gif'"),
-        (("--target", "1", "1"), "--start"),
+        (("--q0", "0.1", "--target", "1", "1"), "1 joint values given"),
+        (("--q0", "0.1 x", "--target", "1", "1"), "'x' is no number"),
+        (("--q0", "0.1", "0.2", "--target", "1"), "takes 2: x y"),
+        (("--q0", "0.1", "0.2", "--target", "9", "9"), "sa.workspace"),
+        (("--q0", "0.1", "0.2", "--target", "1", "1", "--kp", "nan"), "--kp is 'nan'"),
+        (("--q0", "0.1", "0.2", "--target", "1", "1", "--kp", "1 2 3"), "kp"),
+        (("--q0", "0.1", "0.2", "--target", "1", "1", "--stop", "crash"), "'crash'"),
+        (("--q0", "0.1", "0.2", "--target", "1", "1", "--output", "a.gif"), "'.gif'"),
+        (("--target", "1", "1"), "--q0"),
     ],
 )
 def test_bad_input(tmp_path, words, message):
@@ -80,7 +79,7 @@ def test_numbers_after_an_option_belong_to_it():
     words = [
         "simulate",
         "planar2",
-        "--start",
+        "--q0",
         "-5.2",
         "1e-3",
         "--deg",
@@ -90,5 +89,5 @@ def test_numbers_after_an_option_belong_to_it():
         "2",
     ]
     assert join_numbers(words) == [
-        "simulate", "planar2", "--start", "-5.2 1e-3", "--deg", "--target", "1", "--tip", "2"
+        "simulate", "planar2", "--q0", "-5.2 1e-3", "--deg", "--target", "1", "--tip", "2"
     ]  # fmt: skip

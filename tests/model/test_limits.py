@@ -9,7 +9,7 @@ from hypothesis import given
 from typer.testing import CliRunner
 
 import spacearm as sa
-from spacearm.cli.app import app
+from spacearm.cli.app import application
 from spacearm.singularities.risk import _uniform
 
 START = [0.3, 0.2]
@@ -28,7 +28,9 @@ def geared(tmp_path_factory):
 
 
 def test_the_query_says_so(geared):
-    run = CliRunner().invoke(app, ["query", str(geared.path), "0.3", "0.6", "--task", "x y"])
+    run = CliRunner().invoke(
+        application(), ["query", str(geared.path), "0.3", "0.6", "--task", "x y"]
+    )
     assert run.exit_code == 0, run.output
     assert [line for line in run.output.splitlines() if "outside its limits" in line]
 

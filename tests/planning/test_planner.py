@@ -354,7 +354,7 @@ def run(*words, cwd):
 
 @pytest.mark.slow
 def test_command(tmp_path):
-    words = ["planar2", "--deg", "--start", -57.936, 60.337, "--attitude", 0, 0, 21]
+    words = ["planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21]
     done = run(*words, "--goal", 1.5, 1.5, "--save", "plan.npz", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for text in ("straight     fails", "joint space  arrives", "(1.5, 1.5, 0) m", "proven"):
@@ -370,9 +370,9 @@ def test_command(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        "planar3 --task x,y --start 0.3 0.7 0.5 --goal 0.5 1",  # redundant: no shells to draw
-        "planar2 --task x --start 0.8 0.6 --goal 1.9",  # y is left open
-        "mda6 --task x,y --start 0 1 -1.7 -0.9 0.5 0 --goal 1.6 0.1",
+        "planar3 --task x,y --q0 0.3 0.7 0.5 --goal 0.5 1",  # redundant: no shells to draw
+        "planar2 --task x --q0 0.8 0.6 --goal 1.9",  # y is left open
+        "mda6 --task x,y --q0 0 1 -1.7 -0.9 0.5 0 --goal 1.6 0.1",
     ],
 )
 def test_command_draws_every_task(tmp_path, words):

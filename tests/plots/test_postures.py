@@ -15,7 +15,6 @@ from spacearm.plots.postures import (
     draw_velocities,
     draw_virtual_manipulator,
 )
-from spacearm.plots.style import Shown, show
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
 
@@ -77,14 +76,3 @@ def test_arms_that_are_not_planar_are_refused(axes):
             draw(axes, cfg)
     with pytest.raises(sa.UnsupportedError, match="tip velocities are drawn for the task 'x y'"):
         draw_velocities(axes, sa.load("planar3").at([0.1, 0.2, 0.3]))
-
-
-def test_a_figure_shown_outside_a_notebook_is_written(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    shown = show(Figure(figsize=(2, 1)), "name")
-    assert isinstance(shown, Shown)
-    png, size = shown._repr_png_()
-    assert (tmp_path / "name.png").read_bytes() == png
-    assert png.startswith(b"\x89PNG")
-    assert size == {"width": 180, "height": 90}
-    assert capsys.readouterr().out == "wrote name.png\n"

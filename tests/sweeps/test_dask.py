@@ -15,7 +15,7 @@ import spacearm as sa
 pytest.importorskip("distributed")  # which needs Python 3.11
 
 from spacearm.sweeps.dask import connect
-from spacearm.sweeps.runner import status
+from spacearm.sweeps.runner import run_chunks, status
 
 
 class Dask:
@@ -68,8 +68,7 @@ def running(tmp_path_factory):
 
 def test_a_cluster_gives_the_same_bits(study, whole, running, tmp_path):
     dask, client = running
-    tallies = []
-    sa.sweep(study, tmp_path / "s.zarr", client=client, progress=tallies.append)
+    tallies = list(run_chunks(study, tmp_path / "s.zarr", client=client))
     assert tallies[-1] == (0, 88, 0, 88)
     assert files(tmp_path / "s.zarr") == files(whole)
     did = client.run(lambda: len(os.sched_getaffinity(0)) and os.getpid())
@@ -106,7 +105,7 @@ def test_workers_and_scheduler_are_killed_in_mid_run(study, whole, tmp_path):
     with cluster(tmp_path) as (dask, client):
 
         def kill(process, at):
-            return lambda tally: tally.computed == at and process.kill()
+            return lambda done, _: done == at and process.kill()
 
         store = tmp_path / "worker.zarr"
         sa.sweep(study, store, client=client, progress=kill(dask.workers[0], 20))
@@ -118,8 +117,7 @@ def test_workers_and_scheduler_are_killed_in_mid_run(study, whole, tmp_path):
             sa.sweep(study, store, client=client, progress=kill(dask.scheduler, 20))
         done = sum(s.done for s in status(study, store))
         assert 20 <= done < 88
-    tallies = []
-    sa.sweep(study, store, workers=1, progress=tallies.append)
+    tallies = list(run_chunks(study, store, workers=1))
     assert done <= tallies[-1].kept < 88
     assert files(store) == files(whole)
 
@@ -151,7 +149,7 @@ def test_a_store_that_cannot_be_written_ends_the_run(study, whole, running, tmp_
     _, client = running
     store = tmp_path / "s.zarr"
     with pytest.raises(sa.StoreError, match="run the same command again"):
-        sa.sweep(study, store, client=client, progress=lambda _: _block(store))
+        sa.sweep(study, store, client=client, progress=lambda *_: _block(store))
     (store / "near" / "c").unlink()
     sa.sweep(study, store, client=client)
     assert files(store) == files(whole)

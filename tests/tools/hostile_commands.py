@@ -33,17 +33,17 @@ COMMANDS = (
     "map planar3 --joints q1 q2 --fix q3=0.4 --points 9 --npz map.npz",
     "workspace planar2 --base free-floating --output work.svg", "workspace planar2 --path path.txt",
     "design planar2 --base-inertia 1:2:2 --mount-x 0.1 --output design.svg --json",
-    "simulate planar2 --deg --start -57 60 --target 1.5 1.5 --duration 0.5 --output sim.svg",
-    "simulate planar2 --start 0.3 0.9 --target 0.5 0.5 --controller joints --duration 0.2 --kp 1 2 "
+    "simulate planar2 --deg --q0 -57 60 --target 1.5 1.5 --duration 0.5 --output sim.svg",
+    "simulate planar2 --q0 0.3 0.9 --target 0.5 0.5 --controller joints --duration 0.2 --kp 1 2 "
     "--kd 1 --save sim.npz --json",
-    "simulate planar2 --start 0.3 0.9 --target 1 1 --controller damped --gain 1 --duration 0.2 "
+    "simulate planar2 --q0 0.3 0.9 --target 1 1 --controller damped --gain 1 --duration 0.2 "
     "--stop target --rtol 1e-6 --json",
-    "plan planar2 --deg --start -57 60 --goal 1.5 1.5 --timeout 2 --json --save plan.npz",
+    "plan planar2 --deg --q0 -57 60 --goal 1.5 1.5 --timeout 2 --json --save plan.npz",
     "view planar2 0.1 0.2 --no-open --port 7470", "view robot.urdf --save page.html",
     "map robot.urdf --points 9 --task pose --npz map.npz",
     "workspace robot.urdf --effort 20 --limits", "workspace robot.urdf --task x --effort 20",
-    "simulate robot.urdf --start 0.1 0.2 --target 0.2 0.1 --controller joints --duration 0.1",
-    "plan robot.urdf --start 0.1 0.2 --goal 1 1 --task x --timeout 1 --save plan.npz",
+    "simulate robot.urdf --q0 0.1 0.2 --target 0.2 0.1 --controller joints --duration 0.1",
+    "plan robot.urdf --q0 0.1 0.2 --goal 1 1 --task x --timeout 1 --save plan.npz",
     "design robot.urdf --base-inertia 1:2:2 --effort 20",
     "sweep study.toml --store run.zarr --workers 1", "sweep study.toml --store run.zarr --status",
     "sweep study.toml --store run.zarr --dry-run", "sweep study.toml --store path.txt",

@@ -73,7 +73,7 @@ def studies(rng: np.random.Generator, folder: Path, _: set[str]) -> None:
     study = sa.Study.parse(changed_lines(STUDY, rng), folder)
     repr(study), study.attributes, study.coords
     for name in study.quantities:
-        study.region(Chunk(name, study.count(name) - 1))
+        study.box(Chunk(name, study.count(name) - 1))
 
 
 def stores(rng: np.random.Generator, folder: Path, named: set[str]) -> None:

@@ -1,0 +1,212 @@
+"""Configurations as stick figures, in the plane or in space, and what is seen at one of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from spacearm.arrays import Array
+from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.plots.postures import GOLD, draw_posture
+from spacearm.plots.style import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    annotate,
+    axes_for,
+    equal_axes,
+    flat_rows,
+    style,
+)
+from spacearm.workspaces.regions import Region
+
+FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+"""Corners of the faces of a box whose corners are numbered in binary."""
+LEAST = 0.08
+"""Share of a chain's length below which a link is too short for a label."""
+SIZE = (7.2, 6.0)
+"""Width and height of a figure [inch]."""
+
+
+def draw_configuration(
+    cfg: Configuration, *, ax: Any = None, color: str = GREY, label: bool = True
+) -> Figure:
+    """Draw spacecraft, arm and system CM: in the plane for planar arms, in space for others.
+
+    Args:
+        cfg: The configuration.
+        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
+            figure.
+        color: Colour of the arm.
+        label: Whether to name the system CM and the tip.
+    """
+    axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
+    with style():
+        draw_stick_figure(axes, cfg, color=color, label=label)
+        axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM")
+    return axes.figure
+
+
+def draw_arm(arm: SpaceArm, *, ax: Any = None, color: str = GREY, label: bool = True) -> Figure:
+    """Draw an arm with all joints at zero, or at the limit next to zero.
+
+    Args:
+        arm: The arm.
+        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
+            figure.
+        color: Colour of the arm.
+        label: Whether to name the system CM and the tip.
+    """
+    at_rest = arm.at(np.clip(0.0, arm.lower, arm.upper))
+    return draw_configuration(at_rest, ax=ax, color=color, label=label)
+
+
+def in_plane(cfg: Configuration) -> bool:
+    """Return whether the arm has one tip and moves in a plane of inertial axes."""
+    normal = cfg.arm.tree.plane_normal()
+    return (
+        normal is not None
+        and len(cfg.arm.tips) == 1
+        and abs(cfg.base.rotation[normal, normal]) > 1.0 - 1e-9
+    )
+
+
+def draw_stick_figure(
+    axes: Any, cfg: Configuration, *, color: str = GREY, label: bool = True
+) -> None:
+    """Draw a configuration into axes of the right kind: flat ones where `in_plane`.
+
+    Args:
+        axes: Matplotlib axes.
+        cfg: The configuration.
+        color: Colour of the arm.
+        label: Whether to name the system CM and the tip.
+    """
+    if in_plane(cfg):
+        draw_posture(axes, cfg, color=color, label=label)
+        if label:
+            rows = [i for i in range(3) if i != cfg.arm.tree.plane_normal()]
+            annotate(axes, "tip", cfg.tip.translation[rows], color)
+        axes.margins(0.12)
+        axes.set_aspect("equal", adjustable="datalim")
+        return
+    chains = [_places(cfg, tip) for tip in cfg.arm.tips]
+    reach = max(float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()) for x in chains)
+    centre = cfg.base.act(cfg.arm.model.inertias[1].lever)
+    _draw_box(axes, cfg.base.rotation, centre, 0.1 * reach)
+    for x in chains:
+        axes.plot(*np.vstack((centre, x[:1])).T, color=GREY, lw=1, ls=":")
+        axes.plot(*x.T, "-o", color=color, lw=4, ms=6, mfc="white", mec=color)
+    axes.plot(*cfg.com[:, None], marker="P", ms=9, color="black", ls="none")
+    if label:
+        annotate(axes, "system CM", cfg.com, "black", below=True)
+        for name, x in zip(cfg.arm.tips, chains, strict=True):
+            annotate(axes, "tip" if len(chains) == 1 else name, x[-1], color)
+    equal_axes(axes)
+
+
+def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None) -> Figure:
+    """Draw the chain of constant links from the system CM to the tip.
+
+    Args:
+        result: The Virtual Manipulator.
+        ax: Matplotlib axes to draw into, three-dimensional ones unless all links lie in a plane;
+            None for a new figure.
+    """
+    rows = flat_rows(result.points)
+    axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
+    with style():
+        _draw_chain(axes, result, rows)
+        lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
+        axes.set_title(f"Virtual Manipulator: links of {lengths} m")
+    return axes.figure
+
+
+def draw_barycentric(result: Barycentric, *, ax: Any = None) -> Figure:
+    """Draw the bodies' CMs, their barycentres, equation (8), and the Virtual Manipulator.
+
+    Args:
+        result: The barycentric quantities of a configuration.
+        ax: Matplotlib axes to draw into, three-dimensional ones unless all lies in a plane; None
+            for a new figure.
+    """
+    chain = result.virtual_manipulator
+    bodies = result.r_cm + result.rho @ result.T0.T
+    barycentres = bodies + result.c @ result.T0.T
+    rows = flat_rows(np.vstack((chain.points, bodies, barycentres)))
+    axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
+    with style():
+        for name, points, marker, color in (
+            ("CM of a body", bodies, "o", BLUE), ("barycentre of a body", barycentres, "D", ORANGE)
+        ):  # fmt: skip
+            axes.plot(*points[:, rows].T, marker, ms=7, color=color, label=name)
+        for i, x in enumerate(bodies[:, rows]):
+            annotate(axes, f"{i}", x, BLUE)
+        _draw_chain(axes, chain, rows)
+        axes.legend(frameon=False)
+        axes.set_title(f"{result.M:.4g} kg: CMs, barycentres and Virtual Manipulator")
+    return axes.figure
+
+
+def draw_region(result: Region, *, ax: Any = None) -> Figure:
+    """Draw what can happen at a point: the singular postures that reach it, or its distance alone.
+
+    Args:
+        result: The answer of `Workspace.regions`.
+        ax: Matplotlib axes to draw into, three-dimensional ones for the postures of a spatial arm;
+            None for a new figure.
+    """
+    found = result.singular
+    axes = axes_for(ax, *SIZE, spatial=bool(found) and not in_plane(found[0]))
+    with style():
+        for cfg, color in zip(found, COLOURS, strict=False):
+            draw_stick_figure(axes, cfg, color=color, label=cfg is found[0])
+        if not found:
+            around = np.linspace(0.0, 2.0 * np.pi, 200)
+            color = GREEN if result.kind == "path independent" else RED
+            axes.plot(result.radius * np.cos(around), result.radius * np.sin(around), color=color)
+            axes.plot(0, 0, marker="P", ms=9, color="black", ls="none")
+            annotate(axes, "system CM", np.zeros(2), "black", below=True)
+            axes.set(aspect="equal", xlabel="from the system CM [m]", ylabel="from the CM [m]")
+        number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
+        axes.set_title(f"{result.radius:.4g} m from the CM: {result.kind}{number}")
+    return axes.figure
+
+
+def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> None:
+    points = chain.points[:, rows]
+    axes.plot(*points.T, "-o", color=PURPLE, lw=2.5, ms=6, mfc="white")
+    axes.plot(*points[:1].T, marker="P", ms=9, color="black", ls="none")
+    annotate(axes, "system CM", points[0], "black", below=True)
+    annotate(axes, "tip", points[-1], PURPLE)
+    lengths = np.linalg.norm(chain.links, axis=1)
+    for i in np.flatnonzero(lengths > LEAST * lengths.sum()):
+        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", 0.5 * (points[i] + points[i + 1]), PURPLE)
+    axes.margins(0.12)
+    equal_axes(axes, "".join("xyz"[i] for i in rows))
+
+
+def _draw_box(axes: Any, R: Array, centre: Array, half: float) -> None:
+    corners = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)]) * 2.0 - 1.0
+    corners = centre + half * corners @ R.T
+    faces = [corners[list(face)] for face in FACES]
+    axes.add_collection3d(Poly3DCollection(faces, facecolor=GOLD, edgecolor=GREY, alpha=0.7))
+
+
+def _places(cfg: Configuration, tip: str) -> Array:
+    """(m, 3) the joints on the way to a tip, and the tip, in the inertial frame [m]."""
+    arm, data = cfg.arm, pin.Data(cfg.arm.model)
+    pin.forwardKinematics(arm.model, data, cfg.full)
+    chain = [joint.name for joint in arm.tree.chain(tip) if joint.movable]
+    places = [data.oMi[arm.model.getJointId(name)].translation for name in chain]
+    return np.array([*places, cfg.tips[arm.tips.index(tip)].translation])

@@ -1,0 +1,80 @@
+"""Drawings: which function draws which kind of result."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from spacearm.errors import ConfigurationError
+from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
+from spacearm.mechanics.dynamics import Dynamics
+from spacearm.mechanics.impact import Capture
+from spacearm.mechanics.jacobian import PrescribedMotion
+from spacearm.mechanics.momentum import MomentumMatrix
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.motion.motion import Motion
+from spacearm.plots.configurations import (
+    draw_arm,
+    draw_barycentric,
+    draw_configuration,
+    draw_region,
+    draw_virtual_manipulator_alone,
+)
+from spacearm.plots.maps import draw_map, draw_singular_set
+from spacearm.plots.motions import draw_motion
+from spacearm.plots.polynomials import draw_polynomial
+from spacearm.plots.reports import (
+    draw_capture,
+    draw_dynamics,
+    draw_error_bars,
+    draw_momentum_matrix,
+    draw_prescribed_motion,
+    draw_report,
+)
+from spacearm.plots.workspaces import draw_design, draw_pose_risk, draw_profile, draw_workspace
+from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.singularities.abstract_set import SingularSet
+from spacearm.singularities.map import SingularMap
+from spacearm.singularities.report import SingularityReport
+from spacearm.singularities.risk import PoseRisk, RiskProfile
+from spacearm.singularities.rounding import ErrorBars
+from spacearm.workspaces.path_dependent import Workspace
+from spacearm.workspaces.regions import Region
+
+DRAWINGS: Mapping[type, Callable[..., Any]] = {
+    SpaceArm: draw_arm,
+    Configuration: draw_configuration,
+    SingularityReport: draw_report,
+    ErrorBars: draw_error_bars,
+    MomentumMatrix: draw_momentum_matrix,
+    PrescribedMotion: draw_prescribed_motion,
+    Dynamics: draw_dynamics,
+    Capture: draw_capture,
+    Barycentric: draw_barycentric,
+    VirtualManipulator: draw_virtual_manipulator_alone,
+    TrigPolynomial: draw_polynomial,
+    SingularMap: draw_map,
+    SingularSet: draw_singular_set,
+    Workspace: draw_workspace,
+    Region: draw_region,
+    RiskProfile: draw_profile,
+    PoseRisk: draw_pose_risk,
+    Motion: draw_motion,
+}
+"""What draws each kind of result. A function without the parameter `ax` draws several panels."""
+
+
+def drawing_of(thing: object) -> Callable[..., Any]:
+    """Return what draws a thing."""
+    drawings = dict(DRAWINGS)
+    if "xarray" in sys.modules:  # else the thing cannot be a dataset
+        drawings[sys.modules["xarray"].Dataset] = draw_design
+    for kind in type(thing).__mro__:
+        if kind in drawings:
+            return drawings[kind]
+    names = sorted({kind.__name__ for kind in DRAWINGS} | {"the dataset of spacearm.design"})
+    raise ConfigurationError(
+        f"there is no drawing of a {type(thing).__name__}; what can be drawn: {', '.join(names)}"
+    )

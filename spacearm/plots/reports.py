@@ -1,0 +1,203 @@
+"""Numbers of one configuration as bars and labelled matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import SymLogNorm
+from matplotlib.figure import Figure
+
+from spacearm.arrays import Array
+from spacearm.mechanics.dynamics import Dynamics
+from spacearm.mechanics.impact import Capture
+from spacearm.mechanics.jacobian import PrescribedMotion
+from spacearm.mechanics.momentum import MomentumMatrix
+from spacearm.plots.configurations import draw_stick_figure, in_plane
+from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, figure, style
+from spacearm.singularities.report import SingularityReport
+from spacearm.singularities.rounding import ErrorBars
+
+ROWS = ("x", "y", "z", "rx", "ry", "rz")
+ROUNDING = 1e-14
+"""Share of the largest entry of a matrix below which an entry is rounding and shown as 0."""
+DECADES = 1e-3
+"""Share of the largest entry down to which colours of a matrix are logarithmic."""
+
+
+def draw_report(result: SingularityReport) -> Figure:
+    """Draw the posture, the singular values, and the direction of the tip that belongs to each.
+
+    Lost directions are red. Each column under the singular values is one direction.
+
+    Args:
+        result: The report.
+    """
+    cfg = result.configuration
+    arm, k = cfg.arm, len(result.sigma)
+    columns = [f"{i + 1}" if i < result.rank else f"{i + 1} lost" for i in range(k)]
+    whole = figure(11.0, 5.4)
+    with style():
+        grid = whole.add_gridspec(2, 2)
+        posture = whole.add_subplot(grid[:, 0], projection=None if in_plane(cfg) else "3d")
+        draw_stick_figure(posture, cfg)
+        _draw_lost(posture, result)
+        kind = result.kind if result.rank == k else f"{result.kind} singularity"
+        posture.set_title(f"{arm.name}, {result.mode}: {kind}")
+        values = whole.add_subplot(grid[0, 1])
+        color = [GREEN] * result.rank + [RED] * (k - result.rank)
+        bars = values.bar(range(k), result.sigma, color=color)
+        values.bar_label(bars, fmt="{:.3g}", fontsize=9)
+        values.set(xticks=range(k), xticklabels=columns, ylabel=f"[{arm.sigma_unit}]")
+        values.set_title("Singular values")
+        directions = whole.add_subplot(grid[1, 1], sharex=values)
+        both = np.hstack((result.available, result.lost))
+        _draw_matrix(directions, both, arm.task.rows, columns)
+        directions.set_title("Directions in the rows of the task")
+    return whole
+
+
+def draw_capture(result: Capture) -> Figure:
+    """Draw joint rates and the spacecraft's twist just after the grasp.
+
+    Args:
+        result: The capture.
+    """
+    arm = result.configuration.arm
+    whole = figure(10.0, 4.0)
+    with style():
+        rates, linear, angular = whole.subplots(1, 3, width_ratios=[max(arm.n, 3), 3, 3])
+        unit = "m/s" if arm.slides.all() else "rad/s, m/s" if arm.slides.any() else "rad/s"
+        _bars(rates, arm.joint_names, result.dq, f"[{unit}]", "Joint rates")
+        _bars(linear, "xyz", result.twist[:3], "[m/s]", "Spacecraft, linear")
+        _bars(angular, "xyz", result.twist[3:], "[rad/s]", "Spacecraft, angular")
+        whole.suptitle(
+            f"{arm.name} after the capture: {result.energy_lost:.4g} J lost", x=0.02, ha="left"
+        )
+    return whole
+
+
+def draw_dynamics(result: Dynamics) -> Figure:
+    """Draw joint torques and accelerations, the spacecraft's acceleration and the reaction.
+
+    Args:
+        result: The answer of `forward_dynamics` or `inverse_dynamics`.
+    """
+    joints = [f"q{i + 1}" for i in range(len(result.ddq))]
+    whole = figure(10.0, 6.0)
+    with style():
+        (tau, ddq), (base, reaction) = whole.subplots(2, 2)
+        _bars(tau, joints, result.tau, "[N m] or [N]", "Joint torques")
+        _bars(ddq, joints, result.ddq, "[rad/s²] or [m/s²]", "Joint accelerations")
+        _bars(base, ROWS, result.base_acceleration, "[m/s²], [rad/s²]", "Spacecraft acceleration")
+        _bars(reaction, ROWS, result.reaction, "[N], [N m]", "Reaction on a held spacecraft")
+    return whole
+
+
+def draw_momentum_matrix(result: MomentumMatrix, *, ax: Any = None) -> Figure:
+    """Draw A_b and A_q side by side as one matrix.
+
+    Args:
+        result: The momentum matrix.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    n = result.A_q.shape[1]
+    columns = [
+        *(f"v{a}" for a in "xyz"),
+        *(f"w{a}" for a in "xyz"),
+        *(f"q{i + 1}" for i in range(n)),
+    ]
+    rows = [*(f"p{a}" for a in "xyz"), *(f"h{a}" for a in "xyz")]
+    title = "Momentum matrix [A_b A_q]: momentum p, angular momentum h [SI]"
+    axes = _matrix(np.hstack((result.A_b, result.A_q)), rows, columns, title, ax)
+    axes.axvline(5.5, color="black", lw=1.5)
+    return axes.figure
+
+
+def draw_prescribed_motion(result: PrescribedMotion, *, ax: Any = None) -> Figure:
+    """Draw the Jacobian of the free joints, and the drift that the prescribed ones cause.
+
+    Args:
+        result: The prescribed motion.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    matrix = np.column_stack((result.jacobian, result.drift))
+    title = "Jacobian of the free joints | drift of the tip [m/s, rad/s]"
+    axes = _matrix(matrix, _twist_rows(len(matrix)), [*result.joints, "drift"], title, ax)
+    axes.axvline(len(result.joints) - 0.5, color="black", lw=1.5)
+    return axes.figure
+
+
+def draw_error_bars(result: ErrorBars, *, ax: Any = None) -> Figure:
+    """Draw the bounds for the rounding errors of the entries of J*.
+
+    Args:
+        result: The error bars.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    columns = [f"q{i + 1}" for i in range(result.jacobian.shape[1])]
+    rows = _twist_rows(len(result.jacobian))
+    title = f"Error bars of J*; of the singular values {result.sigma:.2g}"
+    return _matrix(result.jacobian, rows, columns, title, ax).figure
+
+
+def _draw_lost(axes: Any, result: SingularityReport) -> None:
+    """Draw the lost directions as lines through the tip, where they are linear."""
+    cfg = result.configuration
+    if len(cfg.arm.tips) > 1:
+        return
+    normal = cfg.arm.tree.plane_normal()
+    rows = [i for i in range(3) if axes.name == "3d" or i != normal]
+    tip = cfg.tip.translation
+    linear = [i for i, row in enumerate(cfg.arm.task.indices) if row < 3]
+    along = result.axes[:, [cfg.arm.task.indices[i] for i in linear]]
+    size = 0.25 * float(np.linalg.norm(tip - cfg.com))
+    for lost in result.lost.T:
+        span = size * (along @ lost[linear])
+        axes.plot(*np.array([tip - span, tip + span])[:, rows].T, color=RED, lw=3)
+
+
+def _twist_rows(count: int) -> list[str]:
+    """Return names for the rows of stacked twists."""
+    tips = count // 6
+    return [row if tips == 1 else f"{row} {tip + 1}" for tip in range(tips) for row in ROWS]
+
+
+def _bars(axes: Any, names: Any, values: Array, unit: str, title: str) -> None:
+    axes.bar(range(len(values)), values, color=BLUE)
+    axes.axhline(0.0, color=GREY, lw=0.8)
+    axes.set(ylabel=unit)
+    slanted = sum(map(len, names)) > 40
+    axes.set_xticks(
+        range(len(values)), list(names), rotation=45 if slanted else 0,
+        ha="right" if slanted else "center",
+    )  # fmt: skip
+    axes.ticklabel_format(axis="y", scilimits=(-3, 4))
+    axes.set_title(title)
+
+
+def _matrix(values: Array, rows: Sequence[str], columns: Sequence[str], title: str, ax: Any) -> Any:
+    """Draw a labelled matrix alone."""
+    axes = axes_for(ax, 2.0 + 0.62 * len(columns), 1.6 + 0.42 * len(rows))
+    with style():
+        _draw_matrix(axes, values, rows, columns)
+        axes.set_title(title)
+    return axes
+
+
+def _draw_matrix(axes: Any, values: Array, rows: Sequence[str], columns: Sequence[str]) -> None:
+    """Draw a matrix: colours by sign and size, on a logarithmic scale, the number in each cell."""
+    sound = np.where(np.isfinite(values), values, 0.0)
+    most = float(np.abs(sound).max()) or 1.0
+    norm = SymLogNorm(DECADES * most, vmin=-most, vmax=most)
+    axes.imshow(sound, norm=norm, cmap="RdBu_r", aspect="auto", alpha=0.8)
+    for (i, j), value in np.ndenumerate(values):
+        shown = value if abs(value) > ROUNDING * most else 0.0
+        dark = abs(float(norm(sound[i, j])) - 0.5) > 0.4
+        axes.text(
+            j, i, f"{shown:.3g}", ha="center", va="center", fontsize=8,
+            color="white" if dark else "black",
+        )  # fmt: skip
+    axes.set_xticks(range(len(columns)), columns, rotation=45 if max(map(len, columns)) > 6 else 0)
+    axes.set_yticks(range(len(rows)), rows)

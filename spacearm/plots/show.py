@@ -1,0 +1,56 @@
+"""`spacearm.plot`: one figure for each kind of result."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any
+
+from spacearm.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot(thing: object, ax: Axes | None = None, **options: Any) -> Figure:
+    """Draw a result.
+
+    In a notebook the figure is shown where it is the last line of a cell; elsewhere write it with
+    `figure.savefig`.
+
+    Args:
+        thing: An arm, a configuration, or what a function of spacearm returns: a report, a map, a
+            singular set, a workspace, a risk, a motion, a capture, the dataset of `design`, ...
+        ax: Matplotlib axes to draw into, if the drawing has one panel; with `projection="3d"` for
+            drawings in space. None makes a new figure.
+        **options: What some drawings take besides. Motions: `target` (a point to mark) and
+            `workspace`, both [m] in inertial axes. Workspaces: `path` (points from the system CM
+            [m]) and `profile` (a risk profile). Arms and configurations: `color` and `label`.
+
+    Returns:
+        The figure; `ax.figure` where axes are given.
+
+    Raises:
+        ConfigurationError: There is no drawing of `thing`, it does not take one of the options, or
+            cannot be drawn into `ax`.
+        UnsupportedError: The singular set has nothing to draw.
+
+    Example:
+        >>> import spacearm as sa
+        >>> figure = sa.plot(sa.singular_map(sa.load("planar2")))
+        >>> figure.savefig("map.png")
+    """
+    from spacearm.plots.drawings import drawing_of  # imports matplotlib
+
+    draw, name = drawing_of(thing), type(thing).__name__
+    _, *taken = inspect.signature(draw).parameters
+    if ax is not None and "ax" not in taken:
+        raise ConfigurationError(f"a drawing of a {name} has several panels; leave ax out")
+    known = [option for option in taken if option != "ax"]
+    for option in options:
+        if option not in known:
+            raise ConfigurationError(
+                f"a drawing of a {name} has no option {option!r}; it takes: "
+                f"{', '.join(known) or 'none'}"
+            )
+    return draw(thing, **options) if ax is None else draw(thing, ax=ax, **options)

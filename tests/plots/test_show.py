@@ -1,0 +1,168 @@
+"""sa.plot: a figure of every result, in axes of one's own where one panel is enough."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from matplotlib.figure import Figure
+
+import spacearm as sa
+from spacearm.plots.show import DRAWINGS, plot
+from spacearm.plots.style import figure, style
+
+Q6 = np.radians([0, 60, -100, -50, 30, 0])
+SINGULAR = np.radians([-65, -11.4108])
+
+
+@pytest.fixture(scope="module")
+def results():
+    """One result of every kind that can be drawn, and how many panels its figure has."""
+    planar, spatial = sa.load("planar2"), sa.load("mda6")
+    flat, cfg = planar.at(SINGULAR), spatial.at(Q6)
+    goal = [(1.2, 1.0)]
+    redundant = sa.load("planar3", task="x y")
+    run = sa.simulate(planar, [0.3, 1.2], sa.JointPD(target=[0.4, 1.2], kp=5.0, kd=9.0), 0.2)
+    design = sa.design.sweep(planar, {"base_inertia": np.array([1.0, 2.0])})
+    return {
+        "a planar arm": (planar, 1),
+        "a spatial arm": (spatial, 1),
+        "an arm with two tips": (sa.load("dual_ur5", tip=("left", "right")), 1),
+        "a report of two tips": (two_tips(), 3),
+        "a planar configuration": (flat, 1),
+        "a spatial configuration": (cfg, 1),
+        "a planar arm in a tilted plane": (planar.at(SINGULAR, base=tilted()), 1),
+        "a singular report": (sa.singularity(flat), 3),
+        "a regular report": (sa.singularity(cfg), 3),
+        "error bars": (sa.error_bars(cfg), 1),
+        "a momentum matrix": (sa.momentum_matrix(cfg), 1),
+        "a prescribed motion": (sa.prescribed_motion(cfg, {"joint_2": 0.1}), 1),
+        "dynamics": (sa.forward_dynamics(cfg, np.zeros(6), np.ones(6)), 4),
+        "a capture": (sa.capture(cfg, [0, 0, 0.1, 0.05, 0.1, 0], 50.0, 4.0 * np.eye(3)), 3),
+        "planar barycentric": (sa.barycentric(flat), 1),
+        "spatial barycentric": (sa.barycentric(cfg), 1),
+        "a planar chain": (sa.barycentric(flat).virtual_manipulator, 1),
+        "a spatial chain": (sa.barycentric(cfg).virtual_manipulator, 1),
+        "a polynomial of one angle": (sa.singularity_polynomial(planar).fix({0: 0.3}), 1),
+        "a polynomial of two angles": (sa.singularity_polynomial(planar), 2),
+        "a polynomial of six angles": (sa.singularity_polynomial(spatial), 1),
+        "a map": (sa.singular_map(planar, points=21), 2),
+        "points": (sa.singular_set(planar, mode="fixed"), 1),
+        "curves": (sa.singular_set(planar), 1),
+        "a large set": (sa.singular_set(spatial), 1),
+        "a searched set": (sa.singular_set(redundant), 1),
+        "a workspace": (sa.workspace(planar), 1),
+        "a path dependent point": (sa.workspace(planar).regions((0.9, 1.3)), 1),
+        "a path independent point": (sa.workspace(planar).regions((0.9, 0.3)), 1),
+        "a risk profile": (sa.risk_profile(planar, samples=2000), 1),
+        "risks of poses": (sa.pose_risk(spatial, poses=20, samples=2000), 1),
+        "a trajectory": (run, 4),
+        "a followed path": (sa.follow(planar, [0.3, 1.2], goal), 4),
+        "a plan": (sa.plan(planar, [0.3, 1.2], sa.Joints([0.5, 1.0])), 4),
+        "designs": (design, 1),
+    }
+
+
+def tilted():
+    return pin.SE3(pin.exp3(np.array([1.1, -0.7, 0.0])), np.zeros(3))
+
+
+def two_tips():
+    arm = sa.load("dual_ur5", tip=("left", "right"))
+    return sa.singularity(arm.at(np.linspace(-1.0, 1.0, arm.n)))
+
+
+def test_every_result_has_a_figure(results):
+    for what, (thing, panels) in results.items():
+        drawn = plot(thing)
+        assert isinstance(drawn, Figure), what
+        assert len(drawn.axes) == panels, what
+        drawn.canvas.draw()
+
+
+def test_no_kind_of_drawing_is_untested(results):
+    assert {type(thing) for thing, _ in results.values()} >= set(DRAWINGS) - {sa.Motion}
+
+
+def test_drawings_of_one_panel_go_into_given_axes(results):
+    for what, (thing, panels) in results.items():
+        mine = Figure()
+        space = mine.add_subplot(projection="3d" if plot(thing).axes[0].name == "3d" else None)
+        if panels > 2:
+            with pytest.raises(sa.ConfigurationError, match="several panels; leave ax out"):
+                plot(thing, ax=space)
+        else:
+            assert plot(thing, ax=space) is mine, what
+            assert space.has_data() or space.patches or space.collections, what
+
+
+def test_axes_of_the_wrong_kind_are_refused(results):
+    flat, space = Figure().add_subplot(), Figure().add_subplot(projection="3d")
+    with pytest.raises(sa.ConfigurationError, match="projection '3d'"):
+        plot(results["a map"][0], ax=space)
+    with pytest.raises(sa.ConfigurationError, match="projection='3d'"):
+        plot(results["a spatial arm"][0], ax=flat)
+    with pytest.raises(sa.ConfigurationError, match="give Matplotlib axes"):
+        plot(results["a map"][0], ax="here")
+
+
+def test_options_reach_the_drawing(results):
+    drawn = plot(results["a planar configuration"][0], color="#ff0000", label=False)
+    assert drawn.axes[0].lines[0].get_color() == "#ff0000"
+    assert not drawn.axes[0].texts
+    drawn = plot(results["a followed path"][0], target=(1.2, 1.0))
+    assert "target" in {text.get_text() for text in drawn.axes[0].texts}
+
+
+@pytest.mark.parametrize(
+    ("what", "takes"), [("a map", "none"), ("a workspace", "path, profile"), ("a plan", "target")]
+)
+def test_an_unknown_option_is_named(results, what, takes):
+    with pytest.raises(sa.ConfigurationError, match=f"no option 'colour'; it takes: {takes}"):
+        plot(results[what][0], colour="red")
+
+
+@pytest.mark.parametrize("thing", [None, 3, "planar2", np.zeros(3), [1, 2]])
+def test_what_cannot_be_drawn_is_told_what_can(thing):
+    with pytest.raises(sa.ConfigurationError, match=r"no drawing of a .*Configuration.*Workspace"):
+        plot(thing)
+
+
+def test_a_dataset_without_designs_is_refused():
+    import xarray as xr
+
+    with pytest.raises(sa.ConfigurationError, match=r"one that spacearm\.design returns"):
+        plot(xr.Dataset({"a": 1}))
+
+
+def test_a_set_that_no_joint_decides_is_refused():
+    arm = sa.load("planar2", task="rz", locked={"joint_2": 0.3})
+    with pytest.raises(sa.UnsupportedError, match="no joint decides whether the arm is singular"):
+        plot(sa.singular_set(arm))
+
+
+def test_the_surface_of_a_set_leaves_the_seams_of_the_torus_open():
+    arm = sa.load("mda6", task="position", locked={"joint_4": 0.0, "joint_5": 0.3, "joint_6": 0.0})
+    found = sa.singular_set(arm)
+    (drawn,) = plot(found).axes[0].collections
+    assert 0 < len(drawn._vec[0]) < 3 * len(found.surface().triangles)
+
+
+def test_the_lost_direction_goes_through_the_tip(results):
+    report = results["a singular report"][0]
+    line = plot(report).axes[0].lines[-1].get_xydata()
+    tip = report.configuration.tip.translation[:2]
+    np.testing.assert_allclose(line.mean(axis=0), tip)
+    np.testing.assert_allclose(abs((line[1] - tip) @ report.available[:, 0]), 0.0, atol=1e-9)
+
+
+def test_samples_are_drawn_over_the_joints_that_show_structure(results):
+    axes = plot(results["a large set"][0]).axes[0]
+    assert "joint_5 [deg]" in (axes.get_xlabel(), axes.get_ylabel())
+
+
+def test_a_notebook_shows_the_last_line_of_a_cell():
+    with style():
+        drawn = figure(2, 1)
+        drawn.subplots()
+    png, size = drawn._repr_png_()
+    assert png.startswith(b"\x89PNG")
+    assert size == {"width": 180, "height": 90}
