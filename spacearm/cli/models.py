@@ -1,4 +1,4 @@
-"""spacearm models, spacearm info: what there is to ask about."""
+"""`spacearm models` and `spacearm info`: the catalogue, and the facts of one model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from spacearm.model.loading import load
 
 
 def list_models(as_json: AsJson = False) -> None:
-    """Lists the models that travel with spacearm, and the arms to mount on a bus of one's own."""
+    """List the models of the catalogue, and the arms that can be mounted on a bus."""
     if as_json:
         return print_json([{**info.to_dict(), **_masses(info.name)} for info in catalogue()])
     rows = table("name", "n", "tip", "task", "spacecraft", "arm", "what it is", "source")
@@ -37,7 +37,7 @@ def list_models(as_json: AsJson = False) -> None:
 
 
 def _masses(name: str) -> dict[str, float]:
-    """Masses of the spacecraft with all that is fixed to it, and of what moves on it [kg]."""
+    """Return the masses of the spacecraft with all that is fixed to it, and of the rest [kg]."""
     arm = load(name)
     spacecraft = float(arm.model.inertias[1].mass)
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
@@ -49,7 +49,7 @@ def describe_model(
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Shows bodies, masses, joints, limits, tip, task and centre of mass of a model."""
+    """Show bodies, masses, joints, limits, tip, task and centre of mass of a model."""
     if as_json:
         return print_json(arm.to_dict())
     scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""
@@ -85,7 +85,7 @@ def describe_model(
 
 
 def _bodies(arm: SpaceArm) -> dict[str, pin.Inertia]:
-    """The rigid bodies by their links that have mass: the spacecraft, then one a joint."""
+    """Return the rigid bodies by the names of their links with mass, the spacecraft first."""
     joints = list(arm.model.names)[2:]
     leaders = [arm.tree.root, *(arm.tree.joints[name].child for name in joints)]
     lumps = arm.tree.lumps()
