@@ -1,1 +1,1 @@
-"""The command line: one module a command, `options` and `output` shared by all."""
+"""The command line: one module for each command; `options` and `output` are shared."""

@@ -1,4 +1,4 @@
-"""The application: its commands, and what becomes of their errors."""
+"""The application: its commands, and how their errors are reported."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ COMMANDS = {
     "simulate": "simulations.simulate_motion",
     "sweep": "sweeps.run_study",
 }
-"""Functions by the commands that they are."""
+"""Module and function of each command; only the module of the command called is imported."""
 NO_NUMBERS = ("models", "sweep")
-"""Commands that take no numbers, so that what starts with a minus sign is an option."""
+"""Commands without numbers: whatever starts with a minus sign is an option."""
 
 
 def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
@@ -49,7 +49,7 @@ def options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
-    """Where a free-floating space manipulator cannot move, and why."""
+    """Find where a free-floating space manipulator cannot move, and why."""
     if version:
         from spacearm import __version__
 
@@ -59,7 +59,7 @@ def options(
 
 
 def main() -> None:
-    """Runs the command line: bad input ends with one line on stderr and exit code 2."""
+    """Run the command line; bad input ends with one line on stderr and exit code 2."""
     warnings.showwarning = _show_warning
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without ° is no reason to stop

@@ -1,4 +1,4 @@
-"""spacearm design: how masses, inertias and the mounting point change the workspace."""
+"""`spacearm design`: the workspace over masses, inertias and mounting points."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.workspaces.design import workspaces
 
-Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="One value or a range.")]
+Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="A value or a range.")]
 COUNT = 9
 
 
@@ -38,19 +38,20 @@ def sweep_designs(
     payload: Range = None,
     link_mass: Annotated[
         list[str] | None,
-        typer.Option(metavar="LINK=A:B[:COUNT]", help="Mass of a link; may be repeated."),
+        typer.Option(metavar="LINK=A:B[:COUNT]", help="Mass of a link [kg]; may be repeated."),
     ] = None,
     mode: SpacecraftMode = Spacecraft.FREE,
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
-        int | None, typer.Option(help="Singular configurations to search from, larger arms.", min=1)
+        int | None,
+        typer.Option(help="Number of singular configurations to search from (larger arms).", min=1),
     ] = None,
     output: Picture = None,
     as_json: AsJson = False,
 ) -> None:
-    """Draws the path independent share over design parameters; Ctrl-C keeps what is done.
+    """Draw the path independent share over design parameters; Ctrl-C keeps what is done.
 
-    base-inertia is a factor at constant mass, mount-* in metres, masses in kg.
+    base-inertia is a factor at constant mass, mount-* are in m, masses in kg.
     """
     check_picture(output)
     named = {

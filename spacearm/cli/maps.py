@@ -1,4 +1,4 @@
-"""spacearm map: where in joint space an arm is singular."""
+"""`spacearm map`: sigma_min over two joints."""
 
 from __future__ import annotations
 
@@ -28,21 +28,23 @@ def draw_singular_map(
     joints: Annotated[
         tuple[str, str] | None,
         typer.Option(
-            help="The two joints, by name or as q1 q2; the first two that matter if none.",
+            help="The two joints, by name or as q1 q2; by default the first two that matter.",
             metavar="A B",
         ),
     ] = None,
     fix: Annotated[
         list[str] | None,
-        typer.Option(help="Where another joint stands; may be repeated.", metavar="JOINT=VALUE"),
+        typer.Option(help="Position of another joint; may be repeated.", metavar="JOINT=VALUE"),
     ] = None,
     output: Picture = None,
-    npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy file.")] = None,
-    points: Annotated[int, typer.Option(help="Grid points in each joint.", min=3, max=2001)] = 181,
+    npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy archive.")] = None,
+    points: Annotated[
+        int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
+    ] = 181,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Maps sigma_min over two joints, with the exact singular curves on top."""
+    """Map sigma_min over two joints, with the exact singular curves on top."""
     check_picture(output)
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}

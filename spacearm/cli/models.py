@@ -1,4 +1,4 @@
-"""spacearm models, spacearm info: what there is to ask about."""
+"""`spacearm models` and `spacearm info`: the catalogue, and the facts of one model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from spacearm.model.loading import load
 
 
 def list_models(as_json: AsJson = False) -> None:
-    """Lists the models that travel with spacearm, and the arms to mount on a bus of one's own."""
+    """List the models of the catalogue, and the arms that can be mounted on a bus."""
     if as_json:
         return print_json([{**info.to_dict(), **_masses(info.name)} for info in catalogue()])
     rows = table("name", "n", "tip", "task", "spacecraft", "arm", "what it is", "source")
@@ -36,7 +36,7 @@ def list_models(as_json: AsJson = False) -> None:
 
 
 def _masses(name: str) -> dict[str, float]:
-    """Masses of the spacecraft with all that is fixed to it, and of what moves on it [kg]."""
+    """Return the masses of the spacecraft with all that is fixed to it, and of the rest [kg]."""
     arm = load(name)
     spacecraft = float(arm.model.inertias[1].mass)
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
@@ -48,7 +48,7 @@ def describe_model(
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Shows bodies, masses, joints, limits, tip, task and centre of mass of a model."""
+    """Show bodies, masses, joints, limits, tip, task and centre of mass of a model."""
     if as_json:
         return print_json(arm.to_dict())
     scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""

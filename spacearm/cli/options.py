@@ -1,4 +1,4 @@
-"""What the commands have in common: their options, and the arm that the options name."""
+"""Options that the commands share, and the arm that they describe."""
 
 from __future__ import annotations
 
@@ -37,16 +37,19 @@ TaskRows = Annotated[
     typer.Option("--task", help='Rows: "x y rz", pose, position, orientation.', metavar="ROWS"),
 ]
 Length = Annotated[
-    float | None, typer.Option(help="Length [m] that divides the linear rows of a mixed task.")
+    float | None,
+    typer.Option(help="Length [m] that the linear rows of a mixed task are divided by."),
 ]
 Lock = Annotated[
     list[str] | None,
-    typer.Option(help="Freeze a joint; may be repeated.", metavar="JOINT=VALUE"),
+    typer.Option(help="Lock a joint; may be repeated.", metavar="JOINT=VALUE"),
 ]
 Checked = Annotated[
     str | None,
     typer.Option(
-        "--check", help="What to do with impossible inertias.", metavar="error|warn|accept"
+        "--check",
+        help="What to do with physically impossible inertias.",
+        metavar="error|warn|accept",
     ),
 ]
 Degrees = Annotated[bool, typer.Option("--deg", help="Angles are in degrees.")]
@@ -57,7 +60,7 @@ Attitude = Annotated[
 
 
 class Spacecraft(str, Enum):
-    """What the spacecraft does."""
+    """Modes of the spacecraft."""
 
     FREE = "free-floating"
     CONTROLLED = "attitude-controlled"
@@ -121,7 +124,7 @@ def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
 
 
 def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
-    """JOINT=VALUE, as often as given."""
+    """Parse JOINT=VALUE, as often as given."""
     pairs = [text.rpartition("=") for text in texts or []]
     for (name, _, _), text in zip(pairs, texts or [], strict=True):
         if not name:
@@ -130,7 +133,7 @@ def assignments(option: str, texts: list[str] | None) -> dict[str, float]:
 
 
 def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Array:
-    """Joint values from the command line, in radians and metres."""
+    """Parse joint values; return them in radians and metres."""
     values = [_number(word) for word in words]
     if len(values) != arm.n:
         raise ConfigurationError(
@@ -142,7 +145,7 @@ def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Arra
 
 
 def spacecraft_pose(attitude: tuple[float, float, float], deg: bool) -> pin.SE3:
-    """The spacecraft at the origin with this roll, pitch and yaw."""
+    """Return the pose at the origin with this roll, pitch and yaw."""
     rpy = np.radians(attitude) if deg else np.array(attitude)
     if not np.isfinite(rpy).all():
         raise ConfigurationError(f"--attitude is {attitude}; give three finite angles")
@@ -152,12 +155,12 @@ def spacecraft_pose(attitude: tuple[float, float, float], deg: bool) -> pin.SE3:
 def spacecraft_about_cm(
     arm: SpaceArm, q: Array, attitude: tuple[float, float, float], deg: bool
 ) -> pin.SE3:
-    """The spacecraft with this attitude, the system CM at the origin."""
+    """Return the spacecraft pose with this attitude and the system CM at the origin."""
     return arm.at(q, base=spacecraft_pose(attitude, deg)).centred(np.zeros(3)).base
 
 
 def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.SE3:
-    """A point, or a pose whose turns are roll, pitch and yaw, from the task's rows."""
+    """Parse the task's rows: a point, or a pose whose turns are roll, pitch and yaw."""
     values, rows = numbers(option, text), arm.task.indices
     if len(values) != len(rows):
         raise ConfigurationError(
@@ -173,9 +176,9 @@ def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.S
 
 
 def mark_of(end: Configuration, goal: Goal) -> Array | None:
-    """(3,) the point to mark; what the task leaves open is as the tip has it at the end.
+    """Return the (3,) goal point to mark, or None if the task has no linear rows.
 
-    None where the task has no linear rows.
+    Rows that the task leaves open are those of the tip at the end.
     """
     rows = [i for i in end.arm.task.indices if i < 3]
     mark = end.tip.translation
@@ -184,7 +187,7 @@ def mark_of(end: Configuration, goal: Goal) -> Array | None:
 
 
 def numbers(option: str, text: str) -> Array:
-    """Finite numbers with spaces or commas between them."""
+    """Parse finite numbers with spaces or commas between them."""
     values = [_number(word) for word in text.replace(",", " ").split()]
     if not values or not np.isfinite(values).all():
         raise ConfigurationError(f"{option} is {text!r}; give finite numbers")
@@ -192,7 +195,7 @@ def numbers(option: str, text: str) -> Array:
 
 
 def join_numbers(words: Sequence[str]) -> list[str]:
-    """The command line with the numbers after `VECTORS` joined to one word each."""
+    """Join the numbers after each option of `VECTORS` to one word."""
     joined: list[str] = []
     vector = False
     for word in words:
@@ -213,7 +216,7 @@ NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def _si(joint: Joint | None, value: float, deg: bool) -> float:
-    """The value in radians, or in metres for joints that slide."""
+    """Return the value in radians, or in metres for prismatic joints."""
     return float(np.radians(value)) if deg and joint and joint.kind != "prismatic" else value
 
 

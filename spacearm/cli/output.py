@@ -1,4 +1,4 @@
-"""How results are printed: tables for people, JSON for scripts."""
+"""Output of the commands: tables for people, JSON for scripts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDE = 1000
-"""Columns of a file or a pipe: nothing is folded there."""
+"""Width of a file or a pipe, in columns, so that no line is folded."""
 
 out = Console(
     highlight=False, markup=False, emoji=False, width=None if sys.stdout.isatty() else WIDE
@@ -34,49 +34,49 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 def check_picture(path: Path | None) -> None:
-    """Refuses pictures of kinds that cannot be written, before anything is computed."""
+    """Refuse a picture with an unknown suffix, before anything is computed."""
     if path and path.suffix.lower() not in PICTURES:
         raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
 
 
 def write_picture(path: Path, figure: Figure) -> None:
-    """Writes a figure, whole or not at all."""
+    """Write a figure, whole or not at all."""
     buffer = BytesIO()
     figure.savefig(buffer, format=path.suffix[1:].lower(), metadata={})
     write(path, buffer.getvalue())
 
 
 def table(*columns: str) -> Table:
-    """An empty table in the style of all tables."""
+    """Make an empty table in the common style."""
     result = Table(*(Column(name, overflow="fold") for name in columns), box=None, pad_edge=False)
     result.show_header = any(columns)
     return result
 
 
 def heading(text: str) -> None:
-    """A line that names the table after it."""
+    """Print a heading for the table that follows."""
     out.print(f"\n{text}", style="bold underline")
 
 
 def number(value: float, digits: int = 6) -> str:
-    """A number without noise: what is nothing beside 1 prints as 0."""
+    """Format a number; rounding errors of numbers around 1 print as 0."""
     return f"{0.0 if abs(value) < 1e-15 else value:.{digits}g}"
 
 
 def vector(values: npt.ArrayLike | Sequence[float], digits: int = 5) -> str:
-    """Numbers in a row; what is nothing beside the largest prints as 0."""
+    """Format a vector; what is rounding beside its largest entry prints as 0."""
     array = np.asarray(values, dtype=np.float64)
     noise = 1e-14 * np.abs(array).max(initial=0.0)
     return "(" + ", ".join(number(x if abs(x) > noise else 0.0, digits) for x in array) + ")"
 
 
 def component(value: float) -> str:
-    """A component of a unit vector; rounding prints as 0."""
+    """Format a component of a unit vector; rounding errors print as 0."""
     return number(value if abs(value) > 1e-12 else 0.0, 4)
 
 
 def joint_value(value: float, kind: str, deg: bool) -> str:
-    """An angle or a displacement with its unit."""
+    """Format an angle or a displacement with its unit."""
     if math.isinf(value):
         return "none"
     if kind == "prismatic":
@@ -85,7 +85,7 @@ def joint_value(value: float, kind: str, deg: bool) -> str:
 
 
 def print_json(value: Any) -> None:
-    """Strict JSON: infinite numbers, which JSON has not, become null."""
+    """Print strict JSON; numbers that are not finite, which JSON lacks, become null."""
     print(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))
 
 

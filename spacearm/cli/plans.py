@@ -1,4 +1,4 @@
-"""spacearm plan: a joint motion that arrives, and the story of finding it."""
+"""`spacearm plan`: a joint motion to a goal, and the methods that were tried."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ def plan_motion(
     attitude: Attitude = (0.0, 0.0, 0.0),
     final_attitude: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(help="Roll, pitch, yaw that the spacecraft shall have.", metavar="R P Y"),
+        typer.Option(help="Roll, pitch, yaw of the spacecraft at the end.", metavar="R P Y"),
     ] = None,
     clearance: Annotated[
-        float | None, typer.Option(help="Least sigma_min on the way.", min=0.0)
+        float | None, typer.Option(help="Least sigma_min allowed on the way.", min=0.0)
     ] = None,
     method: Annotated[
         str,
-        typer.Option(help="auto, straight, joint space, cycles or attitude first."),
+        typer.Option(help="auto, straight, joint space, cycles or attitude first; auto tries all."),
     ] = "auto",
     no_limits: Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")] = False,
     no_collisions: Annotated[
-        bool, typer.Option("--no-collisions", help="Let bodies meet.")
+        bool, typer.Option("--no-collisions", help="Ignore collisions.")
     ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the first guesses.")] = 0,
     timeout: Annotated[float, typer.Option(help="Give up after this time [s].")] = 60.0,
@@ -65,7 +65,7 @@ def plan_motion(
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Plans a motion of the arm that leads the tip to a goal; the system CM is the origin."""
+    """Plan a motion of the arm that leads the tip to a goal; the system CM is the origin."""
     check_picture(output)
     start = joint_values(arm, q0.split(), deg)
     target = goal_from(arm, "--goal", goal, deg)
@@ -99,7 +99,7 @@ def plan_motion(
 
 
 def _shells(arm: SpaceArm) -> Workspace | None:
-    """The workspaces of a planar arm that has shells."""
+    """Compute the workspace of a planar arm, if it has shells."""
     if arm.tree.plane_normal() is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""spacearm query: what one configuration allows the tip to do."""
+"""`spacearm query`: the singularity report of one configuration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from spacearm.model.configuration import Configuration
 from spacearm.singularities.report import RANK_TOLERANCE, SingularityReport, singularity
 
 ROUNDING = 1e-9
-"""By what a value that was entered in degrees may miss its limit [rad]."""
+"""Tolerance of a joint limit [rad], for values entered in degrees."""
 STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
@@ -45,12 +45,13 @@ def report_singularity(
     attitude: Attitude = (0.0, 0.0, 0.0),
     mode: SpacecraftMode = Spacecraft.FREE,
     tolerance: Annotated[
-        float, typer.Option(help="Share of the largest singular value that counts as zero.")
+        float,
+        typer.Option(help="Singular values up to this share of the largest one count as zero."),
     ] = RANK_TOLERANCE,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Reports whether a configuration is singular, what is lost and what is left."""
+    """Report whether a configuration is singular, and which directions are lost."""
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
     report = singularity(cfg, mode=mode.value, tolerance=tolerance)
     if as_json:

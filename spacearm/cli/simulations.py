@@ -1,4 +1,4 @@
-"""spacearm simulate: an arm under a controller, in time."""
+"""`spacearm simulate`: the motion of an arm under a controller."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from spacearm.motion.trajectory import Trajectory
 
 
 class Law(str, Enum):
-    """The controllers."""
+    """Names of the controllers."""
 
     TRANSPOSED = "transposed"
     RESOLVED = "resolved"
@@ -52,7 +52,7 @@ class Law(str, Enum):
 
 
 MOST = 10
-"""Events that are printed."""
+"""Number of events that are printed."""
 
 
 @on_a_model
@@ -69,17 +69,28 @@ def simulate_motion(
             metavar="X1 X2 ...",
         ),
     ],
-    controller: Annotated[Law, typer.Option(help="The law.")] = Law.TRANSPOSED,
-    duration: Annotated[float, typer.Option(help="How long [s].")] = 60.0,
+    controller: Annotated[Law, typer.Option(help="Control law.")] = Law.TRANSPOSED,
+    duration: Annotated[float, typer.Option(help="Duration [s].")] = 60.0,
     kp: Annotated[
-        str, typer.Option(help="Stiffness (transposed, joints), one or a row.", metavar="K ...")
+        str,
+        typer.Option(
+            help="Stiffness (transposed, joints): one number, or one per row.", metavar="K ..."
+        ),
     ] = "5",
-    kd: Annotated[str, typer.Option(help="Damping, likewise.", metavar="K ...")] = "15",
+    kd: Annotated[
+        str,
+        typer.Option(
+            help="Damping (transposed, joints): one number, or one per row.", metavar="K ..."
+        ),
+    ] = "15",
     gain: Annotated[
         float, typer.Option(help="Gain of resolved, damped, reactionless [1/s].")
     ] = 1.0,
     earthbound: Annotated[
-        bool, typer.Option("--earthbound", help="The law ignores that the spacecraft moves.")
+        bool,
+        typer.Option(
+            "--earthbound", help="Let the control law assume a spacecraft that does not move."
+        ),
     ] = False,
     mode: SpacecraftMode = Spacecraft.FREE,
     attitude: Attitude = (0.0, 0.0, 0.0),
@@ -94,7 +105,7 @@ def simulate_motion(
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulates an arm under a controller; draws tip path, attitude, joints and sigma_min.
+    """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
     The system CM is the origin. Events: singularity, "joint limit", target.
     """
@@ -141,7 +152,7 @@ def _law(
     mode: BaseMode,
     deg: bool,
 ) -> tuple[Controller, Goal | None]:
-    """The controller, and the goal of the tip, if it has one."""
+    """Return the controller, and the goal of the tip if it has one."""
     K_p, K_d = (np.squeeze(numbers(option, text)) for option, text in (("--kp", kp), ("--kd", kd)))
     if law is Law.JOINTS:
         return JointPD(joint_values(arm, target.split(), deg), K_p, K_d), None

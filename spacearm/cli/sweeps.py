@@ -1,4 +1,4 @@
-"""spacearm sweep: a study computed into a store, here or on a Dask cluster."""
+"""`spacearm sweep`: a study computed into a store, on this machine or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -38,20 +38,23 @@ INTERRUPTED = 130
 
 def run_study(
     study: Annotated[Path, typer.Argument(metavar="STUDY.TOML", help="See help(spacearm.Study).")],
-    store: Annotated[Path, typer.Option(help="Zarr directory; what is there is kept.")],
+    store: Annotated[Path, typer.Option(help="Zarr directory; chunks that are there are kept.")],
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers do it."),
+        typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers compute."),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(help="Processes here; one a processor if not given.", min=1)
+        int | None,
+        typer.Option(help="Processes on this machine; by default one per processor.", min=1),
     ] = None,
-    show_status: Annotated[bool, typer.Option("--status", help="Only say what is done.")] = False,
+    show_status: Annotated[
+        bool, typer.Option("--status", help="Only report what is done.")
+    ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only say what it will take: time, disk.")
+        bool, typer.Option("--dry-run", help="Only estimate time and disk.")
     ] = False,
 ) -> int:
-    """Computes a study chunk by chunk; stopped or killed, it goes on where it was."""
+    """Compute a study chunk by chunk; run again after a stop, it goes on where it was."""
     read = Study.read(study)
     if workers is not None and scheduler is not None:
         raise ConfigurationError("--workers is for this machine; leave it out with --scheduler")
@@ -91,14 +94,14 @@ class Rate(ProgressColumn):
     """Chunks per second, lately."""
 
     def render(self, task: Task) -> Text:
-        """The rate, once it is known."""
+        """Return the rate, once it is known."""
         speed = task.speed or task.finished_speed
         return Text(f"{speed:.1f}/s" if speed else "")
 
 
 @contextmanager
 def _client(scheduler: str | None) -> Iterator[Client | None]:
-    """A client of the scheduler, if one is named; its own reports of a lost one are not shown."""
+    """Open a client of the scheduler, if one is named; silence its own error reports."""
     if scheduler is None:
         yield None
         return

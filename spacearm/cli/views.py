@@ -1,4 +1,4 @@
-"""spacearm view: a configuration in the browser, in a file, as a picture."""
+"""`spacearm view`: a configuration in the browser, in a file, or as a picture."""
 
 from __future__ import annotations
 
@@ -28,24 +28,25 @@ def view_configuration(
     arm: SpaceArm,
     q: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; zeros if none."),
+        typer.Argument(metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; zeros if left out."),
     ] = None,
     attitude: Attitude = (0.0, 0.0, 0.0),
     port: Annotated[
-        int | None, typer.Option(help="Port of the page; the first free from 7400 on if none.")
+        int | None,
+        typer.Option(help="Port of the page; by default the first free one from 7400 on."),
     ] = None,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Serve the page, do not open a browser.")
     ] = False,
     save: Annotated[
-        Path | None, typer.Option(help="Write one self-contained page and end.", metavar="HTML")
+        Path | None, typer.Option(help="Write one self-contained page and exit.", metavar="HTML")
     ] = None,
     png: Annotated[
-        Path | None, typer.Option(help="Write a picture and end.", metavar="PNG")
+        Path | None, typer.Option(help="Write a picture and exit.", metavar="PNG")
     ] = None,
     deg: bool = False,
 ) -> None:
-    """Shows a configuration in the browser, with sliders; Ctrl-C ends it."""
+    """Show a configuration in the browser, with sliders; Ctrl-C ends it."""
     start = joint_values(arm, q, deg) if q else np.clip(0.0, arm.lower, arm.upper)
     viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
     if save:
@@ -58,7 +59,7 @@ def view_configuration(
 
 
 def serve_until_interrupted(viewer: Viewer, port: int | None = None, no_open: bool = False) -> None:
-    """Serves the page, opens it in the browser unless told not to, and waits for Ctrl-C."""
+    """Serve the page, open it in the browser unless told not to, and wait for Ctrl-C."""
     try:  # an interrupt may come at any moment
         if no_open:
             viewer.serve(port)

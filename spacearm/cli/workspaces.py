@@ -1,4 +1,4 @@
-"""spacearm workspace: where the tip can be, and where singularities wait."""
+"""`spacearm workspace`: the path dependent and path independent workspaces."""
 
 from __future__ import annotations
 
@@ -29,18 +29,21 @@ def compute_workspace(
     mode: SpacecraftMode = Spacecraft.FREE,
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
-        int, typer.Option(help="Singular configurations to search from, larger arms.", min=1)
+        int,
+        typer.Option(help="Number of singular configurations to search from (larger arms).", min=1),
     ] = EFFORT,
     seed: Annotated[int, typer.Option(help="Seed of that search.")] = 0,
     output: Picture = None,
     path: Annotated[
         Path | None,
-        typer.Option(help="Tip path to draw over: text, a point a line, from the CM [m]."),
+        typer.Option(
+            help="Tip path to draw: a text file with one point per line, from the CM [m]."
+        ),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the shells in the browser.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Prints and draws the path dependent and path independent workspaces."""
+    """Compute and draw the path dependent and path independent workspaces."""
     check_picture(output)
     points = None if path is None else _points(path)
     result = workspace(arm, mode=mode.value, limits=limits, effort=effort, seed=seed)

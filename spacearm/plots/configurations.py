@@ -204,7 +204,7 @@ def _draw_box(axes: Any, R: Array, centre: Array, half: float) -> None:
 
 
 def _places(cfg: Configuration, tip: str) -> Array:
-    """(m, 3) the joints on the way to a tip, and the tip, in the inertial frame [m]."""
+    """Return (m, 3) positions of the joints on the way to a tip, and of the tip [m]."""
     arm, data = cfg.arm, pin.Data(cfg.arm.model)
     pin.forwardKinematics(arm.model, data, cfg.full)
     chain = [joint.name for joint in arm.tree.chain(tip) if joint.movable]

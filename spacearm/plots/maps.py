@@ -134,7 +134,7 @@ def _draw_surface(axes: Any, result: SingularSet) -> None:
 
 
 def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
-    """Scatter samples over two joints; count them over the only joint of an arm."""
+    """Draw samples over two joints, or a histogram over the only joint of an arm."""
     axes = axes_for(ax, 6.4, 6.0)
     shown = samples * np.where(arm.slides, 1.0, 180.0 / np.pi)
     labels = [
@@ -160,7 +160,7 @@ def _structure(points: Array) -> float:
 
 
 def _angle_axes(axes: Any, names: Any) -> None:
-    """Let all axes span one turn, in degrees, with the names of their joints."""
+    """Set all axes to one turn, in degrees, with the names of their joints."""
     turn = range(-180, 181, 60 if len(names) == 2 else 90)
     for axis, name in zip("xyz", names, strict=False):
         axes.set(

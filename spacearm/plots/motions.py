@@ -24,17 +24,17 @@ CLOSE = 0.05
 LABEL = 0.13
 """Share of an axis that a label beside it takes."""
 MOST_MARKS = 12
-"""Events of a kind that are marked; later ones of a chattering motion are not."""
+"""Events of a kind that are marked; the later ones of a chattering motion are left out."""
 ROUNDING = 1e-16
-"""What sigma_min is drawn as where it is less."""
+"""Least sigma_min on the logarithmic axis."""
 
 
 def draw_motion(
     motion: Motion, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
 ) -> Figure:
-    """Draws a motion: tip path (figure 5), attitude and joints (figure 6), nearness to singularity.
+    """Draw a motion: tip path (figure 5), attitude and joints (figure 6), and sigma_min.
 
-    All along the axes in which goals are given: a plane that is tilted is drawn as a flat one.
+    Components are along the goal axes, so that a tilted plane is drawn as a flat one.
 
     Args:
         motion: The motion, from `sa.simulate`, `sa.follow` or `sa.plan`, or another one.
@@ -69,7 +69,7 @@ def draw_motion(
 
 
 def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
-    """The components of a point that are drawn: 3, or the 2 in the plane of a planar arm."""
+    """Return the components of a point to draw: 3, or the 2 in the plane of a planar arm."""
     normal = motion.arm.tree.plane_normal()
     try:
         x = np.asarray(target, dtype=np.float64)
@@ -126,7 +126,7 @@ def _draw_path(
 
 
 def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
-    """The path dependent shells, and the edge of what can be reached."""
+    """Draw the path dependent shells and the edge of the reachable workspace."""
     x, y = map(float, com)
     outer = float(workspace.reachable[0, 1])
     axes.add_patch(Circle((x, y), outer, facecolor="none", edgecolor=GREY, lw=1.2))
@@ -174,7 +174,7 @@ def _draw_joints(axes: Any, motion: Motion) -> None:
 
 
 def _name(axes: Any, x: float, ends: Array, labels: list[str]) -> None:
-    """Labels at the ends of curves, in their colours, apart from each other."""
+    """Write labels at the ends of curves, in their colours, apart from each other."""
     low, high = axes.get_ylim()
     apart = LABEL * (high - low)
     order = np.argsort(ends)

@@ -18,18 +18,18 @@ from spacearm.singularities.report import singularity
 
 GOLD = "#d9b25f"
 SECONDS = 0.75
-"""Size of velocities in the drawing: how far the tip gets in this time."""
+"""Time [s] over which velocities are drawn as displacements."""
 
 
 def draw_posture(axes: Any, cfg: Configuration, *, color: str = GREY, label: bool = True) -> None:
-    """Draws a spacecraft, its arm and the system CM.
+    """Draw a spacecraft, its arm and the system CM.
 
     Args:
         axes: Matplotlib axes.
         cfg: A configuration of a planar arm. Its spacecraft is drawn as a square about its CM with
             the first joint on its edge.
-        color: Of the arm.
-        label: Whether the system CM is named.
+        color: Colour of the arm.
+        label: Whether to name the system CM.
 
     Raises:
         UnsupportedError: The arm does not move in a plane.
@@ -52,7 +52,7 @@ def draw_posture(axes: Any, cfg: Configuration, *, color: str = GREY, label: boo
 
 
 def draw_velocities(axes: Any, cfg: Configuration) -> None:
-    """Draws the velocities that unit joint rates give to the tip, and the lost direction.
+    """Draw the velocities that unit joint rates give to the tip, and the lost direction.
 
     Args:
         axes: Matplotlib axes.
@@ -82,7 +82,7 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
 
 
 def draw_virtual_manipulator(axes: Any, cfg: Configuration) -> None:
-    """Draws the vectors v_iN,E, laid end to end from the system CM to the tip.
+    """Draw the vectors v_iN,E, laid end to end from the system CM to the tip.
 
     Args:
         axes: Matplotlib axes.
@@ -102,7 +102,7 @@ def draw_virtual_manipulator(axes: Any, cfg: Configuration) -> None:
 
 
 def draw_barycentres(axes: Any, cfg: Configuration) -> None:
-    """Draws the bodies' CMs and their barycentres, equation (8).
+    """Draw the bodies' CMs and their barycentres, equation (8).
 
     Args:
         axes: Matplotlib axes.
@@ -122,7 +122,7 @@ def draw_barycentres(axes: Any, cfg: Configuration) -> None:
 
 
 def _rows(cfg: Configuration) -> tuple[int, int]:
-    """Which of x, y, z span the plane."""
+    """Return which of x, y, z span the plane."""
     normal = cfg.arm.tree.plane_normal()
     if normal is None:
         raise UnsupportedError(f"{cfg.arm.name} does not move in a plane; use sa.view")
@@ -131,12 +131,12 @@ def _rows(cfg: Configuration) -> tuple[int, int]:
 
 
 def _flat(cfg: Configuration, vector: Array) -> Array:
-    """(2,) a vector in the plane."""
+    """Return the (2,) components of a vector in the plane."""
     return vector[list(_rows(cfg))]
 
 
 def _joints(cfg: Configuration) -> Array:
-    """(n + 1, 2) the joints on the way to the tip, and the tip."""
+    """Return (n + 1, 2) positions of the joints on the way to the tip, and of the tip [m]."""
     arm, data = cfg.arm, pin.Data(cfg.arm.model)
     pin.forwardKinematics(arm.model, data, cfg.full)
     chain = [joint.name for joint in arm.tree.chain(arm.tip) if joint.movable]

@@ -21,7 +21,7 @@ def results():
     goal = [(1.2, 1.0)]
     redundant = sa.load("planar3", task="x y")
     run = sa.simulate(planar, [0.3, 1.2], sa.JointPD(target=[0.4, 1.2], kp=5.0, kd=9.0), 0.2)
-    design = sa.design.sweep(planar, {"base_inertia": np.array([1.0, 2.0])})
+    design = sa.design.workspaces(planar, {"base_inertia": np.array([1.0, 2.0])})
     return {
         "a planar arm": (planar, 1),
         "a spatial arm": (spatial, 1),
@@ -142,8 +142,10 @@ def test_a_set_that_no_joint_decides_is_refused():
 def test_the_surface_of_a_set_leaves_the_seams_of_the_torus_open():
     arm = sa.load("mda6", task="position", locked={"joint_4": 0.0, "joint_5": 0.3, "joint_6": 0.0})
     found = sa.singular_set(arm)
-    (drawn,) = plot(found).axes[0].collections
-    assert 0 < len(drawn._vec[0]) < 3 * len(found.surface().triangles)
+    shown = plot(found)
+    shown.canvas.draw()
+    (drawn,) = shown.axes[0].collections
+    assert 0 < len(drawn.get_facecolor()) < len(found.surface().triangles)
 
 
 def test_the_lost_direction_goes_through_the_tip(results):
