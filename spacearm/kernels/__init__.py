@@ -1,11 +1,11 @@
 """Compiled kernels: one pass over the bodies of an arm for many configurations at once.
 
-Arrays only, and the one place that imports numba. Memory is laid out in *lanes*: the last index of
-every work array counts configurations that are computed side by side, so that each line of a
-kernel becomes a vector instruction on a processor; on a graphics card, where every thread has one
-configuration, there is one lane.
+Only this folder imports numba, and it works on arrays only. The last index of every work array
+counts *lanes*, configurations that are computed side by side, so that each line of a kernel becomes
+a vector instruction of the processor. On a graphics card every thread has one configuration, and
+there is one lane.
 
-`lanes` holds what a lane is made of, `floating` the equations of the floating arm,
-`singular_values` what a Jacobian is brought to, `measures` what is asked of it, `cpu` the loop over
-blocks of lanes, `cuda` the same for threads of a graphics card.
+`lanes` has the compiler settings and small vector functions, `floating` the equations of the
+floating arm, `singular_values` the singular values of its Jacobian, `measures` the quantities
+computed from them, `cpu` the loops over blocks of lanes, `cuda` the same for a graphics card.
 """

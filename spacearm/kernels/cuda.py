@@ -1,4 +1,4 @@
-"""The same kernels on an NVIDIA graphics card: a thread has one configuration, one lane."""
+"""The kernels on an NVIDIA graphics card: one configuration, one lane, for each thread."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ MOVING = moving(1)
 BIDIAGONAL = bidiagonal(1)
 
 THREADS = 128
-"""Threads in a block."""
+"""Threads per block."""
 
 
 @lru_cache(maxsize=16)
 def kernel(N: int, n: int) -> Any:
-    """The kernel `measures` for arms of N joints with n rates: memory of threads has fixed sizes.
+    """Compile the kernel `measures` for arms of N joints with n rates, the sizes of its arrays.
 
     Its arguments are those of `cpu.measures`, without n, all arrays in the card's memory.
     """

@@ -1,8 +1,10 @@
 """The generalized Jacobian of a floating arm, in one pass over its bodies and back.
 
 The equations are those of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406, section III,
-written for trees. Everything is taken about the system CM and in spacecraft axes: linear momentum
-is zero by that choice, and what is left of momentum conservation is D w_0 + D_q dq = 0, (33c).
+written for trees. All quantities are relative to the system CM and in spacecraft axes: the linear
+momentum is then zero, and conservation of angular momentum is D w_0 + D_q dq = 0, (33c).
+`mechanics.jacobian` and `mechanics.barycentric_formulation` compute the same J* independently; the
+tests compare all three.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ Bodies = npt.NDArray[np.void]
 
 
 def moving(lanes: int) -> np.dtype[np.void]:
-    """What is computed of a body: lanes of vectors in spacecraft axes."""
+    """Return the type of the work data of a body: lanes of vectors in spacecraft axes."""
     return record(
         ("q", np.float64, lanes),  # joint position [rad] or [m]
         ("R", np.float64, (3, 3, lanes)),  # attitude
@@ -51,7 +53,7 @@ def moving(lanes: int) -> np.dtype[np.void]:
 
 
 class Work(NamedTuple):
-    """Lanes of everything that is computed on the way.
+    """Work arrays, by lanes.
 
     Attributes:
         body: (N + 1,) records `moving`; the D of body 0 is D of (33c), as xx, xy, xz, yy, yz, zz.
@@ -73,7 +75,7 @@ class Work(NamedTuple):
 
 @step
 def generalized_jacobian(b: Bodies, tip: int, E: Numbers, w: Work) -> None:
-    """J*, equation (35), the tip r_E and the system CM r_cm, from the joint positions q."""
+    """Compute J*, equation (35), the tip r_E and the system CM r_cm from the joint positions q."""
     N = len(b) - 1
     start(b, w)
     for i in range(1, N + 1):
@@ -91,7 +93,7 @@ def generalized_jacobian(b: Bodies, tip: int, E: Numbers, w: Work) -> None:
 
 @step
 def start(b: Bodies, w: Work) -> None:
-    """The spacecraft stands in its own frame; sums begin at zero."""
+    """Place the spacecraft in its own frame and set the sums to zero."""
     k = w.body[0]
     for l in range(w.sin.shape[0]):
         for x in range(3):
@@ -108,7 +110,7 @@ def start(b: Bodies, w: Work) -> None:
 
 @step
 def joint(b: Bodies, w: Work, i: int) -> None:
-    """Sine and cosine of a turning joint, in w.sin and w.cos; a sliding one does not turn."""
+    """Compute sine and cosine of joint i in w.sin and w.cos; 0 and 1 for a prismatic joint."""
     q = w.body[i].q
     if b[i].slides:
         for l in range(w.sin.shape[0]):
@@ -121,7 +123,7 @@ def joint(b: Bodies, w: Work, i: int) -> None:
 
 @step
 def place(b: Bodies, w: Work, i: int) -> None:
-    """Attitude, joint and CM of body i; joint i turns about, or slides along, its z axis."""
+    """Compute attitude, joint and CM of body i; z is the axis of joint i."""
     p, mu = b[i].parent, b[i].m / b[0].carried
     parent, k = w.body[p], w.body[i]
     E_x = (b[i].E[0, 0], b[i].E[1, 0], b[i].E[2, 0])
@@ -145,7 +147,7 @@ def place(b: Bodies, w: Work, i: int) -> None:
 
 @step
 def place_tip(tip: int, E: Numbers, w: Work) -> None:
-    """The tip, E in the frame of body `tip`, from the system CM."""
+    """Compute the tip relative to the system CM from E, the tip in the frame of body `tip`."""
     k = w.body[tip]
     point = (E[0], E[1], E[2])
     for l in range(w.sin.shape[0]):
@@ -155,7 +157,7 @@ def place_tip(tip: int, E: Numbers, w: Work) -> None:
 
 @step
 def inertia(b: Bodies, w: Work, i: int) -> None:
-    """Inertia and first moment of body i about the system CM."""
+    """Compute inertia and first moment of body i about the system CM."""
     m, k = b[i].m, w.body[i]
     I = b[i].I
     I_x, I_y, I_z = (
@@ -182,7 +184,7 @@ def inertia(b: Bodies, w: Work, i: int) -> None:
 
 @step
 def carry(b: Bodies, w: Work, i: int) -> None:
-    """What joint i carries is carried by the joints inside it too."""
+    """Add what joint i carries to what its parent's joint carries."""
     inner, outer = w.body[b[i].parent], w.body[i]
     for l in range(w.sin.shape[0]):
         for x in range(3):
@@ -193,7 +195,7 @@ def carry(b: Bodies, w: Work, i: int) -> None:
 
 @step
 def factorise(w: Work) -> None:
-    """D = L diag(d) L^T."""
+    """Factorise D = L diag(d) L^T."""
     D = w.body[0].D
     for l in range(w.sin.shape[0]):
         d_0 = 1.0 / D[0, l]
@@ -208,7 +210,7 @@ def factorise(w: Work) -> None:
 
 @step
 def solve(L: Lanes, l: int, h: Vector) -> Vector:
-    """D^-1 h."""
+    """Compute D^-1 h."""
     x = h[0]
     y = h[1] - L[0, l] * x
     z = (h[2] - L[1, l] * x - L[2, l] * y) * L[5, l]
@@ -219,7 +221,7 @@ def solve(L: Lanes, l: int, h: Vector) -> Vector:
 
 @step
 def column(b: Bodies, w: Work, i: int) -> None:
-    """Adds what joint i does to its column of J*.
+    """Add the contribution of joint i to its column of J*.
 
     J* = [-J11 D^-1 D_q + J12; -D^-1 D_q + J22], where J11 w = w x r_E.
     """

@@ -1,4 +1,8 @@
-"""What kernels are written with: the compiler's settings, small vectors, sine and cosine."""
+"""Building blocks of the kernels: compiler settings, small vectors, sine and cosine.
+
+numba from PyPI comes without Intel's SVML, so that calls of math.sin do not vectorise. The sine and
+cosine here do.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 LANES = 32
-"""Configurations computed side by side: few enough for the fast cache, enough to fill vectors."""
+"""Configurations computed side by side: they fill vector registers and fit the first cache."""
 
 Lanes = npt.NDArray[np.float64]
 """Work array; its last index counts the lanes."""
@@ -21,7 +25,7 @@ Vector = tuple[float, float, float]
 
 
 def record(*fields: tuple[str, Any] | tuple[str, Any, Any]) -> np.dtype[np.void]:
-    """The type of records with these fields."""
+    """Return the type of records with these fields."""
     return np.dtype((np.record, np.dtype(list(fields), align=True)))
 
 
@@ -39,32 +43,32 @@ step = compiler(**SETTINGS, forceinline=True, no_cpython_wrapper=True, no_cfunc_
 
 @step
 def dot(a: Vector, b: Vector) -> float:
-    """a . b."""
+    """Return a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @step
 def cross(a: Vector, b: Vector) -> Vector:
-    """a x b."""
+    """Return a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @step
 def vector(x: Lanes, l: int) -> Vector:
-    """Lane l of x (3, lanes)."""
+    """Return lane l of x (3, lanes)."""
     return (x[0, l], x[1, l], x[2, l])
 
 
 ROUND = 1.5 * 2.0**52
-"""Added to a number and taken away again, it leaves the nearest integer."""
+"""Adding and subtracting this number rounds to the nearest integer."""
 
 LARGEST_ANGLE = 1e5
-"""Up to here [rad] `sine_cosine` is right to one unit in the last place."""
+"""Largest angle [rad] at which `sine_cosine` is accurate to one unit in the last place."""
 
 
 @step
 def sine_cosine(q: Lanes, s: Lanes, c: Lanes) -> None:
-    """s = sin q, c = cos q for |q| <= LARGEST_ANGLE, in a form that vectorises.
+    """Compute s = sin q, c = cos q for |q| <= LARGEST_ANGLE, in a form that vectorises.
 
     Reduction to |y| <= pi/4 with pi/2 in three parts (Cody & Waite, 1980), then the minimax
     polynomials of Sun's fdlibm.

@@ -7,6 +7,8 @@ differential qd transform of Fernando & Parlett (Numer. Math. 67, 191-229, 1994,
 DOI 10.1007/s002110050024), with Laguerre's bounds as shifts, as in von Matt (SIAM J. Sci. Comput.
 18, 1163-1186, 1997). No J J^T is formed, so that small singular values keep the digits J has for
 them: errors stay at a few units of rounding of the largest singular value, as in LAPACK.
+
+`np.linalg.svd` gives the same numbers, one LAPACK call for each matrix.
 """
 
 from __future__ import annotations
@@ -19,12 +21,12 @@ import numpy as np
 from spacearm.kernels.lanes import Lanes, Record, record, step
 
 MOST_SHIFTS = 60
-"""Convergence is cubic; this only bounds the loop."""
+"""Bound of the loop; convergence is cubic."""
 ROUNDING = 2.0**-52
 
 
 def bidiagonal(lanes: int) -> np.dtype[np.void]:
-    """What becomes of a matrix J^T on its way to singular values, for up to 6 rows of J."""
+    """Return the type of the work data of J^T, for up to 6 rows of J."""
     return record(
         ("q", np.float64, (6, lanes)),  # diagonal of B, later squared
         ("e", np.float64, (6, lanes)),  # entries right of it, later squared; the last is zero
@@ -47,7 +49,7 @@ Bidiagonal: TypeAlias = Record
 
 @step
 def bidiagonalise(A: Lanes, k: int, t: Lanes, b: Bidiagonal) -> None:
-    """q, e and sign of A = J^T (n, 6, lanes), n >= k, of which k columns count.
+    """Compute q, e and sign of A = J^T (n, 6, lanes), n >= k, of which k columns count.
 
     A is overwritten; t (2, lanes) is scratch.
     """
@@ -72,9 +74,9 @@ def bidiagonalise(A: Lanes, k: int, t: Lanes, b: Bidiagonal) -> None:
 
 @step
 def reflector(x: Lanes, beta: Lanes, sign: Lanes, t: Lanes) -> None:
-    """Makes x the v of the reflection 1 - v v^T / g that turns x to (beta, 0, ..., 0); t = 1/g.
+    """Turn x into v of the reflection 1 - v v^T / g that takes x to (beta, 0, ..., 0); t = 1/g.
 
-    Where x is zero nothing is reflected.
+    Where x is zero, t is zero and nothing is reflected.
     """
     for l in range(t.shape[0]):
         t[l] = x[0, l] * x[0, l]
@@ -92,7 +94,7 @@ def reflector(x: Lanes, beta: Lanes, sign: Lanes, t: Lanes) -> None:
 
 @step
 def reflect(v: Lanes, x: Lanes, t: Lanes, dot: Lanes) -> None:
-    """x -= v (v . x) / g with t = 1 / g; `dot` is scratch."""
+    """Apply x -= v (v . x) / g with t = 1 / g; `dot` is scratch."""
     for l in range(dot.shape[0]):
         dot[l] = v[0, l] * x[0, l]
     for j in range(1, x.shape[0]):
@@ -107,7 +109,7 @@ def reflect(v: Lanes, x: Lanes, t: Lanes, dot: Lanes) -> None:
 
 @step
 def least_eigenvalue(k: int, b: Bidiagonal, q: Lanes, e: Lanes, eigenvalue: Lanes) -> None:
-    """The least eigenvalue of T, from its qd form (k, lanes), which is overwritten."""
+    """Compute the least eigenvalue of T from its qd form (k, lanes), which is overwritten."""
     for l in range(b.s.shape[0]):
         eigenvalue[l] = 0.0 * q[0, l]  # NaN stays NaN
     for _ in range(MOST_SHIFTS):
@@ -124,7 +126,7 @@ def least_eigenvalue(k: int, b: Bidiagonal, q: Lanes, e: Lanes, eigenvalue: Lane
 
 @step
 def laguerre(k: int, b: Bidiagonal, q: Lanes, e: Lanes) -> None:
-    """s = Laguerre's bound, from below, on the least eigenvalue of T.
+    """Compute s, Laguerre's lower bound of the least eigenvalue of T.
 
     The diagonal g of T^-1 follows from the bottom up, tr T^-1 = sum g and
     tr T^-2 = sum g^2 (1 + 2 h) with h from the top down: nothing is subtracted.
@@ -154,7 +156,7 @@ def laguerre(k: int, b: Bidiagonal, q: Lanes, e: Lanes) -> None:
 
 @step
 def shift(k: int, b: Bidiagonal, q: Lanes, e: Lanes) -> None:
-    """T -= s, by the differential qd transform; where s was the eigenvalue, q ends in zero."""
+    """Apply T -= s, by the differential qd transform; if s is the eigenvalue, q ends in zero."""
     lanes = q.shape[1]
     d = b.t[0]
     for l in range(lanes):
@@ -173,7 +175,7 @@ def shift(k: int, b: Bidiagonal, q: Lanes, e: Lanes) -> None:
 
 @step
 def flip(k: int, b: Bidiagonal) -> None:
-    """The qd form of top - T, top = 2 tr T: its least eigenvalue tells the greatest of T."""
+    """Compute the qd form of top - T, top = 2 tr T; its least eigenvalue gives the largest of T."""
     q, e, top = b.flipped_q, b.flipped_e, b.top
     lanes = top.shape[0]
     for l in range(lanes):

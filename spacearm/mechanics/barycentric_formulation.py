@@ -1,14 +1,14 @@
-"""The barycentric formulation, equation by equation.
+"""The barycentric formulation of Papadopoulos & Dubowsky, equation by equation.
 
-Papadopoulos & Dubowsky, Dynamic Singularities in Free-Floating Space Manipulators, J. Dyn. Sys.
-Meas. Control 115(1), 44-52 (1993), DOI 10.1115/1.2897406, for any axes and any link frames.
+Dynamic Singularities in Free-Floating Space Manipulators, J. Dyn. Sys. Meas. Control 115(1), 44-52
+(1993), DOI 10.1115/1.2897406; here for any joint axes and link frames.
 
 Body 0 is the spacecraft, bodies 1..N the links, joint k joins body k-1 to body k; CM stands for
 centre of mass. r_k goes from body k's CM to joint k+1 (for the body that carries the tip: to the
 tip E, in r_E), l_k from body k's CM to joint k. All vectors are in spacecraft axes (the paper's
 left superscript 0) unless said otherwise.
 
-Nothing here uses the centroidal momentum matrix: the two routes to J* check each other.
+Nothing here uses the centroidal momentum matrix: the tests compare the two routes to J*.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ class VirtualManipulator(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Barycentric(Result):
-    """The quantities of section II of the paper, at one configuration.
+    """The quantities of section II of the paper at one configuration.
 
     Attributes:
         M: Total mass [kg].
         mu: (N + 2,) mass distribution mu_0..mu_(N+1), equation (7).
-        r: (N + 1, 3) r_0..r_N [m]; zero for the last body, where it has no weight.
-        l: (N + 1, 3) l_0..l_N [m]; zero for the spacecraft, where it has no weight.
+        r: (N + 1, 3) r_0..r_N [m]; zero for the last body, whose weight in (8) is zero.
+        l: (N + 1, 3) l_0..l_N [m]; zero for the spacecraft, whose weight in (8) is zero.
         c: (N + 1, 3) barycentres c_i from the bodies' CMs, equation (8) [m].
         v: (N + 1, N + 1, 3) v[i, k] = v_ik, equation (12) [m].
         rho: (N + 1, 3) from the system CM to the bodies' CMs, equation (11) [m].
@@ -109,19 +109,19 @@ class Barycentric(Result):
         return -np.linalg.solve(self.D, self.Dq)
 
     def generalized_jacobian(self) -> Array:
-        """(6, n) J* = diag(T_0, T_0) 0J*, inertial axes, equation (35)."""
+        """Compute J* = diag(T_0, T_0) 0J* (6, n), inertial axes, equation (35)."""
         w = self.base_rates
         return np.vstack((self.T0 @ (self.J11 @ w + self.J12), self.T0 @ (w + self.J22)))
 
     @property
     def virtual_manipulator(self) -> VirtualManipulator:
-        """The Virtual Manipulator that falls out of the barycentric vectors."""
+        """The virtual manipulator, from the barycentric vectors."""
         jacobian = np.vstack((self.T0 @ self.J12, self.T0 @ self.J22))
         return VirtualManipulator(self.r_cm, self.v_E @ self.T0.T, jacobian)
 
 
 def barycentric(cfg: Configuration) -> Barycentric:
-    """Equations (2)-(35) at a configuration.
+    """Compute the quantities of equations (2)-(35) at a configuration.
 
     Raises:
         UnsupportedError: The arm has a prismatic joint, or movable joints beside the chain that
@@ -187,22 +187,22 @@ def barycentric(cfg: Configuration) -> Barycentric:
 
 
 def euler_parameters(axis: Array, angle: float) -> tuple[Array, float]:
-    """A turn by theta [rad] about a as e = a sin(theta / 2), n = cos(theta / 2), equation (28)."""
+    """Return e = a sin(theta / 2), n = cos(theta / 2) of a turn theta [rad] about a, (28)."""
     return axis * np.sin(angle / 2.0), float(np.cos(angle / 2.0))
 
 
 def attitude(e: Array, n: float) -> Array:
-    """(3, 3) T_0 = (n^2 - e^T e) 1 + 2 e e^T + 2 n [e]x, equations (27) and (29)."""
+    """Return T_0 = (n^2 - e^T e) 1 + 2 e e^T + 2 n [e]x (3, 3), equations (27) and (29)."""
     return (n * n - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * n * _cross(e)
 
 
 def euler_parameter_rates(e: Array, n: float, w: Array) -> tuple[Array, float]:
-    """edot = ([e]x + n 1) w / 2, ndot = -e^T w / 2 for w in spacecraft axes, equation (36)."""
+    """Return edot = ([e]x + n 1) w / 2, ndot = -e^T w / 2 for w in spacecraft axes, (36)."""
     return (_cross(e) @ w + n * w) / 2.0, float(-e @ w) / 2.0
 
 
 class _Chain:
-    """The arm as the paper sees it: bodies, CMs and joints of a serial chain, spacecraft axes.
+    """Bodies, CMs and joints of a serial chain in the paper's notation, spacecraft axes.
 
     Attributes:
         N: Number of moving bodies.
@@ -258,6 +258,6 @@ class _Chain:
 
 
 def _cross(a: Array) -> Array:
-    """[a]x, with [a]x b = a x b."""
+    """Return [a]x, with [a]x b = a x b."""
     x, y, z = a
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

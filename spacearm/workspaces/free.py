@@ -141,7 +141,7 @@ def free_radii(reach: Reach, low: float, high: float, critical: list[float] | No
 
 
 def _sharpened(reach: Reach, edges: Array, middles: Array, free: list[bool], width: float) -> Array:
-    """The edges, those between a free and another span moved to where the answer changes."""
+    """Move the edges between free and other spans to where the answer changes, by bisection."""
     edges = np.array(edges, dtype=np.float64)
     for i in range(1, len(free)):
         if free[i] != free[i - 1]:

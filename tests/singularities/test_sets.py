@@ -19,6 +19,7 @@ from lxml import etree
 
 import spacearm as sa
 from spacearm.polynomial import level_set
+from spacearm.singularities.polynomial import radius_squared
 
 
 def task_determinant(arm, q):
@@ -454,3 +455,67 @@ def test_joints_are_named_or_numbered():
     for bad in ("elbow", 2, -1):
         with pytest.raises(sa.ConfigurationError, match="joint"):
             found.roots([0, 0], bad)
+
+
+# --- one interface, one fit -----------------------------------------------------------------
+
+
+def test_a_polynomial_is_fitted_once_however_its_mode_is_spelled(monkeypatch):
+    """Also by the sets, maps and workspaces that need it."""
+    arm, fits = sa.load("planar2"), []
+    fit_each = sa.TrigPolynomial.fit_each.__func__
+
+    def counted(cls, *args, **options):
+        fits.append(args)
+        return fit_each(cls, *args, **options)
+
+    monkeypatch.setattr(sa.TrigPolynomial, "fit_each", classmethod(counted))
+    S = sa.singularity_polynomial(arm)
+    assert sa.singularity_polynomial(arm, mode="free-floating") is S
+    assert sa.singularity_polynomial(arm=arm, mode="free-floating") is S
+    assert sa.singular_set(arm).S is S
+    sa.singular_map(arm, points=3)
+    assert len(fits) == 1
+    R2 = radius_squared(arm)
+    assert radius_squared(arm, mode="free-floating") is R2
+    assert radius_squared(arm=arm, mode="free-floating") is R2
+    assert len(fits) == 2
+    sa.workspace(arm)
+    assert len(fits) == 2
+    assert sa.singularity_polynomial(arm, mode="fixed") is not S
+
+
+@pytest.mark.parametrize(
+    ("arm", "why"),
+    [
+        (lambda: sa.load("chaser7"), r"7 joints for 6 task rows .* lock 1 joint"),
+        (lambda: load_text(robot(*two_links(kind="prismatic")), task="x"), "joints elbow slide"),
+    ],
+)
+def test_a_searched_set_says_why_it_has_no_more(arm, why):
+    found = sa.singular_set(arm())
+    assert isinstance(found, sa.SingularSet)
+    assert isinstance(found, sa.FoundSet)
+    assert not found.complete
+    q = np.zeros(found.arm.n)
+    for ask in (
+        lambda: found.S,
+        lambda: found.relevant,
+        lambda: found.dimension,
+        lambda: found.roots(q, joint=0),
+        lambda: found.is_free(q, q),
+        lambda: found.clearance([q, q]),
+        found.curves,
+        found.surface,
+        found.components,
+    ):
+        with pytest.raises(sa.UnsupportedError, match=why + r".*only \.sample and \.nearest"):
+            ask()
+    assert found.to_dict()["degrees"] is None
+
+
+def test_an_exact_set_is_complete():
+    found = sa.singular_set(sa.load("planar2"))
+    assert isinstance(found, sa.SingularSet)
+    assert not isinstance(found, sa.FoundSet)
+    assert found.complete
