@@ -100,7 +100,7 @@ class Collisions:
         return bool(self._pairs)
 
     def distances(self, q: Array) -> Array:
-        """Return the distances (pairs,) of the bodies that may meet, negative if they overlap [m]."""
+        """Return the distances (pairs,) of bodies that may meet, negative if they overlap [m]."""
         arm = self.arm
         data = arm.borrow()
         full = pin.neutral(arm.model)
@@ -142,7 +142,7 @@ class Collisions:
         return float(coal.distance(a.shape, A, b.shape, B, request, result))
 
     def gains(self, path: Array) -> Array:
-        """Return the most that joints move two bodies against each other (pairs, n), [m/rad] or [1].
+        """Return the most that joints move bodies against each other (pairs, n), [m/rad] or [1].
 
         A joint does so if it carries only one of them. Sliding joints between it and the body make
         its lever longer, by no more than their largest displacement on the path.
