@@ -181,9 +181,8 @@ class Motion(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data; the arm by its name, arrays as lists."""
-        data = {f.name: getattr(self, f.name) for f in fields(self)} | {"arm": self.arm.name}
-        data |= {name: getattr(self, name) for name in self._layout(self.arm).quantities}
-        return {name: _plain(value) for name, value in data.items()}
+        more = {name: plain(getattr(self, name)) for name in self._layout(self.arm).quantities}
+        return super().to_dict() | more
 
     def to_xarray(self) -> xr.Dataset:
         """Return all quantities as labelled arrays, with units in their attributes."""
@@ -283,7 +282,3 @@ def _kept(array: Array) -> Array:
     """Return the array, read-only."""
     array.flags.writeable = False
     return array
-
-
-def _plain(value: Any) -> Any:
-    return [plain(item) for item in value] if isinstance(value, tuple) else plain(value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -78,6 +78,10 @@ class Trajectory(Motion):
         change = np.abs(self.momentum[:, :f] - self.momentum[0, :f]).max(initial=0.0)
         most = np.abs([*brought, self.momentum[0, :f]]).max(initial=0.0)
         return float(change / most) if most > 0.0 else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields and quantities as plain data, with the balances of both audits."""
+        return super().to_dict() | {"imbalance": self.imbalance, "drift": self.drift}
 
     def __repr__(self) -> str:
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""
