@@ -49,7 +49,7 @@ symbols      q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & 
 from importlib.metadata import version
 
 from spacearm.description.bus import Bus
-from spacearm.description.catalogue import ArmInfo, ModelInfo, arms, catalogue
+from spacearm.description.model_catalogue import ArmInfo, ModelInfo, arms, catalogue
 from spacearm.errors import (
     ConfigurationError,
     ModelError,

@@ -51,7 +51,7 @@ def test_every_module_says_what_it_is():
 def test_the_package_shows_its_public_names_and_nothing_else():
     assert dir(sa) == sorted(sa.__all__)
     page = pydoc.plain(pydoc.render_doc(sa))
-    for name in sa.__all__:
+    for name in set(sa.__all__) - {"__version__"}:
         assert name in page
     for folder in FOLDERS:
         assert f"\n    {folder.name}\n" not in page, "help(sa) lists a folder"

@@ -12,7 +12,7 @@ from spacearm.cli.options import (
     on_a_model,
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
-from spacearm.description.catalogue import arms, catalogue
+from spacearm.description.model_catalogue import arms, catalogue
 from spacearm.model.arm import SpaceArm
 from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.loading import load

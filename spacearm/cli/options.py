@@ -17,7 +17,7 @@ import typer
 from spacearm.arrays import Array
 from spacearm.description.assembly import assembled
 from spacearm.description.bodies import Joint
-from spacearm.description.catalogue import find_model
+from spacearm.description.model_catalogue import find_model
 from spacearm.description.readers.urdf import Check
 from spacearm.description.readers.urdf import read as read_urdf
 from spacearm.errors import ConfigurationError

@@ -13,7 +13,7 @@ import pinocchio as pin
 from spacearm.description.bodies import Inertial
 from spacearm.description.boxes import STEEL, body
 from spacearm.description.bus import Bus
-from spacearm.description.catalogue import ModelInfo, find_arm
+from spacearm.description.model_catalogue import ModelInfo, find_arm
 from spacearm.description.readers import urdf
 from spacearm.description.tips import choose_tips, only_tip
 from spacearm.description.tree import Tree

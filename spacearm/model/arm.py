@@ -131,14 +131,13 @@ class SpaceArm:
         return only_tip(self.tips, self.name)
 
     def require_one_tip(self) -> None:
-        """Raise an `UnsupportedError` for an arm with several tips."""
+        """Raise an `UnsupportedError` if there are several tips."""
         only_tip(self.tips, self.name)
 
     @property
     def tip_frame(self) -> int:
         """Index of the tip's frame in the model; raises as `tip` does."""
-        self.require_one_tip()
-        return self.tip_frames[0]
+        return self.tip_frames[self.tips.index(self.tip)]
 
     @property
     def mass(self) -> float:

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from spacearm.description.assembly import assembled, bolted
 from spacearm.description.bus import Bus
-from spacearm.description.catalogue import find_model
+from spacearm.description.model_catalogue import find_model
 from spacearm.description.readers import urdf
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError

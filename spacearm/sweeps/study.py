@@ -19,8 +19,8 @@ from spacearm.errors import ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
 from spacearm.sweeps import quantities, tiles
-from spacearm.sweeps.arms import fingerprint, read_arms
 from spacearm.sweeps.quantities import Quantity
+from spacearm.sweeps.study_arms import fingerprint, read_arms
 from spacearm.sweeps.tiles import Box, Shape
 from spacearm.sweeps.toml import Table, parse
 from spacearm.workspaces.design import PARAMETERS, vary

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.catalogue import catalogue
+from spacearm.description.model_catalogue import catalogue
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm

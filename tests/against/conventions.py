@@ -79,12 +79,12 @@ class Spacearm:
         cfg, v, tau = state
         T = spacecraft_axes(cfg)
         A = sa.momentum_matrix(cfg)
-        h = A.base @ v[:6] + A.joints @ v[6:]
+        h = A.A_b @ v[:6] + A.A_q @ v[6:]
         motion = sa.forward_dynamics(cfg, v[6:], tau, momentum=h)
         tip, J = cfg.tip, cfg.J @ T
         M = T.T @ mass_matrix(cfg) @ T
         J_star = sa.generalized_jacobian(cfg)
-        acceleration = np.concatenate((motion.base, motion.ddq))
+        acceleration = np.concatenate((motion.base_acceleration, motion.ddq))
         return Answers(M, h, cfg.com, tip.translation, J, J_star, acceleration)
 
 

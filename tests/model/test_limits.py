@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import spacearm as sa
 from spacearm.cli.app import application
-from spacearm.singularities.risk import _uniform
+from spacearm.singularities.risk import uniform
 
 START = [0.3, 0.2]
 
@@ -68,7 +68,7 @@ def test_a_follower_bounds_the_plan(geared):
 
 
 def test_a_follower_bounds_what_is_drawn(geared):
-    Q = _uniform(geared, True, 1000, np.random.default_rng(0))
+    Q = uniform(geared, True, 1000, np.random.default_rng(0))
     assert 0.9 < np.abs([geared.all_joints(q)[2] for q in Q]).max() <= 1.0
 
 
@@ -80,7 +80,7 @@ def test_turns_are_not_taken_off_a_joint_that_another_follows():
         link("bus", 50.0), link("arm"), joint("elbow", "bus", "arm", inside=wide), link("hand"),
         joint("wrist", "arm", "hand", "continuous", inside=half),
     )  # fmt: skip
-    Q = _uniform(load_text(text), True, 1000, np.random.default_rng(0))
+    Q = uniform(load_text(text), True, 1000, np.random.default_rng(0))
     assert Q.min() >= 1.0
     assert Q.max() > 7.0
 

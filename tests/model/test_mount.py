@@ -261,7 +261,7 @@ def test_an_arm_alone_is_no_spacecraft(tmp_path):
 
 
 def test_robots_whose_package_is_not_installed_say_so(monkeypatch):
-    from spacearm.description import catalogue
+    from spacearm.description import model_catalogue as catalogue
 
     missing = sa.arms()[1]._replace(path=Path("nowhere.urdf"))
     monkeypatch.setattr(catalogue, "arms_by_name", lambda: {"ur5": missing})

@@ -6,7 +6,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import spacearm as sa
-from spacearm.plots.show import DRAWINGS, plot
+from spacearm.plots.drawings import DRAWINGS
+from spacearm.plots.show import plot
 from spacearm.plots.style import figure, style
 
 Q6 = np.radians([0, 60, -100, -50, 30, 0])

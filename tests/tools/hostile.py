@@ -14,7 +14,7 @@ import numpy as np
 from mutations import mutated, other_numbers, urdf_sources
 
 import spacearm as sa
-from spacearm.description.catalogue import models_folder
+from spacearm.description.model_catalogue import models_folder
 from spacearm.planning.collisions import Collisions
 
 JOINTS = 4

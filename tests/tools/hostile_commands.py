@@ -17,10 +17,11 @@ from mutations import HOSTILE, mutated, urdf_sources
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
+    import spacearm.cli.views
     import spacearm.sweeps.processes
     import spacearm.viewer.viewer
     from spacearm.cli import app as cli
-from spacearm.description.catalogue import models_folder
+from spacearm.description.model_catalogue import models_folder
 from spacearm.errors import ModelWarning
 
 PLAIN = [models_folder() / "planar2.urdf"]
@@ -92,7 +93,7 @@ def commands(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
 def spoken(words: list[str]) -> tuple[int, str, str]:
     """Exit code, output and complaints of the command line, nothing served, nothing started."""
     spacearm.sweeps.processes.Processes = Here
-    cli.views.serve_until_interrupted = lambda *_: None
+    spacearm.cli.views.serve_until_interrupted = lambda *_: None
     out, err = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.StringIO()
     sys.argv = ["spacearm", *words]
     with warnings.catch_warnings(), redirect_stdout(out), redirect_stderr(err):

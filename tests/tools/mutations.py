@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spacearm.description.catalogue import arms, models_folder
+from spacearm.description.model_catalogue import arms, models_folder
 
 HOSTILE = (
     "", " ", "0", "-1", "1e-300", "1e308", "-1e400", "nan", "inf", "0x10", "1,5", "1 2", "1 2 3",

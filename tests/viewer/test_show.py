@@ -104,7 +104,7 @@ def test_what_has_no_posture_is_refused(thing):
 
 def test_a_motion_with_faults_is_refused(arm):
     base = [pin.SE3.Identity()] * 2
-    with pytest.raises(sa.ConfigurationError, match="motion: q has shape"):
+    with pytest.raises(sa.ConfigurationError, match="motion: q is"):
         shown(SimpleNamespace(arm=arm, t=[0, 1], q=[[0.0]], base=base))
 
 

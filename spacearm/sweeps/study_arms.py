@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from spacearm.description.catalogue import catalogue
+from spacearm.description.model_catalogue import catalogue
 from spacearm.description.readers.urdf import Check
 from spacearm.description.urdf_writer import document
 from spacearm.errors import ConfigurationError
