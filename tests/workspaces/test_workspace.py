@@ -514,7 +514,7 @@ def test_command_shows_the_shells_in_the_browser(tmp_path):
 
 
 def test_command_as_json(tmp_path):
-    done = run("workspace", "planar2", "--json", "--base", "attitude-controlled", cwd=tmp_path)
+    done = run("workspace", "planar2", "--json", "--mode", "attitude-controlled", cwd=tmp_path)
     data = json.loads(done.stdout)
     np.testing.assert_allclose(data["pdw"], [[0.3510638, 0.5], [1.4361702, 2.2872340]], atol=1e-7)
     assert not list(tmp_path.iterdir())
