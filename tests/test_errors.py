@@ -46,7 +46,7 @@ def rest(*_):
         (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, rtol=-1.0), "rtol is -1.0"),
         (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, rtol=1e-15), "rtol is 1e-15; .* from 2"),
         (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, method=["BDF"]), "unknown method"),
-        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, mode=["fixed"]), "unknown base"),
+        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, mode=["fixed"]), "unknown mode"),
         (lambda: sa.plan(arm(), [0, 1], (1, 1), method=["straight"]), "unknown method"),
         (lambda: sa.plan(arm(), [0, 1], (1, 1), seed=1.0), "seed is 1.0; give a whole number"),
         (lambda: sa.plan(arm(), [0, 1], (1, 1), clearance=None, timeout=np.nan), "timeout is nan"),
