@@ -47,12 +47,14 @@ class Region(NamedTuple):
 def position(arm: SpaceArm, point: npt.ArrayLike, mode: BaseMode) -> Array:
     """Check a point and return it as (3,); (2,) is a point in the plane of a planar arm."""
     normal, meaning = arm.tree.plane_normal(), "from the system CM [m]"
-    listed = isinstance(point, (list, tuple))
-    flat = len(point) == 2 if listed else np.shape(point) == (2,)
-    if normal is not None and flat:
-        return np.insert(finite(point, (2,), "point", meaning), normal, _height(arm, normal, mode))
-    in_plane = ", or 2 in the plane" if normal is not None else ""
-    return finite(point, (3,), "point", meaning + in_plane)
+    if normal is None:
+        return finite(point, (3,), "point", meaning)
+    try:
+        in_plane = np.shape(point) == (2,)
+    except ValueError:  # nested sequences of different lengths
+        in_plane = False
+    p = finite(point, (2,) if in_plane else (3,), "point", f"{meaning}, or 2 in the plane")
+    return np.insert(p, normal, _height(arm, normal, mode)) if in_plane else p
 
 
 def off_plane(arm: SpaceArm, point: Array, mode: BaseMode) -> float:
