@@ -3,6 +3,10 @@
 Tests marked `slow` are left out unless they are asked for: `pytest -m slow`, or `-m ""` for all.
 """
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker a core; read when numpy is imported
+
 import numpy as np
 import pytest
 from helpers.sweeps import STUDY

@@ -65,7 +65,7 @@ def test_import_is_light():
     run = python(sys.executable, "-X", "importtime", "-c", "import spacearm")
     imported = set(re.findall(r"\|\s+(\S+)$", run.stderr, re.MULTILINE))
     heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "yourdfpy", "skimage"}
-    heavy |= {"xarray", "zarr", "dask", "distributed", "numba", "coal", "contourpy"}
+    heavy |= {"xarray", "zarr", "dask", "distributed", "numba", "contourpy"}
     heavy |= {"scipy.optimize", "scipy.integrate", "scipy.spatial", "scipy.sparse"}
     assert not heavy & imported
 

@@ -1,11 +1,13 @@
 """Every result has a `to_dict` of plain JSON data."""
 
+import inspect
 import json
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.sweeps import STUDY
 
 import spacearm as sa
 from spacearm.arrays import plain
@@ -41,20 +43,48 @@ def grasp():
     return sa.capture(configuration(), np.ones(6), 2.0, np.eye(3))
 
 
+def motion():
+    return sa.Motion(arm(), [0.0, 1.0], [[0.1, 0.2], [0.3, 0.4]], np.tile(np.eye(7)[6], (2, 1)))
+
+
+def run():
+    law = sa.JointPD(target=[0.2, 0.3], kp=5.0, kd=9.0)
+    return sa.simulate(arm(), [0.1, 0.2], law, 0.5, events=())
+
+
+@cache
+def plan():
+    return sa.plan(arm(), [0.3, 1.2], sa.Joints([0.4, 1.3]))
+
+
 RESULTS = {
+    "ArmInfo": lambda: sa.arms()[0],
+    "Attempt": lambda: plan().tried[0],
     "Barycentric": barycentric,
+    "Bus": lambda: sa.Bus(12.0, size=(0.1, 0.2, 0.3)),
     "Capture": grasp,
     "Certificate": lambda: singular_set().is_free([0.1, 0.2], [0.2, 0.3]),
     "Certificate of a singularity": lambda: singular_set().is_free([0.1, -2.0], [0.1, 2.0]),
     "Component": lambda: singular_set().components()[0],
+    "Configuration": configuration,
+    "DampedLeastSquares": lambda: sa.DampedLeastSquares(target=(1.0, 1.0)),
     "Dynamics": lambda: sa.forward_dynamics(configuration(), [0.1, 0.2], [1.0, 0.0]),
     "ErrorBars": lambda: sa.error_bars(configuration()),
+    "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
+    "Followed": lambda: sa.follow(arm(), [0.3, 1.2], [(1.5, 1.2)]),
     "FoundSet": lambda: sa.singular_set(sa.load("planar3", task="x y")),
+    "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
+    "Joints": lambda: sa.Joints([0.1, 0.2]),
+    "ModelInfo": lambda: sa.catalogue()[0],
     "MomentumMatrix": lambda: sa.momentum_matrix(configuration()),
     "Mounted": lambda: sa.design.optimise_mount(arm(), {"mount_x": (0.4, 0.5)}, most=2),
+    "Motion": motion,
+    "Plan": plan,
     "PoseRisk": lambda: sa.pose_risk(arm(), poses=3, neighbours=2, samples=50),
     "PrescribedMotion": lambda: sa.prescribed_motion(configuration(), {"joint_1": 0.1}),
+    "Reactionless": lambda: sa.Reactionless(target=(1.0, 1.0)),
     "Region": lambda: workspace().regions([2.0, 0.0]),
+    "ResolvedRate": lambda: sa.ResolvedRate(target=pin.SE3.Random()),
     "RiskProfile": lambda: sa.risk_profile(arm(), bins=3, samples=100),
     "RiskProfile of empty classes": lambda: sa.risk_profile(arm(), bins=[9.0, 10.0], samples=9),
     "Roots": lambda: singular_set().roots([0.1, 0.2]),
@@ -62,6 +92,11 @@ RESULTS = {
     "SingularMap": lambda: sa.singular_map(arm(), points=5),
     "SingularSet": singular_set,
     "SingularityReport": lambda: sa.singularity(configuration()),
+    "SpaceArm": arm,
+    "Study": lambda: sa.Study.parse(STUDY),
+    "Task": lambda: arm().task,
+    "Trajectory": run,
+    "TransposedJacobian": lambda: sa.TransposedJacobian(target=(1.0, 1.0), kp=5.0, kd=9.0),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "Workspace": workspace,
@@ -77,6 +112,12 @@ def assert_plain(value):
     if isinstance(value, list):
         for entry in value:
             assert_plain(entry)
+
+
+def test_every_public_class_is_here():
+    classes = {n: c for n in sa.__all__ if inspect.isclass(c := getattr(sa, n))}
+    results = {n for n, c in classes.items() if not issubclass(c, (Exception, Warning))}
+    assert results <= set(RESULTS)
 
 
 @pytest.mark.parametrize("name", RESULTS)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import LARGEST, Array, plain
 from spacearm.description.bodies import Inertial
 from spacearm.description.boxes import GOLD, body, box_inertia
 from spacearm.description.tree import Tree
@@ -39,6 +40,10 @@ class Bus:
 
     def __post_init__(self) -> None:
         self.tree()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
     def tree(self) -> Tree:
         """Return the bus as a tree of one link."""

@@ -56,9 +56,9 @@ FAULTS = {
     "os.spawnv(os.P_WAIT, '/bin/true', ['true'])": "os.fork",
     "os.system('true')": "os.system",
     "os.kill(os.getpid(), 0)": "os.kill",
-    "[0 for _ in iter(int, 1)]": "Hang: over 0.5 s of processor time",
-    "time.sleep(6)": "Hang: over 2 s",
-    "__import__('threading').Event().wait()": "Hang: over 2 s",
+    "[0 for _ in iter(int, 1)]": "Hang: the case took too long",
+    "time.sleep(6)": "Hang: the case took too long",
+    "__import__('threading').Event().wait()": "Hang: the case took too long",
     "bytes(fuzz.MEMORY)": "MemoryError",
     "1 / 0": "ZeroDivisionError",
     "warnings.warn('deprecated')": "UserWarning: deprecated",
@@ -69,7 +69,7 @@ def test_the_fence_sees_what_must_not_be():
     code = (
         "import sys; sys.path.insert(0, sys.argv.pop(1)); import fuzz, fence, os, socket, time\n"
         "from lxml import etree; xml = etree.ElementTree(etree.XML('<a/>'))\n"
-        f"fuzz.LIMIT, fuzz.PATIENCE, faults = 0.5, 2.0, iter({list(FAULTS)!r})\n"
+        f"fuzz.LIMIT, faults = 0.5, iter({list(FAULTS)!r})\n"
         "def misbehave(rng, folder, named):\n"
         "    fault = next(faults)\n"
         "    eval(fault, {**vars(fuzz), **globals(), 'folder': folder})\n"
