@@ -83,6 +83,7 @@ def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(blocks("python"))))
 def test_python_in_the_readme_runs(number, tmp_path):
     if "sa.sweep(" in blocks("python")[number]:

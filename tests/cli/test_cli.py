@@ -150,6 +150,7 @@ def test_names_that_look_like_emoji_stay(tmp_path):
     assert ":smile:" in spacearm("info", path).stdout
 
 
+@pytest.mark.slow
 def test_a_terminal_without_the_letters_and_a_full_disk():
     run = in_a_process("info", "mda6", "--deg", PYTHONIOENCODING="ascii")
     assert run.returncode == 0

@@ -31,6 +31,7 @@ def test_figures_5_and_6(tmp_path):
     assert {"start", "singular", "target"} <= {text.get_text() for text in figure.axes[0].texts}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -64,6 +64,7 @@ def test_agrees_with_one_at_a_time_on_every_model(name, rng):
 tasks = st.sampled_from(["pose", "position", "orientation", "x y", "z rx", "ry"])
 
 
+@pytest.mark.slow
 @given(seeds, one_to_eight, tasks)
 def test_agrees_on_random_trees_and_tasks(seed, n, task):
     rows = sa.Task(task)
@@ -78,6 +79,7 @@ def test_locked_joints(rng):
     compare(arm, rng.uniform(-np.pi, np.pi, (MANY, arm.n)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar2", "mda6", "ets7"])
 def test_exactly_singular_configurations(name, rng):
     arm = sa.load(name)
@@ -149,6 +151,7 @@ def test_singular_values_are_those_of_numpy(seed, k, more, decades):
         assert np.allclose(values[3], np.linalg.det(J), rtol=1e-10, atol=1e-14)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seeds)
 def test_graded_bidiagonal_matrices_keep_relative_accuracy(seed):
@@ -358,6 +361,7 @@ def test_without_a_card_the_error_says_so():
         sa.evaluate(sa.load("planar2"), np.zeros((4, 2)), device="cuda")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("name", ["planar2", "chaser7"])
 def test_the_card_s_kernel_in_the_simulator(name):
@@ -378,6 +382,7 @@ def test_the_card_s_kernel_in_the_simulator(name):
     )
 
 
+@pytest.mark.slow
 def test_memory_maps_do_not_fill_memory(tmp_path):
     """5 million configurations, 320 MB in and out, through less than 120 MB."""
     out = run(f"""

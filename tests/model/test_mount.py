@@ -68,6 +68,7 @@ def rewritten(arm: sa.SpaceArm, **options) -> sa.SpaceArm:
         return sa.load(arm.to_urdf(Path(folder) / "whole.urdf"), **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_every_arm_mounts_answers_and_is_drawn_with_its_own_meshes(name):
     arm = sa.mount(name, SERVICER, at=ON_TOP)

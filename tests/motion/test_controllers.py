@@ -20,6 +20,7 @@ def error(run, target):
 # --- resolved rates -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_resolved_rate_keeps_the_tip_on_a_moving_target():
     arm = chaser()
     p, v = arm.at(Q7).tip.translation, np.array([0.01, -0.02, 0.015])
@@ -28,6 +29,7 @@ def test_resolved_rate_keeps_the_tip_on_a_moving_target():
     assert error(run, law.target)[-1] < 1e-5
 
 
+@pytest.mark.slow
 def test_the_earth_bound_law_lags_behind():
     arm = chaser()
     p, v = arm.at(Q7).tip.translation, np.array([0.01, -0.02, 0.015])
@@ -39,6 +41,7 @@ def test_the_earth_bound_law_lags_behind():
     assert misses[1] > 100 * misses[0]
 
 
+@pytest.mark.slow
 def test_on_a_fixed_spacecraft_the_earth_bound_law_is_right():
     arm = chaser()
     goal = arm.at(Q7).tip.translation + np.array([0.05, 0.02, -0.03])
@@ -47,6 +50,7 @@ def test_on_a_fixed_spacecraft_the_earth_bound_law_is_right():
     assert error(run, lambda _: goal)[-1] < 1e-5
 
 
+@pytest.mark.slow
 def test_a_pose_is_reached():
     arm = sa.load("mda6")
     q = np.array([0.0, 1.0, -1.7, -0.9, 0.5, 0.0])
@@ -57,6 +61,7 @@ def test_a_pose_is_reached():
     np.testing.assert_allclose(run[-1].tip.homogeneous, goal.homogeneous, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_null_space_tends_to_the_posture_of_rest():
     arm = chaser()
     goal = arm.at(Q7).tip.translation
@@ -71,6 +76,7 @@ def test_the_null_space_tends_to_the_posture_of_rest():
     assert error(moved, lambda _: goal).max() < 5e-3
 
 
+@pytest.mark.slow
 def test_resolved_rate_ends_at_a_singularity_and_damping_goes_on():
     arm = sa.load("planar2")
     q = np.radians([-65.0, -11.41])
@@ -99,6 +105,7 @@ def test_damping_begins_at_the_threshold():
 # --- reactionless ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_reactionless_motion_does_not_turn_the_spacecraft():
     arm = chaser()
     goal = arm.at(Q7).tip.translation + np.array([0.05, 0.0, 0.03])
@@ -137,6 +144,7 @@ def test_a_target_out_of_reach_is_refused():
     sa.simulate(arm, [0.1, 0.2], law, 0.1, momentum=[9, 0, 0, 0, 0, 0])  # the CM goes there
 
 
+@pytest.mark.slow
 def test_what_the_task_leaves_open_is_never_out_of_reach():
     arm = sa.load("planar2")
     target = pin.SE3(np.eye(3), np.array([1.2, 0.5, 5.0]))

@@ -179,6 +179,7 @@ def test_rows_that_turn_with_the_spacecraft_are_followed_and_judged_in_inertial_
         assert run.sigma_min[-1] < 1e-6 * run.sigma_min[0]
 
 
+@pytest.mark.slow
 def test_joint_limits_stop(arm, to_c):
     start = to_c[-1]
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]

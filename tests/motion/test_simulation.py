@@ -124,6 +124,7 @@ def test_momentum_does_not_drift_in_a_thousand_seconds():
         assert np.abs(h_seen).max() < 1e-5 * np.abs(momentum.joints @ near.dq[1]).max()
 
 
+@pytest.mark.slow
 def test_an_initial_momentum_is_kept_as_a_vector():
     arm = sa.load("chaser7")
     h = np.array([3.0, -1.0, 2.0, 0.5, 4.0, -2.0])
@@ -133,6 +134,7 @@ def test_an_initial_momentum_is_kept_as_a_vector():
     np.testing.assert_allclose(com[1] - com[0], h[:3] / arm.mass * run.t[-1], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_energy_balance_does_not_hang_on_the_output():
     law = sa.JointPD(target=(0.4, -0.1), kp=5, kd=20)
     for dt in (0.1, 60.0):
@@ -146,6 +148,7 @@ def test_at_rest_without_torques_nothing_moves():
     np.testing.assert_allclose(run.base, np.tile(run.base[0], (len(run.t), 1)), atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["LSODA", "DOP853"])
 @pytest.mark.parametrize("name", ["planar3", "mda6", "ets7"])
 def test_an_arm_that_rests_on_its_target_stays(name, method):
@@ -179,6 +182,7 @@ def test_time_reversal_returns_to_the_start():
     np.testing.assert_allclose(back.base[-1], there.base[0], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_full_system_by_aba_moves_the_same_way():
     """All 6 + n coordinates integrated by Pinocchio's own algorithm, no momentum assumed."""
     arm, torque = sa.load("chaser7"), push(2, 7)
@@ -218,6 +222,7 @@ def test_a_controlled_attitude_stays_and_a_fixed_spacecraft_too():
             assert np.abs(run.momentum[:, :3]).max() < 1e-9 * arm.mass
 
 
+@pytest.mark.slow
 def test_a_heavy_spacecraft_moves_its_arm_like_a_fixed_one():
     arm = sa.load("planar2")
     q0, torque = np.array([0.3, 0.7]), push(4, 2)
@@ -256,6 +261,7 @@ def test_a_run_can_end_where_a_step_ends():
     np.testing.assert_allclose(run.q[-1, 0], arm.upper[0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_joint_pd_settles_and_targets_may_move():
     arm = sa.load("planar3")
     goal = np.array([-0.3, 0.4, 0.2])
@@ -407,6 +413,7 @@ def test_a_step_that_collapses_is_an_error(method, law):
     assert caught.value.best.ended == "step collapsed"
 
 
+@pytest.mark.slow
 def test_high_gains_are_no_reason_to_stop():
     arm = sa.load("chaser7")
     law = sa.JointPD(target=np.zeros(7), kp=4000, kd=400)

@@ -174,6 +174,7 @@ MESHES |= {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "scale", "message"),
     [

@@ -52,6 +52,7 @@ def found(arm):
 # --- the open problem -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_open_problem_of_the_paper(arm, found):
     """Nine squares lead there too; the plan takes less than a third of their joint travel."""
     straight, curve = found.tried
@@ -106,6 +107,7 @@ def test_a_plan_is_a_motion_that_can_be_kept_and_drawn(found, tmp_path):
     assert "joint space" in repr(found)
 
 
+@pytest.mark.slow
 def test_cycles_where_one_curve_is_too_short():
     """Limits leave little room: only loops turn the spacecraft far enough."""
     arm = sa.load("planar2")
@@ -331,6 +333,7 @@ def test_the_spacecraft_turned_under_a_tip_that_stays(name):
     np.testing.assert_allclose(end.tip.translation, cfg.tip.translation, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_goal_and_an_attitude_that_no_posture_has(arm):
     """The goal is where the arm reaches it stretched only, and then with one attitude."""
     cfg = arm.at([0.3, 0.02]).centred(arm.at([0.3, 1.2]).com)
@@ -367,6 +370,7 @@ def test_command(tmp_path):
     assert "sa.workspace" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

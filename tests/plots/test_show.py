@@ -84,6 +84,7 @@ def test_no_kind_of_drawing_is_untested(results):
     assert drawn >= set(DRAWINGS)
 
 
+@pytest.mark.slow
 def test_drawings_of_one_panel_go_into_given_axes(results):
     for what, (thing, panels) in results.items():
         mine = Figure()
@@ -141,6 +142,7 @@ def test_a_set_that_no_joint_decides_is_refused():
         plot(sa.singular_set(arm))
 
 
+@pytest.mark.slow
 def test_the_surface_of_a_set_leaves_the_seams_of_the_torus_open():
     arm = sa.load("mda6", task="position", locked={"joint_4": 0.0, "joint_5": 0.3, "joint_6": 0.0})
     found = sa.singular_set(arm)

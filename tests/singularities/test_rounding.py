@@ -12,6 +12,7 @@ from ill_conditioned import CATALOGUE, FAMILIES, coaxial_rods, measured, out_and
 import spacearm as sa
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_error_is_within_the_bar(family):
     results = [measured(*sample) for sample in samples(family, 24)]
@@ -65,6 +66,7 @@ def three_joints(rng, second: str) -> sa.SpaceArm:
     return arms.load_text(arms.robot(*links, first, second, third), tip="link_3", task="position")
 
 
+@pytest.mark.slow
 def test_inertias_that_turn_are_in_the_bars():
     """Of rods turned about their own axis next to nothing is left beside what is rounded."""
     for seed in range(80):
@@ -140,6 +142,7 @@ def test_rotations_that_are_off_by_the_same_are_in_the_bars(rpy):
     assert result.share <= 1.0
 
 
+@pytest.mark.slow
 def test_masses_that_sums_lose_are_in_the_bars():
     """A thousand pebbles on a spacecraft, each under half of its mass's last digit."""
     pebbles = [f"pebble_{i}" for i in range(1000)]

@@ -64,6 +64,7 @@ def test_it_is_the_determinant_of_the_whole_system(seed, n):
     assert np.abs(values - factor * det).max() < 1e-9 * S.scale
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_degrees_of_a_full_pose_are_those_of_the_tip_rooted_form(seed):
     S = sa.singularity_polynomial(square_arm(seed, 6))
@@ -225,6 +226,7 @@ def test_every_sign_change_of_a_slice_is_a_root(seed, n, dimension):
             assert ((roots[line] >= t[step]) & (roots[line] <= t[step + 1])).any()
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=10)
 def test_curves_of_a_slice_hold_every_sign_change_of_a_grid(seed):
@@ -373,6 +375,7 @@ def test_a_segment_that_only_touches_is_blocked():
 # --- nearest --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["planar2", "planar3"])
 def test_nearest_is_global(name):
     found = sa.singular_set(sa.load(name))

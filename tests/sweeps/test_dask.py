@@ -66,6 +66,7 @@ def running(tmp_path_factory):
         yield pair
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_bits(study, whole, running, tmp_path):
     dask, client = running
     tallies = list(run_chunks(study, tmp_path / "s.zarr", client=client))
@@ -144,6 +145,7 @@ def test_a_worker_with_another_model_ends_the_run(running, tmp_path):
     assert status(study, tmp_path / "s.zarr")[0].done == 0
 
 
+@pytest.mark.slow
 def test_a_store_that_cannot_be_written_ends_the_run(study, whole, running, tmp_path):
     """The marks' folder is a file: an error of the store, not of a chunk."""
     _, client = running

@@ -28,6 +28,7 @@ from spacearm.sweeps.worker import do
 zarr = pytest.importorskip("zarr")  # which needs Python 3.11
 
 
+@pytest.mark.slow
 def test_the_numbers_are_those_of_the_functions(study, whole):
     ds = sa.sweep(study, whole)
     assert ds["sigma_min"].dims == ("arm", "base_inertia", "q1", "joint_2")
@@ -78,6 +79,7 @@ def test_single_precision_rounds_once(study):
     np.testing.assert_array_equal(found, double.astype(np.float32))
 
 
+@pytest.mark.slow
 def test_shells_are_those_of_the_sweep_in_memory(tmp_path):
     text = """arms = ["planar2"]
     [parameters]
@@ -104,6 +106,7 @@ def test_attributes_tell_where_the_numbers_come_from(study, whole):
     assert re.fullmatch(r"planar2 sha256:\w{64}\nchaser sha256:\w{64}", attrs["models"])
 
 
+@pytest.mark.slow
 def test_any_number_of_workers_gives_the_same_bits(study, whole, tmp_path):
     sa.sweep(study, tmp_path / "one.zarr", workers=1)
     assert files(tmp_path / "one.zarr") == files(whole)
@@ -133,6 +136,7 @@ def test_labels_and_descriptions_that_are_damaged_are_written_again(study, whole
     assert dataset(store).identical(sound)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [0, 1, 3, -1, "flip", "gone"])
 @pytest.mark.parametrize(
     "file", ["near/c/0/0/1/0", "sigma_min/c/1/1/1/0", "chunks/risk/c/1", "chunks/sigma_min/c/7"]
@@ -157,6 +161,7 @@ def test_damaged_chunks_are_found_and_redone(study, whole, tmp_path, damage, fil
     assert files(store) == files(whole)
 
 
+@pytest.mark.slow
 def test_a_chunk_that_is_another_s_is_found(study, whole, tmp_path):
     """Sound by its own checksum, but not what the mark says."""
     store = tmp_path / "s.zarr"
@@ -432,6 +437,7 @@ def test_workers_are_whole(study, tmp_path, workers):
         sa.sweep(study, tmp_path / "s.zarr", workers=workers)
 
 
+@pytest.mark.slow
 def test_bad_commands(study_file, tmp_path):
     code, _, err = run(tmp_path / "none.toml", tmp_path / "s.zarr")
     assert code == 2
@@ -460,6 +466,7 @@ def test_models_are_known_by_their_physics(tmp_path, old, new, same):
     assert (sa.Study.parse(study, tmp_path).models == before) is same
 
 
+@pytest.mark.slow
 def test_an_arm_put_together_on_a_bus(tmp_path):
     """Its fingerprint is that of its physics: what it looks like may stand elsewhere."""
     text = 'arms = ["servicer_ur5"]\n[sigma_min]\njoints.q2 = {from = -1, to = 1, points = 5}\n'

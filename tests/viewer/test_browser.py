@@ -141,6 +141,7 @@ def test_the_page_needs_nothing_from_elsewhere_and_logs_no_error(page, viewer):
     assert page.text("#kind") == "regular"
 
 
+@pytest.mark.slow
 def test_a_slider_at_the_singularity_shows_dynamic_and_the_arrow(page, viewer):
     assert not page.visible("directions", "lost")
     page.move(1, -11.41)
@@ -154,6 +155,7 @@ def test_a_slider_at_the_singularity_shows_dynamic_and_the_arrow(page, viewer):
     page.wait_visible("directions", "lost", wanted=False)
 
 
+@pytest.mark.slow
 def test_floating_turns_the_attitude_by_the_momentum_integral(page, viewer):
     page.page.check("[value=free-floating]")
     start = viewer.session.cfg
@@ -169,6 +171,7 @@ def test_floating_turns_the_attitude_by_the_momentum_integral(page, viewer):
     assert shown == pytest.approx(yaw, abs=0.006)
 
 
+@pytest.mark.slow
 def test_number_fields_keyboard_and_errors(page):
     field = ".joint:nth-child(1) input[type=number]"
     page.page.fill(field, "30")
@@ -190,6 +193,7 @@ def test_number_fields_keyboard_and_errors(page):
     assert page.errors == []
 
 
+@pytest.mark.slow
 def test_layers_can_be_switched(page):
     page.page.uncheck("[data-layer=ellipsoid]")
     page.wait_visible("ellipsoid", wanted=False)
@@ -197,6 +201,7 @@ def test_layers_can_be_switched(page):
     page.wait_visible("ellipsoid")
 
 
+@pytest.mark.slow
 def test_reload_second_tab_and_closed_tab(browser, page, viewer):
     page.move(0, 33)
     page.page.reload()
@@ -214,6 +219,7 @@ def test_reload_second_tab_and_closed_tab(browser, page, viewer):
     assert page.errors == []
 
 
+@pytest.mark.slow
 def test_a_saved_page_opens_offline_and_shows_the_arm(browser, viewer, tmp_path):
     viewer.show(np.radians([-65, -11.41]))
     path = viewer.save(tmp_path / "scene.html")
@@ -247,6 +253,7 @@ def position(page, name):
     )
 
 
+@pytest.mark.slow
 def test_a_motion_plays_live_and_from_a_file(browser, tmp_path):
     viewer = sa.view(motion(), open=False)
     wanted = sa.Motion.of(motion()).at(1.25)
@@ -267,6 +274,7 @@ def test_a_motion_plays_live_and_from_a_file(browser, tmp_path):
     saved.close()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
 @pytest.mark.parametrize("inside", ["", MISSING_MESH])
 def test_links_without_a_drawing_still_show_a_scene(browser, tmp_path, inside):
@@ -282,6 +290,7 @@ def test_links_without_a_drawing_still_show_a_scene(browser, tmp_path, inside):
     viewer.close()
 
 
+@pytest.mark.slow
 def test_a_picture_is_rendered(viewer, tmp_path):
     path = viewer.png(tmp_path / "scene.png", size=(400, 300))
     assert path.read_bytes().startswith(b"\x89PNG")

@@ -44,6 +44,7 @@ def test_a_configuration_and_results_that_have_one(arm):
     assert shown(SimpleNamespace(configuration=cfg)).cfg is cfg
 
 
+@pytest.mark.slow
 def test_motions_are_played(arm):
     plan = sa.plan(arm, Q, sa.Joints([0.5, 1.0]))
     followed = sa.follow(arm, Q, [arm.at(Q).tip.translation[:2] + np.array([0.0, 0.05])])

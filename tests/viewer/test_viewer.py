@@ -318,6 +318,7 @@ def test_closing_frees_the_port_and_a_port_in_use_is_named(viewer):
     other.close()
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_the_command_and_leaves_nothing():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -537,6 +538,7 @@ def test_view_starts_inside_the_limits():
     assert isinstance(viewer.session.cfg.base, pin.SE3)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_page(tmp_path):
     command = [sys.executable, "-m", "spacearm", "view", "planar2", "--deg", "-65", "-11.41"]
     run = subprocess.run(

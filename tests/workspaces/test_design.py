@@ -35,6 +35,7 @@ def test_a_payload_moves_the_cm_and_no_singularity():
     np.testing.assert_allclose(sa.workspace(loaded).pdw, scale * sa.workspace(ARM).pdw, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_sweep_equals_its_points():
     result = workspaces(ARM, {"base_inertia": [1, 5], "mount_x": [0.0, 0.3, 0.5]}, risk_bins=4)
     assert result["piw"].dims == ("base_inertia", "mount_x")
@@ -62,6 +63,7 @@ def test_ctrl_c_keeps_what_is_done():
     assert np.isnan(result["piw"].values[2:]).all()
 
 
+@pytest.mark.slow
 def test_the_best_mount_is_nearest_the_spacecraft_s_cm():
     best = optimise_mount(ARM, {"mount_x": (0.1, 0.8)}, most=20)
     assert best.mount.translation[0] == pytest.approx(0.1, abs=1e-2)
@@ -74,6 +76,7 @@ def run(*arguments, cwd):
     return spacearm("design", *arguments, cwd=cwd)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ranges", [("--base-inertia", "1:20:3", "--mount-x", "0:0.5:2"), ("--mount-x", "0:0.5:2")]
 )

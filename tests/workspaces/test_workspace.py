@@ -119,6 +119,7 @@ def test_a_larger_inertia_shrinks_the_path_dependent_workspace(planar2):
     assert areas[-1] == pytest.approx(kinematic, abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mount_x", [0.0, 0.1, 0.3, 0.5, 0.8])
 @pytest.mark.parametrize("inertia", [1.0, 5.0])
 def test_the_path_independent_workspace_lies_in_the_free_one(mount_x, inertia):
@@ -497,6 +498,7 @@ def test_command_prints_and_draws(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_command_shows_the_shells_in_the_browser(tmp_path):
     command = [sys.executable, "-u", "-m", "spacearm", "workspace", "planar2", "--view"]
     shown = subprocess.Popen(
