@@ -199,8 +199,35 @@ def test_dir_and_help_show_the_public_names_in_groups_and_nothing_else():
     assert listed == {name for name in sa.__all__ if name[0].islower()} - {"design"}
 
 
+def test_names_are_imported_from_where_type_checkers_see_them():
+    """One block of imports is for type checkers, one table for the import at first use."""
+    import ast
+
+    import spacearm as sa
+
+    tree = ast.parse(Path(sa.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    homes = {f"spacearm.{home}": names.split() for home, names in sa._HOMES.items()}
+    seen = {
+        n.module: [a.name for a in n.names] for n in block.body if isinstance(n, ast.ImportFrom)
+    }
+    design = homes.pop("spacearm.workspaces.design")
+    assert seen.pop("spacearm.workspaces") == design == ["design"]
+    assert seen == homes
+    assert {name for names in homes.values() for name in names} | {"design", "__version__"} == set(
+        sa.__all__
+    )
+
+
 def test_an_unknown_name_is_an_attribute_error():
     import spacearm as sa
 
     with pytest.raises(AttributeError, match="has no attribute 'singular'"):
         _ = sa.singular
+
+
+def test_a_name_imports_no_more_than_it_needs():
+    code = "import sys, spacearm as sa; sa.load('planar2'); print(*sys.modules)"
+    loaded = set(python(sys.executable, "-c", code).stdout.split())
+    assert "spacearm.model.arm" in loaded
+    assert not {"spacearm.planning", "spacearm.motion", "spacearm.plots", "numba"} & loaded

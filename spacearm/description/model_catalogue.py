@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -91,12 +90,13 @@ def find_model(model: str | os.PathLike[str]) -> ModelInfo | None:
     Raises:
         ModelError: It is neither, or the name of an arm.
     """
-    if isinstance(model, str) and model in arms_by_name():
+    known = models_by_name()
+    if isinstance(model, str) and model not in known and model in arms_by_name():
         raise ModelError(
             f"{model} is an arm without a spacecraft; mount it on one: "
             f"sa.mount({model!r}, sa.Bus(mass=..., size=...))"
         )
-    return _named("model", model, models_by_name())
+    return _named("model", model, known)
 
 
 def find_arm(arm: str | os.PathLike[str]) -> ArmInfo | None:
@@ -157,6 +157,8 @@ def _path_of_arm(entry: dict[str, Any]) -> Path:
 
 def _robots_folder() -> Path:
     """Return the folder where the package example-robot-data keeps its robots."""
+    from importlib.metadata import PackageNotFoundError, distribution  # slow to import
+
     try:
         files = distribution("example-robot-data")
     except PackageNotFoundError:
