@@ -111,6 +111,14 @@ def positive(value: object, name: str, what: str = "number") -> float:
     return number
 
 
+def shape_of(values: object) -> tuple[int, ...]:
+    """Return the shape of what a caller gave as numbers; () where it has none, as ragged lists."""
+    try:
+        return np.shape(np.asarray(values))
+    except ValueError:
+        return ()
+
+
 def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "") -> Array:
     """Return a copy of a caller's numbers, checked: one check for all vectors and matrices.
 

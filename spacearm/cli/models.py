@@ -58,7 +58,7 @@ def describe_model(
     out.print(f"system CM at q = 0, spacecraft frame: {vector(_system_cm(arm))} m")
     heading("Bodies")
     bodies = table("body", "mass [kg]", "CM in its frame [m]", "principal moments [kg m²]")
-    for name, body in rigid_bodies(arm).items():
+    for name, body in rigid_bodies(arm.tree, arm.model).items():
         moments = np.linalg.eigvalsh(body.inertia)
         bodies.add_row(name, number(body.mass), vector(body.lever), vector(moments))
     out.print(bodies)

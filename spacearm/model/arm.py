@@ -18,17 +18,13 @@ from spacearm.description.bodies import Inertial
 from spacearm.description.tips import choose_tips, movable, only_tip
 from spacearm.description.tree import Tree
 from spacearm.description.urdf_writer import document
-from spacearm.errors import ModelError, UnsupportedError
 from spacearm.files import write
 from spacearm.model.configuration import Configuration, configure
-from spacearm.model.defaults import complete_task
+from spacearm.model.defaults import check_joints, complete_task
 from spacearm.model.facts import facts
 from spacearm.model.frames import sound_pose
 from spacearm.model.task import Task
 from spacearm.model.wheels import Wheel, wheels_of
-
-MOST_JOINTS = 200
-"""Largest number of movable joints of a model."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,16 +78,10 @@ class SpaceArm:
 
         Raises:
             ModelError: No joint can move, or the arm has no length for a mixed task.
-            UnsupportedError: More than `MOST_JOINTS` joints can move.
+            UnsupportedError: More than `defaults.MOST_JOINTS` joints can move.
         """
+        check_joints(tree, path)
         leading, (coupling, offsets) = tree.leading(), tree.coupling()
-        if not leading:
-            raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
-        if len(coupling) > MOST_JOINTS:
-            raise UnsupportedError(
-                f"{path}: {len(coupling)} movable joints, and Pinocchio's memory grows with their "
-                f"cube; lock all but {MOST_JOINTS}"
-            )
         tips = choose_tips(tree, path, tip)
         (lower, upper), model = tree.limits(), tree.pinocchio()
         return cls(
@@ -285,7 +275,17 @@ class SpaceArm:
 
     def to_dict(self) -> dict[str, Any]:
         """Return bodies, joints, limits, tip, task and wheels as plain data."""
-        return facts(self)
+        return {
+            "name": self.name,
+            "path": str(self.path),
+            "n": self.n,
+            "mass": self.mass,
+            "tip": plain(self.tips if len(self.tips) > 1 else self.tip),
+            "task": plain(self.task),
+            "cm_at_zero": plain(self.at(np.zeros(self.n)).com),
+            **facts(self.tree, self.model),
+            "wheels": plain(self.wheels),
+        }
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": []}

@@ -1,4 +1,4 @@
-"""Defaults: the task of an arm, and its length, where the caller names none."""
+"""Defaults: the task of an arm and its length where none is named; how many joints it may have."""
 
 from __future__ import annotations
 
@@ -10,8 +10,28 @@ import numpy as np
 
 from spacearm.description.tips import movable
 from spacearm.description.tree import Tree
-from spacearm.errors import ModelError
+from spacearm.errors import ModelError, UnsupportedError
 from spacearm.model.task import Task
+
+MOST_JOINTS = 200
+"""Largest number of movable joints of a model."""
+
+
+def check_joints(tree: Tree, path: Path) -> None:
+    """Refuse a tree without movable joints, or with too many.
+
+    Raises:
+        ModelError: No joint can move.
+        UnsupportedError: More than `MOST_JOINTS` joints can move.
+    """
+    movable_joints = sum(joint.movable for joint in tree.joints.values())
+    if not movable_joints:
+        raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
+    if movable_joints > MOST_JOINTS:
+        raise UnsupportedError(
+            f"{path}: {movable_joints} movable joints, and Pinocchio's memory grows with their "
+            f"cube; lock all but {MOST_JOINTS}"
+        )
 
 
 def complete_task(asked: str | Task | None, tree: Tree, tips: Sequence[str], path: Path) -> Task:

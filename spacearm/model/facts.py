@@ -1,28 +1,19 @@
-"""Facts: what an arm consists of, as plain data."""
+"""Facts: the rigid bodies and joints of an arm, as plain data."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
-if TYPE_CHECKING:
-    from spacearm.description.bodies import Joint
-    from spacearm.model.arm import SpaceArm
+from spacearm.description.bodies import Joint
+from spacearm.description.tree import Tree
 
 
-def facts(arm: SpaceArm) -> dict[str, Any]:
-    """Return the bodies, joints, limits, tip, task and wheels of an arm as plain JSON data."""
+def facts(tree: Tree, model: pin.Model) -> dict[str, Any]:
+    """Return the bodies and the movable joints of an arm as plain JSON data."""
     return {
-        "name": arm.name,
-        "path": str(arm.path),
-        "n": arm.n,
-        "mass": arm.mass,
-        "tip": arm.tips[0] if len(arm.tips) == 1 else list(arm.tips),
-        "task": arm.task.to_dict(),
-        "cm_at_zero": arm.at(np.zeros(arm.n)).com.tolist(),
         "bodies": [
             {
                 "link": link,
@@ -30,22 +21,19 @@ def facts(arm: SpaceArm) -> dict[str, Any]:
                 "cm": body.lever.tolist(),
                 "inertia": body.inertia.tolist(),
             }
-            for link, body in bodies(arm).items()
+            for link, body in bodies(tree, model).items()
         ],
-        "joints": [_joint(joint) for joint in arm.tree.depth_first() if joint.movable],
-        "wheels": [wheel.to_dict() for wheel in arm.wheels],
+        "joints": [_joint(joint) for joint in tree.depth_first() if joint.movable],
     }
 
 
-def bodies(arm: SpaceArm) -> dict[str, pin.Inertia]:
+def bodies(tree: Tree, model: pin.Model) -> dict[str, pin.Inertia]:
     """Return the rigid bodies, the spacecraft first, by the names of their links that have mass."""
-    joints = list(arm.model.names)[2:]
-    leaders = [arm.tree.root, *(arm.tree.joints[name].child for name in joints)]
-    lumps = arm.tree.lumps()
-    names = [
-        " + ".join(link for link in lumps[leader] if arm.tree.links[link]) for leader in leaders
-    ]
-    return dict(zip(names, list(arm.model.inertias)[1:], strict=True))
+    joints = list(model.names)[2:]
+    leaders = [tree.root, *(tree.joints[name].child for name in joints)]
+    lumps = tree.lumps()
+    names = [" + ".join(link for link in lumps[leader] if tree.links[link]) for leader in leaders]
+    return dict(zip(names, list(model.inertias)[1:], strict=True))
 
 
 def _joint(joint: Joint) -> dict[str, Any]:

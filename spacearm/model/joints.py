@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +10,24 @@ import numpy.typing as npt
 from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ConfigurationError, unknown
 
-if TYPE_CHECKING:
-    from spacearm.model.arm import SpaceArm
+
+class Jointed(Protocol):
+    """What has n joints with names: an arm."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of q."""
 
 
-def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
+def joint_vector(arm: Jointed, values: npt.ArrayLike, what: str) -> Array:
     """Return a checked copy of one finite number per joint, (n,).
 
     Args:
@@ -44,7 +57,7 @@ def joint_vector(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
     return vector
 
 
-def joint_name(arm: SpaceArm, text: str) -> str:
+def joint_name(arm: Jointed, text: str) -> str:
     """Return the name of a joint that is given by it, or by its number as q1, q2, ...
 
     Raises:

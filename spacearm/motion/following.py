@@ -26,11 +26,11 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration, kinematics
 from spacearm.model.mode import BaseMode
 from spacearm.motion.events import NEAR, Event, EventFinder, EventFunction, limit_functions
-from spacearm.motion.goal import goal_rows, goal_singular_values, twist_between
+from spacearm.motion.goal import goal_axes, goal_rows, twist_between
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.motion.tip_path import Path, Segment, segments
-from spacearm.singularities.report import NO_INVERSE
+from spacearm.singularities.report import NO_INVERSE, singular_values
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -74,7 +74,7 @@ class Followed(Motion):
 
         These are the task axes, or inertial ones where the task axes turn on the way.
         """
-        return self._each(lambda cfg: goal_singular_values(cfg, self.mode)[-1])
+        return self._each(lambda cfg: singular_values(cfg, mode=self.mode, axes=goal_axes(cfg))[-1])
 
     @property
     def story(self) -> str:
@@ -164,7 +164,7 @@ def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
             f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
             "followed in all of them"
         )
-    sigma = goal_singular_values(cfg, mode)
+    sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
         raise ConfigurationError(
             f"q0 is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); start elsewhere, or "
@@ -239,7 +239,8 @@ class _Curve:
         """Return the functions whose roots end the segment."""
 
         def nearness(_: float, y: Array) -> float:
-            sigma = goal_singular_values(self.configuration(y), self.mode)
+            cfg = self.configuration(y)
+            sigma = singular_values(cfg, mode=self.mode, axes=goal_axes(cfg))
             return float(sigma[-1] - NEAR * sigma[0])
 
         singular = (

@@ -12,11 +12,9 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.barycentric_formulation import barycentric
-from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import sound_pose
-from spacearm.model.mode import BaseMode
 
 Goal: TypeAlias = npt.ArrayLike | pin.SE3
 """A point in the task's linear rows [m], along the goal axes, or a pose."""
@@ -89,15 +87,6 @@ def goal_rows(cfg: Configuration, twist: Array) -> Array:
     """
     columns = twist.reshape(len(twist), -1)
     return cfg.arm.task.components(columns, goal_axes(cfg)).reshape(-1, *twist.shape[1:])
-
-
-def goal_singular_values(cfg: Configuration, mode: BaseMode) -> Array:
-    """Return the singular values (k,) of J* in the rows of `goal_rows`, scaled, largest first.
-
-    They differ from `singular_values` only for tasks whose axes turn with the spacecraft.
-    """
-    J = goal_rows(cfg, generalized_jacobian(cfg, mode=mode))
-    return np.linalg.svd(cfg.arm.task.scale * J, compute_uv=False)
 
 
 def out_of_reach(cfg: Configuration, goal: pin.SE3) -> str:

@@ -12,8 +12,7 @@ from matplotlib.patches import Annulus, Circle
 from matplotlib.ticker import NullFormatter
 from scipy.optimize import isotonic_regression
 
-from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import Array, finite, shape_of
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, style
@@ -70,19 +69,12 @@ def draw_motion(
 
 def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
     """Return the components of a point to draw: 3, or the 2 in the plane of a planar arm."""
-    normal = motion.arm.tree.plane_normal()
-    try:
-        x = np.asarray(target, dtype=np.float64)
-    except (TypeError, ValueError):
-        x = np.empty(0)
-    if x.shape == (3,) and normal is not None:
-        x = np.delete(x @ goal_axes(motion[0]), normal)
-    if x.shape != (3 if normal is None else 2,) or not np.isfinite(x).all():
-        raise ConfigurationError(
-            f"target is {target!r}; give 3 finite numbers [m]"
-            + (", or 2 in the plane" if normal is not None else "")
-        )
-    return x
+    normal, meaning = motion.arm.tree.plane_normal(), "[m]"
+    if normal is None:
+        return finite(target, (3,), "target", meaning)
+    in_plane = shape_of(target) == (2,)
+    x = finite(target, (2,) if in_plane else (3,), "target", f"{meaning}, or 2 in the plane")
+    return x if in_plane else np.delete(x @ goal_axes(motion[0]), normal)
 
 
 def _draw_path(

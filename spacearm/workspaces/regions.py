@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, named
+from spacearm.arrays import Array, finite, named, shape_of
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
@@ -49,10 +49,7 @@ def position(arm: SpaceArm, point: npt.ArrayLike, mode: BaseMode) -> Array:
     normal, meaning = arm.tree.plane_normal(), "from the system CM [m]"
     if normal is None:
         return finite(point, (3,), "point", meaning)
-    try:
-        in_plane = np.shape(point) == (2,)
-    except ValueError:  # nested sequences of different lengths
-        in_plane = False
+    in_plane = shape_of(point) == (2,)
     p = finite(point, (2,) if in_plane else (3,), "point", f"{meaning}, or 2 in the plane")
     return np.insert(p, normal, _height(arm, normal, mode)) if in_plane else p
 

@@ -78,6 +78,7 @@ def broken(sound: str, mutant: Mutant) -> str:
 def outcome(copy: Path, *tests: str) -> tuple[int, str]:
     """Exit status and output of tests in the copy."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider"]
+    command += ["-n", "0", "-m", ""]  # slow tests too, one after the other
     with tempfile.TemporaryDirectory() as kernels:  # those compiled before are of other formulas
         env = os.environ | {"PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": kernels}
         env["PYTHONDONTWRITEBYTECODE"] = "1"  # two edits in one second look the same to Python
