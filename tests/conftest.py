@@ -20,7 +20,8 @@ settings.load_profile("spacearm")
 
 def pytest_configure(config):
     """Compile the kernels once, before the workers start that would each compile them."""
-    if not hasattr(config, "workerinput") and not config.option.collectonly:
+    workers = getattr(config.option, "numprocesses", None)
+    if workers and not hasattr(config, "workerinput") and not config.option.collectonly:
         from spacearm.mechanics.compiled import reactions
 
         arm, Q = sa.load("planar2"), np.zeros((64, 2))

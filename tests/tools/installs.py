@@ -23,9 +23,11 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = (
-    "test_momentum", "test_jacobian", "test_barycentric", "test_dynamics", "test_batch",
-    "test_urdf", "test_mount", "test_collisions", "test_map", "test_simulate_command", "test_view",
-    "test_simulation", "test_singular_set", "test_sweep", "test_sweep_cluster",
+    "mechanics/test_momentum", "mechanics/test_jacobian", "mechanics/test_barycentric_formulation",
+    "mechanics/test_dynamics", "mechanics/test_batch", "description/test_urdf", "model/test_mount",
+    "planning/test_collisions", "singularities/test_map", "singularities/test_sets",
+    "cli/test_simulations", "viewer/test_viewer", "motion/test_simulation", "sweeps/test_runner",
+    "sweeps/test_dask",
 )  # fmt: skip
 """They use every dependency of the package."""
 EXTRAS = ("cluster", "test", "xacro")
@@ -82,7 +84,8 @@ def works(python: str, wheel: Path, lowest: bool) -> bool:
         version = run(own, "--version").strip()
         frozen = run(own, "-m", "pip", "list", "--format=freeze").split()
         files = [str(ROOT / "tests" / f"{name}.py") for name in FILES]
-        words = (own, "-m", "pytest", "-q", "--tb=short", "-p", "no:cacheprovider", *files)
+        how = ("-q", "--tb=short", "-p", "no:cacheprovider", "-m", "")  # slow tests too
+        words = (own, "-m", "pytest", *how, *files)
         tests = subprocess.run(
             words, cwd=folder, env=own_environment(), capture_output=True, text=True, check=False
         )
