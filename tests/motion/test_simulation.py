@@ -120,8 +120,8 @@ def test_momentum_does_not_drift_in_a_thousand_seconds():
         turning = pin.log3(after.base.rotation @ before.base.rotation.T) / (2 * h)
         momentum = sa.momentum_matrix(near[1])
         shift = (after.base.translation - before.base.translation) / (2 * h)
-        h_seen = momentum.base @ np.append(shift, turning) + momentum.joints @ near.dq[1]
-        assert np.abs(h_seen).max() < 1e-5 * np.abs(momentum.joints @ near.dq[1]).max()
+        h_seen = momentum.A_b @ np.append(shift, turning) + momentum.A_q @ near.dq[1]
+        assert np.abs(h_seen).max() < 1e-5 * np.abs(momentum.A_q @ near.dq[1]).max()
 
 
 @pytest.mark.slow

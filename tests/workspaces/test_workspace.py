@@ -27,7 +27,7 @@ from helpers.commands import spacearm
 from hypothesis import given, settings
 
 import spacearm as sa
-from spacearm.plots import style as plot
+from spacearm.plots.workspaces import draw_profile, draw_workspace
 from spacearm.polynomial.extremes import enclose
 from spacearm.singularities.polynomial import radius_squared
 from spacearm.singularities.risk import uniform
@@ -470,12 +470,12 @@ def test_the_centre_seen_from_the_tip_is_that_of_the_configurations():
 def test_pictures_are_labelled(planar2):
     spatial = sa.workspace(sa.load("mda6"), effort=2_000)
     profile = planar2.profile(samples=2_000)
-    rings = plot.draw_workspace(planar2, np.array([[2.0, 0.0], [1.5, 1.5]]))
+    rings = draw_workspace(planar2, np.array([[2.0, 0.0], [1.5, 1.5]]))
     texts = {text.get_text() for text in rings.axes[0].texts}
     assert {"path dependent", "path independent", "tip path", "0.3511", "2.287"} <= texts
-    cut, curve = plot.draw_workspace(spatial, profile=profile).axes
+    cut, curve = draw_workspace(spatial, profile=profile).axes
     assert cut.get_zlabel() == "z [m]"
-    for axes in (curve, plot.draw_profile(profile).axes[0]):
+    for axes in (curve, draw_profile(profile).axes[0]):
         assert "[m]" in axes.get_xlabel()
         assert "[%]" in axes.get_ylabel()
 
