@@ -56,6 +56,8 @@ def describe_model(
     out.print(Text.assemble((arm.name, "bold"), title, (str(arm.path), "dim")))
     out.print(f"tip {arm.tip}, task {arm.task.names}{scaling}")
     out.print(f"system CM at q = 0, spacecraft frame: {vector(_system_cm(arm))} m")
+    for note in arm.notes:
+        out.print(f"note: {note}")
     heading("Bodies")
     bodies = table("body", "mass [kg]", "CM in its frame [m]", "principal moments [kg m²]")
     for name, body in rigid_bodies(arm.tree, arm.model).items():

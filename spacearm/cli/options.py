@@ -18,7 +18,7 @@ from spacearm.arrays import Array
 from spacearm.description.assembly import assembled
 from spacearm.description.bodies import Joint
 from spacearm.description.model_catalogue import find_model
-from spacearm.description.readers.urdf import Check
+from spacearm.description.readers.reading import Check, Reading
 from spacearm.description.readers.urdf import read as read_urdf
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
@@ -89,7 +89,7 @@ def arm_from(
         info = find_model(model)
         with warnings.catch_warnings():  # they come when the arm is loaded
             warnings.simplefilter("ignore")
-            joints = (assembled(info) if info else read_urdf(model, "accept")).joints
+            joints = (assembled(info) if info else read_urdf(model, Reading("accept"))).joints
         locked = {name: _si(joints.get(name), value, deg) for name, value in locked.items()}
     wanted = None if task is None else Task(task, length)
     arm = load(model, tip=tip, task=wanted, locked=locked, check=cast("Check | None", check))

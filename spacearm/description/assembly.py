@@ -15,24 +15,26 @@ from spacearm.description.boxes import STEEL, body
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import ModelInfo, find_arm
 from spacearm.description.readers import urdf
+from spacearm.description.readers.reading import Reading
 from spacearm.description.tips import choose_tips, only_tip
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 
 
-def assembled(info: ModelInfo, check: urdf.Check | None = None) -> Tree:
+def assembled(info: ModelInfo, reading: Reading | None = None) -> Tree:
     """Return the tree of a catalogue model, read from its URDF or put together from its recipe.
 
     Args:
         info: The model.
-        check: See `loading.load`; the catalogue's own if None.
+        reading: How its files are read; as the catalogue says if None.
     """
+    reading = reading or Reading(check=info.check)
     if info.recipe is None:
-        return urdf.read(info.path, check or info.check)
+        return urdf.read(info.path, reading)
     tree = Bus(**info.recipe["bus"]).tree()
     for arm in info.recipe["arms"]:
         at = pin.SE3(np.eye(3), np.array(arm["xyz"]))
-        tree = bolted(tree, arm["arm"], at, name=arm["name"], check=check or info.check)
+        tree = bolted(tree, arm["arm"], at, name=arm["name"], reading=reading)
     return replace(tree, name=info.name, tips=(info.tip,))
 
 
@@ -44,7 +46,7 @@ def bolted(
     name: str | None = None,
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
-    check: urdf.Check | None = None,
+    reading: Reading | None = None,
 ) -> Tree:
     """Return a bus with one arm more; arguments as in `loading.mount`.
 
@@ -52,7 +54,7 @@ def bolted(
     """
     known = find_arm(arm)
     path = known.path if known else Path(arm)
-    tree = urdf.read(path, check or "error", spacecraft=False)
+    tree = urdf.read(path, replace(reading or Reading(), spacecraft=False))
     tree = tree.locked({**(known.locked if known else {}), **(locked or {})})
     tip = only_tip(choose_tips(tree, path, tip or (known.tip if known else None)), tree.name)
     name = _name(bus, known.name if known else tree.name, name)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from spacearm.arrays import plain
-from spacearm.description.readers import urdf
+from spacearm.description.readers.reading import Check
 from spacearm.errors import ModelError, unknown
 
 MODELS, ARMS = "catalogue.json", "arms.json"
@@ -42,7 +42,7 @@ class ModelInfo(NamedTuple):
     tip: str
     task: str
     path: Path
-    check: urdf.Check
+    check: Check
     recipe: dict[str, Any] | None
 
     def to_dict(self) -> dict[str, Any]:

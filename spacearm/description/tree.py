@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array
+from spacearm.arrays import LARGEST, LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.visuals import Visuals
 from spacearm.errors import ConfigurationError, ModelError, unknown
@@ -31,6 +31,7 @@ class Tree:
         joints: Every joint, by name.
         visuals: Shapes of the links that have any, by name.
         tips: Tip links that the file names itself; usually none.
+        notes: What was assumed, repaired or left out as it was read, a sentence each.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Tree:
     joints: Mapping[str, Joint]
     visuals: Mapping[str, Visuals] = field(default_factory=dict)
     tips: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def depth_first(self) -> list[Joint]:
         """Return all joints, parents before children, siblings by name: Pinocchio's URDF order."""
@@ -96,6 +98,7 @@ class Tree:
             joints={joint.name: joint for joint in joints},
             visuals={prefix + name: shapes for name, shapes in self.visuals.items()},
             tips=tuple(prefix + tip for tip in self.tips),
+            notes=self.notes,
         )
 
     def joined(self, other: Tree, name: str, parent: str, at: pin.SE3) -> Tree:
@@ -120,6 +123,7 @@ class Tree:
             links={**self.links, **other.links},
             joints={**self.joints, **added},
             visuals={**self.visuals, **other.visuals},
+            notes=(*self.notes, *other.notes),
         )
 
     def locked(self, values: Mapping[str, float]) -> Tree:
@@ -175,44 +179,6 @@ class Tree:
     def leading(self) -> list[Joint]:
         """Return the movable joints that mimic no other, in the order of q."""
         return [joint for joint in self.depth_first() if joint.movable and not joint.mimic]
-
-    def coupling(self) -> tuple[Array, Array]:
-        """Return C and c of (positions of all movable joints) = C q + c, mimic joints included."""
-        movable = [joint for joint in self.depth_first() if joint.movable]
-        leading = [joint.name for joint in self.leading()]
-        C, c = np.zeros((len(movable), len(leading))), np.zeros(len(movable))
-        for i, joint in enumerate(movable):
-            scale = 1.0
-            while joint.mimic:
-                c[i] += scale * joint.mimic.offset
-                scale *= joint.mimic.multiplier
-                joint = self.joints[joint.mimic.leader]
-            C[i, leading.index(joint.name)] = scale
-        return C, c
-
-    def limits(self) -> tuple[Array, Array]:
-        """Return the lower and upper limits of q, (n,) each, those of mimic joints included.
-
-        Raises:
-            ModelError: The limits of a joint and of one that mimics it exclude each other.
-        """
-        leading, movable = self.leading(), [j for j in self.depth_first() if j.movable]
-        lower = np.array([joint.lower for joint in leading])
-        upper = np.array([joint.upper for joint in leading])
-        for joint, gains, offset in zip(movable, *self.coupling(), strict=True):
-            j = int(np.abs(gains).argmax())
-            if gains[j] == 0.0:  # it stays where it is
-                continue
-            low, high = sorted((end - offset) / gains[j] for end in (joint.lower, joint.upper))
-            if low > upper[j] or high < lower[j]:
-                raise ModelError(
-                    f"{self.name}: joint {leading[j].name!r} has no position within limits: "
-                    f"{joint.name!r}, which mimics it, needs {low:g} to {high:g}, the others allow "
-                    f"{lower[j]:g} to {upper[j]:g}; correct <limit> or <mimic>"
-                )
-            lower[j], upper[j] = max(lower[j], low), min(upper[j], high)
-        lower.flags.writeable = upper.flags.writeable = False
-        return lower, upper
 
     def plane_normal(self) -> int | None:
         """Return the axis (0, 1, 2) that all joints turn about or slide normal to, if any."""

@@ -15,6 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, plain
 from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
+from spacearm.description.couplings import coupling, joint_limits
 from spacearm.description.tips import choose_tips, movable, only_tip
 from spacearm.description.tree import Tree
 from spacearm.description.urdf_writer import document
@@ -45,7 +46,7 @@ class SpaceArm:
         coupling: (model.nv - 6, n) rates of the model's joints per rate of the n joints; None if
             they are the same joints (no joint mimics another).
         offsets: (model.nv - 6,) positions of the model's joints at q = 0.
-        lower: (n,) lower joint limits [rad] or [m], -inf where there is none; see `Tree.limits`.
+        lower: (n,) lower joint limits [rad] or [m], -inf where there is none; see `joint_limits`.
         upper: (n,) upper joint limits [rad] or [m], inf where there is none.
     """
 
@@ -81,9 +82,9 @@ class SpaceArm:
             UnsupportedError: More than `defaults.MOST_JOINTS` joints can move.
         """
         check_joints(tree, path)
-        leading, (coupling, offsets) = tree.leading(), tree.coupling()
+        leading, (C, offsets) = tree.leading(), coupling(tree)
         tips = choose_tips(tree, path, tip)
-        (lower, upper), model = tree.limits(), tree.pinocchio()
+        (lower, upper), model = joint_limits(tree), tree.pinocchio()
         return cls(
             name=tree.name,
             path=path,
@@ -94,7 +95,7 @@ class SpaceArm:
             task=complete_task(task, tree, tips, path),
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
-            coupling=None if len(coupling) == len(leading) else coupling,
+            coupling=None if len(C) == len(leading) else C,
             offsets=offsets,
             lower=lower,
             upper=upper,
@@ -105,6 +106,11 @@ class SpaceArm:
     def n(self) -> int:
         """Number of movable joints."""
         return len(self.joint_names)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed, repaired or left out as the model was read, a sentence each."""
+        return self.tree.notes
 
     @property
     def slides(self) -> npt.NDArray[np.bool_]:
@@ -274,18 +280,8 @@ class SpaceArm:
         return write(Path(path), document(self.tree, self.tips))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return bodies, joints, limits, tip, task and wheels as plain data."""
-        return {
-            "name": self.name,
-            "path": str(self.path),
-            "n": self.n,
-            "mass": self.mass,
-            "tip": plain(self.tips if len(self.tips) > 1 else self.tip),
-            "task": plain(self.task),
-            "cm_at_zero": plain(self.at(np.zeros(self.n)).com),
-            **facts(self.tree, self.model),
-            "wheels": plain(self.wheels),
-        }
+        """Return bodies, joints, limits, tip, task, wheels and notes as plain data."""
+        return facts(self)
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": []}

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pinocchio as pin
 
+from spacearm.arrays import plain
 from spacearm.description.bodies import Joint
 from spacearm.description.tree import Tree
 
+if TYPE_CHECKING:
+    from spacearm.model.arm import SpaceArm
 
-def facts(tree: Tree, model: pin.Model) -> dict[str, Any]:
-    """Return the bodies and the movable joints of an arm as plain JSON data."""
+
+def facts(arm: SpaceArm) -> dict[str, Any]:
+    """Return bodies, joints, limits, tip, task, wheels and notes of an arm as plain JSON data."""
     return {
+        "name": arm.name,
+        "path": str(arm.path),
+        "n": arm.n,
+        "mass": arm.mass,
+        "tip": plain(arm.tips if len(arm.tips) > 1 else arm.tip),
+        "task": plain(arm.task),
+        "cm_at_zero": plain(arm.at(np.zeros(arm.n)).com),
         "bodies": [
             {
                 "link": link,
@@ -21,9 +33,11 @@ def facts(tree: Tree, model: pin.Model) -> dict[str, Any]:
                 "cm": body.lever.tolist(),
                 "inertia": body.inertia.tolist(),
             }
-            for link, body in bodies(tree, model).items()
+            for link, body in bodies(arm.tree, arm.model).items()
         ],
-        "joints": [_joint(joint) for joint in tree.depth_first() if joint.movable],
+        "joints": [_joint(joint) for joint in arm.tree.depth_first() if joint.movable],
+        "wheels": plain(arm.wheels),
+        "notes": list(arm.notes),
     }
 
 

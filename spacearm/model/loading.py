@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pinocchio as pin
@@ -12,6 +13,7 @@ from spacearm.description.assembly import assembled, bolted
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import find_model
 from spacearm.description.readers import urdf
+from spacearm.description.readers.reading import Check, Folders, Reading
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
@@ -25,8 +27,11 @@ def load(
     tip: str | Sequence[str] | None = None,
     task: str | Task | None = None,
     locked: Mapping[str, float] | None = None,
-    check: urdf.Check | None = None,
+    check: Check | None = None,
     wheels: Collection[str] = (),
+    packages: Folders = (),
+    xacro_args: Mapping[str, object] | None = None,
+    density: float | None = None,
 ) -> SpaceArm:
     """Load a spacecraft with its arm.
 
@@ -49,18 +54,24 @@ def load(
         wheels: Joints of reaction wheels and other bodies that hold momentum, which are not among
             the n joints; `SpaceArm.at` takes their momentum. Joints with a <wheel> element are
             wheels anyway.
+        packages: Folders that hold ROS packages, or are packages, for `package://` and `$(find)`.
+            They are searched before ROS_PACKAGE_PATH, AMENT_PREFIX_PATH and the folders around the
+            file.
+        xacro_args: Values of the arguments of a xacro source, by name.
+        density: Density [kg/m^3] of the links without inertial data, which then get one from their
+            collision shapes, else from those that are drawn.
 
     Raises:
         ModelError: The model is unknown, cannot be read or has a fault.
         ConfigurationError: tip, task, locked or wheels names something that does not exist.
 
     Warns:
-        ModelWarning: A joint has no limits, meshes are missing, or (with check="warn") an inertia
-            is impossible.
+        ModelWarning: Something was assumed or left out; `SpaceArm.notes` keeps it.
     """
     info = find_model(model)
     path = info.path if info else Path(model)
-    tree = assembled(info, check) if info else urdf.read(path, check or "error")
+    reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
+    tree = assembled(info, reading) if info else urdf.read(path, reading)
     return SpaceArm.of(tree.locked(locked or {}).with_wheels(wheels), path, tip=tip, task=task)
 
 
@@ -72,7 +83,10 @@ def mount(
     name: str | None = None,
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
-    check: urdf.Check | None = None,
+    check: Check | None = None,
+    packages: Folders = (),
+    xacro_args: Mapping[str, object] | None = None,
+    density: float | None = None,
 ) -> SpaceArm:
     """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
@@ -92,18 +106,22 @@ def mount(
         locked: Joints of the arm to lock, with their values [rad] or [m]; fingers of arms that
             `arms` lists are locked anyway.
         check: What to do with inertias that no rigid body can have; see `load`.
+        packages: Folders with ROS packages; see `load`.
+        xacro_args: Arguments of the xacro source of the arm; see `load`.
+        density: Density of links without inertial data [kg/m^3]; see `load`.
 
     Raises:
         ModelError: An arm is unknown, a URDF has a fault, or the name is taken.
         ConfigurationError: bus, at, tip or locked is not valid.
     """
     at = pin.SE3.Identity() if at is None else sound_pose(at, "at")
-    base = _tree(bus, check)
-    tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, check=check)
+    reading = Reading.of(check, packages, xacro_args, density)
+    base = _tree(bus, replace(reading, xacro_args={}))
+    tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, reading=reading)
     return SpaceArm.of(tree, Path(f"{tree.name}.urdf"))
 
 
-def _tree(bus: Bus | SpaceArm | str | os.PathLike[str], check: urdf.Check | None) -> Tree:
+def _tree(bus: Bus | SpaceArm | str | os.PathLike[str], reading: Reading) -> Tree:
     """Return the tree of what an arm is bolted to."""
     if isinstance(bus, Bus):
         return bus.tree()
@@ -111,4 +129,4 @@ def _tree(bus: Bus | SpaceArm | str | os.PathLike[str], check: urdf.Check | None
         return bus.tree
     if not isinstance(bus, (str, os.PathLike)):
         raise ConfigurationError(f"bus is {bus!r}; give a Bus, a SpaceArm or the path of a URDF")
-    return urdf.read(bus, check or "error")
+    return urdf.read(bus, reading)

@@ -10,45 +10,41 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from lxml import etree
 
 from spacearm.arrays import LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
+from spacearm.description.readers.reading import Check, Reading
 from spacearm.description.readers.urdf_visuals import read_visuals
 from spacearm.description.readers.xml import Source, describe
 from spacearm.description.tree import ROOT_JOINT, Tree
-from spacearm.errors import ModelError, unknown
-
-Check = Literal["error", "warn", "accept"]
-CHECKS = ("error", "warn", "accept")
+from spacearm.errors import unknown
 
 UNLIMITED = (None, "", "inf", "Inf", "INF", "infinity")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
-def read(path: str | os.PathLike[str], check: Check = "error", *, spacecraft: bool = True) -> Tree:
+def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
     """Read and check a URDF.
 
     Args:
         path: The file.
-        check: What to do with inertias that no rigid body can have: "error", or "warn" or "accept"
-            to load published data that has this fault.
-        spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
-            may be a frame without mass.
+        reading: How it is read.
+
+    Returns:
+        The tree; its notes say what was assumed.
 
     Raises:
         ModelError: The file has a fault; the message names file, element, value and remedy.
 
     Warns:
-        ModelWarning: A joint has no limits, a mesh is missing, or (with check="warn") an inertia
-            is impossible.
+        ModelWarning: Something was assumed; each warning is a note too.
     """
-    if check not in CHECKS:
-        raise ModelError(unknown("check", check, CHECKS))
+    reading = reading or Reading()
     source = Source(Path(path))
     robot = source.robot()
     links = {name: _inertial(source, e) for name, e in source.named(robot, "link").items()}
@@ -64,9 +60,9 @@ def read(path: str | os.PathLike[str], check: Check = "error", *, spacecraft: bo
         visuals=read_visuals(source, robot),
         tips=tuple(_named_link(source, tip, links) for tip in robot.findall("tip")),
     )
-    _check_masses(source, tree, check, spacecraft)
+    _check_masses(source, tree, reading.check, reading.spacecraft)
     _warn_of_missing_limits(source, joints)
-    return tree
+    return replace(tree, notes=tuple(source.notes))
 
 
 # --- links and joints -----------------------------------------------------------------------

@@ -23,17 +23,20 @@ class Source:
 
     Attributes:
         path: The file.
+        notes: What was warned of so far.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.notes: list[str] = []
 
     def fail(self, problem: str, remedy: str) -> NoReturn:
         """Raise the `ModelError` that names this file."""
         raise ModelError(f"{self.path}: {problem}; {remedy}")
 
     def warn(self, message: str) -> None:
-        """Give the `ModelWarning` that names this file."""
+        """Give the `ModelWarning` that names this file, and note it."""
+        self.notes.append(message)
         warn(f"{self.path}: {message}")
 
     def robot(self) -> etree._Element:
