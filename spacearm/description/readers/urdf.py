@@ -20,6 +20,8 @@ from spacearm.arrays import LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.reading import Check, Reading
 from spacearm.description.readers.urdf_visuals import read_visuals
+from spacearm.description.readers.xacro import is_xacro
+from spacearm.description.readers.xacro_source import expanded
 from spacearm.description.readers.xml import Source, describe
 from spacearm.description.tree import ROOT_JOINT, Tree
 from spacearm.errors import unknown
@@ -45,8 +47,8 @@ def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
         ModelWarning: Something was assumed; each warning is a note too.
     """
     reading = reading or Reading()
-    source = Source(Path(path))
-    robot = source.robot()
+    source = Source(Path(path), reading)
+    robot = _robot(source)
     links = {name: _inertial(source, e) for name, e in source.named(robot, "link").items()}
     if not links:
         source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
@@ -63,6 +65,19 @@ def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
     _check_masses(source, tree, reading.check, reading.spacecraft)
     _warn_of_missing_limits(source, joints)
     return replace(tree, notes=tuple(source.notes))
+
+
+def _robot(source: Source) -> etree._Element:
+    """Return the root element of a URDF; a xacro source is expanded."""
+    robot = source.root()
+    if source.path.suffix == ".xacro" or is_xacro(robot):
+        robot = expanded(source, robot)
+    if robot.tag != "robot":
+        source.fail(
+            f"is not a URDF: its root element is <{robot.tag!s}>",
+            "a URDF starts with <robot name='...'>",
+        )
+    return robot
 
 
 # --- links and joints -----------------------------------------------------------------------

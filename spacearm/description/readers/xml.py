@@ -1,8 +1,8 @@
-"""XML source: a URDF file opened safely, and checked numbers out of its elements."""
+"""XML source: a robot file opened safely, and checked numbers out of its elements."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
@@ -11,23 +11,30 @@ import pinocchio as pin
 from lxml import etree
 
 from spacearm.arrays import LARGEST, Array
+from spacearm.description.readers.arithmetic import evaluate, split
+from spacearm.description.readers.packages import Packages
+from spacearm.description.readers.reading import Reading
 from spacearm.errors import ModelError, warn
 from spacearm.files import read
 
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-XACRO = "{http://www.ros.org/wiki/xacro}"
+SHOWN = 3
+"""Missing meshes that the warning about them names."""
 
 
 class Source:
-    """A URDF file, with its elements, numbers and poses, checked.
+    """A robot file, with its elements, numbers and poses, checked.
 
     Attributes:
         path: The file.
-        notes: What was warned of so far.
+        reading: How it is read.
+        packages: The packages that it may name.
+        notes: What was assumed or left out so far.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, reading: Reading | None = None) -> None:
         self.path = path
+        self.reading = reading or Reading()
+        self.packages = Packages(path, self.reading.packages)
         self.notes: list[str] = []
 
     def fail(self, problem: str, remedy: str) -> NoReturn:
@@ -39,11 +46,22 @@ class Source:
         self.notes.append(message)
         warn(f"{self.path}: {message}")
 
-    def robot(self) -> etree._Element:
-        """Return the root element of the URDF; a .xacro source is expanded.
+    def note(self, message: str) -> None:
+        """Note what was left out, without a warning: it makes no difference to the arm."""
+        self.notes.append(message)
+
+    def warn_of_missing_meshes(self, names: Iterable[str]) -> None:
+        """Warn of mesh files that were not found, if any; one warning for all."""
+        if missing := sorted({name[:80] for name in names}):
+            rest = len(missing) - SHOWN
+            shown = ", ".join(missing[:SHOWN]) + (f" and {rest} more" if rest > 0 else "")
+            self.warn(f"meshes not found (physics is not affected): {shown}")
+
+    def root(self) -> etree._Element:
+        """Return the root element of the file.
 
         Raises:
-            ModelError: The file cannot be read, or is no URDF.
+            ModelError: The file cannot be read, or is no XML.
         """
         try:
             text = read(self.path)
@@ -51,24 +69,11 @@ class Source:
             self.fail("no such file", "check the path")
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
-            self.fail(f"cannot be read ({why})", "give the path of a URDF file")
-        robot = self._parsed(text)
-        if self.path.suffix == ".xacro":
-            robot = self._parsed(self._expanded(robot.get("name") or self.path.stem))
-        elif any(str(element.tag).startswith(XACRO) for element in robot.iter()):
-            self.fail(
-                "is a xacro source, which is a program, and not named so",
-                "if you trust it name it .xacro, or expand it: xacro FILE",
-            )
-        if robot.tag != "robot":
-            self.fail(
-                f"is not a URDF: its root element is <{robot.tag!s}>",
-                "a URDF starts with <robot name='...'>",
-            )
-        return robot
+            self.fail(f"cannot be read ({why})", "give the path of a robot file")
+        return self.parsed(text)
 
-    def _parsed(self, text: bytes) -> etree._Element:
-        """Parse XML without entities, network access or DOCTYPE."""
+    def parsed(self, text: bytes) -> etree._Element:
+        """Parse XML without entities, network access or DOCTYPE; its own namespace is dropped."""
         parser = etree.XMLParser(
             resolve_entities=False,
             no_network=True,
@@ -77,28 +82,15 @@ class Source:
             remove_pis=True,
         )
         try:
-            root = etree.fromstring(text, parser)
+            root = etree.fromstring(text.lstrip(), parser)
         except etree.XMLSyntaxError as error:
             self.fail(f"is not XML ({error.msg})", "correct it there")
         if etree.ElementTree(root).docinfo.doctype:
             self.fail("declares a DOCTYPE", "remove it: entities are not expanded")
+        if own := etree.QName(root).namespace:
+            for element in root.iter(f"{{{own}}}*"):
+                element.tag = etree.QName(element).localname
         return root
-
-    def _expanded(self, name: str) -> bytes:
-        """Expand the xacro source of a robot of this name to URDF."""
-        try:
-            from xacrodoc import XacroDoc, packages
-        except ImportError:
-            self.fail(
-                "is a xacro source", "pip install 'spacearm[xacro]', or expand it: xacro FILE"
-            )
-        try:
-            packages.walk_up_from(self.path)
-            file = [str(self.path.resolve())]  # as an include: its own includes are beside it
-            urdf: str = XacroDoc.from_includes(file, name, resolve_packages=False).to_urdf_string()
-        except Exception as error:  # whatever xacro makes of a faulty file
-            self.fail(f"is a xacro source that cannot be expanded ({error})", "correct it there")
-        return urdf.encode()
 
     def named(self, robot: etree._Element, tag: str) -> dict[str, etree._Element]:
         """Return the children with this tag by their names, which must exist and be unique."""
@@ -120,9 +112,8 @@ class Source:
         text = element.get(attribute, default)
         if text is None:
             self.fail(f"{describe(element)} has no {attribute}", f"add {attribute}='...'")
-        words = text.split()
-        values = np.array([float(word) for word in words if NUMBER.fullmatch(word)])
-        if len(values) != count or len(words) != count or not (np.abs(values) <= LARGEST).all():
+        values = np.array([evaluate(word) for word in split(text, count)], dtype=np.float64)
+        if len(values) != count or not (np.abs(values) <= LARGEST).all():
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             self.fail(
                 f"{describe(element)} has {attribute}={text[:60]!r}",
@@ -164,4 +155,5 @@ def describe(element: etree._Element) -> str:
     """Describe an element by its owner and line, as in: <mass> of link 'boom' (line 12)."""
     owner = next((e for e in (element, *element.iterancestors()) if e.get("name")), element)
     where = "" if owner is element else f"<{element.tag!s}> of "
-    return f"{where}{owner.tag!s} {owner.get('name')!r} (line {element.sourceline})"
+    line = f" (line {element.sourceline})" if (element.sourceline or 0) > 1 else ""
+    return f"{where}{owner.tag!s} {owner.get('name')!r}{line}"

@@ -1,0 +1,129 @@
+"""Packages: the ROS packages that a robot file names, found in the folders around it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+
+from lxml import etree
+
+DEPTH = 3
+"""Levels of folders below each place that are searched."""
+LEVELS = 5
+"""Levels above a file that are searched."""
+MOST_FOLDERS = 5_000
+"""Largest number of folders that are searched in one place."""
+
+
+class Packages:
+    """The packages that one robot file may name, searched for when the first one is.
+
+    The folders that the caller names come first; then those around the file, the nearest first, up
+    to the root of its repository; then ROS_PACKAGE_PATH and AMENT_PREFIX_PATH. A package is a
+    folder with a package.xml of that name, else a folder of that name.
+    """
+
+    def __init__(self, file: Path, folders: Sequence[Path] = ()) -> None:
+        self._file = file
+        self._folders = [folder.resolve() for folder in folders]
+        self._indices: dict[Path, dict[str, Path]] = {}
+        self._found: dict[str, Path | None] = {}
+
+    def find(self, name: str) -> Path | None:
+        """Return the folder of a package; None if there is none."""
+        if name not in self._found:
+            places = (*self._folders, *self.around, *_environment())
+            indices = (self._index(place) for place in places)
+            self._found[name] = next((index[name] for index in indices if name in index), None)
+        return self._found[name]
+
+    def resolve(self, name: str) -> Path | None:
+        """Return the path that package://NAME/REST means; None if there is no such package."""
+        package, _, rest = name.removeprefix("package://").partition("/")
+        folder = self.find(package) if package else None
+        return folder / rest if folder else None
+
+    def holds(self, path: Path) -> bool:
+        """Whether a file belongs to the packages found so far or lies around the robot file."""
+        found = [folder.resolve() for folder in self._found.values() if folder]
+        roots = (*self._folders, *self.around, *found)
+        return any(path.resolve().is_relative_to(root) for root in roots)
+
+    @cached_property
+    def around(self) -> list[Path]:
+        """The folder of the file and those above it, up to the root of its repository."""
+        folders: dict[Path, None] = {}
+        for file in (self._file.absolute(), self._file.resolve()):
+            folders.update(dict.fromkeys(_above(file)))
+        return list(folders)
+
+    def _index(self, place: Path) -> dict[str, Path]:
+        """Return the packages below a folder by name, the nearest of each name."""
+        if place not in self._indices:
+            declared: dict[str, Path] = {}
+            named: dict[str, Path] = {}
+            for folder in _below(place):
+                named.setdefault(folder.name, folder)
+                if name := _declared_name(folder / "package.xml"):
+                    declared.setdefault(name, folder)
+            self._indices[place] = named | declared
+        return self._indices[place]
+
+
+def _above(file: Path) -> Iterator[Path]:
+    """Yield the folder of a file and those above, not as far as the home or the top folders."""
+    home = Path.home()
+    for level, folder in enumerate(file.parents):
+        if level > LEVELS or (level and (folder == home or len(folder.parts) <= 2)):
+            return
+        yield folder
+        if (folder / ".git").exists():
+            return
+
+
+def _below(place: Path) -> Iterator[Path]:
+    """Yield a folder and those below it, breadth first."""
+    level = [place]
+    count = 0
+    for depth in range(DEPTH + 1):
+        deeper: list[Path] = []
+        for folder in level:
+            count += 1
+            if count > MOST_FOLDERS:
+                return
+            yield folder
+            if depth < DEPTH:
+                deeper += _folders_in(folder)
+        level = deeper
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    """Return the folders in a folder, hidden ones left out, in the order of their names."""
+    try:
+        with os.scandir(folder) as entries:
+            names = [e.name for e in entries if e.is_dir() and not e.name.startswith(".")]
+    except OSError:
+        return []
+    return [folder / name for name in sorted(names)]
+
+
+def _declared_name(manifest: Path) -> str | None:
+    """Return the name that a package.xml declares."""
+    try:
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+        name = etree.fromstring(manifest.read_bytes(), parser).findtext("name")
+    except (OSError, etree.XMLSyntaxError):
+        return None
+    return name.strip() if name else None
+
+
+def _environment() -> Iterator[Path]:
+    """Yield the folders that ROS 1 and ROS 2 name in the environment."""
+    for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
+        if folder:
+            yield Path(folder)
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix:
+            yield Path(prefix, "share")

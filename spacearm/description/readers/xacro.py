@@ -1,0 +1,334 @@
+"""xacro: sources of robot descriptions expanded to URDF, by ROS's own program in a closed room.
+
+The program is the package `xacro`. It evaluates Python and reads any file and the environment, so
+every source is expanded by a fresh copy of it, in which what reaches outside is replaced:
+expressions are those of `expressions`, files are XML and YAML of the packages around the source,
+and the environment does not exist.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec, module_from_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from lxml import etree
+
+from spacearm.description.readers.expressions import (
+    Evaluator,
+    ExpressionError,
+    bounded_range,
+    bounded_round,
+)
+from spacearm.description.readers.packages import Packages
+from spacearm.files import read
+
+CLOSED = ("type", "vars", "hash", "repr")
+"""Functions of xacro's namespace python that expressions do without."""
+ENDLESS = ("factorial", "comb", "perm")
+"""Functions of xacro's namespace math whose values have no bounds."""
+EXTRAS = re.compile("gazebo|ros2?_?control|transmission|plugin", re.IGNORECASE)
+"""Names of files and macros for simulators and controllers, which describe no bodies."""
+HARMLESS = re.compile("is deprecated|redefining global symbol|inconsistent namespace")
+"""Warnings of xacro that make no difference to the robot."""
+
+
+class XacroError(Exception):
+    """A source cannot be expanded.
+
+    Attributes:
+        problem: What is wrong.
+        remedy: What to do.
+    """
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(f"{problem}; {remedy}")
+        self.problem, self.remedy = problem, remedy
+
+
+class MissingArgumentError(XacroError):
+    """An argument has no value.
+
+    Attributes:
+        name: Its name.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"argument {name!r} has no value", "give it one")
+        self.name = name
+
+
+class MissingFileError(XacroError, FileNotFoundError):
+    """A file that the source reads is missing.
+
+    Attributes:
+        file: The file.
+    """
+
+    def __init__(self, file: Path) -> None:
+        super().__init__(f"{file}: no such file", "correct the name or the arguments")
+        self.file = file
+
+
+def is_xacro(root: etree._Element) -> bool:
+    """Whether a document has elements for xacro, whose namespace has had several addresses."""
+    return any(
+        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
+        for element in root.iter(etree.Element)
+    )
+
+
+class MissingPackageError(XacroError):
+    """A package that the source reads a file of was not found."""
+
+
+class Expansion:
+    """The expansion of one source.
+
+    Attributes:
+        files: The files read so far, the source first.
+        arguments: Values of the arguments that were declared or given, by name.
+        known: Names of the arguments that were declared or used so far.
+        warnings: What the source or xacro warned of.
+    """
+
+    def __init__(self, path: Path, packages: Packages, given: Mapping[str, str]) -> None:
+        self.files: list[Path] = []
+        self.arguments = dict(given)
+        self.known: set[str] = set()
+        self.warnings: list[str] = []
+        self._left_out = False
+        self._path = path
+        self._packages = packages
+        self._evaluator = Evaluator()
+        self._xacro = self._closed_xacro()
+
+    def urdf(self) -> bytes:
+        """Return the URDF that the source expands to.
+
+        Raises:
+            XacroError: It cannot be expanded.
+        """
+        xacro = self._xacro
+        try:
+            xacro.init_stacks(str(self._path))
+            xacro.substitution_args_context["arg"] = self.arguments
+            document = self._parse(None, str(self._path))
+            robot = document.documentElement
+            name = robot.getAttribute("name")  # may name arguments that are declared further down
+            if name:
+                robot.removeAttribute("name")
+            symbols = xacro.Table(xacro._global_symbols)
+            xacro.eval_all(robot, xacro.Table(), symbols)
+            if name:
+                robot.setAttribute("name", str(xacro.eval_text(name, symbols)))
+        except Exception as error:  # whatever xacro makes of a faulty file
+            raise self._explained(error) from None
+        return " ".join(document.toxml().split()).encode()  # one line: nobody has seen the others
+
+    def _explained(self, error: Exception) -> XacroError:
+        """Return an error that says where it happened."""
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, (XacroError, ExpressionError)):
+            cause = getattr(cause, "exc", None)
+        if isinstance(cause, XacroError):
+            return cause
+        text = "macros or files call themselves" if isinstance(error, RecursionError) else error
+        where = [f"in {Path(file).name}" for file in self._xacro.filestack[1:][-1:]]
+        where += [f"in macro {m.body.getAttribute('name')!r}" for m in self._xacro.macrostack[-1:]]
+        problem = " ".join([f"cannot be expanded ({' '.join(str(text).split())})", *where])
+        return XacroError(problem, "correct it there, or expand it by ROS: xacro FILE > robot.urdf")
+
+    # --- the room ---------------------------------------------------------------------------
+
+    def _closed_xacro(self) -> ModuleType:
+        """Return a copy of xacro that has only what is given here."""
+        spec = find_spec("xacro")
+        if spec is None or spec.loader is None:
+            raise XacroError("needs the package xacro", "pip install xacro")
+        xacro = module_from_spec(spec)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # its own, on Python 3.10
+            spec.loader.exec_module(xacro)
+        room: dict[str, Callable[..., Any]] = {
+            "safe_eval": lambda text, names, _=None: self._evaluator.evaluate(text, names),
+            "eval_extension": self._substitute,
+            "parse": self._parse,
+            "load_yaml": self._load_yaml,
+            "message": lambda *_, **__: None,
+            "warning": self._warn,
+            "error": self._warn,
+            "print_location": lambda: None,
+            "handle_macro_call": self._call_macro(xacro.handle_macro_call),
+            "check_attrs": self._recorded(xacro.check_attrs),
+        }
+        vars(xacro).update(room)
+        symbols = xacro.create_global_symbols()
+        closed = ((CLOSED, symbols["python"]), (ENDLESS, symbols["math"]), (ENDLESS, symbols))
+        for names, table in closed:
+            for name in names:
+                dict.pop(table, name, None)
+        for function in (bounded_range, bounded_round):
+            name = function.__name__.removeprefix("bounded_")
+            symbols[name] = function
+            dict.__setitem__(symbols["python"], name, function)
+        vars(xacro)["_global_symbols"] = symbols
+        return xacro
+
+    def _call_macro(self, call: Callable[..., bool]) -> Callable[..., bool]:
+        """Return the call of macros: each is a step, those of files left out are left out."""
+
+        def called(node: Any, macros: Any, symbols: Any) -> bool:
+            self._evaluator.step()
+            name = node.tagName.removeprefix("xacro:")
+            if self._left_out and name != node.tagName and EXTRAS.search(name):
+                try:
+                    self._xacro.resolve_macro(name, macros, symbols)
+                except KeyError:
+                    self._xacro.replace_node(node, by=None)
+                    return True
+            return call(node, macros, symbols)
+
+        return called
+
+    def _recorded(self, check: Callable[..., list[Any]]) -> Callable[..., list[Any]]:
+        """Return the check of attributes, which records the arguments that are declared."""
+
+        def recorded(tag: Any, required: list[str], optional: list[str]) -> list[Any]:
+            if tag.tagName == "xacro:arg":
+                name = tag.getAttribute("name")
+                self.known.add(name)
+                if not tag.hasAttribute("default"):
+                    if name not in self.arguments:
+                        raise MissingArgumentError(name)
+                    return [name, ""]
+            return check(tag, required, optional)
+
+        return recorded
+
+    def _warn(self, *words: object, **_: object) -> None:
+        text = " ".join(map(str, words))
+        if not HARMLESS.search(text) and text not in self.warnings:
+            self.warnings.append(text)
+
+    # --- files ------------------------------------------------------------------------------
+
+    def _parse(self, _: None, filename: str) -> Any:
+        """Parse an XML file, which declares no entities, to xacro's kind of document."""
+        from xml.dom import minidom
+
+        try:
+            file, content = self._read(filename)
+        except MissingPackageError as error:
+            if not EXTRAS.search(Path(filename).name):
+                raise
+            self._left_out = True
+            self._warn(f"{error.problem}: left out, for it describes no bodies by its name")
+            return minidom.parseString("<robot/>")
+        except MissingFileError as error:  # as xacro expects it of files that are optional
+            raise self._xacro.XacroException(exc=error) from None
+        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+            raise XacroError(f"{file.name} declares a DOCTYPE", "remove it: it is not expanded")
+        try:
+            return minidom.parseString(content)
+        except Exception as error:
+            raise XacroError(f"{file.name} is not XML ({error})", "correct it there") from None
+
+    def _load_yaml(self, filename: str) -> Any:
+        """Load a YAML file, with xacro's units."""
+        import yaml
+
+        xacro = self._xacro
+
+        class Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml has no types
+            pass
+
+        for unit in xacro.ConstructUnits:
+            Loader.add_constructor(unit.value.tag, unit.constructor)
+        file, content = self._read(xacro.abs_filename_spec(filename))
+        try:
+            return xacro.YamlListWrapper.wrap(yaml.load(content, Loader))
+        except yaml.YAMLError as error:
+            text = " ".join(str(error).split())
+            raise XacroError(f"{file.name} is not YAML ({text})", "correct it there") from None
+
+    def _read(self, filename: str) -> tuple[Path, bytes]:
+        """Read a file of the packages.
+
+        Raises:
+            XacroError: There is no such file, or it lies elsewhere.
+        """
+        if package := re.search(r"package://([^/]*)", filename):
+            raise MissingPackageError(
+                f"reads {filename[package.start() :]} of the package {package[1]!r}, which was "
+                "not found",
+                f"name the folder that holds {package[1]!r}: packages=[FOLDER] or --package FOLDER",
+            )
+        file = Path(os.path.normpath(filename))
+        self._evaluator.step(100)
+        if not file.exists():
+            raise MissingFileError(file)
+        if not self._packages.holds(file):
+            raise XacroError(
+                f"reads {file}, which is in none of its packages",
+                "if it is meant to, name its folder by packages=[FOLDER] or --package FOLDER",
+            )
+        self.files.append(file)
+        try:
+            return file, read(file)
+        except OSError as error:
+            raise XacroError(f"{file} cannot be read ({error})", "name a file") from None
+
+    # --- substitutions ----------------------------------------------------------------------
+
+    def _substitute(self, text: str) -> str:
+        """Return the value of $(find ...), $(arg ...), $(dirname), $(optenv ...) or $(eval ...)."""
+        self._evaluator.step()
+        command, *words = text[2:-1].split(None, 1) or [""]
+        rest = words[0].strip() if words else ""
+        match command:
+            case "arg" if rest:
+                return self._argument(rest)
+            case "find" if rest:
+                folder = self._packages.find(rest)
+                return str(folder) if folder else f"package://{rest}"
+            case "dirname":
+                return str(Path(self._xacro.filestack[-1]).absolute().parent)
+            case "optenv" if rest:
+                default = rest.split(None, 1)[1:]
+                self._warn(f"{text}: the environment is not read, its default is taken")
+                return default[0] if default else ""
+            case "eval" if rest:
+                return str(self._evaluator.evaluate(rest, self._names()))
+        if command in ("env", "cwd"):
+            raise XacroError(
+                f"asks for {text}, and nothing outside its packages is read",
+                "write the value there, or expand it by ROS: xacro FILE > robot.urdf",
+            )
+        raise XacroError(f"has the unknown substitution {text[:60]!r}", "use $(find) or $(arg)")
+
+    def _argument(self, name: str) -> str:
+        """Return the value of an argument."""
+        self.known.add(name)
+        if name not in self.arguments:
+            raise MissingArgumentError(name)
+        return self.arguments[name]
+
+    def _names(self) -> dict[str, Any]:
+        """Return the names that $(eval ...) knows."""
+        literal = self._xacro.Table._eval_literal
+        functions = {name: f for name, f in vars(math).items() if not name.startswith("_")}
+        plain = {"true": True, "false": False, "int": int, "float": float, "str": str}
+        arguments = {name: literal(value) for name, value in self.arguments.items()}
+        calls = {
+            "arg": lambda name: literal(self._argument(name)),
+            "find": lambda name: self._substitute(f"$(find {name})"),
+        }
+        names = {**functions, **plain, **arguments, **calls}
+        return {name: value for name, value in names.items() if name not in ENDLESS}

@@ -1,0 +1,201 @@
+"""xacro arguments: the names and values that a source takes, as its text and folders show."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from lxml import etree
+
+from spacearm.description.readers.packages import Packages
+from spacearm.files import read
+
+VARIABLE = re.compile(r"\$\(arg\s+([\w.-]+)\)|\$\{\s*(\w+)\s*\}")
+EXPRESSION = re.compile(r"\$\{([^}]*)\}|\$\(eval\s+([^)]*)\)")
+VALUE = re.compile(r"[\w.+-]+")
+MOST_CHOICES = 40
+"""Largest number of values that are shown."""
+MOST_SOURCES = 2_000
+"""Largest number of sources that are searched for the name of another."""
+
+
+class ArgumentsOf:
+    """What the files of a source say about its arguments.
+
+    Args:
+        files: The files that have been read, the source first.
+        packages: Where its packages are.
+    """
+
+    def __init__(self, files: Iterable[Path], packages: Packages) -> None:
+        self._packages = packages
+        self._roots = {file: root for file in files if (root := _document(file)) is not None}
+
+    def without_value(self, given: Iterable[str]) -> list[str]:
+        """Return the names that are declared without a default or never declared, in order."""
+        elements = [element for root in self._roots.values() for element in root.iter("{*}arg")]
+        declared = {e.get("name", ""): e.get("default") for e in elements}
+        used = (name for _, text in self._texts() for name, _ in VARIABLE.findall(text) if name)
+        wanted = [name for name, default in declared.items() if default is None]
+        wanted += [name for name in used if name not in declared]
+        return [name for name in dict.fromkeys(wanted) if name and name not in given]
+
+    def choices(self, name: str) -> list[str]:
+        """Return the values that folders show, else those that conditions or comments name."""
+        aliases = self._aliases(name)
+        ways = (self._in_folders(aliases), self._compared(aliases), self._commented(name))
+        found = (list(dict.fromkeys(values)) for values in ways)
+        return next(filter(None, found), [])[:MOST_CHOICES]
+
+    def in_folders(self, names: Iterable[str]) -> dict[str, list[str]]:
+        """Return the values that folders show, for the names that they show any for."""
+        found = {name: self._in_folders(self._aliases(name)) for name in names}
+        return {name: values for name in found if (values := list(dict.fromkeys(found[name])))}
+
+    def _texts(self) -> Iterator[tuple[Path, str]]:
+        """Yield every attribute that holds a variable or an expression, with its file."""
+        for file, root in self._roots.items():
+            for element in root.iter(etree.Element):
+                yield from ((file, text) for text in element.attrib.values() if "$" in text)
+
+    def _aliases(self, name: str) -> set[str]:
+        """Return the name, and those of properties and parameters that are set to it."""
+        aliases = {name}
+        for root in self._roots.values():
+            for element in root.iter(etree.Element):
+                for attribute, text in element.attrib.items():
+                    match = VARIABLE.fullmatch(text)
+                    if match and (match[1] or match[2]) in aliases:
+                        is_property = attribute in ("value", "default")
+                        aliases.add(element.get("name", "") if is_property else attribute)
+        return aliases
+
+    def _in_folders(self, aliases: set[str]) -> Iterator[str]:
+        """Yield the values for which a file exists whose path they are part of."""
+        for file, text in self._texts():
+            names = {a or b for a, b in VARIABLE.findall(text)}
+            if names & aliases and "/" in text:
+                start = re.match(r"\$\(find\s+(\w+)\)/", text)
+                folder = self._packages.find(start[1]) if start else file.parent
+                pattern = text[start.end() :] if start else text
+                if folder is not None and not EXPRESSION.search(VARIABLE.sub("", pattern)):
+                    yield from _matches(folder, pattern, aliases)
+
+    def _compared(self, aliases: set[str]) -> Iterator[str]:
+        """Yield the values that conditions compare the argument with."""
+        for _, text in self._texts():
+            text = re.sub(r"['\"]?\$\(arg\s+(\w+)\)['\"]?", r"\1", text)
+            for groups in EXPRESSION.findall(text):
+                for comparison in _comparisons(groups[0] or groups[1]):
+                    names = {n.id for n in ast.walk(comparison) if isinstance(n, ast.Name)}
+                    named = {
+                        n.value for n in ast.walk(comparison.left) if isinstance(n, ast.Constant)
+                    }
+                    if names & aliases or (named & aliases and "arg" in names):
+                        constants = (n for c in comparison.comparators for n in ast.walk(c))
+                        yield from (str(n.value) for n in constants if isinstance(n, ast.Constant))
+
+    def _commented(self, name: str) -> Iterator[str]:
+        """Yield the values that a comment lists after the name and a colon."""
+        for root in self._roots.values():
+            for comment in root.iter(etree.Comment):
+                listed = re.search(rf"\b{re.escape(name)}\b[^:]*:(.+)", comment.text or "")
+                words = re.split(r"[,|;\s]+", listed[1].strip().strip(".")) if listed else []
+                words = [word.strip("'\"") for word in words if word not in ("or", "and")]
+                if len(words) > 1 and all(VALUE.fullmatch(word) for word in words):
+                    yield from words
+
+
+def instead(file: Path, arguments: Mapping[str, str]) -> tuple[str, list[str]] | None:
+    """Return the argument that a missing file is named after, and values whose file exists.
+
+    Args:
+        file: The file that is missing.
+        arguments: Values of all arguments.
+    """
+    folder = next(parent for parent in file.parents if parent.is_dir())
+    first, *rest = file.relative_to(folder).parts
+    for name, value in sorted(arguments.items(), key=lambda item: -len(item[1])):
+        if value and value in first:
+            before, _, after = first.partition(value)
+            entries = (entry.name for entry in sorted(folder.iterdir()))
+            fitting = (e for e in entries if e.startswith(before) and e.endswith(after))
+            values = [e[len(before) : len(e) - len(after)] for e in fitting]
+            tails = {v: [part.replace(value, v) for part in rest] for v in values if v}
+            found = [
+                v
+                for v, tail in tails.items()
+                if folder.joinpath(before + v + after, *tail).exists()
+            ]
+            return name, found[:MOST_CHOICES]
+    return None
+
+
+def names_beside(file: Path) -> list[str]:
+    """Return the names with which a missing file would exist, for the part of its path that fails."""
+    folder = next(parent for parent in file.parents if parent.is_dir())
+    rest = file.relative_to(folder).parts[1:]
+    return [e.name for e in sorted(folder.iterdir()) if rest and e.joinpath(*rest).exists()]
+
+
+def callers(source: Path, packages: Packages) -> list[str]:
+    """Return the names of the sources around one that include it."""
+    found: list[str] = []
+    name = source.name.encode()
+    for count, file in enumerate(_sources(source, packages)):
+        if count == MOST_SOURCES:
+            break
+        try:
+            if file != source and re.search(rb"include[^>]*[/\"']" + re.escape(name), read(file)):
+                found.append(file.name)
+        except OSError:
+            continue
+    return sorted(set(found))
+
+
+def _sources(source: Path, packages: Packages) -> Iterator[Path]:
+    """Yield the xacro sources of the package of a source, or of its folder if it is in none."""
+    package = (f for f in packages.around if (f / "package.xml").is_file())
+    yield from next(package, source.parent).rglob("*.xacro")
+
+
+def _document(file: Path) -> etree._Element | None:
+    if file.suffix in (".yaml", ".yml"):
+        return None
+    try:
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+        return etree.fromstring(read(file), parser)
+    except (OSError, etree.XMLSyntaxError):
+        return None
+
+
+def _matches(folder: Path, pattern: str, aliases: set[str]) -> Iterator[str]:
+    """Yield the values of a variable for which a file of this pattern exists in the folder."""
+    wild, regular, end, known = "", "", 0, False
+    for variable in VARIABLE.finditer(pattern):
+        plain = pattern[end : variable.start()]
+        end = variable.end()
+        wild += f"{plain}*"
+        regular += re.escape(plain)
+        if (variable[1] or variable[2]) in aliases:
+            regular += "(?P=value)" if known else "(?P<value>[^/]+)"
+            known = True
+        else:
+            regular += "[^/]*"
+    regular += re.escape(pattern[end:])
+    try:
+        for path in sorted(folder.glob(wild + pattern[end:])):
+            if match := re.fullmatch(regular, path.relative_to(folder).as_posix()):
+                yield match["value"]
+    except (ValueError, OSError, NotImplementedError, IndexError):
+        return  # no pattern of a path
+
+
+def _comparisons(text: str) -> list[ast.Compare]:
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except (SyntaxError, ValueError):
+        return []
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Compare)]
