@@ -19,6 +19,7 @@ from spacearm.errors import SpaceArmError
 COMMANDS = {
     "models": "models.list_models",
     "info": "models.describe_model",
+    "mount": "models.write_model",
     "query": "queries.report_singularity",
     "view": "views.view_configuration",
     "map": "maps.draw_singular_map",

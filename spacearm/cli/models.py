@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 from rich.text import Text
 
 from spacearm.cli.options import (
@@ -83,6 +85,18 @@ def describe_model(
                 joint.mimic.leader if joint.mimic else "",
             )
     out.print(joints)
+
+
+@on_a_model
+def write_model(
+    arm: SpaceArm,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
+    ],
+) -> None:
+    """Mount an arm on a bus (--bus-mass) and write both as one URDF, which every command loads."""
+    path = arm.to_urdf(output)
+    out.print(f"{path}: {arm.name}, {arm.n} joints, {number(arm.mass)} kg, tip {arm.tip}")
 
 
 def _system_cm(arm: SpaceArm) -> Any:

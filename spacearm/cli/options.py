@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import inspect
 import re
-import warnings
 from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, cast
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 import typer
 
 from spacearm.arrays import Array
-from spacearm.description.assembly import assembled
+from spacearm.cli.arms import (
+    Arguments,
+    BusMass,
+    BusSize,
+    Density,
+    PackageFolders,
+    described_arm,
+    described_bus,
+    joints_of,
+)
 from spacearm.description.bodies import Joint
-from spacearm.description.model_catalogue import find_model
-from spacearm.description.readers.reading import Check, Reading
-from spacearm.description.readers.urdf import read as read_urdf
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.model.loading import load
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_pose
 
@@ -81,19 +85,37 @@ def arm_from(
     length: Length = None,
     lock: Lock = None,
     check: Checked = None,
+    bus_mass: BusMass = None,
+    bus_size: BusSize = None,
+    arg: Arguments = None,
+    package: PackageFolders = None,
+    density: Density = None,
     deg: Degrees = False,
 ) -> SpaceArm:
     """Load the arm that the shared options describe; this signature states them once."""
-    locked = assignments("--lock", lock)
+    bus, locked = described_bus(bus_mass, bus_size), assignments("--lock", lock)
+    options = {
+        "check": check,
+        "packages": package or (),
+        "xacro_args": _arguments(arg),
+        "density": density,
+    }
     if deg and locked:
-        info = find_model(model)
-        with warnings.catch_warnings():  # they come when the arm is loaded
-            warnings.simplefilter("ignore")
-            joints = (assembled(info) if info else read_urdf(model, Reading("accept"))).joints
+        joints = joints_of(model, bus, options).joints
         locked = {name: _si(joints.get(name), value, deg) for name, value in locked.items()}
-    wanted = None if task is None else Task(task, length)
-    arm = load(model, tip=tip, task=wanted, locked=locked, check=cast("Check | None", check))
-    return arm if wanted or length is None else arm.replace(task=Task(arm.task.names, length))
+    arm = described_arm(model, bus, tip=tip, locked=locked, options=options)
+    if task is None and length is None:
+        return arm
+    return arm.replace(task=Task(arm.task.names if task is None else task, length))
+
+
+def _arguments(texts: list[str] | None) -> dict[str, str]:
+    """Parse NAME:=VALUE, as often as given."""
+    pairs = [text.partition(":=") for text in texts or []]
+    for name, sign, _ in pairs:
+        if not name or not sign:
+            raise ConfigurationError(f"--arg {name!r}: give NAME:=VALUE")
+    return {name: value for name, _, value in pairs}
 
 
 def on_a_model(command: Callable[..., T]) -> Callable[..., T]:

@@ -1,4 +1,4 @@
-"""Meshes: mesh files found and read safely; files that they name in turn are not opened."""
+"""Meshes: mesh files read safely; files that they name in turn are not opened."""
 
 from __future__ import annotations
 
@@ -28,27 +28,6 @@ MOST_TRIANGLES = 10**7
 """Largest number of triangles of a mesh: a file may place one part any number of times."""
 MOST_NODES = 10_000
 """Largest number of nodes of a COLLADA scene."""
-
-
-def find_mesh(filename: str, urdf: Path) -> Path | None:
-    """Find the file that a <mesh filename> means.
-
-    Args:
-        filename: A path relative to the URDF, a file:// or a package:// name; packages are looked
-            for among the folders above the URDF.
-        urdf: The URDF.
-
-    Returns:
-        Its absolute path, or None if there is no such file.
-    """
-    from yourdfpy.urdf import filename_handler_magic  # slow to import: it imports trimesh
-
-    try:
-        with _silent("yourdfpy"):
-            found = Path(filename_handler_magic(filename, str(urdf.resolve().parent)))
-        return found if found.is_file() else None
-    except (OSError, TypeError, ValueError):
-        return None  # no file can have that name
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:

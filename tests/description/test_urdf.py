@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.description.meshes import find_mesh
+from spacearm.description.readers.packages import Packages
 
 BUS = link("bus", 50.0)
 ARM = link("arm")
@@ -294,7 +294,7 @@ def test_meshes_are_found_beside_the_file_and_by_package(tmp_path):
     (folder / "meshes" / "a.stl").write_bytes(b"solid a\nendsolid a\n")
     path = folder / "urdf" / "r.urdf"
     for name in ("../meshes/a.stl", "package://my_robot/meshes/a.stl"):
-        assert find_mesh(name, path) is not None
+        assert Packages(path).file(name) is not None
 
 
 def test_paths_with_spaces_and_other_letters(tmp_path):

@@ -45,6 +45,31 @@ class Packages:
         folder = self.find(package) if package else None
         return folder / rest if folder else None
 
+    def file(self, name: str) -> Path | None:
+        """Find the file that a description names.
+
+        Args:
+            name: A path relative to the description or to a folder above it, or a file://,
+                package:// or model:// name. Nothing is fetched from elsewhere.
+
+        Returns:
+            Its absolute path, or None if there is no such file.
+        """
+        scheme, _, rest = name.strip().replace("\\", "/").rpartition("://")
+        candidates: list[Path] = []
+        if scheme in ("", "file") or scheme.endswith("file"):
+            candidates = [self._file.parent / rest, *(folder / rest for folder in self.around)]
+        elif scheme.rpartition("://")[2] in ("package", "model"):
+            within = self.resolve(f"package://{rest}")
+            candidates = [within] if within else []
+            tails = (rest, rest.partition("/")[2])
+            candidates += [folder / tail for folder in self.around for tail in tails]
+        try:
+            found = next((path for path in candidates if path.is_file()), None)
+            return Path(os.path.normpath(found.absolute())) if found else None
+        except (OSError, ValueError):
+            return None  # no file can have that name
+
     def holds(self, path: Path) -> bool:
         """Whether a file belongs to the packages found so far or lies around the robot file."""
         found = [folder.resolve() for folder in self._found.values() if folder]

@@ -7,7 +7,6 @@ gives a `ModelWarning`.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -18,16 +17,18 @@ from lxml import etree
 
 from spacearm.arrays import LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.reading import Check, Reading
+from spacearm.description.readers.limits import read_limits, warn_of_limits
+from spacearm.description.readers.masses import checked
+from spacearm.description.readers.reading import Reading
 from spacearm.description.readers.urdf_visuals import read_visuals
-from spacearm.description.readers.xacro import is_xacro
-from spacearm.description.readers.xacro_source import expanded
+from spacearm.description.readers.xacro.robot import expanded, is_xacro
 from spacearm.description.readers.xml import Source, describe
 from spacearm.description.tree import ROOT_JOINT, Tree
 from spacearm.errors import unknown
 
-UNLIMITED = (None, "", "inf", "Inf", "INF", "infinity")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
+FLOATING = ("floating", "planar")
+"""Joints that only a spacecraft has; those above it are left out, for it floats by itself."""
 
 
 def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
@@ -53,17 +54,18 @@ def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
     if not links:
         source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
     joints = {name: _joint(source, e, links) for name, e in source.named(robot, "joint").items()}
+    links, joints = _without_world(source, links, joints)
     _check_mimics(source, joints)
+    warn_of_limits(source, robot, joints)
     tree = Tree(
-        name=robot.get("name") or source.path.stem,
+        name=robot.get("name") or source.path.name.partition(".")[0],
         root=_root(source, links, joints),
         links=links,
         joints=joints,
         visuals=read_visuals(source, robot),
         tips=tuple(_named_link(source, tip, links) for tip in robot.findall("tip")),
     )
-    _check_masses(source, tree, reading.check, reading.spacecraft)
-    _warn_of_missing_limits(source, joints)
+    tree = checked(source, tree)
     return replace(tree, notes=tuple(source.notes))
 
 
@@ -94,22 +96,18 @@ def _inertial(source: Source, link: etree._Element) -> Inertial | None:
     m = source.number(mass, "value")
     if m < 0.0 or 0.0 < m < LEAST_MASS:
         source.fail(f"{describe(mass)} is {m:g} kg", f"give a mass of at least {LEAST_MASS:g} kg")
-    xx, xy, xz, yy, yz, zz = (
-        source.number(inertia, name) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
+    products = ("ixy", "ixz", "iyz")
+    none = "0" if not any(name in inertia.attrib for name in products) else None
+    xy, xz, yz = (source.number(inertia, name, none) for name in products)
+    xx, yy, zz = (source.number(inertia, name) for name in ("ixx", "iyy", "izz"))
     return Inertial(m, source.pose(element), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
 
 
 def _joint(source: Source, element: etree._Element, links: Collection[str]) -> Joint:
-    name, kind = element.get("name", ""), element.get("type", "")
-    if kind in ("floating", "planar"):
-        source.fail(
-            f"joint {name!r} is of type {kind!r}, a freedom that only the spacecraft has",
-            "leave it out above the spacecraft, whose root link floats by itself; elsewhere "
-            "replace it by revolute and prismatic joints",
-        )
-    if kind not in KINDS:
-        source.fail(f"joint {name!r} has type {kind!r}", f"use one of {', '.join(KINDS)}")
+    name, kind = element.get("name", ""), element.get("type", "").strip().lower()
+    if kind not in (*KINDS, *FLOATING):
+        given = element.get("type", "")
+        source.fail(f"joint {name!r} has type {given!r}", f"use one of {', '.join(KINDS)}")
     parent, child = (_end(source, element, end, links) for end in ("parent", "child"))
     if source.child(element, "wheel") is not None:
         if kind not in ("revolute", "continuous"):
@@ -118,14 +116,14 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
     axis = source.child(element, "axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else source.numbers(axis, "xyz", 3)
     length = float(np.linalg.norm(direction))
-    if kind != "fixed":
+    if kind in FLOATING:
+        direction = np.array([1.0, 0.0, 0.0])
+    elif kind != "fixed":
         if length < 1e-12:
             source.fail(f"joint {name!r} has a zero axis", "give the direction it moves along")
         direction = direction / length
-    limits = _limits(source, element)
-    return Joint(
-        name, kind, parent, child, source.pose(element), direction, *limits, _mimic(source, element)
-    )
+    limits, mimic = read_limits(source, element, kind), _mimic(source, element, kind)
+    return Joint(name, kind, parent, child, source.pose(element), direction, *limits, mimic)
 
 
 def _end(source: Source, joint: etree._Element, end: str, links: Collection[str]) -> str:
@@ -144,35 +142,9 @@ def _named_link(source: Source, element: etree._Element, links: Collection[str])
     return link
 
 
-def _limits(source: Source, joint: etree._Element) -> tuple[float, float, float, float]:
-    """Read lower, upper, velocity and effort; URDF takes a missing lower or upper as 0."""
-    limit = source.child(joint, "limit")
-    if limit is None or joint.get("type") == "fixed":
-        return -math.inf, math.inf, math.inf, math.inf
-    velocity, effort = (
-        source.number(limit, name) if limit.get(name) not in UNLIMITED else math.inf
-        for name in ("velocity", "effort")
-    )
-    if min(velocity, effort) < 0.0:
-        source.fail(
-            f"{describe(limit)} has velocity {velocity:g} and effort {effort:g}",
-            "give positive numbers",
-        )
-    turns = joint.get("type") == "continuous" or joint.find("wheel") is not None
-    if turns or not (limit.get("lower") or limit.get("upper")):
-        return -math.inf, math.inf, velocity, effort
-    lower, upper = source.number(limit, "lower", "0"), source.number(limit, "upper", "0")
-    if lower > upper:
-        source.fail(
-            f"{describe(limit)} is reversed (lower {lower:g}, upper {upper:g})",
-            "exchange the two (a missing one counts as 0)",
-        )
-    return lower, upper, velocity, effort
-
-
-def _mimic(source: Source, joint: etree._Element) -> Mimic | None:
+def _mimic(source: Source, joint: etree._Element, kind: str) -> Mimic | None:
     mimic = source.child(joint, "mimic")
-    if mimic is None or joint.get("type") == "fixed":
+    if mimic is None or kind == "fixed":
         return None
     multiplier, offset = (
         source.number(mimic, "multiplier", "1"),
@@ -209,10 +181,38 @@ def _root(source: Source, links: Collection[str], joints: Mapping[str, Joint]) -
     return roots[0]
 
 
-def _check_mimics(source: Source, joints: Mapping[str, Joint]) -> None:
+def _without_world(
+    source: Source, links: dict[str, Inertial | None], joints: dict[str, Joint]
+) -> tuple[dict[str, Inertial | None], dict[str, Joint]]:
+    """Leave out a frame that the spacecraft floats in, and the joint that it floats by."""
+    floating = [joint for joint in joints.values() if joint.kind in FLOATING]
+    for joint in floating:
+        beside = [j for j in joints.values() if joint.parent in (j.parent, j.child)]
+        if links[joint.parent] is not None or beside != [joint]:
+            source.fail(
+                f"joint {joint.name!r} is of type {joint.kind!r}, a freedom that only the "
+                "spacecraft has",
+                "leave it out above the spacecraft, whose root link floats by itself; elsewhere "
+                "replace it by revolute and prismatic joints",
+            )
+        source.warn(
+            f"joint {joint.name!r} of type {joint.kind!r} and the link {joint.parent!r} are left "
+            f"out: the spacecraft {joint.child!r} floats by itself"
+        )
+        links = {name: part for name, part in links.items() if name != joint.parent}
+        joints = {name: j for name, j in joints.items() if j is not joint}
+    return links, joints
+
+
+def _check_mimics(source: Source, joints: dict[str, Joint]) -> None:
+    """Check that mimic joints lead to others; those of fixed joints are fixed too."""
     if ROOT_JOINT in joints:
         source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
     movable = [joint.name for joint in joints.values() if joint.movable]
+    for joint in list(joints.values()):
+        if joint.mimic and (leader := joints.get(joint.mimic.leader)) and leader.kind == "fixed":
+            joints[joint.name] = joint.frozen(joint.mimic.offset)
+            source.warn(f"joint {joint.name!r} mimics {leader.name!r}, which is fixed, and is too")
     for joint in joints.values():
         seen, mimic = [joint.name], joint.mimic
         while mimic:
@@ -223,33 +223,3 @@ def _check_mimics(source: Source, joints: Mapping[str, Joint]) -> None:
                 source.fail(f"joint {joint.name!r} mimics itself", "remove that <mimic>")
             seen.append(mimic.leader)
             mimic = joints[mimic.leader].mimic
-
-
-def _check_masses(source: Source, tree: Tree, check: Check, spacecraft: bool) -> None:
-    """Check that every body has mass, and an inertia that a rigid body can have."""
-    held: set[str] = set()  # point masses fixed to bodies, which need no inertia
-    for leader, lump in tree.lumps().items():
-        parts = {link: part for link in lump if (part := tree.links[link]) and part.mass}
-        points = {link for link, part in parts.items() if part.point}
-        held |= points if len(points) < len(parts) else set()
-        if not parts and (spacecraft or leader != tree.root):
-            what = "the spacecraft" if leader == tree.root else "movable link"
-            source.fail(
-                f"{what} {leader!r} has no mass (its <inertial> is zero or missing)",
-                "give it a mass and an inertia, or join it to its parent by a fixed joint",
-            )
-    for link, inertial in tree.links.items():
-        fault = inertial.fault() if inertial and link not in held else None
-        if fault and check == "error":
-            source.fail(
-                f"link {link!r} {fault}", 'correct it, or load with check="warn" to accept it'
-            )
-        if fault and check == "warn":
-            source.warn(f"link {link!r} {fault}")
-
-
-def _warn_of_missing_limits(source: Source, joints: Mapping[str, Joint]) -> None:
-    kinds = ("revolute", "prismatic")
-    free = [j.name for j in joints.values() if j.kind in kinds and math.isinf(j.lower)]
-    if free:
-        source.warn(f"no limits on {', '.join(free)}: taken as unlimited")

@@ -11,7 +11,6 @@ from pathlib import Path
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.description.meshes import find_mesh
 from spacearm.description.readers.xml import Source
 from spacearm.description.visuals import (
     Box,
@@ -24,9 +23,6 @@ from spacearm.description.visuals import (
     Visuals,
 )
 from spacearm.errors import ModelError
-
-SHOWN = 3
-"""Missing meshes that the warning about them names."""
 
 
 def read_visuals(source: Source, robot: etree._Element) -> dict[str, Visuals]:
@@ -41,7 +37,7 @@ def read_visuals(source: Source, robot: etree._Element) -> dict[str, Visuals]:
     """
     reader = _Reader(source, robot)
     shapes = {link.get("name", ""): reader.visuals(link) for link in robot.findall("link")}
-    reader.warn_of_missing_meshes()
+    source.warn_of_missing_meshes(reader.missing())
     return {link: found for link, found in shapes.items() if any(found)}
 
 
@@ -53,19 +49,16 @@ class _Reader:
         self._materials = {m.get("name"): m for m in robot.findall("material")}
         self._files: dict[str, Path | None] = {}
 
+    def missing(self) -> list[str]:
+        """Return the names of the mesh files that were not found."""
+        return [name for name, file in self._files.items() if file is None]
+
     def visuals(self, link: etree._Element) -> Visuals:
         """Return the shapes of a <link>."""
         visual, collision = (
             tuple(self._shape(element) for element in link.findall(tag)) for tag in Visuals._fields
         )
         return Visuals(visual, collision)
-
-    def warn_of_missing_meshes(self) -> None:
-        """Warn of the files that were not found."""
-        if missing := sorted(name[:80] for name, file in self._files.items() if file is None):
-            rest = len(missing) - SHOWN
-            names = ", ".join(missing[:SHOWN]) + (f" and {rest} more" if rest > 0 else "")
-            self._source.warn(f"meshes not found (physics is not affected): {names}")
 
     def _shape(self, element: etree._Element) -> Shape:
         """Read a <visual> or <collision>."""
@@ -101,7 +94,7 @@ class _Reader:
     def _file(self, name: str) -> Path | None:
         """Find a mesh file, once."""
         if name not in self._files:
-            self._files[name] = find_mesh(name, self._source.path)
+            self._files[name] = self._source.packages.file(name)
         return self._files[name]
 
     def _rgba(self, parent: etree._Element) -> tuple[float, ...] | None:

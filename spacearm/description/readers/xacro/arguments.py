@@ -134,7 +134,7 @@ def instead(file: Path, arguments: Mapping[str, str]) -> tuple[str, list[str]] |
 
 
 def names_beside(file: Path) -> list[str]:
-    """Return the names with which a missing file would exist, for the part of its path that fails."""
+    """Return the names with which a missing file would exist, of the part that is missing."""
     folder = next(parent for parent in file.parents if parent.is_dir())
     rest = file.relative_to(folder).parts[1:]
     return [e.name for e in sorted(folder.iterdir()) if rest and e.joinpath(*rest).exists()]

@@ -6,15 +6,23 @@ from typing import NoReturn
 
 from lxml import etree
 
-from spacearm.description.readers.xacro import (
-    Expansion,
+from spacearm.description.readers.xacro.arguments import ArgumentsOf, callers, instead, names_beside
+from spacearm.description.readers.xacro.expansion import Expansion
+from spacearm.description.readers.xacro.faults import (
     MissingArgumentError,
     MissingFileError,
     XacroError,
 )
-from spacearm.description.readers.xacro_arguments import ArgumentsOf, callers, instead, names_beside
 from spacearm.description.readers.xml import Source
 from spacearm.errors import unknown
+
+
+def is_xacro(root: etree._Element) -> bool:
+    """Whether a document has elements for xacro, whose namespace has had several addresses."""
+    return any(
+        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
+        for element in root.iter(etree.Element)
+    )
 
 
 def expanded(source: Source, written: etree._Element) -> etree._Element:

@@ -18,15 +18,19 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from lxml import etree
-
-from spacearm.description.readers.expressions import (
+from spacearm.description.readers.packages import Packages
+from spacearm.description.readers.xacro.expressions import (
     Evaluator,
     ExpressionError,
     bounded_range,
     bounded_round,
 )
-from spacearm.description.readers.packages import Packages
+from spacearm.description.readers.xacro.faults import (
+    MissingArgumentError,
+    MissingFileError,
+    MissingPackageError,
+    XacroError,
+)
 from spacearm.files import read
 
 CLOSED = ("type", "vars", "hash", "repr")
@@ -37,55 +41,6 @@ EXTRAS = re.compile("gazebo|ros2?_?control|transmission|plugin", re.IGNORECASE)
 """Names of files and macros for simulators and controllers, which describe no bodies."""
 HARMLESS = re.compile("is deprecated|redefining global symbol|inconsistent namespace")
 """Warnings of xacro that make no difference to the robot."""
-
-
-class XacroError(Exception):
-    """A source cannot be expanded.
-
-    Attributes:
-        problem: What is wrong.
-        remedy: What to do.
-    """
-
-    def __init__(self, problem: str, remedy: str) -> None:
-        super().__init__(f"{problem}; {remedy}")
-        self.problem, self.remedy = problem, remedy
-
-
-class MissingArgumentError(XacroError):
-    """An argument has no value.
-
-    Attributes:
-        name: Its name.
-    """
-
-    def __init__(self, name: str) -> None:
-        super().__init__(f"argument {name!r} has no value", "give it one")
-        self.name = name
-
-
-class MissingFileError(XacroError, FileNotFoundError):
-    """A file that the source reads is missing.
-
-    Attributes:
-        file: The file.
-    """
-
-    def __init__(self, file: Path) -> None:
-        super().__init__(f"{file}: no such file", "correct the name or the arguments")
-        self.file = file
-
-
-def is_xacro(root: etree._Element) -> bool:
-    """Whether a document has elements for xacro, whose namespace has had several addresses."""
-    return any(
-        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
-        for element in root.iter(etree.Element)
-    )
-
-
-class MissingPackageError(XacroError):
-    """A package that the source reads a file of was not found."""
 
 
 class Expansion:

@@ -1,0 +1,118 @@
+"""Arms: the arm that the options shared by the commands describe, loaded."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+import pinocchio as pin
+import typer
+
+from spacearm.description.assembly import assembled
+from spacearm.description.bus import Bus
+from spacearm.description.model_catalogue import find_arm, find_model, models_by_name
+from spacearm.description.readers import urdf
+from spacearm.description.readers.reading import Reading
+from spacearm.description.tree import Tree
+from spacearm.errors import ConfigurationError, warn
+from spacearm.model.arm import SpaceArm
+from spacearm.model.loading import load, mount
+
+BUS_DENSITY = 200.0
+"""Density [kg/m^3] of a bus whose size is not given: that of small spacecraft."""
+
+Edges: TypeAlias = tuple[float, float, float]
+BusMass = Annotated[
+    float | None,
+    typer.Option(help="Mount MODEL, an arm alone, on a bus of this mass [kg].", metavar="KG"),
+]
+BusSize = Annotated[
+    Edges | None,
+    typer.Option(help="Edges of that bus, a solid box [m].", metavar="X Y Z"),
+]
+Arguments = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--arg", help="Argument of a xacro source; may be repeated.", metavar="NAME:=VALUE"
+    ),
+]
+PackageFolders = Annotated[
+    list[Path] | None,
+    typer.Option("--package", help="Folder of ROS packages; may be repeated.", metavar="FOLDER"),
+]
+Density = Annotated[
+    float | None,
+    typer.Option(help="Density [kg/m^3] of links without inertial data.", metavar="RHO"),
+]
+
+
+def described_arm(
+    model: str,
+    bus: Bus | None,
+    *,
+    tip: str | None,
+    locked: dict[str, float],
+    options: dict[str, Any],
+) -> SpaceArm:
+    """Load a spacecraft with its arm, or mount an arm on top of a bus.
+
+    Args:
+        model: A name of the catalogue or the path of a file.
+        bus: The bus; None if the model has a spacecraft.
+        tip: As in `loading.load`.
+        locked: As in `loading.load`, in SI units.
+        options: check, packages, xacro_args and density, as in `loading.load`.
+    """
+    if bus is None:
+        return load(model, tip=tip, locked=locked, **options)
+    _require_arm(model)
+    assert bus.size is not None
+    top = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5 * np.asarray(bus.size)[2]]))
+    return mount(model, bus, top, tip=tip, locked=locked, **options)
+
+
+def described_bus(mass: float | None, size: Edges | None) -> Bus | None:
+    """Return the bus that the options describe; None if they name none.
+
+    Raises:
+        ConfigurationError: A size is given without a mass.
+        ModelError: No bus can have them.
+
+    Warns:
+        ModelWarning: The size was assumed.
+    """
+    if mass is None:
+        if size is not None:
+            raise ConfigurationError("--bus-size needs --bus-mass KG")
+        return None
+    if size is None:
+        edge = round(float(np.cbrt(max(mass, 0.0) / BUS_DENSITY)), 3) or 0.001
+        size = (edge, edge, edge)
+        warn(
+            f"the bus of {mass:g} kg is taken as a solid cube of {edge:g} m, at {BUS_DENSITY:g} "
+            "kg/m^3, with the arm on its +z face; --bus-size X Y Z gives another"
+        )
+    return Bus(mass=mass, size=size)
+
+
+def joints_of(model: str, bus: Bus | None, options: dict[str, Any]) -> Tree:
+    """Read the tree of a model, without warnings: they come when it is loaded."""
+    reading = {**options, "check": "accept"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if bus is not None:
+            known = find_arm(model)
+            path = known.path if known else Path(model)
+            sound = Reading.of(**reading)
+            return urdf.read(path, Reading(**{**vars(sound), "spacecraft": False}))
+        info = find_model(model)
+        return assembled(info) if info else urdf.read(model, Reading.of(**reading))
+
+
+def _require_arm(model: str) -> None:
+    if model in models_by_name():
+        raise ConfigurationError(
+            f"--bus-mass mounts an arm alone, and {model} has a spacecraft; leave it out"
+        )

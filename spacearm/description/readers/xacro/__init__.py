@@ -1,0 +1,1 @@
+"""xacro: sources of robot descriptions expanded to URDF."""
