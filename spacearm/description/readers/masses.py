@@ -157,6 +157,7 @@ def _check_motions(source: Source, tree: Tree) -> None:
     }
     if not weak:
         return
+    say = source.note if source.reading.check == "accept" else source.warn
     if moving := _motion_without_mass(tree):
         problem = (
             f"a motion of {_some(moving)} moves no mass: no mass, or no inertia about some axis, "
@@ -168,12 +169,12 @@ def _check_motions(source: Source, tree: Tree) -> None:
                 'give them mass and inertia, or density=; check="warn" accepts it, for all that '
                 "needs no joint torques",
             )
-        source.warn(problem)
+        say(problem)
         return
     if massless := [leader for leader, body in weak.items() if body.mass == 0.0]:
-        source.warn(f"links between joints without mass are taken as massless: {_some(massless)}")
+        say(f"links between joints without mass are taken as massless: {_some(massless)}")
     if thin := [leader for leader, body in weak.items() if _thin(body)]:
-        source.warn(f"bodies without inertia about some axis are taken as thin: {_some(thin)}")
+        say(f"bodies without inertia about some axis are taken as thin: {_some(thin)}")
 
 
 def _motion_without_mass(tree: Tree) -> list[str]:

@@ -37,6 +37,8 @@ CLOSED = ("type", "vars", "hash", "repr")
 """Functions of xacro's namespace python that expressions do without."""
 ENDLESS = ("factorial", "comb", "perm")
 """Functions of xacro's namespace math whose values have no bounds."""
+MACRO = 50
+"""Steps that a macro or a file counts as."""
 EXTRAS = re.compile("gazebo|ros2?_?control|transmission|plugin", re.IGNORECASE)
 """Names of files and macros for simulators and controllers, which describe no bodies."""
 HARMLESS = re.compile("is deprecated|redefining global symbol|inconsistent namespace")
@@ -116,10 +118,7 @@ class Expansion:
             "eval_extension": self._substitute,
             "parse": self._parse,
             "load_yaml": self._load_yaml,
-            "message": lambda *_, **__: None,
-            "warning": self._warn,
-            "error": self._warn,
-            "print_location": lambda: None,
+            **self._messages(),
             "handle_macro_call": self._call_macro(xacro.handle_macro_call),
             "check_attrs": self._recorded(xacro.check_attrs),
         }
@@ -136,11 +135,26 @@ class Expansion:
         vars(xacro)["_global_symbols"] = symbols
         return xacro
 
+    def _messages(self) -> dict[str, Callable[..., None]]:
+        """Return what xacro and the source give messages by; they know each by its name."""
+
+        def message(*_: object, **__: object) -> None: ...
+
+        def warning(*words: object, **_: object) -> None:
+            self._warn(" ".join(map(str, words)))
+
+        def error(*words: object, **_: object) -> None:
+            self._warn(" ".join(map(str, words)))
+
+        def print_location() -> None: ...
+
+        return {f.__name__: f for f in (message, warning, error, print_location)}
+
     def _call_macro(self, call: Callable[..., bool]) -> Callable[..., bool]:
         """Return the call of macros: each is a step, those of files left out are left out."""
 
         def called(node: Any, macros: Any, symbols: Any) -> bool:
-            self._evaluator.step()
+            self._evaluator.step(MACRO)
             name = node.tagName.removeprefix("xacro:")
             if self._left_out and name != node.tagName and EXTRAS.search(name):
                 try:
@@ -167,8 +181,7 @@ class Expansion:
 
         return recorded
 
-    def _warn(self, *words: object, **_: object) -> None:
-        text = " ".join(map(str, words))
+    def _warn(self, text: str) -> None:
         if not HARMLESS.search(text) and text not in self.warnings:
             self.warnings.append(text)
 
@@ -226,7 +239,7 @@ class Expansion:
                 f"name the folder that holds {package[1]!r}: packages=[FOLDER] or --package FOLDER",
             )
         file = Path(os.path.normpath(filename))
-        self._evaluator.step(100)
+        self._evaluator.step(MACRO)
         if not file.exists():
             raise MissingFileError(file)
         if not self._packages.holds(file):
