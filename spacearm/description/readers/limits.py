@@ -105,7 +105,7 @@ def warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, J
         if name in joints and joints[name].kind == "continuous" and joints[name].mimic is None
     ]
     if turning:
-        source.note(f"{', '.join(turning)} are continuous: their limits do not count")
+        source.note(f"limits of {', '.join(turning)} do not count, as for all continuous joints")
     for end, what in (("velocity", "rate"), ("effort", "effort")):
         zero = [
             name

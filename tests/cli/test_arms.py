@@ -1,0 +1,127 @@
+"""Options that describe the arm: a bus for an arm alone, xacro arguments, packages, densities."""
+
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import frame, joint, link, robot
+from helpers.commands import answer, spacearm
+
+import spacearm as sa
+
+XACRO = """<robot name="arm" xmlns:xacro="http://ros.org/wiki/xacro">
+  <xacro:arg name="mass"/>
+  <xacro:include filename="$(find parts)/parts.xacro"/>
+  <link name="base"/><xacro:body name="arm" mass="$(arg mass)"/>
+  <joint name="elbow" type="continuous"><parent link="base"/><child link="arm"/>
+    <origin xyz="0.5 0 0"/></joint>
+</robot>
+"""
+PARTS = """<robot xmlns:xacro="http://ros.org/wiki/xacro">
+  <xacro:macro name="body" params="name mass"><link name="${name}"><inertial>
+    <mass value="${mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link></xacro:macro>
+</robot>
+"""
+BOX = '<collision><geometry><box size="0.1 0.1 1"/></geometry></collision>'
+
+
+@pytest.fixture
+def arm_alone(tmp_path):
+    """A URDF of an arm whose base has no mass."""
+    path = tmp_path / "arm.urdf"
+    hand = joint("wrist", "arm", "hand", axis=(0, 1, 0))
+    parts = (
+        frame("base"),
+        link("arm", 3.0),
+        link("hand", 2.0),
+        joint("elbow", "base", "arm"),
+        hand,
+    )
+    path.write_text(robot(*parts))
+    return path
+
+
+def test_a_bus_for_an_arm_alone(arm_alone):
+    refused = spacearm("query", arm_alone, "0.1", "0.2")
+    assert refused.returncode == 2
+    assert "this is an arm alone" in refused.stderr
+    assert "--bus-mass KG" in refused.stderr
+    options = ("--bus-mass", "90", "--bus-size", "1", "2", "3")
+    got = answer("query", arm_alone, "0.1", "0.2", *options)
+    at = np.array([0.0, 0.0, 1.5])
+    arm = sa.mount(arm_alone, sa.Bus(mass=90, size=(1, 2, 3)), pin.SE3(np.eye(3), at))
+    assert got["sigma"] == sa.singularity(arm.at([0.1, 0.2])).sigma.tolist()
+    assumed = spacearm("query", arm_alone, "0.1", "0.2", "--bus-mass", "200", "--json")
+    assert "taken as a solid cube of 1 m, at 200 kg/m^3" in assumed.stderr
+    box = sa.mount(arm_alone, sa.Bus(mass=200, size=(1, 1, 1)), pin.SE3(np.eye(3), at / 3))
+    assert json.loads(assumed.stdout)["sigma"] == sa.singularity(box.at([0.1, 0.2])).sigma.tolist()
+
+
+def test_names_are_those_of_the_arm_and_degrees_hold(arm_alone):
+    options = ("--bus-mass", "90", "--bus-size", "1", "1", "1")
+    turned = answer("query", arm_alone, "10", "--deg", "--lock", "wrist=90", *options)
+    same = answer("query", arm_alone, np.radians(10), "--lock", f"wrist={np.pi / 2}", *options)
+    assert np.allclose(turned["sigma"], same["sigma"], atol=1e-14)
+    assert answer("query", arm_alone, "0.1", "0", "--tip", "arm", *options)["sigma"]
+    names = answer("info", "ur5", *options)["joints"]
+    assert names[0]["name"] == "ur5_shoulder_pan_joint"
+
+
+def test_mount_writes_one_urdf(arm_alone, tmp_path):
+    path = tmp_path / "whole.urdf"
+    run = spacearm("mount", "ur5", "--bus-mass", "200", "-o", path)
+    assert run.returncode == 0
+    assert f"{path}: bus_ur5, 6 joints, " in run.stdout
+    whole = sa.load(path)
+    assert whole.mass == pytest.approx(sa.mount("ur5", sa.Bus(mass=200, size=(1, 1, 1))).mass)
+    assert (whole.n, whole.tip) == (6, "ur5")
+    missing = spacearm("mount", arm_alone, "-o", path)
+    assert "--bus-mass KG" in missing.stderr
+    assert missing.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--bus-size", "1", "1", "1"), "--bus-size needs --bus-mass KG"),
+        (("--bus-mass", "-3"), "mass is -3 kg"),
+        (("--bus-mass", "90"), "planar2 has a spacecraft; leave it out"),
+        (("--arg", "mass=3"), "--arg 'mass=3': give NAME:=VALUE"),
+        (("--package", "nowhere"), "packages: nowhere is no folder"),
+        (("--density", "0"), "density is 0.0; give a positive density"),
+    ],
+)
+def test_bad_options(words, message):
+    run = spacearm("info", "planar2", *words)
+    assert run.returncode == 2
+    assert message in run.stderr.splitlines()[-1]
+
+
+def test_xacro_arguments_and_packages(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "parts.xacro").write_text(PARTS)
+    path = tmp_path / "robot" / "arm.xacro"
+    (path.parent / ".git").mkdir(parents=True)
+    path.write_text(XACRO)
+    bus = ("--bus-mass", "90", "--bus-size", "1", "1", "1")
+    lacking = spacearm("info", path, *bus, "--arg", "mass:=7")
+    assert "name the folder that holds 'parts': packages=[FOLDER] or --package" in lacking.stderr
+    package = ("--package", tmp_path)
+    lacking = spacearm("info", path, *bus, *package)
+    assert "on the command line --arg mass:=..." in lacking.stderr
+    assert answer("info", path, *bus, *package, "--arg", "mass:=7")["mass"] == 97.0
+
+
+def test_density_and_notes(tmp_path):
+    path = tmp_path / "robot.urdf"
+    arm = f'<link name="arm">{BOX}</link>'
+    path.write_text(robot(link("bus", 50.0), arm, joint("elbow", "bus", "arm")))
+    refused = spacearm("info", path)
+    assert "--density 2700 on the command line" in refused.stderr
+    told = spacearm("info", path, "--density", "1000")
+    assert (
+        "note: density 1000 kg/m^3 gives mass and inertia from shapes: 'arm' 10 kg" in told.stdout
+    )
+    assert answer("info", path, "--density", "1000")["mass"] == pytest.approx(60.0)
