@@ -36,7 +36,8 @@ def load(
     """Load a spacecraft with its arm.
 
     The spacecraft is the root link with all links that fixed joints hold to it; a massless root
-    fixed to the actual bus is fine. Side branches (solar panels, other arms) are bodies and joints
+    fixed to the actual bus is fine, and one that it floats in is left out. Movable leaves without
+    mass are held. Side branches (solar panels, other arms) are bodies and joints
     like any other. Joints that mimic another are not among the n joints; their limits count as
     limits of the joint that they follow.
 
@@ -49,8 +50,9 @@ def load(
             `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
             the rotation); otherwise "pose" from 6 joints on, else "position".
         locked: Joints to lock, with their values [rad] or [m].
-        check: What to do with inertias that no rigid body can have: "error", "warn" or "accept".
-            Default: that of the catalogue for its models, "error" for files.
+        check: What to do with inertias that no rigid body can have, and with joints that move no
+            mass: "error", "warn" or "accept". Default: that of the catalogue for its models,
+            "error" for files.
         wheels: Joints of reaction wheels and other bodies that hold momentum, which are not among
             the n joints; `SpaceArm.at` takes their momentum. Joints with a <wheel> element are
             wheels anyway.
