@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
+import numpy as np
 import pinocchio as pin
 
 
@@ -91,3 +92,19 @@ class Visuals(NamedTuple):
 
     visual: tuple[Shape, ...] = ()
     collision: tuple[Shape, ...] = ()
+
+
+def capsule(
+    pose: pin.SE3, radius: float, length: float, rgba: tuple[float, ...] | None = None
+) -> tuple[Shape, ...]:
+    """Return a capsule about the origin of a pose, along z, as a cylinder and two spheres.
+
+    Args:
+        pose: Its pose in the link frame.
+        radius: Radius [m].
+        length: Length of the cylinder between the half spheres [m].
+        rgba: The colour.
+    """
+    ends = [pin.SE3(np.eye(3), np.array([0.0, 0.0, z])) for z in (-length / 2.0, length / 2.0)]
+    spheres = (Shape(pose * end, Sphere(radius), rgba) for end in ends)
+    return (Shape(pose, Cylinder(radius, length), rgba), *spheres)

@@ -199,6 +199,22 @@ def test_byte_order_marks(encoding, declared, tmp_path):
     assert sa.load(path).n == 1
 
 
+def test_quaternions_of_urdf_1_2():
+    text = robot(*two_links())
+    angles, quaternion = 'rpy="0.0 0.0 0.0"', 'quat_xyzw="0 0 0.5 0.5"'
+    placement = load_text(text.replace(angles, quaternion)).model.jointPlacements[2]
+    assert np.allclose(placement.rotation @ (1, 0, 0), (0, 1, 0), atol=1e-15)
+    with pytest.raises(sa.ModelError, match="zero quat_xyzw; give a unit quaternion"):
+        load_text(text.replace(angles, 'quat_xyzw="0 0 0 0"'))
+
+
+def test_capsules_are_read():
+    capsule = '<collision><geometry><capsule radius="0.1" length="1"/></geometry></collision>'
+    shapes = load_text(robot(BUS, link("arm", inside=capsule), ELBOW)).tree.visuals["arm"].collision
+    ends = [shape.pose.translation[2] for shape in shapes]
+    assert (len(shapes), ends) == (3, [0.0, -0.5, 0.5])
+
+
 def test_windows_paths_of_meshes(tmp_path):
     mesh = '<visual><geometry><mesh filename="meshes\\arm.stl"/></geometry></visual>'
     (tmp_path / "meshes").mkdir()

@@ -211,6 +211,20 @@ def shaped(geometry, tag="collision", pose=""):
 SHAPES = {
     "box": ('<box size="0.1 0.2 0.3"/>', 0.006, np.array([0.13, 0.10, 0.05]) / 12),
     "sphere": ('<sphere radius="0.2"/>', 4 / 3 * np.pi * 0.008, np.full(3, 0.4 * 0.04)),
+    "capsule": (  # a cylinder, and two half balls with their centres of mass at 3/8 r
+        '<capsule radius="0.1" length="0.6"/>',
+        np.pi * (0.006 + 4 / 3000),
+        np.array(
+            [
+                *[
+                    (0.006 * (0.0025 + 0.03) + 4 / 3000 * (0.4 * 0.01 + 0.09 + 2 * 0.3 * 0.0375))
+                    / (0.006 + 4 / 3000)
+                ]
+                * 2,
+                (0.006 * 0.005 + 4 / 3000 * 0.004) / (0.006 + 4 / 3000),
+            ]
+        ),
+    ),
     "cylinder": (
         '<cylinder radius="0.1" length="0.6"/>',
         np.pi * 0.006,
@@ -260,6 +274,12 @@ def test_density_of_nothing():
     for wrong in (0, -1, "heavy", np.nan):
         with pytest.raises(sa.ConfigurationError, match=r"density is .*give a positive density"):
             load_text(text, density=wrong)
+
+
+def test_an_arm_on_a_light_foot_is_noted():
+    foot = link("foot", 0.5)
+    arm = load_text(robot(foot, ARM, joint("elbow", "foot", "arm")))
+    assert "has 0.5 kg, and what moves on it 3 kg, as if this is an arm alone" in arm.notes[0]
 
 
 # --- notes ----------------------------------------------------------------------------------

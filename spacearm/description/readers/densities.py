@@ -14,14 +14,24 @@ from spacearm.description.bodies import Inertial
 from spacearm.description.meshes import read_mesh
 from spacearm.description.readers.xml import Source
 from spacearm.description.tree import Tree
-from spacearm.description.visuals import Box, Cylinder, Geometry, Mesh, Shape, Sphere, Visuals
+from spacearm.description.visuals import (
+    Box,
+    Cylinder,
+    Geometry,
+    Mesh,
+    Shape,
+    Sphere,
+    Visuals,
+    capsule,
+)
 from spacearm.errors import ModelError
 
 
 def with_density(source: Source, tree: Tree, density: float) -> Tree:
     """Return the tree with mass properties for the links that have shapes and no mass.
 
-    Shapes are taken as solid; where shapes of a link overlap, both count. Those for collisions are
+    Shapes are taken as solid; where shapes of a link overlap, both count, but for
+    the ends of capsules. Those for collisions are
     used, else those that are drawn. A mesh that is not closed is taken as its convex hull.
 
     Args:
@@ -59,9 +69,26 @@ def _inertial(volume: pin.Inertia, density: float) -> Inertial:
 
 def _solid(shapes: Sequence[Shape]) -> pin.Inertia | None:
     """Return the inertia of solid shapes of density 1; None if no shape can be used."""
-    solids = [(shape.pose, _solid_of(shape.geometry)) for shape in shapes]
-    parts = [pose.act(solid) for pose, solid in solids if solid is not None]
+    parts: list[pin.Inertia] = []
+    rest = list(shapes)
+    while rest:
+        first = rest.pop(0)
+        solid = _solid_of(first.geometry)
+        if isinstance(first.geometry, Cylinder) and _round_ended(first, rest[:2]):
+            solid = _at_density_1(coal.Capsule(*first.geometry))
+            del rest[:2]
+        if solid is not None:
+            parts.append(first.pose.act(solid))
     return sum(parts[1:], start=parts[0]) if parts else None
+
+
+def _round_ended(cylinder: Shape, ends: Sequence[Shape]) -> bool:
+    """Whether a cylinder and the two shapes behind it are a `capsule`."""
+    _, *spheres = capsule(cylinder.pose, *cylinder.geometry)
+    return len(ends) == 2 and all(
+        end.geometry == sphere.geometry and end.pose.isApprox(sphere.pose)
+        for end, sphere in zip(ends, spheres, strict=True)
+    )
 
 
 def _solid_of(geometry: Geometry) -> pin.Inertia | None:
@@ -77,6 +104,11 @@ def _solid_of(geometry: Geometry) -> pin.Inertia | None:
             return _solid_mesh(file, scale)
         case _:
             return None
+    return _at_density_1(shape)
+
+
+def _at_density_1(shape: coal.ShapeBase) -> pin.Inertia | None:
+    """Return the inertia of a shape about its centre; None if it has no volume."""
     volume = float(shape.computeVolume())
     if not volume > 0.0:
         return None

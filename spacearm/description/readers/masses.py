@@ -22,6 +22,8 @@ from spacearm.description.tree import Tree
 
 SINGULAR = 1e-10
 """Eigenvalue of the scaled joint inertia up to which some motion moves no mass."""
+LIGHT = 0.2
+"""Mass of a spacecraft, as a share of what moves on it, up to which it looks like a foot."""
 SHOWN = 6
 """Names that a list of links or joints shows."""
 
@@ -72,7 +74,13 @@ def _require_masses(source: Source, tree: Tree) -> None:
             f"--bus-mass KG, or spacearm mount {file} --bus-mass KG -o robot.urdf; or give that "
             "link a mass and an inertia",
         )
-    del masses[tree.root]
+    spacecraft = masses.pop(tree.root)
+    moving = sum(masses.values())
+    if source.reading.spacecraft and spacecraft < LIGHT * moving:
+        source.note(
+            f"the spacecraft {tree.root!r} has {spacecraft:.3g} kg, and what moves on it "
+            f"{moving:.3g} kg, as if this is an arm alone: sa.mount and --bus-mass put it on one"
+        )
     if masses and not any(masses.values()):
         source.fail(
             f"no movable link has mass: <inertial> is zero or missing in {_some(masses)}",

@@ -21,6 +21,7 @@ from spacearm.description.visuals import (
     Sphere,
     Unusable,
     Visuals,
+    capsule,
 )
 from spacearm.errors import ModelError
 
@@ -56,17 +57,22 @@ class _Reader:
     def visuals(self, link: etree._Element) -> Visuals:
         """Return the shapes of a <link>."""
         visual, collision = (
-            tuple(self._shape(element) for element in link.findall(tag)) for tag in Visuals._fields
+            tuple(shape for element in link.findall(tag) for shape in self._shapes(element))
+            for tag in Visuals._fields
         )
         return Visuals(visual, collision)
 
-    def _shape(self, element: etree._Element) -> Shape:
+    def _shapes(self, element: etree._Element) -> tuple[Shape, ...]:
         """Read a <visual> or <collision>."""
         try:
-            pose = self._source.pose(element)
-            return Shape(pose, self._geometry(element), self._rgba(element))
+            pose, rgba = self._source.pose(element), self._rgba(element)
+            if (round_ended := element.find("geometry/capsule")) is not None:
+                lengths = (self._source.lengths(round_ended, n, 1) for n in ("radius", "length"))
+                radius, length = (value.item() for value in lengths)
+                return capsule(pose, radius, length, rgba)
+            return (Shape(pose, self._geometry(element), rgba),)
         except ModelError as error:
-            return Shape(pin.SE3.Identity(), Unusable(str(error)))
+            return (Shape(pin.SE3.Identity(), Unusable(str(error))),)
 
     def _geometry(self, parent: etree._Element) -> Geometry:
         source, element = self._source, parent.find("geometry/*")
@@ -88,7 +94,7 @@ class _Reader:
         owner = "" if link is None else link.get("name", "")
         source.fail(
             f"link {owner!r} has a {parent.tag!s} without a known geometry",
-            "give it a box, sphere, cylinder or mesh",
+            "give it a box, sphere, cylinder, capsule or mesh",
         )
 
     def _file(self, name: str) -> Path | None:

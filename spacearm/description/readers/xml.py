@@ -17,8 +17,12 @@ from spacearm.description.readers.reading import Reading
 from spacearm.errors import ModelError, warn
 from spacearm.files import read
 
+SHORTEST = 1e-6
+"""Least length of a quaternion that a direction can be read from."""
 SHOWN = 3
-"""Missing meshes that the warning about them names."""
+"""Missing meshes that the warning about them names; the note names all."""
+LONGEST = 300
+"""Characters of a name that a note shows."""
 
 
 class Source:
@@ -52,10 +56,13 @@ class Source:
 
     def warn_of_missing_meshes(self, names: Iterable[str]) -> None:
         """Warn of mesh files that were not found, if any; one warning for all."""
-        if missing := sorted({name[:80] for name in names}):
+        if missing := sorted({name[:LONGEST] for name in names}):
             rest = len(missing) - SHOWN
-            shown = ", ".join(missing[:SHOWN]) + (f" and {rest} more" if rest > 0 else "")
-            self.warn(f"meshes not found (physics is not affected): {shown}")
+            shown = ", ".join(name[:80] for name in missing[:SHOWN]) + (
+                f" and {rest} more" if rest > 0 else ""
+            )
+            self.notes.append(f"meshes not found: {', '.join(missing)}")
+            warn(f"{self.path}: meshes not found (physics is not affected): {shown}")
 
     def root(self) -> etree._Element:
         """Return the root element of the file.
@@ -143,12 +150,17 @@ class Source:
         return values
 
     def pose(self, element: etree._Element) -> pin.SE3:
-        """Read the pose in a child <origin xyz rpy>; the identity if there is none."""
+        """Read the pose in a child <origin>; the identity if there is none."""
         origin = self.child(element, "origin")
         if origin is None:
             return pin.SE3.Identity()
-        rpy = self.numbers(origin, "rpy", 3, "0 0 0")
-        return pin.SE3(pin.rpy.rpyToMatrix(rpy), self.numbers(origin, "xyz", 3, "0 0 0"))
+        xyz = self.numbers(origin, "xyz", 3, "0 0 0")
+        if origin.get("quat_xyzw"):  # URDF 1.2
+            quaternion = pin.Quaternion(self.numbers(origin, "quat_xyzw", 4))
+            if quaternion.norm() < SHORTEST:
+                self.fail(f"{describe(origin)} has a zero quat_xyzw", "give a unit quaternion")
+            return pin.SE3(quaternion.normalized(), xyz)
+        return pin.SE3(pin.rpy.rpyToMatrix(self.numbers(origin, "rpy", 3, "0 0 0")), xyz)
 
 
 def describe(element: etree._Element) -> str:
