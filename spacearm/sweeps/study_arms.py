@@ -16,6 +16,9 @@ from spacearm.model.loading import load
 from spacearm.model.task import Task
 from spacearm.sweeps.toml import Table
 
+READING = ("packages", "xacro_args", "density")
+"""Keys of an arm that say how its file is read, as in `load`."""
+
 
 def read_arms(table: Table, folder: Path) -> dict[str, SpaceArm]:
     """Read the arms of a study, by their names in it.
@@ -32,7 +35,7 @@ def read_arms(table: Table, folder: Path) -> dict[str, SpaceArm]:
     arms: dict[str, SpaceArm] = {}
     for entry in listed:
         own = Table("arms", {"model": entry} if isinstance(entry, str) else entry)
-        own.knows("model", "name", "tip", "task", "length", "locked", "check")
+        own.knows("model", "name", "tip", "task", "length", "locked", "check", *READING)
         model = own.take("model", str)
         name = own.take("name", str, Path(model).stem)
         if name in arms:
@@ -53,10 +56,20 @@ def _arm(own: Table, model: str, folder: Path) -> SpaceArm:
         task=given.get("task"),
         locked={joint: held.take(joint, float) for joint in held.values},
         check=cast("Check | None", given.get("check")),
+        packages=[folder / name for name in _texts(own, "packages")],
+        xacro_args=own.take("xacro_args", dict, {}),
+        density=own.positive("density", float) if "density" in own.values else None,
     )
     if "length" not in own.values:
         return arm
     return arm.replace(task=Task(arm.task.names, own.positive("length", float)))
+
+
+def _texts(own: Table, key: str) -> list[str]:
+    listed = own.take(key, list, [])
+    if not all(isinstance(text, str) for text in listed):
+        raise own.fail(key, "give a list of texts")
+    return listed
 
 
 def fingerprint(arm: SpaceArm) -> str:

@@ -90,7 +90,7 @@ def test_colours_are_the_visuals_own_or_of_the_material_named(material, rgba):
 
 
 FAULTS = {
-    "": "link 'arm' has a .* without a known geometry; give it a box, sphere, cylinder, capsule or mesh",
+    "": "link 'arm' has a .* without a known geometry; give it a box, sphere, cylinder, capsule",
     "<geometry/>": "link 'arm' has a .* without a known geometry",
     "<geometry><cone/></geometry>": "link 'arm' has a .* without a known geometry",
     '<geometry><box size="1 1"/></geometry>': r"<box> of link 'arm' .line 5. has size='1 1'; give",

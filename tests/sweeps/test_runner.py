@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.arms import robot, two_links
 from helpers.sweeps import STUDY, files, run, start, wait_for_chunks
 from hypothesis import given
 from hypothesis import strategies as st
@@ -476,6 +477,28 @@ def test_an_arm_put_together_on_a_bus(tmp_path):
     Q[:, 1] = np.linspace(-1, 1, 5)
     expected = sa.evaluate(arm, Q, ("sigma_min",))["sigma_min"]
     np.testing.assert_allclose(found["sigma_min"].values.ravel(), expected, atol=1e-12)
+
+
+def test_arms_of_a_study_in_xacro(tmp_path):
+    (tmp_path / "lib" / "bodies").mkdir(parents=True)
+    (tmp_path / "lib" / "bodies" / "bodies.xacro").write_text("<robot/>")
+    (tmp_path / "robot" / ".git").mkdir(parents=True)
+    xacro = 'xmlns:xacro="http://ros.org/wiki/xacro"'
+    text = robot(*two_links()).replace("<robot", f"<robot {xacro}").replace('"50.0"', '"$(arg m)"')
+    include = '<xacro:include filename="$(find bodies)/bodies.xacro"/></robot>'
+    (tmp_path / "robot" / "arm.xacro").write_text(text.replace("</robot>", include))
+    study = """arms = [{model = "robot/arm.xacro", packages = ["lib"], xacro_args = {m = 70},
+      density = 1000, task = "x"}]\n[shells]"""
+    study = study.replace("\n      ", " ")  # TOML: one line
+    assert sa.Study.parse(study, tmp_path).arms["arm"].mass == 71.0
+    for old, new in (
+        ('packages = ["lib"]', "packages = [3]"),
+        ('packages = ["lib"]', "packages = 'lib'"),
+        ("xacro_args = {m = 70}", "xacro_args = 3"),
+        ("density = 1000", "density = -1"),
+    ):
+        with pytest.raises(sa.ConfigurationError, match=rf"{new.split()[0]} is .*give"):
+            sa.Study.parse(study.replace(old, new), tmp_path)
 
 
 def test_a_number_of_thousands_of_digits(tmp_path):
