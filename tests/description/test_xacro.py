@@ -3,6 +3,7 @@
 import os
 import time
 import warnings
+from pathlib import Path
 
 import pytest
 from helpers.arms import joint, link
@@ -343,6 +344,28 @@ def test_files_outside_the_packages_are_not_read(inside, tmp_path):
     path = write(tmp_path / "repo" / "urdf" / "robot.xacro", source(ARM + inside))
     (tmp_path / "repo" / ".git").mkdir()
     with pytest.raises(sa.ModelError, match=r"secret\.xacro, which is in none of its packages"):
+        sa.load(path)
+
+
+@pytest.mark.parametrize("name", [".secret.yaml", ".ssh/config.yaml"])
+def test_hidden_files_are_not_read(name, tmp_path):
+    write(tmp_path / name, "a: 1")
+    path = write(tmp_path / "robot.xacro", source(ARM + f"${{xacro.load_yaml('{name}')}}"))
+    with pytest.raises(sa.ModelError, match="is in none of its packages"):
+        sa.load(path)
+
+
+def test_a_source_right_below_the_root_reads_its_own_folder_only():
+    packages = Packages(Path("/robot.xacro"))
+    assert packages.holds(Path("/parts.xacro"))
+    assert not packages.holds(Path("/etc/passwd"))
+
+
+def test_other_formats_in_xacro(tmp_path):
+    path = write(
+        tmp_path / "robot.sdf.xacro", f'<sdf {SPACE} version="1.7"><xacro:if value="0"/></sdf>'
+    )
+    with pytest.raises(sa.ModelError, match="its root element is <sdf>; a URDF starts with"):
         sa.load(path)
 
 

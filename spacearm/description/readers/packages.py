@@ -71,10 +71,20 @@ class Packages:
             return None  # no file can have that name
 
     def holds(self, path: Path) -> bool:
-        """Whether a file belongs to the packages found so far or lies around the robot file."""
+        """Whether a file belongs to the packages found so far or lies around the robot file.
+
+        Around it means not hidden and, where that is a top folder, in this folder itself.
+        """
+        file = path.resolve()
         found = [folder.resolve() for folder in self._found.values() if folder]
-        roots = (*self._folders, *self.around, *found)
-        return any(path.resolve().is_relative_to(root) for root in roots)
+        if any(file.is_relative_to(folder) for folder in (*self._folders, *found)):
+            return True
+        for folder in filter(file.is_relative_to, self.around):
+            parts = file.relative_to(folder).parts
+            hidden = any(part.startswith(".") for part in parts)
+            if not hidden and (len(parts) == 1 or not _is_top(folder)):
+                return True
+        return False
 
     @cached_property
     def around(self) -> list[Path]:
@@ -101,11 +111,16 @@ def _above(file: Path) -> Iterator[Path]:
     """Yield the folder of a file and those above, not as far as the home or the top folders."""
     home = Path.home()
     for level, folder in enumerate(file.parents):
-        if level > LEVELS or (level and (folder == home or len(folder.parts) <= 2)):
+        if level > LEVELS or (level and (folder == home or _is_top(folder))):
             return
         yield folder
         if (folder / ".git").exists():
             return
+
+
+def _is_top(folder: Path) -> bool:
+    """Whether a folder is the root of the file system or right below it."""
+    return len(folder.parts) <= 2
 
 
 def _below(place: Path) -> Iterator[Path]:

@@ -77,7 +77,7 @@ def _robot(source: Source) -> etree._Element:
     if robot.tag != "robot":
         source.fail(
             f"is not a URDF: its root element is <{robot.tag!s}>",
-            "a URDF starts with <robot name='...'>",
+            "a URDF starts with <robot name='...'>, and only URDF may be in xacro here",
         )
     return robot
 

@@ -13,10 +13,12 @@ import os
 import re
 import warnings
 from collections.abc import Callable, Mapping
-from importlib.util import find_spec, module_from_spec
+from importlib.util import module_from_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from xml.dom import minidom
+from xml.parsers.expat import ExpatError
 
 from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.xacro.expressions import (
@@ -87,7 +89,7 @@ class Expansion:
                 robot.setAttribute("name", str(xacro.eval_text(name, symbols)))
         except Exception as error:  # whatever xacro makes of a faulty file
             raise self._explained(error) from None
-        return " ".join(document.toxml().split()).encode()  # one line: nobody has seen the others
+        return document.toxml().replace("\n", " ").encode()  # one line: nobody has seen the others
 
     def _explained(self, error: Exception) -> XacroError:
         """Return an error that says where it happened."""
@@ -106,13 +108,12 @@ class Expansion:
 
     def _closed_xacro(self) -> ModuleType:
         """Return a copy of xacro that has only what is given here."""
-        spec = find_spec("xacro")
-        if spec is None or spec.loader is None:
-            raise XacroError("needs the package xacro", "pip install xacro")
-        xacro = module_from_spec(spec)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # its own, on Python 3.10
-            spec.loader.exec_module(xacro)
+            import xacro as original
+
+            xacro = module_from_spec(original.__spec__)
+            original.__spec__.loader.exec_module(xacro)
         room: dict[str, Callable[..., Any]] = {
             "safe_eval": lambda text, names, _=None: self._evaluator.evaluate(text, names),
             "eval_extension": self._substitute,
@@ -189,8 +190,6 @@ class Expansion:
 
     def _parse(self, _: None, filename: str) -> Any:
         """Parse an XML file, which declares no entities, to xacro's kind of document."""
-        from xml.dom import minidom
-
         try:
             file, content = self._read(filename)
         except MissingPackageError as error:
@@ -205,7 +204,7 @@ class Expansion:
             raise XacroError(f"{file.name} declares a DOCTYPE", "remove it: it is not expanded")
         try:
             return minidom.parseString(content)
-        except Exception as error:
+        except ExpatError as error:
             raise XacroError(f"{file.name} is not XML ({error})", "correct it there") from None
 
     def _load_yaml(self, filename: str) -> Any:

@@ -53,7 +53,7 @@ def expanded(source: Source, written: etree._Element) -> etree._Element:
     for text in expansion.warnings:
         source.warn(f"xacro: {text}")
     robot = source.parsed(urdf)
-    if robot.find("link") is None:
+    if robot.tag == "robot" and robot.find("link") is None:
         _fail_as_part(source, written)
     return robot
 
