@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +12,8 @@ from spacearm.description.bodies import Inertial
 from spacearm.description.boxes import STEEL, body
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import ModelInfo, find_arm
-from spacearm.description.readers import urdf
+from spacearm.description.readers import formats
+from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.reading import Reading
 from spacearm.description.tips import choose_tips, only_tip
 from spacearm.description.tree import Tree
@@ -30,7 +29,7 @@ def assembled(info: ModelInfo, reading: Reading | None = None) -> Tree:
     """
     reading = reading or Reading(check=info.check)
     if info.recipe is None:
-        return urdf.read(info.path, reading)
+        return formats.read(info.path, reading)
     tree = Bus(**info.recipe["bus"]).tree()
     for arm in info.recipe["arms"]:
         at = pin.SE3(np.eye(3), np.array(arm["xyz"]))
@@ -40,7 +39,7 @@ def assembled(info: ModelInfo, reading: Reading | None = None) -> Tree:
 
 def bolted(
     bus: Tree,
-    arm: str | os.PathLike[str],
+    arm: RobotSource,
     at: pin.SE3,
     *,
     name: str | None = None,
@@ -53,8 +52,10 @@ def bolted(
     All names of the arm start with `name` and "_"; the link `name` is a frame at its tip.
     """
     known = find_arm(arm)
-    path = known.path if known else Path(arm)
-    tree = urdf.read(path, replace(reading or Reading(), spacecraft=False))
+    path = known.path if known else formats.path_of(arm)
+    tree = formats.read(
+        known.path if known else arm, replace(reading or Reading(), spacecraft=False)
+    )
     tree = tree.locked({**(known.locked if known else {}), **(locked or {})})
     tip = only_tip(choose_tips(tree, path, tip or (known.tip if known else None)), tree.name)
     name = _name(bus, known.name if known else tree.name, name)

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from spacearm.arrays import plain
+from spacearm.description.readers.formats import RobotSource
+from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.reading import Check
 from spacearm.errors import ModelError, unknown
 
@@ -84,8 +86,8 @@ def arms() -> tuple[ArmInfo, ...]:
     return tuple(arms_by_name().values())
 
 
-def find_model(model: str | os.PathLike[str]) -> ModelInfo | None:
-    """Return the model of a name, or None for the path of a file.
+def find_model(model: RobotSource) -> ModelInfo | None:
+    """Return the model of a name, or None for the path of a file or a model of Pinocchio.
 
     Raises:
         ModelError: It is neither, or the name of an arm.
@@ -99,8 +101,8 @@ def find_model(model: str | os.PathLike[str]) -> ModelInfo | None:
     return _named("model", model, known)
 
 
-def find_arm(arm: str | os.PathLike[str]) -> ArmInfo | None:
-    """Return the arm of a name, or None for the path of a file.
+def find_arm(arm: RobotSource) -> ArmInfo | None:
+    """Return the arm of a name, or None for the path of a file or a model of Pinocchio.
 
     Raises:
         ModelError: It is neither, or the data of the arm is not installed.
@@ -166,12 +168,14 @@ def _robots_folder() -> Path:
     return Path(str(files.locate_file("cmeel.prefix/share/example-robot-data/robots")))
 
 
-def _named(kind: str, model: str | os.PathLike[str], known: Mapping[str, Entry]) -> Entry | None:
-    """Return the entry of a name, or None for the path of a file.
+def _named(kind: str, model: RobotSource, known: Mapping[str, Entry]) -> Entry | None:
+    """Return the entry of a name, or None for the path of a file or a model of Pinocchio.
 
     Raises:
-        ModelError: It is neither.
+        ModelError: It is none of them.
     """
+    if isinstance(model, PINOCCHIO_MODELS):
+        return None
     if isinstance(model, os.PathLike):
         if str(model) in known and not Path(model).exists():
             raise ModelError(
@@ -186,4 +190,4 @@ def _named(kind: str, model: str | os.PathLike[str], known: Mapping[str, Entry])
             return None
     except (TypeError, ValueError, OSError):
         pass  # no path at all
-    raise ModelError(f"{unknown(kind, model, known)}; or give the path of a .urdf file")
+    raise ModelError(f"{unknown(kind, model, known)}; or give the path of a robot file")

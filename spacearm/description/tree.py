@@ -31,6 +31,7 @@ class Tree:
         joints: Every joint, by name.
         visuals: Shapes of the links that have any, by name.
         tips: Tip links that the file names itself; usually none.
+        marks: Links that only mark a place; they can be tips, and are no leaves.
         notes: What was assumed, repaired or left out as it was read, a sentence each.
     """
 
@@ -40,6 +41,7 @@ class Tree:
     joints: Mapping[str, Joint]
     visuals: Mapping[str, Visuals] = field(default_factory=dict)
     tips: tuple[str, ...] = ()
+    marks: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def depth_first(self) -> list[Joint]:
@@ -64,8 +66,9 @@ class Tree:
         return chain[::-1]
 
     def leaves(self) -> list[str]:
-        """Return the links without children."""
-        parents = {joint.parent for joint in self.joints.values()}
+        """Return the links without children, other than those that only mark a place."""
+        joints = [joint for joint in self.joints.values() if joint.child not in self.marks]
+        parents = {joint.parent for joint in joints} | {*self.marks}
         return [link for link in self.links if link not in parents]
 
     def lumps(self) -> dict[str, list[str]]:
@@ -98,6 +101,7 @@ class Tree:
             joints={joint.name: joint for joint in joints},
             visuals={prefix + name: shapes for name, shapes in self.visuals.items()},
             tips=tuple(prefix + tip for tip in self.tips),
+            marks=tuple(prefix + mark for mark in self.marks),
             notes=self.notes,
         )
 
@@ -123,6 +127,7 @@ class Tree:
             links={**self.links, **other.links},
             joints={**self.joints, **added},
             visuals={**self.visuals, **other.visuals},
+            marks=(*self.marks, *other.marks),
             notes=(*self.notes, *other.notes),
         )
 

@@ -12,7 +12,9 @@ import pinocchio as pin
 from spacearm.description.assembly import assembled, bolted
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import find_model
-from spacearm.description.readers import urdf
+from spacearm.description.readers import formats
+from spacearm.description.readers.formats import RobotSource
+from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.reading import Check, Folders, Reading
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
@@ -22,7 +24,7 @@ from spacearm.model.task import Task
 
 
 def load(
-    model: str | os.PathLike[str],
+    model: RobotSource,
     *,
     tip: str | Sequence[str] | None = None,
     task: str | Task | None = None,
@@ -42,7 +44,8 @@ def load(
     limits of the joint that they follow.
 
     Args:
-        model: A name of the catalogue (see `catalogue`) or the path of a URDF or .xacro file.
+        model: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml) or
+            SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
         tip: Link whose frame is the tip, or several, whose task rows are then stacked. Default:
             the links that the URDF names by <tip link>, else the leaf link behind the most movable
             joints; of several, the one behind the most joints of any kind.
@@ -71,15 +74,15 @@ def load(
         ModelWarning: Something was assumed or left out; `SpaceArm.notes` keeps it.
     """
     info = find_model(model)
-    path = info.path if info else Path(model)
+    path = info.path if info else formats.path_of(model)
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
-    tree = assembled(info, reading) if info else urdf.read(path, reading)
+    tree = assembled(info, reading) if info else formats.read(model, reading)
     return SpaceArm.of(tree.locked(locked or {}).with_wheels(wheels), path, tip=tip, task=task)
 
 
 def mount(
-    arm: str | os.PathLike[str],
-    bus: Bus | SpaceArm | str | os.PathLike[str],
+    arm: RobotSource,
+    bus: Bus | SpaceArm | RobotSource,
     at: pin.SE3 | None = None,
     *,
     name: str | None = None,
@@ -99,9 +102,9 @@ def mount(
     order of mounting makes no other difference.
 
     Args:
-        arm: A URDF of an arm without a spacecraft: its path or a name that `arms` lists.
-        bus: A `Bus`, a spacecraft that has arms already, or the path of a URDF of a bus, whose
-            solar panels and wheels are kept.
+        arm: An arm without a spacecraft: a name that `arms` lists, or what `load` takes.
+        bus: A `Bus`, a spacecraft that has arms already, or what `load` takes, whose solar panels
+            and wheels are kept.
         at: Pose of the arm's root link in the frame of the bus; the identity if None.
         name: Name of the arm. Default: the robot's name, numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
@@ -123,12 +126,12 @@ def mount(
     return SpaceArm.of(tree, Path(f"{tree.name}.urdf"))
 
 
-def _tree(bus: Bus | SpaceArm | str | os.PathLike[str], reading: Reading) -> Tree:
+def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:
     """Return the tree of what an arm is bolted to."""
     if isinstance(bus, Bus):
         return bus.tree()
     if isinstance(bus, SpaceArm):
         return bus.tree
-    if not isinstance(bus, (str, os.PathLike)):
+    if not isinstance(bus, (str, os.PathLike, *PINOCCHIO_MODELS)):
         raise ConfigurationError(f"bus is {bus!r}; give a Bus, a SpaceArm or the path of a URDF")
-    return urdf.read(bus, reading)
+    return formats.read(bus, reading)

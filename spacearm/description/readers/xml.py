@@ -119,11 +119,15 @@ class Source:
         text = element.get(attribute, default)
         if text is None:
             self.fail(f"{describe(element)} has no {attribute}", f"add {attribute}='...'")
+        return self.values(element, attribute, text, count)
+
+    def values(self, element: etree._Element, what: str, text: str, count: int) -> Array:
+        """Parse `count` finite numbers; `what` of the element holds them."""
         values = np.array([evaluate(word) for word in split(text, count)], dtype=np.float64)
         if len(values) != count or not (np.abs(values) <= LARGEST).all():
             wanted = "a finite number" if count == 1 else f"{count} finite numbers"
             self.fail(
-                f"{describe(element)} has {attribute}={text[:60]!r}",
+                f"{describe(element)} has {what}={text[:60]!r}",
                 f"give {wanted} up to {LARGEST:g}",
             )
         return values

@@ -1,0 +1,182 @@
+"""Forest: links and joints as a reader finds them, and the one robot among them as a tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.description.bodies import Inertial, Joint
+from spacearm.description.readers.xml import Source
+from spacearm.description.tree import ROOT_JOINT, Tree
+from spacearm.description.visuals import Visuals
+
+SAME_FRAME = 1e-15
+"""Distance [m] and turn [rad] up to which two frames are one."""
+
+
+class Forest:
+    """Links and joints of a file, in which there may be more than one robot.
+
+    Attributes:
+        links: Mass properties of every link, by name; None for a frame without mass.
+        joints: Every joint, by name.
+        visuals: Shapes of the links that have any, by name.
+        marks: Frames that only mark a place: a tip if asked for, but no leaves of the tree.
+    """
+
+    def __init__(self) -> None:
+        self.links: dict[str, Inertial | None] = {}
+        self.joints: dict[str, Joint] = {}
+        self.visuals: dict[str, Visuals] = {}
+        self.marks: list[str] = []
+
+    def add(
+        self, link: str, inertial: Inertial | None = None, shapes: Visuals | None = None
+    ) -> None:
+        """Add a link."""
+        self.links[link] = inertial
+        if shapes and any(shapes):
+            self.visuals[link] = shapes
+
+    def mark(self, name: str, link: str, pose: pin.SE3) -> None:
+        """Add a frame that marks a place on a link, under another name if it is taken."""
+        name = self.free_name(name, self.links)
+        self.add(name)
+        self.marks.append(name)
+        self.fix(link, name, pose)
+
+    def fix(self, parent: str, child: str, pose: pin.SE3, name: str = "") -> None:
+        """Fix a link to another at a pose in the frame of that one."""
+        name = name or self.free_name(f"{child}_fixed", self.joints)
+        self.joints[name] = Joint(name, "fixed", parent, child, pose, np.array([1.0, 0.0, 0.0]))
+
+    def join(
+        self, parent: str, child: str, joints: Sequence[Joint], last: pin.SE3 | None = None
+    ) -> None:
+        """Join a link to another by joints in a row, with massless links between them.
+
+        Args:
+            parent: The link that carries the first joint.
+            child: The link behind the last joint.
+            joints: The joints; the origin of each is its pose in the moved frame of the one before
+                it, that of the first in the frame of `parent`. Their parents and children are set
+                here.
+            last: Pose of `child` in the moved frame of the last joint; the identity if None.
+        """
+        apart = last is not None and not last.isIdentity(SAME_FRAME)
+        for joint in joints:
+            behind = child
+            if apart or joint is not joints[-1]:
+                behind = self.free_name(f"{child}_at_{joint.name}", self.links)
+                self.add(behind)
+            self.joints[joint.name] = replace(joint, parent=parent, child=behind)
+            parent = behind
+        if last is not None and (apart or not joints):
+            self.fix(parent, child, last)
+
+    def free_name(self, name: str, taken: Iterable[str]) -> str:
+        """Return the name, with a number from 2 on if it is taken."""
+        numbered = (name if i == 1 else f"{name}_{i}" for i in count(1))
+        return next(free for free in numbered if free not in taken)
+
+    def check(self, source: Source) -> None:
+        """Refuse loops.
+
+        Raises:
+            ModelError: Two joints lead to a link, or links form a ring.
+        """
+        into: dict[str, Joint] = {}
+        for joint in self.joints.values():
+            if other := into.get(joint.child):
+                source.fail(
+                    f"link {joint.child!r} closes a loop: joints {other.name!r} and "
+                    f"{joint.name!r} both lead to it",
+                    "cut the loop at one of them",
+                )
+            into[joint.child] = joint
+        reached = {link for root in self.roots() for link in self.tree("", root).links}
+        if stray := [link for link in self.links if link not in reached]:
+            source.fail(f"links {', '.join(stray)} form a loop", "cut it at one joint")
+
+    def roots(self) -> list[str]:
+        """Return the links without a parent."""
+        children = {joint.child for joint in self.joints.values()}
+        return [link for link in self.links if link not in children]
+
+    def tree(self, name: str, root: str) -> Tree:
+        """Return the tree behind a root link."""
+        into: dict[str, list[Joint]] = {}
+        for joint in self.joints.values():
+            into.setdefault(joint.parent, []).append(joint)
+        links, waiting = [root], [root]
+        joints: dict[str, Joint] = {}
+        while waiting:
+            for joint in into.get(waiting.pop(), []):
+                joints[joint.name] = joint
+                links.append(joint.child)
+                waiting.append(joint.child)
+        reached = set(links)
+        return Tree(
+            name=name,
+            root=root,
+            links={link: part for link, part in self.links.items() if link in reached},
+            joints={joint: one for joint, one in self.joints.items() if joint in joints},
+            visuals={link: shapes for link, shapes in self.visuals.items() if link in reached},
+            marks=tuple(mark for mark in self.marks if mark in reached),
+        )
+
+    def robot(self, source: Source, name: str, roots: Sequence[str]) -> Tree:
+        """Return the tree with the most movable joints; say which others are left out.
+
+        Args:
+            source: The file.
+            name: Name of the robot.
+            roots: The roots to choose from.
+
+        Raises:
+            ModelError: There is none with a joint, or several with equally many.
+        """
+        trees = sorted((self.tree(name, root) for root in roots), key=lambda t: -freedoms(t))
+        if not trees or freedoms(trees[0]) == 0:
+            source.fail("has no joint that can move", "describe the joints of an arm")
+        if len(trees) > 1 and freedoms(trees[1]) == freedoms(trees[0]):
+            alike = [t.root for t in trees if freedoms(t) == freedoms(trees[0])]
+            source.fail(
+                f"holds {len(alike)} robots of {freedoms(trees[0])} joints each, whose roots are "
+                f"{', '.join(alike)}",
+                "keep one of them, or join them to one spacecraft",
+            )
+        if others := [tree.root for tree in trees[1:]]:
+            source.warn(
+                f"{trees[0].root} is taken as the root of the robot; left out, as not fixed to "
+                f"it: {', '.join(others)}"
+            )
+        if ROOT_JOINT in trees[0].joints:
+            source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
+        return trees[0]
+
+
+def freedoms(tree: Tree) -> int:
+    """Count the movable joints."""
+    return sum(joint.movable for joint in tree.joints.values())
+
+
+def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:
+    """Return hinges in a row about coordinate axes, such as "xyz", as `Forest.join` takes them."""
+    axes = dict(zip("xyz", np.eye(3), strict=True))
+    poses = [origin] + [pin.SE3.Identity()] * (len(letters) - 1)
+    return [
+        Joint(f"{name}_{letter}", "continuous", "", "", pose, axes[letter])
+        for letter, pose in zip(letters, poses, strict=True)
+    ]
+
+
+SPLIT_BALL = (
+    "ball joint {name} is taken as three hinges, {name}_x, {name}_y and {name}_z: at "
+    "{name}_y = ±90° they describe a singular configuration that the ball joint does not have"
+)
+"""What the readers say of a ball joint."""

@@ -1,0 +1,61 @@
+"""Formats: robot files of every format that is known, and models of Pinocchio, as one tree."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+from spacearm.description.readers import pinocchio_model, urdf
+from spacearm.description.readers.mjcf.reader import read as read_mjcf
+from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
+from spacearm.description.readers.reading import Reading
+from spacearm.description.readers.sdf.reader import read as read_sdf
+from spacearm.description.readers.xml import Source
+from spacearm.description.tree import Tree
+
+RobotSource: TypeAlias = str | os.PathLike[str] | PinocchioModel
+"""What describes a robot: the path of a file, or a model of Pinocchio."""
+
+
+def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
+    """Read and check a robot: a file by its suffix and root element, or a model of Pinocchio.
+
+    Args:
+        robot: The path of a URDF, xacro, MJCF or SDF, or a pin.Model or RobotWrapper.
+        reading: How it is read.
+
+    Returns:
+        The tree; its notes say what was assumed and what was left out.
+
+    Raises:
+        ModelError: The file has a fault; the message names file, element, value and remedy.
+
+    Warns:
+        ModelWarning: Something was assumed; each warning is a note too.
+    """
+    reading = reading or Reading()
+    source = Source(path_of(robot), reading)
+    if isinstance(robot, PINOCCHIO_MODELS):
+        tree = pinocchio_model.read(source, robot)
+    elif source.path.suffix == ".xacro":
+        return urdf.read(robot, reading)
+    else:
+        root = source.root()
+        if root.tag == "mujoco":
+            tree = read_mjcf(source)
+        elif root.tag == "sdf":
+            tree = read_sdf(source, root)
+        else:
+            return urdf.read(robot, reading)
+    urdf._check_mimics(source, tree.joints)
+    urdf._check_masses(source, tree, reading.check, reading.spacecraft)
+    return replace(tree, notes=tuple(source.notes))
+
+
+def path_of(robot: RobotSource) -> Path:
+    """Return the path of a robot file, or the name of a model of Pinocchio in its place."""
+    if isinstance(robot, PINOCCHIO_MODELS):
+        return pinocchio_model.name_of(robot)
+    return Path(robot)

@@ -1,0 +1,251 @@
+"""Models of Pinocchio: a pin.Model or a RobotWrapper, fixed base or free-flyer, as a tree."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+from pinocchio.robot_wrapper import RobotWrapper
+
+from spacearm.description.bodies import Inertial, Joint, Mimic
+from spacearm.description.readers.forest import SPLIT_BALL, Forest
+from spacearm.description.readers.xml import Source
+from spacearm.description.tree import Tree
+from spacearm.description.visuals import (
+    Box,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+    Unusable,
+    Visuals,
+    capsule,
+)
+
+PinocchioModel: TypeAlias = pin.Model | RobotWrapper
+PINOCCHIO_MODELS = (pin.Model, RobotWrapper)
+FREE = "JointModelFreeFlyer"
+ROWS = {
+    "Spherical": (("x", "revolute"), ("y", "revolute"), ("z", "revolute")),
+    "SphericalZYX": (("z", "revolute"), ("y", "revolute"), ("x", "revolute")),
+    "Planar": (("x", "prismatic"), ("y", "prismatic"), ("z", "revolute")),
+    "Translation": (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic")),
+}
+"""Joints in a row that stand for a joint of several freedoms."""
+NO_LIMIT = 1e300
+"""Pinocchio writes the largest number there is where there is no limit."""
+
+
+def read(source: Source, robot: PinocchioModel) -> Tree:
+    """Read a model of Pinocchio; a `RobotWrapper` has shapes too.
+
+    The root is the body of the free-flyer; of a model with a fixed base, what is fixed to the
+    universe.
+
+    Args:
+        source: Takes the notes; its path is the name of the model.
+        robot: The model.
+
+    Raises:
+        ModelError: It has a joint of a type that cannot be described, or no joint.
+    """
+    return _Reader(source, robot).tree()
+
+
+def name_of(robot: PinocchioModel) -> Path:
+    """Return the name of a model, for messages."""
+    return Path((robot if isinstance(robot, pin.Model) else robot.model).name or "pinocchio")
+
+
+class _Reader:
+    """One model on its way to a tree."""
+
+    def __init__(self, source: Source, robot: PinocchioModel) -> None:
+        self._source = source
+        self._model: pin.Model = robot if isinstance(robot, pin.Model) else robot.model
+        wrapped = not isinstance(robot, pin.Model)
+        self._visual = robot.visual_model if wrapped else None
+        self._collision = robot.collision_model if wrapped else None
+        self._joints: dict[int, list[str]] = {}
+
+    def tree(self) -> Tree:
+        """Return the tree of the robot."""
+        forest, model = Forest(), self._model
+        leaders = [self._bodies(forest, i) for i in range(model.njoints)]
+        for i in range(1, model.njoints):
+            joint, parent = model.joints[i], model.parents[i]
+            if joint.shortname() == FREE and parent == 0:
+                continue
+            at = model.jointPlacements[i].copy()
+            row = self._row(model.names[i], joint, at)
+            self._joints[i] = [one.name for one in row]
+            self._mimic(i, row)
+            forest.join(leaders[parent], leaders[i], row)
+        for name in ("armature", "friction", "damping"):
+            if np.any(getattr(model, name, 0.0)):
+                self._source.note(f"{name} of joints is left out")
+        roots = forest.roots()
+        if model.inertias[0].mass == 0.0 and len(forest.tree("", leaders[0]).joints) == 0:
+            roots.remove(leaders[0])
+        return forest.robot(self._source, model.name or "robot", roots)
+
+    def _bodies(self, forest: Forest, i: int) -> str:
+        """Add the links that move with joint i; return the one in the frame of the joint."""
+        model = self._model
+        frames = {f: model.frames[f] for f in range(model.nframes)}
+        bodies = {
+            f: frame
+            for f, frame in frames.items()
+            if frame.parentJoint == i and frame.type == pin.BODY
+        }
+        whole = pin.Inertia.Zero()
+        for frame in bodies.values():
+            whole += frame.placement.act(frame.inertia)
+        apart = whole.isApprox(model.inertias[i], 1e-12)
+        first = next((f for f, b in bodies.items() if b.placement.isIdentity(1e-15)), None)
+        leader = forest.free_name(
+            model.names[i] if first is None else bodies[first].name, forest.links
+        )
+        forest.add(leader, _inertial(model.inertias[i]), self._shapes(i))
+        names = {first: leader}
+        for f, frame in bodies.items():
+            if f != first:
+                names[f] = forest.free_name(frame.name, forest.links)
+                forest.add(names[f], _inertial(frame.inertia) if apart else None)
+        if apart:
+            forest.links[leader] = None if first is None else _inertial(bodies[first].inertia)
+        for f, frame in bodies.items():
+            if f != first:
+                above = frame.parentFrame
+                while above not in bodies and frames[above].parentJoint == i and above:
+                    above = frames[above].parentFrame
+                parent = bodies.get(above)
+                pose = parent.placement.actInv(frame.placement) if parent else frame.placement
+                forest.fix(names[above] if parent else leader, names[f], pose.copy())
+        for frame in frames.values():
+            if frame.parentJoint == i and frame.type in (pin.OP_FRAME, pin.SENSOR):
+                forest.mark(frame.name, leader, frame.placement.copy())
+        return leader
+
+    def _row(self, name: str, joint: pin.JointModel, at: pin.SE3) -> list[Joint]:
+        """Return the joints in a row that a joint of Pinocchio is, the first one at a pose."""
+        kind = joint.shortname().removeprefix("JointModel")
+        if kind == "Composite":
+            whole = joint.extract()
+            row: list[Joint] = []
+            for j, (part, pose) in enumerate(zip(whole.joints, whole.jointPlacements, strict=True)):
+                here = at * pose if j == 0 else pose.copy()
+                row += self._row(f"{name}_{j + 1}", part, here)
+            return row
+        if kind == "Spherical":
+            self._source.warn(SPLIT_BALL.format(name=name))
+        if kind in ROWS:
+            axes = dict(zip("xyz", np.eye(3), strict=True))
+            return [
+                self._joint(f"{name}_{letter}", one, axes[letter], at if j == 0 else None, joint, j)
+                for j, (letter, one) in enumerate(ROWS[kind])
+            ]
+        if kind == "Universal":
+            both = joint.extract()
+            return [
+                self._joint(f"{name}_1", "revolute", both.axis1, at, joint, 0),
+                self._joint(f"{name}_2", "revolute", both.axis2, None, joint, 1),
+            ]
+        if joint.nv > 1 or "Helical" in kind or kind in ("HX", "HY", "HZ", "FreeFlyer"):
+            self._source.fail(
+                f"joint {name!r} is of the type {joint.shortname()}",
+                "replace it by revolute and prismatic joints",
+            )
+        data = joint.createData()
+        joint.calc(data, pin.neutral(self._model))
+        S = np.array(data.S).reshape(-1)
+        if kind == "Mimic":
+            S = S / joint.extract().scaling
+        slides = not S[3:].any()
+        axis = S[:3] if slides else S[3:]
+        return [self._joint(name, "prismatic" if slides else "revolute", axis, at, joint, 0)]
+
+    def _joint(
+        self,
+        name: str,
+        kind: str,
+        axis: np.ndarray,
+        at: pin.SE3 | None,
+        joint: pin.JointModel,
+        j: int,
+    ) -> Joint:
+        """Return a joint about or along an axis, with the limits of freedom j of its joint."""
+        model = self._model
+        lower, upper = -math.inf, math.inf
+        if joint.nq == joint.nv:
+            lower = _limit(model.lowerPositionLimit[joint.idx_q + j])
+            upper = _limit(model.upperPositionLimit[joint.idx_q + j])
+        velocity, effort = (
+            _limit(limits[joint.idx_v + j]) for limits in (model.velocityLimit, model.effortLimit)
+        )
+        if kind == "revolute" and math.isinf(lower) and math.isinf(upper):
+            kind = "continuous"
+        origin = pin.SE3.Identity() if at is None else at
+        direction = np.array(axis, dtype=np.float64).reshape(3)
+        return Joint(name, kind, "", "", origin, direction, lower, upper, velocity, effort)
+
+    def _mimic(self, i: int, row: list[Joint]) -> None:
+        """Make joint i follow the one that it mimics."""
+        model = self._model
+        if i not in list(model.mimicking_joints):
+            return
+        follower = model.joints[i].extract()
+        leader = list(model.mimicked_joints)[list(model.mimicking_joints).index(i)]
+        mimic = Mimic(self._joints[leader][0], float(follower.scaling), float(follower.offset))
+        row[0] = replace(row[0], mimic=mimic)
+
+    def _shapes(self, i: int) -> Visuals:
+        """Return the shapes that move with joint i."""
+        return Visuals(
+            *(
+                tuple(
+                    shape
+                    for thing in (geometry.geometryObjects if geometry else ())
+                    if thing.parentJoint == i
+                    for shape in _shape(thing)
+                )
+                for geometry in (self._visual, self._collision)
+            )
+        )
+
+
+def _inertial(inertia: pin.Inertia) -> Inertial | None:
+    if inertia.mass == 0.0 and not inertia.inertia.any():
+        return None
+    return Inertial(inertia.mass, pin.SE3(np.eye(3), inertia.lever), inertia.inertia.copy())
+
+
+def _limit(value: float) -> float:
+    return math.copysign(math.inf, value) if abs(value) >= NO_LIMIT else float(value)
+
+
+def _shape(thing: pin.GeometryObject) -> tuple[Shape, ...]:
+    """Return a geometry object as shapes; an ellipsoid counts as its box."""
+    import coal
+
+    pose, rgba, given = thing.placement.copy(), tuple(map(float, thing.meshColor)), thing.geometry
+    if isinstance(given, coal.Box):
+        return (Shape(pose, Box(tuple((2.0 * given.halfSide).tolist())), rgba),)
+    if isinstance(given, coal.Sphere):
+        return (Shape(pose, Sphere(float(given.radius)), rgba),)
+    if isinstance(given, coal.Cylinder):
+        return (Shape(pose, Cylinder(float(given.radius), 2.0 * given.halfLength), rgba),)
+    if isinstance(given, coal.Capsule):
+        return capsule(pose, float(given.radius), 2.0 * given.halfLength, rgba)
+    if isinstance(given, coal.Ellipsoid):
+        return (Shape(pose, Box(tuple((2.0 * given.radii).tolist())), rgba),)
+    path = Path(thing.meshPath)
+    if path.suffix and path.is_file():
+        scale = tuple(np.ravel(thing.meshScale).tolist())
+        return (Shape(pose, Mesh(thing.meshPath, path.resolve(), scale), rgba),)
+    problem = f"geometry {thing.name!r} is no file; give the model one with the path of its mesh"
+    return (Shape(pose, Unusable(problem), rgba),)

@@ -1,0 +1,1 @@
+"""SDF: models of SDFormat, read to the same tree as a URDF."""
