@@ -21,7 +21,7 @@ FLAT = np.diag([1.0, 1.0, 3.0])
 BAD = {
     "empty": ("", "is not XML"),
     "not XML": ("<robot><link></robot>", "is not XML.*line 1"),
-    "not URDF": ("<sdf version='1.7'/>", "root element is <sdf>.*a URDF starts with <robot"),
+    "no robot file": ("<svg/>", "root element is <svg>; a URDF starts with <robot>, an SDF with"),
     "no links": ("<robot name='r'/>", "has no links"),
     "a link without name": (robot("<link/>"), "<link> on line 3 has no name"),
     "two links of one name": (robot(BUS, BUS), "two links are named 'bus'"),

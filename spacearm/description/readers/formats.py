@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
+from lxml import etree
+
 from spacearm.description.readers import pinocchio_model, urdf
 from spacearm.description.readers.mjcf.reader import read as read_mjcf
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
@@ -43,15 +45,26 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
         return urdf.read(robot, reading)
     else:
         root = source.root()
-        if root.tag == "mujoco":
-            tree = read_mjcf(source)
-        elif root.tag == "sdf":
-            tree = read_sdf(source, root)
-        else:
+        if root.tag == "robot":
             return urdf.read(robot, reading)
+        tree = _read(source, root)
     urdf._check_mimics(source, tree.joints)
     urdf._check_masses(source, tree, reading.check, reading.spacecraft)
     return replace(tree, notes=tuple(source.notes))
+
+
+def _read(source: Source, root: etree._Element) -> Tree:
+    """Read an MJCF or SDF by its root element."""
+    if root.tag == "mujoco":
+        return read_mjcf(source)
+    if root.tag == "sdf":
+        return read_sdf(source, root)
+    if root.tag == "mujocoinclude":
+        source.fail("is a part of an MJCF", "load the file that includes it")
+    source.fail(
+        f"is no robot file that is known: its root element is <{root.tag!s}>",
+        "a URDF starts with <robot>, an SDF with <sdf>, an MJCF with <mujoco>",
+    )
 
 
 def path_of(robot: RobotSource) -> Path:

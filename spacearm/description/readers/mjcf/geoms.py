@@ -54,11 +54,7 @@ class Drawn(NamedTuple):
 
 
 class Geoms:
-    """The geoms of a model, which is made fit to be compiled.
-
-    Attributes:
-        unknown: Names of the bodies whose inertia is that of a missing mesh.
-    """
+    """The geoms of a model, which is made fit to be compiled."""
 
     def __init__(self, source: Source, spec: mujoco.MjSpec) -> None:
         import mujoco
@@ -69,9 +65,10 @@ class Geoms:
         self._folder = source.path.resolve().parent
         colours = {m.name: tuple(m.rgba.tolist()) for m in spec.materials}
         self._drawn: list[Drawn] = []
-        lost: dict[int, list[str]] = {}
+        self._lost: list[mujoco.MjsBody] = []
         needed: set[str] = set()
-        for geom in spec.geoms:
+        missing: list[str] = []
+        for body, geom in [(owner, geom) for owner in spec.bodies for geom in owner.geoms]:
             rgba = tuple(np.round(geom.rgba, 6).tolist())
             mesh, offset = self._mesh(geom.meshname)
             colour = colours.get(geom.material) if rgba == NO_COLOUR else rgba
@@ -79,17 +76,19 @@ class Geoms:
             geom.material = ""
             if mesh is None:
                 continue
-            weighs = _weighs(geom)
-            there = not isinstance(mesh, Mesh) or mesh.file is not None
+            weighs = _weighs(body, geom)
+            there = isinstance(mesh, Unusable) or mesh.file is not None
             if there and (weighs or self._kinds[int(geom.type)] not in ("MESH", "SDF")):
                 needed.add(geom.meshname)
                 continue
             if weighs:
-                lost.setdefault(geom.parent.id, []).append(geom.meshname)
+                self._stand_in(body, geom.meshname)
+            elif isinstance(mesh, Mesh) and not there:
+                missing.append(mesh.name)
             geom.meshname, geom.type, geom.mass = "", mujoco.mjtGeom.mjGEOM_SPHERE, 0.0
             geom.size[:] = 1.0
-        self.unknown = set(lost)
-        self._stand_in(spec, lost)
+        if self._lost:
+            self._keep_given_inertias(spec)
         for site in spec.sites:
             site.material = ""
         for material in list(spec.materials):
@@ -97,28 +96,33 @@ class Geoms:
         for name, mesh in self._given.items():
             if name not in needed:
                 spec.delete(mesh)
-        files = {d.mesh.name for d in self._drawn if isinstance(d.mesh, Mesh) and not d.mesh.file}
-        source.warn_of_missing_meshes(files)
+        source.warn_of_missing_meshes(missing)
 
-    def _stand_in(self, spec: mujoco.MjSpec, lost: dict[int, list[str]]) -> None:
-        """Give bodies whose meshes are missing an inertia to be compiled with, and say so."""
+    @property
+    def unknown(self) -> set[int]:
+        """Numbers of the bodies whose inertia is that of a missing mesh, once compiled."""
+        return {body.id for body in self._lost}
+
+    def _stand_in(self, body: mujoco.MjsBody, mesh: str) -> None:
+        """Give a body whose mesh is missing an inertia to be compiled with, and say so."""
+        self._source.warn(
+            f"the inertia of body {body.name!r} is that of its meshes, and {mesh!r} is missing: it "
+            "is left out; give the body an <inertial>"
+        )
+        body.explicitinertial, body.mass = True, 1.0
+        body.inertia[:] = 1.0
+        body.fullinertia[0] = np.nan
+        self._lost.append(body)
+
+    def _keep_given_inertias(self, spec: mujoco.MjSpec) -> None:
+        """Let bodies have the inertia given to them, the others that of their geoms, as before."""
         import mujoco
 
-        if not lost:
-            return
-        for body in spec.bodies:
-            if body.id in lost:
-                meshes = ", ".join(sorted(set(lost[body.id])))
-                self._source.warn(
-                    f"body {body.name!r} has the inertia of its meshes, of which {meshes} is "
-                    "missing: its mass is unknown and left out; give it an <inertial>"
-                )
-                body.explicitinertial, body.mass = True, 1.0
-                body.inertia[:] = 1.0
-                body.fullinertia[0] = np.nan
-            elif spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
-                body.explicitinertial = False
-        spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+        ways = mujoco.mjtInertiaFromGeom
+        if spec.compiler.inertiafromgeom == ways.mjINERTIAFROMGEOM_TRUE:
+            for body in spec.bodies:
+                body.explicitinertial = body in self._lost
+            spec.compiler.inertiafromgeom = ways.mjINERTIAFROMGEOM_AUTO
 
     def _mesh(self, name: str) -> tuple[Mesh | Unusable | None, pin.SE3]:
         """Return a mesh, and its pose in the frame of its geom."""
@@ -182,13 +186,12 @@ def _primitive(kind: str, size: list[float]) -> Geometry | None:
     return Box(tuple(2.0 * x for x in size)) if kind in ("BOX", "ELLIPSOID") else None
 
 
-def _weighs(geom: mujoco.MjsGeom) -> bool:
+def _weighs(body: mujoco.MjsBody, geom: mujoco.MjsGeom) -> bool:
     """Whether the inertia of its body comes from this geom."""
     import mujoco
 
-    body, how = geom.parent, geom.parent.compiler.inertiafromgeom
-    ways = mujoco.mjtInertiaFromGeom
-    if body.id == 0 or how == ways.mjINERTIAFROMGEOM_FALSE or geom.mass == 0.0:
+    how, ways = body.compiler.inertiafromgeom, mujoco.mjtInertiaFromGeom
+    if body.name == "world" or how == ways.mjINERTIAFROMGEOM_FALSE or geom.mass == 0.0:
         return False
     if body.explicitinertial and how != ways.mjINERTIAFROMGEOM_TRUE:
         return False

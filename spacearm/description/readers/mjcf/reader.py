@@ -47,6 +47,8 @@ def read(source: Source) -> Tree:
         source.fail("is an MJCF, which MuJoCo compiles", "pip install 'spacearm[mjcf]'")
     try:
         spec = mujoco.MjSpec.from_file(str(source.path.resolve()))
+        if not spec.worldbody.bodies:
+            source.fail("has no body", "if it is a part of an MJCF load the file that includes it")
         return _Reader(source, spec).tree()
     except ModelError:
         raise
@@ -61,7 +63,7 @@ class _Reader:
     def __init__(self, source: Source, spec: mujoco.MjSpec) -> None:
         self._source = source
         self._spec = spec
-        self._couplings = _couplings(spec)
+        self._couplings = _couplings(source, spec)
         _leave_out(source, spec)
         self._geoms = Geoms(source, spec)
         spec.compiler.discardvisual = False
@@ -91,15 +93,13 @@ class _Reader:
                 forest.mark(
                     name, self._bodies[body], pose_of(model.site_pos[i], model.site_quat[i])
                 )
-        root = self._root(forest)
-        tree = forest.robot(self._source, self._spec.modelname, root)
+        tree = forest.robot(self._source, self._spec.modelname, self._roots(forest))
         return replace(tree, joints={n: self._coupled(j, tree) for n, j in tree.joints.items()})
 
-    def _root(self, forest: Forest) -> list[str]:
-        """Return the roots of the free robots; without any, that of all that the world carries."""
+    def _roots(self, forest: Forest) -> list[str]:
+        """Return the free bodies, if one has joints; else the root of what the world carries."""
         world = self._bodies[0]
         free = [root for root in forest.roots() if root != world]
-        free = [root for root in free if freedoms(forest.tree("", root))] or free
         if any(freedoms(forest.tree("", root)) for root in free):
             return free
         held = [
@@ -180,10 +180,13 @@ class _Reader:
         return ("FREE", "BALL", "SLIDE", "HINGE")[self._model.jnt_type[joint]]
 
 
-def _couplings(spec: mujoco.MjSpec) -> dict[str, tuple[str, float, float]]:
+def _couplings(source: Source, spec: mujoco.MjSpec) -> dict[str, tuple[str, float, float]]:
     """Return leader, offset and gain of each joint that an active constraint ties to another."""
     import mujoco
 
+    loops = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+    if ends := [f"{t.name1} to {t.name2 or 'world'}" for t in spec.equalities if t.type in loops]:
+        source.warn(f"equalities that close a loop are left out, the loop open: {', '.join(ends)}")
     found: dict[str, tuple[str, float, float]] = {}
     for tie in spec.equalities:
         offset, gain, *rest = tie.data[:5].tolist()

@@ -55,7 +55,7 @@ class Frames:
         if other := self.frames.get(name):
             lines = f"lines {other.element.sourceline} and {frame.element.sourceline}"
             self.source.fail(
-                f"two frames, links, joints or models are {name!r} ({lines})", "rename one"
+                f"two frames, links, joints or models are named {name!r} ({lines})", "rename one"
             )
         self.frames[name] = frame
 

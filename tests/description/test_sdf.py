@@ -1,0 +1,321 @@
+"""SDF: frames, worlds, nested models and includes; what is assumed and what is refused."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import spacearm as sa
+from spacearm.description.visuals import Box, Cylinder, Mesh, Sphere, Unusable
+
+INERTIAL = (
+    "<inertial><mass>{}</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>"
+)
+LIMIT = "<limit><lower>-1</lower><upper>2</upper></limit>"
+
+
+def link(name, mass=1.0, pose="0 0 0 0 0 0", inside="", to=""):
+    relative = f" relative_to='{to}'" if to else ""
+    inertial = INERTIAL.format(mass) if mass is not None else ""
+    return f"<link name='{name}'><pose{relative}>{pose}</pose>{inertial}{inside}</link>"
+
+
+def joint(name, parent, child, kind="revolute", inside="", xyz="0 0 1", pose=""):
+    axis = "" if kind in ("fixed", "ball") else f"<axis><xyz>{xyz}</xyz>{LIMIT}</axis>"
+    return (
+        f"<joint name='{name}' type='{kind}'>{pose}<parent>{parent}</parent>"
+        f"<child>{child}</child>{axis}{inside}</joint>"
+    )
+
+
+def model(*parts, name="m", attributes=""):
+    return f"<model name='{name}' {attributes}>{''.join(parts)}</model>"
+
+
+def sdf(inside, version="1.9"):
+    return f"<?xml version='1.0'?>\n<sdf version='{version}'>\n{inside}\n</sdf>"
+
+
+BUS, ARM = link("bus", 50.0), link("arm", pose="1 0 0 0 0 0")
+ELBOW = joint("elbow", "bus", "arm")
+
+
+def load(text, folder, **options):
+    path = folder / "robot.sdf"
+    path.write_text(text, encoding="utf-8")
+    return sa.load(path, **options)
+
+
+def tip_at(arm, q):
+    return arm.at(np.atleast_1d(q)).tip.translation
+
+
+def test_a_model(tmp_path):
+    arm = load(sdf(model(BUS, ARM, ELBOW)), tmp_path)
+    assert (arm.name, arm.n, arm.mass, arm.tip) == ("m", 1, 51.0, "arm")
+    assert (arm.lower[0], arm.upper[0]) == (-1.0, 2.0)
+    assert np.isinf(arm.tree.joints["elbow"].velocity)
+
+
+def test_axes_are_in_the_frame_of_the_joint_unless_another_is_named(tmp_path):
+    turned = link("arm", pose="1 0 0 1.5707963267948966 0 0")
+    axes = {
+        ("1.9", ""): [0, 0, 1],
+        ("1.9", " expressed_in='bus'"): [0, 1, 0],
+        ("1.9", " expressed_in='__model__'"): [0, 1, 0],
+        ("1.5", ""): [0, 0, 1],
+        ("1.4", ""): [0, 1, 0],
+    }
+    for (version, given), axis in axes.items():
+        text = sdf(model(BUS, turned, ELBOW.replace("<xyz>", f"<xyz{given}>")), version)
+        np.testing.assert_allclose(
+            load(text, tmp_path).tree.joints["elbow"].axis,
+            axis,
+            atol=1e-15,
+            err_msg=version + given,
+        )
+
+
+def test_degrees_and_quaternions(tmp_path):
+    wanted = [1.0, 2.0, 1.0]
+    for pose in (
+        "<pose degrees='true'>0 0 0 0 0 90</pose>",
+        "<pose rotation_format='quat_xyzw'>0 0 0  0 0 0.7071067811865476 0.7071067811865476</pose>",
+    ):
+        arm = link("arm", inside=f"<visual name='v'>{pose}</visual>").replace(
+            "<pose>0 0 0 0 0 0</pose>", pose.replace("0 0 0 ", "1 1 1 ", 1), 1
+        )
+        end = link("end", 0.0, "1 0 0 0 0 0", to="arm").replace(
+            "<mass>0.0</mass><inertia>", "<mass>0</mass><unused>"
+        )
+        end = end.replace("</inertia>", "</unused>")
+        text = sdf(model(BUS, arm, end, ELBOW, joint("bolt", "arm", "end", "fixed")))
+        np.testing.assert_allclose(tip_at(load(text, tmp_path), 0.0), wanted, atol=1e-12)
+
+
+def test_a_link_away_from_its_joint_turns_about_the_joint(tmp_path):
+    pose = "<pose relative_to='bus'>0.5 0 0 0 0 0</pose>"
+    arm = load(sdf(model(BUS, ARM, joint("elbow", "bus", "arm", pose=pose))), tmp_path)
+    np.testing.assert_allclose(tip_at(arm, np.pi / 2), [0.5, 0.5, 0.0], atol=1e-15)
+
+
+def test_frames_are_attached_and_placed(tmp_path):
+    frames = (
+        "<frame name='a' attached_to='arm'><pose>1 0 0 0 0 0</pose></frame>"
+        "<frame name='b' attached_to='a'><pose relative_to='bus'>5 0 0 0 0 0</pose></frame>"
+    )
+    text = sdf(model(BUS, ARM, ELBOW, frames))
+    for tip, x in (("a", 2.0), ("b", 5.0)):
+        arm = load(text, tmp_path, tip=tip)
+        np.testing.assert_allclose(tip_at(arm, 0.0), [x, 0, 0], atol=1e-15)
+        np.testing.assert_allclose(tip_at(arm, np.pi / 2), [1, x - 1, 0], atol=1e-15)
+    assert load(text, tmp_path).tip == "arm"
+
+
+def test_a_world_is_unwrapped(tmp_path):
+    ground = model(link("ground"), name="ground", attributes="static='true'")
+    robot = model(BUS, ARM, ELBOW, name="robot")
+    with pytest.warns(sa.ModelWarning, match="robot::bus is taken as the root.*ground::ground"):
+        arm = load(sdf(f"<world name='w'>{ground}{robot}</world>"), tmp_path)
+    assert (arm.name, arm.tree.root, arm.joint_names) == ("robot", "bus", ("elbow",))
+    two = model(BUS, ARM, ELBOW, name="other")
+    with pytest.raises(sa.ModelError, match=r"2 robots of 1 joints each.*robot::bus, other::bus"):
+        load(sdf(f"<world name='w'>{robot}{two}</world>"), tmp_path)
+
+
+def test_nested_models_are_parts(tmp_path):
+    """Poses of models, a joint into one, and a frame that places it."""
+    tool = model(
+        link("base", pose="0 0 1 0 0 0"),
+        link("jaw", pose="0 0 2 0 0 0"),
+        joint("grip", "base", "jaw"),
+        "<pose relative_to='arm'>0 1 0 0 0 0</pose>",
+        name="tool",
+    )
+    bolt = joint("bolt", "arm", "tool::base", "fixed")
+    arm = load(sdf(model(BUS, ARM, ELBOW, tool, bolt)), tmp_path, tip="tool::jaw", task="position")
+    assert set(arm.joint_names) == {"elbow", "tool::grip"}
+    np.testing.assert_allclose(tip_at(arm, [0, 0]), [1, 1, 2], atol=1e-15)
+    placed = tool.replace("name='tool' ", "name='tool' placement_frame='base'")
+    arm = load(
+        sdf(model(BUS, ARM, ELBOW, placed, bolt)), tmp_path, tip="tool::jaw", task="position"
+    )
+    np.testing.assert_allclose(tip_at(arm, [0, 0]), [1, 1, 1], atol=1e-15)
+    to_model = bolt.replace("tool::base", "tool")
+    assert load(sdf(model(BUS, ARM, ELBOW, tool, to_model)), tmp_path, tip="tool::jaw").n == 2
+
+
+def test_includes_are_found(tmp_path, monkeypatch):
+    folder = tmp_path / "models" / "my_arm"
+    folder.mkdir(parents=True)
+    (folder / "model.config").write_text("<model><sdf version='1.9'>arm.sdf</sdf></model>")
+    (folder / "arm.sdf").write_text(
+        sdf(model(ARM, link("hand", pose="2 0 0 0 0 0"), joint("wrist", "arm", "hand")))
+    )
+    include = (
+        "<include><uri>model://my_arm</uri><name>left</name><pose>0 0 3 0 0 0</pose></include>"
+    )
+    text = sdf(model(BUS, include, joint("elbow", "bus", "left::arm")))
+    with pytest.raises(
+        sa.ModelError, match=r"'model://my_arm' .line 3. is not found; name the folder"
+    ):
+        load(text, tmp_path)
+    arm = load(text, tmp_path, packages=tmp_path / "models")
+    assert set(arm.joint_names) == {"elbow", "left::wrist"}
+    np.testing.assert_allclose(tip_at(arm, [0, 0]), [2, 0, 3], atol=1e-15)
+    monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", str(tmp_path / "models"))
+    assert load(text, tmp_path).n == 2
+    merged = text.replace("<include>", "<include merge='true'>").replace("left::", "")
+    assert set(load(merged, tmp_path).joint_names) == {"elbow", "wrist"}
+    ring = sdf(model(BUS, include))
+    (folder / "arm.sdf").write_text(ring)
+    with pytest.raises(sa.ModelError, match="more than 20 deep"):
+        load(text, tmp_path)
+
+
+def test_a_world_leaves_out_what_it_cannot_include(tmp_path):
+    robot = model(BUS, ARM, ELBOW)
+    include = "<include><uri>https://fuel.gazebosim.org/1.0/o/models/sun</uri></include>"
+    with pytest.warns(sa.ModelWarning, match=r"sun.*is not found: left out"):
+        assert load(sdf(f"<world name='w'>{include}{robot}</world>"), tmp_path).n == 1
+
+
+def test_a_joint_to_the_world(tmp_path):
+    held = joint("hold", "world", "bus", "fixed")
+    arm = load(sdf(model(BUS, ARM, ELBOW, held)), tmp_path)
+    assert arm.mass == 51.0
+    assert any("fixed to the world" in note and "sa.mount" in note for note in arm.notes)
+    moves = sdf(model(BUS, ARM, ELBOW, joint("turn", "world", "bus")))
+    with pytest.raises(sa.ModelError, match=r"'world'.*no mass"):
+        load(moves, tmp_path)
+    on = sa.mount(tmp_path / "robot.sdf", sa.Bus(mass=9.0, size=(1, 1, 1)))
+    assert (on.n, on.mass) == (2, 60.0)
+
+
+def test_universal_and_ball_joints_are_rows_of_hinges(tmp_path):
+    second = f"<axis2><xyz>0 1 0</xyz>{LIMIT}</axis2>"
+    arm = load(sdf(model(BUS, ARM, joint("u", "bus", "arm", "universal", second))), tmp_path)
+    assert set(arm.joint_names) == {"u_axis", "u_axis2"}
+    q = {"u_axis": 0.4, "u_axis2": -0.3}
+    R = arm.at([q[name] for name in arm.joint_names]).tip.rotation
+    np.testing.assert_allclose(R, pin.utils.rotate("z", 0.4) @ pin.utils.rotate("y", -0.3))
+    with pytest.warns(sa.ModelWarning, match="ball joint b is taken as three hinges"):
+        arm = load(sdf(model(BUS, ARM, joint("b", "bus", "arm", "ball"))), tmp_path)
+    assert set(arm.joint_names) == {"b_x", "b_y", "b_z"}
+
+
+def test_limits_that_are_none(tmp_path):
+    big = "<limit><lower>-1e16</lower><upper>1e+16</upper><effort>-1</effort>"
+    big += "<velocity>-1</velocity></limit>"
+    for limit, kind in (
+        (big, "continuous"),
+        ("", "continuous"),
+        (big.replace("1e16", "inf").replace("1e+16", "inf"), "continuous"),
+    ):
+        arm = load(sdf(model(BUS, ARM, ELBOW.replace(LIMIT, limit))), tmp_path)
+        one = arm.tree.joints["elbow"]
+        assert (one.kind, one.lower, one.upper) == (kind, -np.inf, np.inf)
+        assert (one.velocity, one.effort) == (np.inf, np.inf)
+
+
+def test_defaults_of_inertials_are_those_of_sdformat_and_said(tmp_path):
+    with pytest.warns(sa.ModelWarning, match="link 'arm' has no <inertial>: 1 kg and 1 kg m"):
+        arm = load(sdf(model(BUS, link("arm", None, "1 0 0 0 0 0"), ELBOW)), tmp_path)
+    assert arm.mass == 51.0
+    np.testing.assert_array_equal(arm.tree.links["arm"].inertia, np.eye(3))
+
+
+def test_shapes(tmp_path):
+    kinds = {
+        "<box><size>1 2 3</size></box>": Box((1.0, 2.0, 3.0)),
+        "<sphere><radius>2</radius></sphere>": Sphere(2.0),
+        "<cylinder><radius>1</radius><length>2</length></cylinder>": Cylinder(1.0, 2.0),
+        "<ellipsoid><radii>1 2 3</radii></ellipsoid>": Box((2.0, 4.0, 6.0)),
+        "<mesh><uri>model://no/m.dae</uri></mesh>": Mesh("model://no/m.dae", None),
+    }
+    inside = "".join(
+        f"<visual name='v{i}'><pose>0 0 {i} 0 0 0</pose><geometry>{kind}</geometry>"
+        "<material><diffuse>1 0 0 1</diffuse></material></visual>"
+        for i, kind in enumerate(kinds)
+    )
+    odd = "<collision name='c'><geometry><heightmap/></geometry></collision>"
+    with pytest.warns(sa.ModelWarning, match=r"meshes not found .*model://no/m\.dae"):
+        arm = load(sdf(model(BUS, link("arm", inside=inside + odd), ELBOW)), tmp_path, task="x y")
+    shapes = arm.tree.visuals["arm"]
+    assert [shape.geometry for shape in shapes.visual] == list(kinds.values())
+    assert [shape.pose.translation[2] for shape in shapes.visual] == [0, 1, 2, 3, 4]
+    assert {shape.rgba for shape in shapes.visual} == {(1.0, 0.0, 0.0, 1.0)}
+    assert isinstance(shapes.collision[0].geometry, Unusable)
+
+
+def elbow(inside="", kind="revolute", parent="bus", child="arm"):
+    return joint("elbow", parent, child, kind, inside)
+
+
+BAD = {
+    "two models": (sdf(model(BUS) + model(ARM)), "0 <world> and 2 <model> below <sdf>; keep one"),
+    "nothing": (sdf(""), "0 <world> and 0 <model>"),
+    "no links": (sdf(model()), "has no links"),
+    "no joints": (sdf(model(BUS)), "has no joint that can move"),
+    "a version that is none": (sdf(model(BUS), "new"), "has version='new'"),
+    "an unknown parent": (sdf(model(BUS, ARM, elbow(parent="buss"))), "unknown frame 'buss'.*bus"),
+    "an unknown child": (sdf(model(BUS, ARM, elbow(child="am"))), "unknown frame 'am'.*arm"),
+    "no parent": (
+        sdf(model(BUS, ARM, ELBOW.replace("<parent>bus</parent>", ""))),
+        "joint 'elbow' has no <parent>; add",
+    ),
+    "an unknown type": (sdf(model(BUS, ARM, elbow(kind="hinge"))), "'elbow' has type 'hinge'; use"),
+    "a screw": (sdf(model(BUS, ARM, elbow(kind="screw"))), "type 'screw'; use one of fixed, rev"),
+    "a loop of joints": (
+        sdf(model(BUS, ARM, ELBOW, joint("again", "bus", "arm"))),
+        "'arm' closes a loop: joints 'elbow' and 'again'",
+    ),
+    "a ring": (
+        sdf(model(BUS, ARM, link("c"), joint("j", "arm", "c"), joint("k", "c", "arm"))),
+        "arm, c form a loop",
+    ),
+    "a joint to itself": (sdf(model(BUS, ARM, elbow(child="bus"))), "leads from 'bus' to 'bus'"),
+    "poses in a ring": (
+        sdf(model(BUS, link("arm", to="c"), link("c", to="arm"), ELBOW)),
+        "has a pose relative to itself",
+    ),
+    "an unknown frame": (sdf(model(BUS, link("arm", to="amr"), ELBOW)), "unknown frame 'amr'"),
+    "five numbers": (sdf(model(BUS, link("arm", pose="1 2 3 4 5"), ELBOW)), "6 finite numbers"),
+    "words": (sdf(model(BUS, link("arm", pose="a 0 0 0 0 0"), ELBOW)), "6 finite numbers"),
+    "NaN in a mass": (sdf(model(link("bus", "nan"), ARM, ELBOW)), "<mass>='nan'; give a finite"),
+    "a negative mass": (sdf(model(BUS, link("arm", -1.0), ELBOW)), "'arm' is -1 kg; give at least"),
+    "a zero axis": (sdf(model(BUS, ARM, joint("elbow", "bus", "arm", xyz="0 0 0"))), "a zero axis"),
+    "reversed limits": (
+        sdf(model(BUS, ARM, ELBOW.replace(">-1<", ">9<"))),
+        "<limit> of joint 'elbow' is reversed .lower 9, upper 2.; exchange",
+    ),
+    "a limit that is no number": (
+        sdf(model(BUS, ARM, ELBOW.replace(">-1<", ">low<"))),
+        "<lower> of joint 'elbow'.*'low'; give a number",
+    ),
+    "two links of a name": (sdf(model(BUS, BUS)), "two links are named 'bus'"),
+    "a joint named as a link": (
+        sdf(model(BUS, ARM, joint("arm", "bus", "arm"))),
+        "two frames, links, joints or models are named 'arm'",
+    ),
+    "a mimic of nothing": (
+        sdf(model(BUS, ARM, ELBOW.replace("</axis>", "<mimic joint='no'/></axis>"))),
+        "mimic.*unknown movable joint 'no'",
+    ),
+    "an impossible inertia": (
+        sdf(model(BUS, ARM.replace("<ixx>1<", "<ixx>9<"), ELBOW)),
+        "'arm' has an inertia that breaks the triangle inequality.*check=",
+    ),
+    "an include without a file": (
+        sdf(model(BUS, "<include><uri>model://nobody</uri></include>")),
+        "'model://nobody' .line 3. is not found; name the folder that holds it with packages=",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_sdf_is_refused_with_file_element_and_remedy(case, tmp_path):
+    text, message = BAD[case]
+    with pytest.raises(sa.ModelError, match=message) as error:
+        load(text, tmp_path)
+    assert str(error.value).startswith(str(tmp_path / "robot.sdf"))
+    assert "; " in str(error.value)
