@@ -13,7 +13,7 @@ import typer
 from spacearm.description.assembly import assembled
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import find_arm, find_model, models_by_name
-from spacearm.description.readers import urdf
+from spacearm.description.readers import formats
 from spacearm.description.readers.reading import Reading
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, warn
@@ -106,9 +106,9 @@ def joints_of(model: str, bus: Bus | None, options: dict[str, Any]) -> Tree:
             known = find_arm(model)
             path = known.path if known else Path(model)
             sound = Reading.of(**reading)
-            return urdf.read(path, Reading(**{**vars(sound), "spacecraft": False}))
+            return formats.read(path, Reading(**{**vars(sound), "spacecraft": False}))
         info = find_model(model)
-        return assembled(info) if info else urdf.read(model, Reading.of(**reading))
+        return assembled(info) if info else formats.read(model, Reading.of(**reading))
 
 
 def _require_arm(model: str) -> None:

@@ -31,7 +31,8 @@ class Tree:
         joints: Every joint, by name.
         visuals: Shapes of the links that have any, by name.
         tips: Tip links that the file names itself; usually none.
-        marks: Links that only mark a place; they can be tips, and are no leaves.
+        marks: Links without mass that only mark a place, such as a site, or are between the joints
+            in a row of one body. They can be tips, and are no leaves.
         notes: What was assumed, repaired or left out as it was read, a sentence each.
     """
 
@@ -67,9 +68,10 @@ class Tree:
 
     def leaves(self) -> list[str]:
         """Return the links without children, other than those that only mark a place."""
-        joints = [joint for joint in self.joints.values() if joint.child not in self.marks]
-        parents = {joint.parent for joint in joints} | {*self.marks}
-        return [link for link in self.links if link not in parents]
+        carriers = {joint.parent for joint in self.joints.values()}
+        idle = {mark for mark in self.marks if mark not in carriers}
+        parents = {joint.parent for joint in self.joints.values() if joint.child not in idle}
+        return [link for link in self.links if link not in parents | idle]
 
     def lumps(self) -> dict[str, list[str]]:
         """Return the links that move as one body, by the one of them nearest to the root."""

@@ -145,8 +145,10 @@ def test_nested_models_are_parts(tmp_path):
 
 
 def test_includes_are_found(tmp_path, monkeypatch):
-    folder = tmp_path / "models" / "my_arm"
+    models, here = tmp_path / "else" / "where" / "models", tmp_path / "robot"
+    folder = models / "my_arm"
     folder.mkdir(parents=True)
+    (here / ".git").mkdir(parents=True)  # what is around a file ends with its repository
     (folder / "model.config").write_text("<model><sdf version='1.9'>arm.sdf</sdf></model>")
     (folder / "arm.sdf").write_text(
         sdf(model(ARM, link("hand", pose="2 0 0 0 0 0"), joint("wrist", "arm", "hand")))
@@ -158,18 +160,18 @@ def test_includes_are_found(tmp_path, monkeypatch):
     with pytest.raises(
         sa.ModelError, match=r"'model://my_arm' .line 3. is not found; name the folder"
     ):
-        load(text, tmp_path)
-    arm = load(text, tmp_path, packages=tmp_path / "models")
+        load(text, here)
+    arm = load(text, here, packages=models)
     assert set(arm.joint_names) == {"elbow", "left::wrist"}
     np.testing.assert_allclose(tip_at(arm, [0, 0]), [2, 0, 3], atol=1e-15)
-    monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", str(tmp_path / "models"))
-    assert load(text, tmp_path).n == 2
+    monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", str(models))
+    assert load(text, here).n == 2
     merged = text.replace("<include>", "<include merge='true'>").replace("left::", "")
-    assert set(load(merged, tmp_path).joint_names) == {"elbow", "wrist"}
+    assert set(load(merged, here).joint_names) == {"elbow", "wrist"}
     ring = sdf(model(BUS, include))
     (folder / "arm.sdf").write_text(ring)
     with pytest.raises(sa.ModelError, match="more than 20 deep"):
-        load(text, tmp_path)
+        load(text, here)
 
 
 def test_a_world_leaves_out_what_it_cannot_include(tmp_path):

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.readers.xml import Source
-from spacearm.description.tree import ROOT_JOINT, Tree
+from spacearm.description.tree import Tree
 from spacearm.description.visuals import Visuals
 
 SAME_FRAME = 1e-15
@@ -25,7 +25,7 @@ class Forest:
         links: Mass properties of every link, by name; None for a frame without mass.
         joints: Every joint, by name.
         visuals: Shapes of the links that have any, by name.
-        marks: Frames that only mark a place: a tip if asked for, but no leaves of the tree.
+        marks: Links without mass that only mark a place or are between joints; see `Tree`.
     """
 
     def __init__(self) -> None:
@@ -73,6 +73,7 @@ class Forest:
             if apart or joint is not joints[-1]:
                 behind = self.free_name(f"{child}_at_{joint.name}", self.links)
                 self.add(behind)
+                self.marks.append(behind)
             self.joints[joint.name] = replace(joint, parent=parent, child=behind)
             parent = behind
         if last is not None and (apart or not joints):
@@ -155,8 +156,6 @@ class Forest:
                 f"{trees[0].root} is taken as the root of the robot; left out, as not fixed to "
                 f"it: {', '.join(others)}"
             )
-        if ROOT_JOINT in trees[0].joints:
-            source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
         return trees[0]
 
 

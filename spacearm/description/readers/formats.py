@@ -10,6 +10,8 @@ from typing import TypeAlias
 from lxml import etree
 
 from spacearm.description.readers import pinocchio_model, urdf
+from spacearm.description.readers.masses import checked
+from spacearm.description.readers.mimics import check_mimics
 from spacearm.description.readers.mjcf.reader import read as read_mjcf
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
 from spacearm.description.readers.reading import Reading
@@ -48,8 +50,8 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
         if root.tag == "robot":
             return urdf.read(robot, reading)
         tree = _read(source, root)
-    urdf._check_mimics(source, tree.joints)
-    urdf._check_masses(source, tree, reading.check, reading.spacecraft)
+    check_mimics(source, joints := dict(tree.joints))
+    tree = checked(source, replace(tree, joints=joints))
     return replace(tree, notes=tuple(source.notes))
 
 

@@ -179,7 +179,9 @@ def _check_motions(source: Source, tree: Tree) -> None:
             )
         say(problem)
         return
-    if massless := [leader for leader, body in weak.items() if body.mass == 0.0]:
+    if massless := [
+        leader for leader, body in weak.items() if body.mass == 0.0 and leader not in tree.marks
+    ]:
         say(f"links between joints without mass are taken as massless: {_some(massless)}")
     if thin := [leader for leader, body in weak.items() if _thin(body)]:
         say(f"bodies without inertia about some axis are taken as thin: {_some(thin)}")

@@ -19,11 +19,12 @@ from spacearm.arrays import LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.limits import read_limits, warn_of_limits
 from spacearm.description.readers.masses import checked
+from spacearm.description.readers.mimics import check_mimics
 from spacearm.description.readers.reading import Reading
 from spacearm.description.readers.urdf_visuals import read_visuals
 from spacearm.description.readers.xacro.robot import expanded, is_xacro
 from spacearm.description.readers.xml import Source, describe
-from spacearm.description.tree import ROOT_JOINT, Tree
+from spacearm.description.tree import Tree
 from spacearm.errors import unknown
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
@@ -55,7 +56,7 @@ def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
         source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
     joints = {name: _joint(source, e, links) for name, e in source.named(robot, "joint").items()}
     links, joints = _without_world(source, links, joints)
-    _check_mimics(source, joints)
+    check_mimics(source, joints)
     warn_of_limits(source, robot, joints)
     tree = Tree(
         name=robot.get("name") or source.path.name.partition(".")[0],
@@ -202,24 +203,3 @@ def _without_world(
         links = {name: part for name, part in links.items() if name != joint.parent}
         joints = {name: j for name, j in joints.items() if j is not joint}
     return links, joints
-
-
-def _check_mimics(source: Source, joints: dict[str, Joint]) -> None:
-    """Check that mimic joints lead to others; those of fixed joints are fixed too."""
-    if ROOT_JOINT in joints:
-        source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
-    movable = [joint.name for joint in joints.values() if joint.movable]
-    for joint in list(joints.values()):
-        if joint.mimic and (leader := joints.get(joint.mimic.leader)) and leader.kind == "fixed":
-            joints[joint.name] = joint.frozen(joint.mimic.offset)
-            source.warn(f"joint {joint.name!r} mimics {leader.name!r}, which is fixed, and is too")
-    for joint in joints.values():
-        seen, mimic = [joint.name], joint.mimic
-        while mimic:
-            if mimic.leader not in movable:
-                what = unknown("movable joint", mimic.leader, movable)
-                source.fail(f"<mimic> of joint {joint.name!r}: {what}", "name one")
-            if mimic.leader in seen:
-                source.fail(f"joint {joint.name!r} mimics itself", "remove that <mimic>")
-            seen.append(mimic.leader)
-            mimic = joints[mimic.leader].mimic

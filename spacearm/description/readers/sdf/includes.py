@@ -75,14 +75,15 @@ def _placed(model: etree._Element, include: etree._Element) -> etree._Element:
 def _candidates(source: Source, uri: str) -> Iterator[Path]:
     """Yield the files that a URI may mean."""
     scheme, _, rest = uri.rpartition("://")
-    if scheme not in ("", "model", "package", "file") or not rest:
-        return
-    here = source.path.resolve()
-    folders = [*source.reading.packages, *(Path(f) for f in _environment()), *here.parents]
-    for place in folders if scheme != "file" else [Path("/")]:
-        yield from _model_files((place / rest).resolve())
-        if place.name == rest.partition("/")[0]:  # the folder itself is the model
-            yield from _model_files((place.parent / rest).resolve())
+    if scheme == "file":
+        yield from _model_files(Path(rest))
+    elif scheme == "" and rest:
+        yield from _model_files(source.path.resolve().parent / rest)
+    elif scheme in ("model", "package"):
+        for place in _environment():
+            yield from _model_files(Path(place) / rest)
+        if found := source.packages.resolve(f"package://{rest}"):
+            yield from _model_files(found)
 
 
 def _environment() -> Iterator[str]:

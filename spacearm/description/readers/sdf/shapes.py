@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.description.meshes import find_mesh
 from spacearm.description.readers.sdf.values import number, pose, vector, words
 from spacearm.description.readers.xml import Source
 from spacearm.description.visuals import (
@@ -99,10 +98,9 @@ class Shapes:
         )
 
     def _file(self, name: str) -> Path | None:
-        """Find a mesh file, once; model:// names a folder as package:// does."""
+        """Find a mesh file, once."""
         if name not in self._files:
-            uri = name.replace("model://", "package://", 1)
-            self._files[name] = find_mesh(uri, self._source.path)
+            self._files[name] = self._source.packages.file(name)
         return self._files[name]
 
     def _rgba(self, parent: etree._Element) -> tuple[float, ...] | None:
