@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
@@ -12,7 +13,7 @@ import pinocchio as pin
 from pinocchio.robot_wrapper import RobotWrapper
 
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import SPLIT_BALL, Forest
+from spacearm.description.readers.forest import SAME_FRAME, SPLIT_BALL, Forest
 from spacearm.description.readers.xml import Source
 from spacearm.description.tree import Tree
 from spacearm.description.visuals import (
@@ -36,6 +37,8 @@ ROWS = {
     "Translation": (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic")),
 }
 """Joints in a row that stand for a joint of several freedoms."""
+LEAST_SHARE = 1e-12
+"""Share of the mass of a body that rounding leaves of zero."""
 NO_LIMIT = 1e300
 """Pinocchio writes the largest number there is where there is no limit."""
 
@@ -95,41 +98,46 @@ class _Reader:
 
     def _bodies(self, forest: Forest, i: int) -> str:
         """Add the links that move with joint i; return the one in the frame of the joint."""
-        model = self._model
-        frames = {f: model.frames[f] for f in range(model.nframes)}
-        bodies = {
-            f: frame
-            for f, frame in frames.items()
-            if frame.parentJoint == i and frame.type == pin.BODY
-        }
-        whole = pin.Inertia.Zero()
-        for frame in bodies.values():
-            whole += frame.placement.act(frame.inertia)
-        apart = whole.isApprox(model.inertias[i], 1e-12)
-        first = next((f for f, b in bodies.items() if b.placement.isIdentity(1e-15)), None)
-        leader = forest.free_name(
-            model.names[i] if first is None else bodies[first].name, forest.links
-        )
-        forest.add(leader, _inertial(model.inertias[i]), self._shapes(i))
-        names = {first: leader}
+        frames = {f: x for f, x in enumerate(self._model.frames) if x.parentJoint == i}
+        bodies = {f: frame for f, frame in frames.items() if frame.type == pin.BODY}
+        first = next((f for f, b in bodies.items() if b.placement.isIdentity(SAME_FRAME)), None)
+        leader = self._model.names[i] if first is None else bodies.pop(first).name
+        leader = forest.free_name(leader, forest.links)
+        whole, parts = self._shared_out(i, frames, bodies)
+        forest.add(leader, _inertial(whole), self._shapes(i))
+        names = {f: forest.free_name(frame.name, forest.links) for f, frame in bodies.items()}
         for f, frame in bodies.items():
-            if f != first:
-                names[f] = forest.free_name(frame.name, forest.links)
-                forest.add(names[f], _inertial(frame.inertia) if apart else None)
-        if apart:
-            forest.links[leader] = None if first is None else _inertial(bodies[first].inertia)
-        for f, frame in bodies.items():
-            if f != first:
-                above = frame.parentFrame
-                while above not in bodies and frames[above].parentJoint == i and above:
-                    above = frames[above].parentFrame
-                parent = bodies.get(above)
-                pose = parent.placement.actInv(frame.placement) if parent else frame.placement
-                forest.fix(names[above] if parent else leader, names[f], pose.copy())
+            forest.add(names[f], parts.get(f))
+            above = frame.parentFrame
+            while above in frames and above not in bodies and above:
+                above = frames[above].parentFrame
+            carrier = bodies[above].placement if above in bodies else pin.SE3.Identity()
+            forest.fix(names.get(above, leader), names[f], carrier.actInv(frame.placement))
         for frame in frames.values():
-            if frame.parentJoint == i and frame.type in (pin.OP_FRAME, pin.SENSOR):
+            if frame.type in (pin.OP_FRAME, pin.SENSOR):
                 forest.mark(frame.name, leader, frame.placement.copy())
         return leader
+
+    def _shared_out(
+        self, i: int, frames: Mapping[int, pin.Frame], bodies: Mapping[int, pin.Frame]
+    ) -> tuple[pin.Inertia, dict[int, Inertial]]:
+        """Return the inertia of the first link that moves with joint i, and those of the others.
+
+        Pinocchio keeps the inertia of a body fixed to another in the frame of the fixed joint; the
+        sum of all counts.
+        """
+        whole = rest = self._model.inertias[i]
+        parts: dict[int, Inertial] = {}
+        for f, frame in bodies.items():
+            above = frames.get(frame.parentFrame, frame)
+            own = frame.inertia + above.inertia if above.type == pin.FIXED_JOINT else frame.inertia
+            if own.mass > 0.0 and (part := _inertial(own)):
+                parts[f] = part
+                rest = rest - frame.placement.act(own)
+        left = _inertial(rest)
+        if abs(rest.mass) <= LEAST_SHARE * whole.mass:
+            return pin.Inertia.Zero(), parts
+        return (rest, parts) if left and left.fault() is None else (whole, {})
 
     def _row(self, name: str, joint: pin.JointModel, at: pin.SE3) -> list[Joint]:
         """Return the joints in a row that a joint of Pinocchio is, the first one at a pose."""
