@@ -12,7 +12,7 @@ NAMES = [info.name for info in sa.catalogue()]
 
 def test_catalogue_lists_the_models_of_the_package():
     assert NAMES == [
-        "planar2", "planar3", "mda6", "ets7", "chaser7",
+        "planar2", "planar3", "mda6", "ets7", "chaser7", "tecsas",
         "servicer_ur5", "servicer_panda", "cubesat_xarm", "dual_ur5", "vispa_cubesat",
     ]  # fmt: skip
     assert [a.name for a in sa.arms()] == ["vispa", "ur5", "ur10", "panda", "kinova", "xarm7", "z1"]
@@ -41,6 +41,7 @@ def test_entries_are_true(info):
         ("mda6", [786, 0.36, 9.20, 9.20, 0.36, 0.36, 1.78]),
         ("ets7", [2552, 35, 22.7, 21.4, 16.8, 26.2, 18.1]),
         ("chaser7", [1579.20, 10, 17, 10, 16, 10, 10, 9]),
+        ("tecsas", [140, 1.06488, 1.78201, 1.78201, 1.76068, 1.05615, 1.59936, 0.221118]),
         ("vispa_cubesat", [12.627, 2.328, 3.995, 2.328, 3.157, 2.695, 0.924]),
         ("cubesat_xarm", [12.88556, 2.382, 1.869, 1.6383, 1.7269, 1.3203, 1.325, 0.17]),
         ("dual_ur5", [208.0, *(2 * [3.7, 8.393, 2.275, 1.219, 1.219, 0.1879])]),
@@ -102,3 +103,28 @@ def test_vispa_links_follow_their_source():
         placed = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2 * np.array(turn)), np.array(xyz))
         pose = pose * placed * pin.SE3(pin.utils.rotate("z", angle), np.zeros(3))
     assert sa.load("vispa_cubesat").at(q).tip.isApprox(pose, 1e-12)
+
+
+def test_tecsas_is_the_table_of_spacedyn():
+    """Its frames are at CMs and turn by roll, pitch, yaw about axes that turn along."""
+
+    def turned(roll, pitch, yaw):
+        angles = zip("xyz", np.radians([roll, pitch, yaw]), strict=True)
+        x, y, z = (pin.utils.rotate(axis, angle) for axis, angle in angles)
+        return x @ y @ z
+
+    rpy = [(90, 0, 0), (90, 0, 0), (90, 0, 180), (180, 0, 0), (0, -90, 180), (0, 90, 180),
+           (0, -90, 180)]  # fmt: skip
+    to_cm = [(0, 0.0418, -0.063), (0.2742, 0.0418, -0.063), (0, -0.27, -0.0005),
+             (0.2125, 0, -0.0423), (-0.0418, 0, -0.063), (0.0655, 0, -0.0422), (0, 0, 0)]  # fmt: skip
+    q, arm = np.linspace(-1.2, 1.5, 7), sa.load("tecsas")
+    R, joint, cms = np.eye(3), np.array([-0.275, 0.13, 0.06]), [np.zeros(3)]
+    for turn, c, angle in zip(rpy, np.array(to_cm), q, strict=True):
+        R = R @ turned(*turn) @ pin.utils.rotate("z", angle)
+        cms.append(joint + R @ c)
+        joint = cms[-1] + R @ c  # from the CM to the next joint it is as far again
+    tip = pin.SE3(R @ turned(-90, 0, 90), cms[-1] + R @ np.array([0, 0, -0.15]))
+    cfg = arm.at(q)
+    assert cfg.tip.isApprox(tip, 1e-12)
+    masses = [body.mass for body in list(arm.model.inertias)[1:]]
+    np.testing.assert_allclose(cfg.com, np.average(cms, axis=0, weights=masses), atol=1e-14)
