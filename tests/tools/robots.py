@@ -1,0 +1,207 @@
+"""Robots: every robot file in some folders loaded and asked for a verdict, as a Markdown table.
+
+    python tests/tools/robots.py FOLDER ... > docs/robots.md
+    python tests/tools/robots.py --installed                    # those of installed packages
+    python tests/tools/robots.py --bus-mass 500 FOLDER          # arms alone get another bus
+
+A folder is named by the first word of a SOURCE.txt in it, as OWNER/REPOSITORY, else by its own
+name. The verdict is that of `spacearm query` at a posture three fifths of the way between the
+limits, at 0.5 where there are none. Where a message asks for more, it is given and the verdict says
+so: arms without a spacecraft are mounted on a bus, the first of several tips is chosen,
+check="warn" or density=2700 is added. Files that are parts of others are counted only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import spacearm as sa
+
+SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf")
+NO_ROBOTS = ("package.xml", "manifest.xml", "plugin.xml", "scene_description.xml")
+ARGUMENTS = {
+    "UniversalRobots/Universal_Robots_ROS2_Description:ur.urdf.xacro": [
+        {"name": kind, "ur_type": kind} for kind in ("ur3e", "ur5e", "ur10e", "ur16e", "ur20")
+    ],
+    "xArm-Developer/xarm_ros2:xarm_device.urdf.xacro": [{"dof": n} for n in (5, 6, 7)],
+    "Kinovarobotics/ros2_kortex:kinova.urdf.xacro": [
+        {"name": "gen3", "arm": "gen3", "dof": 7, "vision": False},
+        {"name": "lite", "arm": "gen3_lite", "dof": 6, "vision": False},
+    ],
+}
+"""Arguments of xacro sources that need some, by repository and file name."""
+TIPS = re.compile(r"links could be the tip: ([^,;]+)")
+PARTS = ("part of an MJCF", "for other files to use", "no robot file that is known")
+"""What is said of files that other files include."""
+HEAD = """# Robots tried
+
+Descriptions of robots from public repositories, each loaded and asked for a verdict as
+`spacearm query` gives it: at a posture three fifths of the way between the joint limits, at 0.5 rad
+or m where there are none. Where a message asks for more it is given, and the last column says so: a
+bus for an arm alone (its mass is not in the fifth column), the first of several tips,
+`check="warn"` for inertias that no rigid body has, `density=` where there are none.
+
+Printed by `python tests/tools/robots.py FOLDER ...` (copies of the repositories) and `--installed`.
+"""
+
+
+class Row(NamedTuple):
+    """One file tried: what came of it, and how it is counted."""
+
+    robot: str
+    format: str
+    n: str
+    tip: str
+    mass: str
+    verdict: str
+    outcome: str
+
+
+def files(folder: Path) -> Iterator[Path]:
+    """The files below a folder that may be robots."""
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in SUFFIXES and path.name not in NO_ROBOTS and path.is_file():
+            yield path
+
+
+def name_of(folder: Path) -> str:
+    """The repository that a folder is of, else its name."""
+    source = folder / "SOURCE.txt"
+    return source.read_text(encoding="utf-8").split()[0] if source.is_file() else folder.name
+
+
+def tried(folder: Path, bus: sa.Bus) -> Iterator[Row]:
+    """A row for every file of a folder, and each set of arguments that it takes."""
+    repository = name_of(folder)
+    packages = [folder] if folder.is_dir() else []
+    for path in files(folder):
+        robot = f"{repository}: {path.relative_to(folder)}"
+        for arguments in ARGUMENTS.get(f"{repository}:{path.name}", [{}]):
+            said = " ".join(f"{key}:={value}" for key, value in arguments.items())
+            options = {"xacro_args": arguments, "packages": packages}
+            yield row(path, f"{robot} {said}".strip(), bus, options)
+
+
+def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
+    """Load one file, mounted on a bus if it is an arm alone, and ask for its verdict."""
+    kind = {".sdf": "SDF", ".xacro": "xacro", ".urdf": "URDF", ".xml": "MJCF"}[path.suffix]
+    given: dict[str, object] = {}
+    mounted = False
+    while True:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                how = {**options, **given}
+                arm = sa.mount(path, bus, **how) if mounted else sa.load(path, **how)
+                report = sa.singularity(arm.at(posture(arm)))
+            break
+        except sa.SpaceArmError as error:
+            more = asked(str(error))
+            if "sa.mount(" in str(error) and not mounted:
+                mounted = True
+            elif more and not more.keys() & given.keys():
+                given |= more
+            else:
+                return refused(path, robot, kind, str(error))
+    mass = f"{arm.mass - (bus.mass if mounted else 0.0):.5g}"
+    said = [f"on a bus of {bus.mass:g} kg"] if mounted else []
+    said += [f"{name}={value!r}" for name, value in given.items()]
+    verdict = f"{report.kind}, σ_min {report.sigma_min:.2g} {arm.sigma_unit}"
+    verdict += f" ({', '.join(said)})" if said else ""
+    outcome = "answered when told more" if given else "answered"
+    tips = ", ".join(str(given.get("tip", tip)) if mounted else tip for tip in arm.tips)
+    return Row(robot, kind, str(arm.n), tips, mass, verdict, outcome)
+
+
+def asked(message: str) -> dict[str, object]:
+    """The option that a message asks for."""
+    if found := TIPS.search(message):
+        return {"tip": found[1]}
+    if 'check="warn"' in message:
+        return {"check": "warn"}
+    return {"density": 2700.0} if "density=2700" in message else {}
+
+
+def refused(path: Path, robot: str, kind: str, message: str) -> Row:
+    """A row for a file that does not load, with what its message says."""
+    said = message.replace(f"{path}: ", "").replace(str(path), path.name)
+    for parent in path.parents:
+        said = said.replace(f"{parent}/", "")
+    said = said.replace("|", "/")
+    if any(words in said for words in PARTS):
+        outcome = "a part of other files"
+    elif "no joint" in said:
+        outcome = "nothing moves"
+    else:
+        outcome = "refused"
+    return Row(robot, kind, "", "", "", f"{outcome}: {said[:240]}", outcome)
+
+
+def posture(arm: sa.SpaceArm) -> np.ndarray:
+    """A posture away from the middle, which is often singular by design."""
+    bounded = np.isfinite(arm.lower) & np.isfinite(arm.upper)
+    lower, upper = (np.where(bounded, ends, 0.0) for ends in (arm.lower, arm.upper))
+    return np.where(bounded, lower + 0.6 * (upper - lower), 0.5)
+
+
+def installed() -> list[Path]:
+    """The folders of robots that installed packages bring."""
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    folders = []
+    if (spec := find_spec("rtbdata")) and spec.origin:
+        folders.append(Path(spec.origin).parent / "xacro")
+    try:
+        data = distribution("example-robot-data")
+        folders.append(Path(str(data.locate_file("cmeel.prefix/share/example-robot-data/robots"))))
+    except PackageNotFoundError:
+        pass
+    return folders
+
+
+def table(rows: list[Row]) -> Iterator[str]:
+    """The lines of the table, and how many files came to what."""
+    counts = Counter(row.outcome for row in rows)
+    yield HEAD
+    yield f"{len(rows)} files: " + ", ".join(f"{n} {what}" for what, n in counts.most_common())
+    yield ""
+    yield "| robot | format | n | tip | mass [kg] | verdict |"
+    yield "|---|---|---|---|---|---|"
+    for one in rows:
+        if one.outcome != "a part of other files":
+            yield "| " + " | ".join(one[:-1]) + " |"
+
+
+def main(words: list[str]) -> int:
+    """Print the table; the time it takes goes to the error stream."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folders", nargs="*", type=Path)
+    parser.add_argument("--installed", action="store_true")
+    parser.add_argument("--bus-mass", type=float, default=200.0)
+    given = parser.parse_args(words)
+    bus = sa.Bus(given.bus_mass, size=(1.0, 1.0, 1.0))
+    rows: list[Row] = []
+    for folder in [*given.folders, *(installed() if given.installed else [])]:
+        start = time.perf_counter()
+        found = list(tried(folder, bus))
+        print(
+            f"{name_of(folder)}: {len(found)}, {time.perf_counter() - start:.1f} s", file=sys.stderr
+        )
+        rows += found
+    print("\n".join(table(rows)))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
