@@ -160,6 +160,15 @@ def test_an_arm_without_a_free_joint(tmp_path):
     assert sa.mount(tmp_path / "robot.xml", sa.Bus(mass=30.0, size=(1, 1, 1))).mass == 31.0
 
 
+def test_props_of_a_scene_are_left_out(tmp_path):
+    arm = f'<body name="base">{INERTIAL}{link("a", inside=link("b"))}</body>'
+    with pytest.warns(sa.ModelWarning, match="fewer joints than the arm .* left out: door"):
+        assert load(mjcf(arm + link("door")), tmp_path).mass == 3.0
+    twin = arm.replace('"base"', '"base2"').replace('"a"', '"a2"').replace('"b"', '"b2"')
+    both = load(mjcf(arm + twin), tmp_path, tip="b", task="position")
+    assert (both.tree.root, both.mass) == ("world", 6.0)
+
+
 def test_sites_are_frames_and_no_leaves(tmp_path):
     marks = '<site name="p" pos="0 0 1"/><site name="q" pos="0 1 0"/>'
     text = mjcf(free(link("a", inside=marks)))

@@ -20,7 +20,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from importlib.util import find_spec
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,6 +41,12 @@ ARGUMENTS = {
     ],
 }
 """Arguments of xacro sources that need some, by repository and file name."""
+INSTALLED = {
+    "rtb-data": "rtbdata/xacro",
+    "example-robot-data": "cmeel.prefix/share/example-robot-data/robots",
+    "gymnasium": "gymnasium/envs/mujoco/assets",
+}
+"""Folders of robots in packages that install from the registry."""
 TIPS = re.compile(r"links could be the tip: ([^,;]+)")
 PARTS = ("part of an MJCF", "for other files to use", "no robot file that is known")
 """What is said of files that other files include."""
@@ -76,7 +82,10 @@ def files(folder: Path) -> Iterator[Path]:
 
 
 def name_of(folder: Path) -> str:
-    """The repository that a folder is of, else its name."""
+    """The repository or package that a folder is of, else its name."""
+    for package, within in INSTALLED.items():
+        if folder.as_posix().endswith(within):
+            return package
     source = folder / "SOURCE.txt"
     return source.read_text(encoding="utf-8").split()[0] if source.is_file() else folder.name
 
@@ -95,7 +104,7 @@ def tried(folder: Path, bus: sa.Bus) -> Iterator[Row]:
 
 def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
     """Load one file, mounted on a bus if it is an arm alone, and ask for its verdict."""
-    kind = {".sdf": "SDF", ".xacro": "xacro", ".urdf": "URDF", ".xml": "MJCF"}[path.suffix]
+    kind = format_of(path)
     given: dict[str, object] = {}
     mounted = False
     while True:
@@ -122,6 +131,13 @@ def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
     outcome = "answered when told more" if given else "answered"
     tips = ", ".join(str(given.get("tip", tip)) if mounted else tip for tip in arm.tips)
     return Row(robot, kind, str(arm.n), tips, mass, verdict, outcome)
+
+
+def format_of(path: Path) -> str:
+    """The format of a file, by its suffix; an .xml may be a URDF."""
+    if path.suffix == ".xml" and "<robot" in path.read_text(encoding="utf-8", errors="replace"):
+        return "URDF"
+    return {".sdf": "SDF", ".xacro": "xacro", ".urdf": "URDF", ".xml": "MJCF"}[path.suffix]
 
 
 def asked(message: str) -> dict[str, object]:
@@ -155,19 +171,13 @@ def posture(arm: sa.SpaceArm) -> np.ndarray:
     return np.where(bounded, lower + 0.6 * (upper - lower), 0.5)
 
 
-def installed() -> list[Path]:
+def installed() -> Iterator[Path]:
     """The folders of robots that installed packages bring."""
-    from importlib.metadata import PackageNotFoundError, distribution
-
-    folders = []
-    if (spec := find_spec("rtbdata")) and spec.origin:
-        folders.append(Path(spec.origin).parent / "xacro")
-    try:
-        data = distribution("example-robot-data")
-        folders.append(Path(str(data.locate_file("cmeel.prefix/share/example-robot-data/robots"))))
-    except PackageNotFoundError:
-        pass
-    return folders
+    for name, folder in INSTALLED.items():
+        try:
+            yield Path(str(distribution(name).locate_file(folder)))
+        except PackageNotFoundError:
+            print(f"{name}: not installed", file=sys.stderr)
 
 
 def table(rows: list[Row]) -> Iterator[str]:
@@ -192,7 +202,7 @@ def main(words: list[str]) -> int:
     given = parser.parse_args(words)
     bus = sa.Bus(given.bus_mass, size=(1.0, 1.0, 1.0))
     rows: list[Row] = []
-    for folder in [*given.folders, *(installed() if given.installed else [])]:
+    for folder in [*given.folders, *(installed() if given.installed else ())]:
         start = time.perf_counter()
         found = list(tried(folder, bus))
         print(

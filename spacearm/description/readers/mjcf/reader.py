@@ -97,16 +97,24 @@ class _Reader:
         return replace(tree, joints={n: self._coupled(j, tree) for n, j in tree.joints.items()})
 
     def _roots(self, forest: Forest) -> list[str]:
-        """Return the free bodies, if one has joints; else the root of what the world carries."""
+        """Return the free bodies, if one has joints; else the root of what the world carries.
+
+        Of what the world carries that with the most joints counts, or all that have as many.
+        """
         world = self._bodies[0]
         free = [root for root in forest.roots() if root != world]
         if any(freedoms(forest.tree("", root)) for root in free):
             return free
-        held = [
-            joint
-            for joint in forest.joints.values()
-            if joint.parent == world and (joint.movable or freedoms(forest.tree("", joint.child)))
-        ]
+        held = [joint for joint in forest.joints.values() if joint.parent == world]
+        counts = {j.name: freedoms(forest.tree("", j.child)) + j.movable for j in held}
+        most = max(counts.values(), default=0)
+        others = [forest.joints.pop(j.name) for j in held if counts[j.name] < most]
+        if moving := [joint.child for joint in others if counts[joint.name]]:
+            self._source.warn(
+                "what has fewer joints than the arm and is not fixed to it is left out: "
+                + ", ".join(moving)
+            )
+        held = [joint for joint in held if joint not in others]
         if len(held) == 1 and not held[0].movable:
             base = held[0].child
             self._source.note(
