@@ -47,8 +47,8 @@ EXAMPLES = {
     "ur_description/urdf/ur5_robot.urdf": (6, "tool0", 20.9939),
     "ur_description/urdf/ur10_robot.urdf": (6, "tool0", 32.7),
     "panda_description/urdf/panda.urdf": (7, "panda_hand_tcp", 17.451902),
-    "xarm_description/urdf/xarm7.urdf": (7, "link_eef", 11.317),
-    "kinova_description/robots/kinova.urdf": (6, "j2s6s200_end_effector", 4.83778),
+    "xarm_description/urdf/xarm7.urdf": (7, "link_eef", 11.31706),
+    "kinova_description/robots/kinova.urdf": (6, "j2s6s200_end_effector", 4.83784),
 }
 """Files of example-robot-data."""
 MENAGERIE = {
