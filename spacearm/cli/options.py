@@ -33,7 +33,7 @@ from spacearm.motion.goal import Goal, goal_pose
 
 T = TypeVar("T")
 ModelName = Annotated[
-    str, typer.Argument(metavar="MODEL", help="Catalogue name (spacearm models) or URDF file.")
+    str, typer.Argument(metavar="MODEL", help="Catalogue name (spacearm models) or robot file.")
 ]
 Tip = Annotated[str | None, typer.Option(help="Link whose frame is the tip.", metavar="LINK")]
 TaskRows = Annotated[

@@ -173,6 +173,8 @@ def test_sites_are_frames_and_no_leaves(tmp_path):
     marks = '<site name="p" pos="0 0 1"/><site name="q" pos="0 1 0"/>'
     text = mjcf(free(link("a", inside=marks)))
     assert load(text, tmp_path).tip == "a"
+    axes = "".join(f'<site name="{name}" pos="0 0 1"/>' for name in ("a:x", "p_y", "other_z"))
+    assert load(text.replace(marks, marks + axes), tmp_path).tree.marks == ("p", "q", "other_z")
     np.testing.assert_allclose(load(text, tmp_path, tip="q").at([0.0]).tip.translation, [0.5, 1, 0])
 
 

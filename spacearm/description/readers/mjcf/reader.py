@@ -8,6 +8,7 @@ said so.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -88,8 +89,9 @@ class _Reader:
             joints = [i for i in range(model.njnt) if model.jnt_bodyid[i] == body]
             if not joints or self._kind(joints[0]) != "FREE":
                 self._join(forest, body, joints)
-        for i, body in enumerate(model.site_bodyid):
-            if body and (name := model.site(i).name):
+        sites = [model.site(i).name for i in range(model.nsite)]
+        for name, i, body in zip(sites, range(model.nsite), model.site_bodyid, strict=True):
+            if body and name and not _draws_axis(name, {*sites, *self._bodies}):
                 forest.mark(
                     name, self._bodies[body], pose_of(model.site_pos[i], model.site_quat[i])
                 )
@@ -204,6 +206,7 @@ def _couplings(source: Source, spec: mujoco.MjSpec) -> dict[str, tuple[str, floa
     return found
 
 
+AXIS = re.compile(r"(.+)[:_.-][xyz]", re.IGNORECASE)
 LEFT_OUT = ("actuators", "tendons", "equalities", "sensors", "skins", "flexes", "plugins")
 """What a free-floating arm does not have; it is named if the file has it."""
 UNNAMED = (
@@ -233,6 +236,12 @@ def _leave_out(source: Source, spec: mujoco.MjSpec) -> None:
     for kind in (*LEFT_OUT, *UNNAMED):
         for element in list(getattr(spec, kind, ())):
             spec.delete(element)
+
+
+def _draws_axis(site: str, names: set[str]) -> bool:
+    """Whether a site only draws an axis of another one, as "tip:x" and "tip_y" do of "tip"."""
+    axis = AXIS.fullmatch(site)
+    return axis is not None and axis[1] in names
 
 
 def _names(given: list[str], kind: str) -> list[str]:
