@@ -179,3 +179,27 @@ SPLIT_BALL = (
     "{name}_y = ±90° they describe a singular configuration that the ball joint does not have"
 )
 """What the readers say of a ball joint."""
+
+
+def unprefixed(tree: Tree) -> Tree:
+    """Return the tree without the name of a model that all its names start with."""
+    prefix = tree.root.partition("::")[0] + "::"
+    names = [*tree.links, *tree.joints]
+    if not all(name.startswith(prefix) for name in names):
+        return tree
+    cut = len(prefix)
+    return replace(
+        tree,
+        name=prefix[:-2],
+        root=tree.root[cut:],
+        links={name[cut:]: part for name, part in tree.links.items()},
+        joints={name[cut:]: _cut(joint, cut) for name, joint in tree.joints.items()},
+        visuals={name[cut:]: shapes for name, shapes in tree.visuals.items()},
+        marks=tuple(mark[cut:] for mark in tree.marks),
+    )
+
+
+def _cut(joint: Joint, cut: int) -> Joint:
+    mimic = joint.mimic and joint.mimic._replace(leader=joint.mimic.leader[cut:])
+    name, parent, child = joint.name[cut:], joint.parent[cut:], joint.child[cut:]
+    return replace(joint, name=name, parent=parent, child=child, mimic=mimic)
