@@ -47,7 +47,7 @@ def test_attitude_task_tip_lock_and_base():
     turned = answer("query", "planar2", "--deg", "0", "0", "--attitude", "0", "0", "-90")
     assert np.allclose(turned["configuration"]["tip"][:3], [0, -2.5, 0])
     assert answer("query", "planar2", "0.1", "0.2", "--task", "x")["task"]["rows"] == ["x"]
-    assert answer("query", "planar2", "0", "0", "--tip", "link_1")["configuration"]["tip"][0] == 0.5
+    assert answer("query", "planar2", "0", "--tip", "link_1")["configuration"]["tip"][0] == 0.5
     locked = answer("query", "mda6", "0", "1", "0", "0", "--deg", "--lock", "joint_3=-90",
                     "--lock", "joint_6=0")  # fmt: skip
     assert locked["configuration"]["joints"] == ["joint_1", "joint_2", "joint_4", "joint_5"]
@@ -171,7 +171,9 @@ def test_locks_and_lengths_count_when_the_arm_is_loaded(tmp_path):
         "elbow"
     ]
     task = ("--tip", "arm", "--task", "pose", "--length", "1")
-    assert answer("query", path, "0", "0", *task)["length"] == 1.0
+    assert answer("query", path, "0", *task)["length"] == 1.0
+    for joints in ("all", "elbow_2", "elbow,elbow_2"):
+        assert answer("query", path, "0", "0", "--joints", joints, *task)["length"] == 1.0
 
 
 def test_help_keeps_its_units():
