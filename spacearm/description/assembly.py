@@ -16,7 +16,7 @@ from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import ModelInfo, find_arm
 from spacearm.description.readers import urdf
 from spacearm.description.readers.reading import Reading
-from spacearm.description.tips import choose_tips, only_tip
+from spacearm.description.tips.choice import choose_tips, only_tip
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 

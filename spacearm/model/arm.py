@@ -17,8 +17,8 @@ from spacearm.arrays import Array, plain
 from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
 from spacearm.description.couplings import coupling, joint_limits
-from spacearm.description.held import Counting, counted, hold, remaining
-from spacearm.description.tips import Tips, choose_tips, movable, only_tip
+from spacearm.description.tips.choice import Tips, choose_tips, movable, only_tip
+from spacearm.description.tips.held import Counting, counted, hold, remaining
 from spacearm.description.tree import Tree
 from spacearm.description.urdf_writer import document
 from spacearm.files import write

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spacearm.description.tips import movable
+from spacearm.description.tips.choice import movable
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, UnsupportedError
 from spacearm.model.task import Task

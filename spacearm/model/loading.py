@@ -11,10 +11,10 @@ import pinocchio as pin
 
 from spacearm.description.assembly import assembled, bolted
 from spacearm.description.bus import Bus
-from spacearm.description.held import Counting
 from spacearm.description.model_catalogue import find_model
 from spacearm.description.readers import urdf
 from spacearm.description.readers.reading import Check, Folders, Reading
+from spacearm.description.tips.held import Counting
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm

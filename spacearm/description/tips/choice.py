@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from spacearm.description.bodies import Joint
-from spacearm.description.grippers import fingers
-from spacearm.description.held import leader
-from spacearm.description.srdf import named_tips
-from spacearm.description.tip_names import is_hand, is_wheel, measures, shared, tip_rank
+from spacearm.description.tips.grippers import fingers
+from spacearm.description.tips.held import leader
+from spacearm.description.tips.names import is_hand, is_wheel, measures, shared, tip_rank
+from spacearm.description.tips.srdf import named_tips
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
 

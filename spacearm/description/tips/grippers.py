@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.description.bodies import Joint
-from spacearm.description.held import leader
-from spacearm.description.tip_names import grasps, is_finger, shared, tip_rank
+from spacearm.description.tips.held import leader
+from spacearm.description.tips.names import grasps, is_finger, shared, tip_rank
 from spacearm.description.tree import Tree
 
 SHORT = 0.4
