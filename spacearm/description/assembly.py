@@ -56,13 +56,16 @@ def bolted(
     path = known.path if known else Path(arm)
     tree = urdf.read(path, replace(reading or Reading(), spacecraft=False))
     tree = tree.locked(locked or {})
-    chosen = choose_tips(tree, path, tip or (known.tip if known else None))
+    asked = tip or (known.tip if known else None)
+    chosen = choose_tips(tree, path, asked)
     tip = only_tip(chosen.links, tree.name)
     name = _name(bus, known.name if known else tree.name, name)
     whole = bus.joined(tree.renamed(f"{name}_"), name, bus.root, at)
     frame = Tree(name, name, {name: None}, {})
     whole = whole.joined(frame, f"{name}.tip", f"{name}_{tip}", pin.SE3.Identity())
-    return replace(whole, name=f"{bus.name}_{name}", tips=(name,))
+    found = () if asked else (f"the tip of {name} is {tip!r}: {chosen.reason}",)
+    notes = (*whole.notes, *found)
+    return replace(whole, name=f"{bus.name}_{name}", tips=(name,), notes=notes)
 
 
 def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:

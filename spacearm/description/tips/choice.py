@@ -118,11 +118,10 @@ def _found(tree: Tree, path: Path) -> Tips:
     most = max(candidate.joints for candidate in sure)
     best = [candidate for candidate in sure if candidate.joints == most]
     links = [candidate.link for candidate in best]
-    theirs = {joint.name for link in links for joint in movable(tree, link)}
     others = [
         c.link
         for c in (*candidates, *found)
-        if 2 * c.joints >= most and movable(tree, c.link)[-1].name not in theirs
+        if 2 * c.joints >= most and not any(_same_arm(tree, c.link, link) for link in links)
     ]
     rest = f"; other arms end in {', '.join(dict.fromkeys(others))}" if others else ""
     if len(best) > 1:
@@ -156,6 +155,12 @@ def _arms(tree: Tree) -> dict[str, tuple[str, ...]]:
     return {body: begin for body, begin in ends.items() if body not in carries | turned}
 
 
+def _same_arm(tree: Tree, link: str, other: str) -> bool:
+    """Whether the joints on the way to one of two links are on the way to the other."""
+    one, two = ({joint.name for joint in movable(tree, end)} for end in (link, other))
+    return one <= two or two <= one
+
+
 def _count(tree: Tree, link: str) -> int:
     """Return the number of joints that move a link on their own, or by joints that mimic them."""
     return len({leader(tree, joint).name for joint in movable(tree, link)})
@@ -178,7 +183,7 @@ def _on(tree: Tree, body: str, begin: Sequence[str]) -> list[_Candidate]:
         held = " and ".join(begin)
         palms = {tree.joints[name].parent for name in begin}
         palm = _fork(tree, sorted(palms))
-        return [_Candidate(palm, f"the last link before the fingers {held}", True, count)]
+        return [_Candidate(palm, f"it is the last link before the fingers {held}", True, count)]
     leaves = [link for link in tree.leaves() if link in links and not measures(link)]
     depth = {leaf: len(tree.chain(leaf)) for leaf in leaves or [body]}
     outer = _fork(tree, [leaf for leaf in depth if depth[leaf] == max(depth.values())])
@@ -236,7 +241,7 @@ def _named_by_srdf(tree: Tree, path: Path, arms: dict[str, tuple[str, ...]]) -> 
     for link in links:
         palm = next((first[j.name] for j in movable(tree, link) if j.name in first), None)
         if palm is None:
-            found[link] = _Candidate(link, f"named by {file}", True, _count(tree, link))
+            found[link] = _Candidate(link, f"{file} names it", True, _count(tree, link))
         else:
             for other in _on(tree, palm, arms[palm]):
                 reason = f"{file} names {link!r}, a part that moves in its gripper"

@@ -62,10 +62,11 @@ def _read(file: Path) -> etree._Element | None:
         resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True
     )
     try:
-        robot = etree.parse(file, parser).getroot()
+        document = etree.parse(file, parser)
     except (OSError, etree.XMLSyntaxError):
         return None
-    return robot if robot.tag == "robot" else None
+    sound = document.getroot().tag == "robot" and not document.docinfo.doctype
+    return document.getroot() if sound else None
 
 
 def _tips(robot: etree._Element) -> list[str]:
