@@ -100,6 +100,8 @@ def test_what_an_arm_carries_is_no_tip():
     assert found(*ARM, *satellite).tip == "satellite"
     tile = [*fixed("link_ee", "l_4"), *fixed("link_ee_tile", "link_ee", 10.0)]
     assert found(*ARM, *tile).tip == "link_ee"
+    tile[0] = link("link_ee", 0.0, inertia=np.zeros((3, 3)))
+    assert found(*ARM, *tile).tip == "link_ee"
 
 
 def test_words_of_names():

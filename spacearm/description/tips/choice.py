@@ -200,7 +200,8 @@ def _outermost(tree: Tree, links: Sequence[str]) -> list[str]:
     """
 
     def carried(link: str) -> bool:
-        return tree.links[link] is not None
+        part = tree.links[link]
+        return part is not None and part.mass > 0.0
 
     behind = {link: {joint.parent for joint in tree.chain(link)} for link in links}
     inner = {
