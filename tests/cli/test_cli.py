@@ -1,6 +1,7 @@
 """The command line, from outside: output, exit codes, one line for bad input."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -193,3 +194,21 @@ def test_a_value_at_its_limit_is_inside():
 
 def test_a_value_outside_its_limits_is_marked():
     assert "outside its limits" in spacearm("query", "planar2", "4", "0").stdout
+
+
+def test_info_says_what_was_chosen_why_and_how_to_choose_otherwise(tmp_path):
+    path = tmp_path / "two.urdf"
+    wing = (link("wing"), joint("panel", "bus", "wing"))
+    path.write_text(robot(*two_links(), *wing, frame("tcp"), joint("t", "arm", "tcp", "fixed")))
+    out = spacearm("info", path).stdout
+    assert "tip tcp (its name is one for tips; other arms end in wing); another one: --tip" in out
+    assert "Held joints (to make them count: --joints all, or their names)" in out
+    assert re.search(r"panel +revolute +wing +0 rad", out)
+    assert "Held" not in spacearm("info", path, "--joints", "all").stdout
+    other = answer("info", path, "--tip", "wing")
+    assert (other["held"], other["tip_reason"]) == ({"elbow": 0.0}, "it was asked for")
+    path.write_text(robot(*two_links(), *wing))
+    asked = spacearm("query", path, "0")
+    assert asked.returncode == 2
+    assert "2 links could be the tip: arm, wing" in asked.stderr
+    assert "command line: --tip arm" in asked.stderr

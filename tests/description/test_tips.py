@@ -114,7 +114,9 @@ def test_words_of_names():
     assert is_hand("panda_hand")
     assert not is_hand("handle")
     assert not is_hand("LeftGripperYawLink")
+    assert tip_rank("left_index_tip") is None
     assert is_finger("leftfinger")
+    assert not is_finger("middle_link")
     assert not is_finger("finger_base", common={"finger"})
 
 
@@ -155,6 +157,13 @@ def test_wheels_are_no_arms():
     with pytest.raises(sa.ModelError, match=r"nothing moves but wheels \(reaction_wheel_1\)"):
         found(BUS, *spun)
     assert found(BUS, *spun, *arm_of(1)).tip == "l_1"
+
+
+def test_a_tip_among_very_many_joints_must_be_named():
+    parts = [part for i in range(301) for part in arm_of(1, f"m{i}x")]
+    with pytest.raises(sa.ModelError, match="301 movable joints are too many to look for a tip"):
+        found(BUS, *parts)
+    assert found(BUS, *parts, tip="m7x_1").n == 1
 
 
 # --- grippers -------------------------------------------------------------------------------

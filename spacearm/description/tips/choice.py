@@ -21,12 +21,23 @@ from spacearm.description.tips.srdf import named_tips
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
 
+MOST_JOINTS = 300
+"""Largest number of movable joints among which a tip is looked for."""
+
 
 class Tips(NamedTuple):
     """Tip links, and why they are the tips, a phrase."""
 
     links: tuple[str, ...]
     reason: str
+
+
+class _Robot(NamedTuple):
+    """A tree, its bodies as in `Tree.lumps`, and the words that all moving links share."""
+
+    tree: Tree
+    lumps: dict[str, list[str]]
+    common: frozenset[str]
 
 
 class _Candidate(NamedTuple):
@@ -104,9 +115,15 @@ def _found(tree: Tree, path: Path) -> Tips:
     Raises:
         ModelError: Several links could be it.
     """
-    arms = _arms(tree)
-    found = [candidate for body, begin in arms.items() for candidate in _on(tree, body, begin)]
-    candidates = _named_by_srdf(tree, path, arms) or found
+    count = sum(joint.movable for joint in tree.joints.values())
+    if count > MOST_JOINTS:
+        raise ModelError(
+            f"{path}: {count} movable joints are too many to look for a tip among; name it: tip="
+        )
+    common = shared(joint.child for joint in tree.joints.values() if joint.movable)
+    robot, arms = _Robot(tree, tree.lumps(), common), _arms(tree)
+    found = [candidate for body, begin in arms.items() for candidate in _on(robot, body, begin)]
+    candidates = _named_by_srdf(robot, path, arms) or found
     if not candidates:
         wheels = [joint.name for joint in tree.leading()]
         raise ModelError(
@@ -121,7 +138,9 @@ def _found(tree: Tree, path: Path) -> Tips:
     others = [
         c.link
         for c in (*candidates, *found)
-        if 2 * c.joints >= most and not any(_same_arm(tree, c.link, link) for link in links)
+        if 2 * c.joints >= most
+        and c.link not in links
+        and not any(_same_arm(tree, c.link, link) for link in links)
     ]
     rest = f"; other arms end in {', '.join(dict.fromkeys(others))}" if others else ""
     if len(best) > 1:
@@ -166,11 +185,10 @@ def _count(tree: Tree, link: str) -> int:
     return len({leader(tree, joint).name for joint in movable(tree, link)})
 
 
-def _on(tree: Tree, body: str, begin: Sequence[str]) -> list[_Candidate]:
+def _on(robot: _Robot, body: str, begin: Sequence[str]) -> list[_Candidate]:
     """Return the links of the last body of an arm that could be its tip, one where it is clear."""
-    links = tree.lumps()[body]
-    common = shared(joint.child for joint in tree.joints.values() if joint.movable)
-    count = _count(tree, body)
+    tree, common = robot.tree, robot.common
+    links, count = robot.lumps[body], _count(tree, body)
     ranks = {link: tip_rank(link, common) for link in links}
     if named := _outermost(tree, [link for link, rank in ranks.items() if rank is not None]):
         surest = min(rank for link in named if (rank := ranks[link]) is not None)
@@ -188,7 +206,7 @@ def _on(tree: Tree, body: str, begin: Sequence[str]) -> list[_Candidate]:
     depth = {leaf: len(tree.chain(leaf)) for leaf in leaves or [body]}
     outer = _fork(tree, [leaf for leaf in depth if depth[leaf] == max(depth.values())])
     reason = "it is the last link" if outer in depth else "it is the last link before others branch"
-    if (cargo := _cargo(tree, body, outer)) and cargo != outer:
+    if (cargo := _cargo(robot, body, outer)) and cargo != outer:
         outer, reason = cargo, "it is the first link that outweighs the arm"
     return [_Candidate(outer, reason, False, count)]
 
@@ -214,10 +232,11 @@ def _outermost(tree: Tree, links: Sequence[str]) -> list[str]:
     return [link for link in links if link not in inner]
 
 
-def _cargo(tree: Tree, body: str, link: str) -> str | None:
+def _cargo(robot: _Robot, body: str, link: str) -> str | None:
     """Return the first link behind a body, on the way to a link, that outweighs the arm, if any."""
+    tree, lumps = robot.tree, robot.lumps
     mass = {name: 0.0 if part is None else part.mass for name, part in tree.links.items()}
-    lumps, way = tree.lumps(), [joint.child for joint in tree.chain(link)]
+    way = [joint.child for joint in tree.chain(link)]
     arm = sum(mass[other] for joint in movable(tree, body)[:-1] for other in lumps[joint.child])
     for name in way[way.index(body) :]:
         if name != body and mass[name] > arm > 0.0:
@@ -233,9 +252,10 @@ def _fork(tree: Tree, links: Sequence[str]) -> str:
     return same[-1]
 
 
-def _named_by_srdf(tree: Tree, path: Path, arms: dict[str, tuple[str, ...]]) -> list[_Candidate]:
+def _named_by_srdf(robot: _Robot, path: Path, arms: dict[str, tuple[str, ...]]) -> list[_Candidate]:
     """Return the tips that an SRDF beside the file names; a finger stands for its palm."""
-    body_of = {link: body for body, links in tree.lumps().items() for link in links}
+    tree = robot.tree
+    body_of = {link: body for body, links in robot.lumps.items() for link in links}
     first = {joint: body for body, begin in arms.items() for joint in begin}
     found: dict[str, _Candidate] = {}
     links, file = named_tips(tree, path)
@@ -244,7 +264,7 @@ def _named_by_srdf(tree: Tree, path: Path, arms: dict[str, tuple[str, ...]]) -> 
         if palm is None:
             found[link] = _Candidate(link, f"{file} names it", True, _count(tree, link))
         else:
-            for other in _on(tree, palm, arms[palm]):
+            for other in _on(robot, palm, arms[palm]):
                 reason = f"{file} names {link!r}, a part that moves in its gripper"
                 found.setdefault(other.link, other._replace(reason=reason))
     bodies: dict[str, list[str]] = {}

@@ -44,30 +44,24 @@ class _Branch:
 
     Attributes:
         first: The joint.
-        joints: It and all movable joints behind it.
+        joints: All movable joints behind it, itself included.
         links: The links that they move.
         mass: Their mass [kg].
         extent: Longest way from the joint to a centre of mass or a frame [m], strokes included.
     """
 
-    def __init__(self, tree: Tree, first: Joint, behind: dict[str, list[Joint]]) -> None:
+    def __init__(self, tree: Tree, first: Joint, behind: Sequence[_Branch]) -> None:
+        part = tree.links[first.child]
+        stroke = first.upper - first.lower if first.kind == "prismatic" else 0.0
+        reach = max((_length(b.first.origin) + b.extent for b in behind), default=0.0)
         self.first = first
-        self.joints: list[Joint] = []
-        self.links: list[str] = []
-        self.mass = self.extent = 0.0
-        waiting = [(first, 0.0)]
-        while waiting:
-            joint, way = waiting.pop()
-            if joint.movable:
-                self.joints.append(joint)
-            stroke = joint.upper - joint.lower if joint.kind == "prismatic" else 0.0
-            way += stroke if math.isfinite(stroke) else 0.0
-            self.links.append(joint.child)
-            part = tree.links[joint.child]
-            reach = 0.0 if part is None else _length(part.origin)
-            self.mass += 0.0 if part is None else part.mass
-            self.extent = max(self.extent, way + reach)
-            waiting += [(j, way + _length(j.origin)) for j in behind.get(joint.child, [])]
+        self.joints: list[Joint] = [first] * first.movable + [
+            joint for b in behind for joint in b.joints
+        ]
+        self.links: list[str] = [first.child, *(link for b in behind for link in b.links)]
+        self.mass: float = sum((b.mass for b in behind), 0.0 if part is None else part.mass)
+        self.extent: float = max(reach, 0.0 if part is None else _length(part.origin))
+        self.extent += stroke if math.isfinite(stroke) else 0.0
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -86,7 +80,10 @@ class _Grippers:
         for joint in tree.depth_first():
             self._behind.setdefault(joint.parent, []).append(joint)
         self._lumps = tree.lumps()
-        self._branches = {j.name: _Branch(tree, j, self._behind) for j in moving}
+        self._branches: dict[str, _Branch] = {}
+        for joint in reversed(tree.depth_first()):
+            behind = [self._branches[j.name] for j in self._behind.get(joint.child, [])]
+            self._branches[joint.name] = _Branch(tree, joint, behind)
         self.found: dict[str, tuple[str, ...]] = {}
         for palm, links in self._lumps.items():
             out = [j for link in links for j in self._behind.get(link, []) if j.movable]
@@ -97,7 +94,7 @@ class _Grippers:
         """Return the joints behind a palm at which fingers begin."""
         branches = [self._branches[joint.name] for joint in out]
         named = [branch for branch in branches if self._finger_named(branch)]
-        if any(map(self._has_tip, branches)) or not self._short(palm, branches):
+        if not self._short(palm, branches) or any(map(self._has_tip, branches)):
             return []
         if not named:
             if max(sum(j.mimic is None for j in b.joints) for b in branches) > MOST_JOINTS:

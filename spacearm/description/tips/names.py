@@ -23,8 +23,8 @@ HANDS = frozenset({"flange", "attachment", "hand", "palm", "gripper", "grip", "g
 """Words of what a tool is fastened to, or of a hand as a whole."""
 FINGERS = re.compile(r"finger|thumb|jaw|claw|knuckle|phalanx|pincer")
 """Words of what moves in a gripper, which may be run together with others."""
-DIGITS = frozenset({"index", "middle", "ring", "little", "pinky", "pinkie", "mover"})
-"""The same, where they stand alone."""
+DIGITS = frozenset({"index", "middle", "ring", "little", "pinky", "pinkie"})
+"""Words of fingers beside a thumb; alone they say nothing, but no tip of an arm has them."""
 GRASPS = frozenset({"gripper", "grip", "grasp", "grasping", "pinch"})
 """Words of joints that open and close a gripper, unless the joint turns a wrist."""
 WHEELS = frozenset({"wheel", "wheels", "rw", "flywheel", "rotor", "propeller", "caster"})
@@ -53,7 +53,7 @@ def shared(names: Iterable[str]) -> frozenset[str]:
 def tip_rank(name: str, common: Collection[str] = ()) -> int | None:
     """Return how surely a link is named as a tip, 0 the surest; None if it is not."""
     said = set(words(name)) - set(common)
-    if measures(name) or is_finger(name, common):
+    if said & DIGITS or measures(name) or is_finger(name, common):
         return None
     return next((rank for rank, among in enumerate(TIPS) if said & among), None)
 
@@ -67,8 +67,7 @@ def is_hand(name: str, common: Collection[str] = ()) -> bool:
 
 def is_finger(name: str, common: Collection[str] = ()) -> bool:
     """Whether a link or joint is named as a part that moves in a gripper."""
-    said = set(words(name)) - set(common)
-    return bool(said & DIGITS) or any(FINGERS.search(word) for word in said)
+    return any(FINGERS.search(word) for word in set(words(name)) - set(common))
 
 
 def grasps(name: str, common: Collection[str] = ()) -> bool:
