@@ -54,10 +54,9 @@ class _Branch:
         part = tree.links[first.child]
         stroke = first.upper - first.lower if first.kind == "prismatic" else 0.0
         reach = max((_length(b.first.origin) + b.extent for b in behind), default=0.0)
-        self.first = first
-        self.joints: list[Joint] = [first] * first.movable + [
-            joint for b in behind for joint in b.joints
-        ]
+        self.first: Joint = first
+        self.joints: list[Joint] = [first] if first.movable else []
+        self.joints += [joint for b in behind for joint in b.joints]
         self.links: list[str] = [first.child, *(link for b in behind for link in b.links)]
         self.mass: float = sum((b.mass for b in behind), 0.0 if part is None else part.mass)
         self.extent: float = max(reach, 0.0 if part is None else _length(part.origin))
