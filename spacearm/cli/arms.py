@@ -15,6 +15,7 @@ from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import find_arm, find_model, models_by_name
 from spacearm.description.readers import formats
 from spacearm.description.readers.reading import Reading
+from spacearm.description.tips.held import Counting
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, warn
 from spacearm.model.arm import SpaceArm
@@ -53,6 +54,7 @@ def described_arm(
     bus: Bus | None,
     *,
     tip: str | None,
+    joints: Counting,
     locked: dict[str, float],
     options: dict[str, Any],
 ) -> SpaceArm:
@@ -62,15 +64,16 @@ def described_arm(
         model: A name of the catalogue or the path of a file.
         bus: The bus; None if the model has a spacecraft.
         tip: As in `loading.load`.
+        joints: As in `loading.load`.
         locked: As in `loading.load`, in SI units.
         options: check, packages, xacro_args and density, as in `loading.load`.
     """
     if bus is None:
-        return load(model, tip=tip, locked=locked, **options)
+        return load(model, tip=tip, joints=joints, locked=locked, **options)
     _require_arm(model)
     assert bus.size is not None
     top = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5 * np.asarray(bus.size)[2]]))
-    return mount(model, bus, top, tip=tip, locked=locked, **options)
+    return mount(model, bus, top, tip=tip, joints=joints, locked=locked, **options)
 
 
 def described_bus(mass: float | None, size: Edges | None) -> Bus | None:

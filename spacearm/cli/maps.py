@@ -25,7 +25,7 @@ from spacearm.singularities.map import SingularMap, singular_map
 @on_a_model
 def draw_singular_map(
     arm: SpaceArm,
-    joints: Annotated[
+    axes: Annotated[
         tuple[str, str] | None,
         typer.Option(
             help="The two joints, by name or as q1 q2; by default the first two that matter.",
@@ -49,7 +49,7 @@ def draw_singular_map(
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
-    result = singular_map(arm, joints, q, points)
+    result = singular_map(arm, axes, q, points)
     if npz:
         _write_npz(npz, result)
     if output or not (as_json or npz):

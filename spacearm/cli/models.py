@@ -56,7 +56,8 @@ def describe_model(
     scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""
     title = f"  {arm.n} joints, {number(arm.mass)} kg  "
     out.print(Text.assemble((arm.name, "bold"), title, (str(arm.path), "dim")))
-    out.print(f"tip {arm.tip}, task {arm.task.names}{scaling}")
+    out.print(f"tip {arm.tip} ({arm.tip_reason}); another one: --tip LINK")
+    out.print(f"task {arm.task.names}{scaling}")
     out.print(f"system CM at q = 0, spacecraft frame: {vector(_system_cm(arm))} m")
     for note in arm.notes:
         out.print(f"note: {note}")
@@ -85,6 +86,13 @@ def describe_model(
                 joint.mimic.leader if joint.mimic else "",
             )
     out.print(joints)
+    if arm.held:
+        heading("Held joints (to make them count: --joints all, or their names)")
+        held = table("joint", "type", "moves", "at")
+        for name, value in arm.held.items():
+            joint = arm.whole.joints[name]
+            held.add_row(name, joint.kind, joint.child, joint_value(value, joint.kind, deg))
+        out.print(held)
 
 
 @on_a_model

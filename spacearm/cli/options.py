@@ -44,6 +44,13 @@ Length = Annotated[
     float | None,
     typer.Option(help="Length [m] that the linear rows of a mixed task are divided by."),
 ]
+Joints = Annotated[
+    str,
+    typer.Option(
+        help="Joints that count besides those on the way to the tip; the others are held.",
+        metavar="tip|all|NAME,NAME",
+    ),
+]
 Lock = Annotated[
     list[str] | None,
     typer.Option(help="Lock a joint; may be repeated.", metavar="JOINT=VALUE"),
@@ -83,6 +90,7 @@ def arm_from(
     tip: Tip = None,
     task: TaskRows = None,
     length: Length = None,
+    joints: Joints = "tip",
     lock: Lock = None,
     check: Checked = None,
     bus_mass: BusMass = None,
@@ -101,9 +109,10 @@ def arm_from(
         "density": density,
     }
     if deg and locked:
-        joints = joints_of(model, bus, options).joints
-        locked = {name: _si(joints.get(name), value, deg) for name, value in locked.items()}
-    arm = described_arm(model, bus, tip=tip, locked=locked, options=options)
+        known = joints_of(model, bus, options).joints
+        locked = {name: _si(known.get(name), value, deg) for name, value in locked.items()}
+    counting = joints if joints in ("tip", "all") else joints.split(",")
+    arm = described_arm(model, bus, tip=tip, joints=counting, locked=locked, options=options)
     if task is None and length is None:
         return arm
     return arm.replace(task=Task(arm.task.names if task is None else task, length))

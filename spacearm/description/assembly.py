@@ -15,7 +15,7 @@ from spacearm.description.model_catalogue import ModelInfo, find_arm
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.reading import Reading
-from spacearm.description.tips import choose_tips, only_tip
+from spacearm.description.tips.choice import choose_tips, only_tip
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 
@@ -56,13 +56,17 @@ def bolted(
     tree = formats.read(
         known.path if known else arm, replace(reading or Reading(), spacecraft=False)
     )
-    tree = tree.locked({**(known.locked if known else {}), **(locked or {})})
-    tip = only_tip(choose_tips(tree, path, tip or (known.tip if known else None)), tree.name)
+    tree = tree.locked(locked or {})
+    asked = tip or (known.tip if known else None)
+    chosen = choose_tips(tree, path, asked)
+    tip = only_tip(chosen.links, tree.name)
     name = _name(bus, known.name if known else tree.name, name)
     whole = bus.joined(tree.renamed(f"{name}_"), name, bus.root, at)
     frame = Tree(name, name, {name: None}, {})
     whole = whole.joined(frame, f"{name}.tip", f"{name}_{tip}", pin.SE3.Identity())
-    return replace(whole, name=f"{bus.name}_{name}", tips=(name,))
+    found = () if asked else (f"the tip of {name} is {tip!r}: {chosen.reason}",)
+    notes = (*whole.notes, *found)
+    return replace(whole, name=f"{bus.name}_{name}", tips=(name,), notes=notes)
 
 
 def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:

@@ -60,7 +60,6 @@ class ArmInfo(NamedTuple):
         summary: Short description.
         source: Publication of its numbers.
         tip: Tip link.
-        locked: Joints that are locked by default, such as fingers, and their values [rad] or [m].
         path: Its URDF.
     """
 
@@ -68,7 +67,6 @@ class ArmInfo(NamedTuple):
     summary: str
     source: str
     tip: str
-    locked: dict[str, float]
     path: Path
 
     def to_dict(self) -> dict[str, Any]:
@@ -140,7 +138,7 @@ def models_by_name() -> dict[str, ModelInfo]:
 def arms_by_name() -> dict[str, ArmInfo]:
     """Return the arms by their names."""
     return {
-        name: ArmInfo(name=name, path=_path_of_arm(entry), **{"locked": {}, **entry})
+        name: ArmInfo(name=name, path=_path_of_arm(entry), **entry)
         for name, entry in _entries(ARMS)
     }
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,14 @@ from spacearm.arrays import Array, plain
 from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
 from spacearm.description.couplings import coupling, joint_limits
-from spacearm.description.tips import choose_tips, movable, only_tip
+from spacearm.description.tips.choice import Tips, choose_tips, movable, only_tip
+from spacearm.description.tips.held import Counting, counted, hold, remaining
 from spacearm.description.tree import Tree
 from spacearm.description.urdf_writer import document
 from spacearm.files import write
 from spacearm.model.configuration import Configuration, configure
-from spacearm.model.defaults import check_joints, complete_task
+from spacearm.model.coordinates import Coordinates
+from spacearm.model.defaults import check_count, check_movable, complete_task
 from spacearm.model.facts import facts
 from spacearm.model.frames import sound_pose
 from spacearm.model.task import Task
@@ -29,20 +32,25 @@ from spacearm.model.wheels import Wheel, wheels_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpaceArm:
+class SpaceArm(Coordinates):
     """A free-floating spacecraft with an arm. It never changes; `replace` gives a new one.
 
     Attributes:
         name: The robot's name.
         path: The file it was loaded from; a name only for arms that `mount` put together.
-        tree: Links, joints and visuals; locked joints are fixed ones.
+        tree: Links, joints and visuals; locked and held joints are fixed ones.
+        whole: The same with the held joints movable.
         model: pin.Model with a free-flyer root; do not edit it. Every joint has one number, also
             unlimited ones; joints that mimic another are joints of their own.
         tips: Names of the tip links, usually one.
+        tip_reason: Why these are the tips, a phrase.
         tip_frames: Indices of their frames in the model.
         task: The twist rows that count.
         wheels: Momentum wheels, which are not among the joints; see `at`.
         joint_names: Names of the n movable joints, in the model's order.
+        joints: Which joints count, as it was asked for: "tip", "all" or names; see `load`.
+        held: Values [rad] or [m] of the joints that do not count, by name; they hold those that
+            mimic them.
         coupling: (model.nv - 6, n) rates of the model's joints per rate of the n joints; None if
             they are the same joints (no joint mimics another).
         offsets: (model.nv - 6,) positions of the model's joints at q = 0.
@@ -53,12 +61,16 @@ class SpaceArm:
     name: str
     path: Path
     tree: Tree
+    whole: Tree
     model: pin.Model
     tips: tuple[str, ...]
+    tip_reason: str
     tip_frames: tuple[int, ...]
     task: Task
     wheels: tuple[Wheel, ...]
     joint_names: tuple[str, ...]
+    joints: str | tuple[str, ...]
+    held: Mapping[str, float]
     coupling: Array | None
     offsets: Array
     lower: Array
@@ -69,32 +81,42 @@ class SpaceArm:
     @classmethod
     def of(
         cls,
-        tree: Tree,
+        whole: Tree,
         path: Path,
         *,
-        tip: str | Sequence[str] | None = None,
+        tip: str | Sequence[str] | Tips | None = None,
         task: str | Task | None = None,
+        joints: Counting = "tip",
     ) -> SpaceArm:
         """Make the arm of a checked tree; arguments as in `loading.load`.
 
         Raises:
-            ModelError: No joint can move, or the arm has no length for a mixed task.
-            UnsupportedError: More than `defaults.MOST_JOINTS` joints can move.
+            ConfigurationError: tip, task or joints is not valid.
+            ModelError: No joint can move, several links could be the tip, or the arm has no length
+                for a mixed task.
+            UnsupportedError: More than `defaults.MOST_JOINTS` joints count.
         """
-        check_joints(tree, path)
+        joints = counted(joints)
+        check_movable(whole, path)
+        tips, reason = choose_tips(whole, path, tip)
+        tree, held = hold(whole, tips, joints)
+        check_count(tree, path)
         leading, (C, offsets) = tree.leading(), coupling(tree)
-        tips = choose_tips(tree, path, tip)
         (lower, upper), model = joint_limits(tree), tree.pinocchio()
         return cls(
             name=tree.name,
             path=path,
             tree=tree,
+            whole=whole,
             model=model,
             tips=tips,
+            tip_reason=reason,
             tip_frames=tuple(model.getFrameId(tip, pin.BODY) for tip in tips),
             task=complete_task(task, tree, tips, path),
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
+            joints=joints,
+            held=MappingProxyType(held),
             coupling=None if len(C) == len(leading) else C,
             offsets=offsets,
             lower=lower,
@@ -103,19 +125,9 @@ class SpaceArm:
         )
 
     @property
-    def n(self) -> int:
-        """Number of movable joints."""
-        return len(self.joint_names)
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or left out as the model was read, a sentence each."""
         return self.tree.notes
-
-    @property
-    def slides(self) -> npt.NDArray[np.bool_]:
-        """(n,) which joints are prismatic; the others are revolute."""
-        return np.array([self.tree.joints[name].kind == "prismatic" for name in self.joint_names])
 
     @property
     def tip(self) -> str:
@@ -134,18 +146,6 @@ class SpaceArm:
     def tip_frame(self) -> int:
         """Index of the tip's frame in the model; raises as `tip` does."""
         return self.tip_frames[self.tips.index(self.tip)]
-
-    @property
-    def mass(self) -> float:
-        """Total mass M [kg]."""
-        return float(sum(inertia.mass for inertia in self.model.inertias))
-
-    @property
-    def sigma_unit(self) -> str:
-        """Unit of the singular values of the task Jacobian: of task rows over joint rates."""
-        rate = "m" if self.slides.all() else "(rad or m)" if self.slides.any() else "rad"
-        row = "1" if self.task.mixed else "rad" if min(self.task.indices) >= 3 else "m"
-        return f"{row}/{rate}"
 
     @property
     def mount(self) -> pin.SE3:
@@ -169,20 +169,6 @@ class SpaceArm:
         """
         return configure(self, q, base, wheels)
 
-    def all_joints(self, q: Array) -> Array:
-        """Return the positions (nv - 6,) of all joints of the model at q (n,)."""
-        return q if self.coupling is None else self.coupling @ q + self.offsets
-
-    def all_rates(self, dq: Array) -> Array:
-        """Return the rates (nv - 6,) of all joints of the model at joint rates dq (n,)."""
-        return dq if self.coupling is None else self.coupling @ dq
-
-    def project(self, matrix: Array) -> Array:
-        """Reduce a matrix (m, nv) over the model's joints to the n joints, (m, 6 + n)."""
-        if self.coupling is None:
-            return matrix
-        return np.hstack((matrix[:, :6], matrix[:, 6:] @ self.coupling))
-
     def borrow(self) -> pin.Data:
         """Lend a pin.Data of the model; making one costs more than using it."""
         return self._spare.pop() if self._spare else pin.Data(self.model)
@@ -201,6 +187,7 @@ class SpaceArm:
         payload: float | None = None,
         tip: str | Sequence[str] | None = None,
         task: str | Task | None = None,
+        joints: Counting | None = None,
         locked: Mapping[str, float] | None = None,
         wheels: Collection[str] = (),
     ) -> SpaceArm:
@@ -212,10 +199,11 @@ class SpaceArm:
             mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
             link_mass: Masses of links [kg]; their inertias grow in proportion.
             payload: A point mass held at the tip [kg]; `grasp` takes bodies.
-            tip: Link whose frame is the tip, or several.
+            tip: Link whose frame is the tip, or several; the joints on the way to it count.
             task: The twist rows that count. Default: those that were asked for; if none were, the
                 default of `load` for the new arm.
-            locked: Joints to lock, with their values [rad] or [m].
+            joints: Which joints count besides; see `load`.
+            locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.
             wheels: Joints to take as momentum wheels.
 
         Raises:
@@ -224,7 +212,7 @@ class SpaceArm:
                 exist.
             UnsupportedError: The arm has several tips, and `mount` or `payload` need one.
         """
-        tree = self.tree
+        tree = self.whole
         if base_mass is not None or base_inertia is not None:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
@@ -232,11 +220,17 @@ class SpaceArm:
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
         tree = tree.locked({} if locked is None else locked).with_wheels(wheels)
-        tips = self.tips if tip is None else choose_tips(tree, self.path, tip)
+        tips = self._tips if tip is None else choose_tips(tree, self.path, tip)
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
-            tree = holding(tree, only_tip(tips, self.name), rigid)
-        return SpaceArm.of(tree, self.path, tip=tips, task=self._asked if task is None else task)
+            tree = holding(tree, only_tip(tips.links, self.name), rigid)
+        return SpaceArm.of(
+            tree,
+            self.path,
+            tip=tips,
+            task=self._asked if task is None else task,
+            joints=remaining(tree, self.joints) if joints is None else joints,
+        )
 
     def grasp(
         self,
@@ -258,14 +252,15 @@ class SpaceArm:
             UnsupportedError: The arm has several tips.
         """
         I = np.zeros((3, 3)) if inertia is None else inertia
-        tree = holding(self.tree, self.tip, Inertial.of(mass, I, com, body="the payload"))
-        return SpaceArm.of(tree, self.path, tip=self.tips, task=self._asked)
+        tree = holding(self.whole, self.tip, Inertial.of(mass, I, com, body="the payload"))
+        return SpaceArm.of(tree, self.path, tip=self._tips, task=self._asked, joints=self.joints)
 
     def to_urdf(self, path: str | os.PathLike[str]) -> Path:
         """Write spacecraft and arm as one URDF, which `load` reads to the same numbers.
 
-        Locked joints become fixed ones. Meshes have absolute paths, materials a colour only. <tip>
-        elements, which other readers ignore, name the tips. A URDF holds no task: name it again.
+        Locked joints become fixed ones, held ones stay joints. Meshes have absolute paths,
+        materials a colour only. <tip> elements, which other readers ignore, name the tips. A URDF
+        holds neither `task` nor `joints`: name them again.
         Data with faults, such as that of "ets7", loads with `check="accept"`.
 
         Args:
@@ -277,19 +272,24 @@ class SpaceArm:
         Raises:
             SpaceArmError: The file cannot be written.
         """
-        return write(Path(path), document(self.tree, self.tips))
+        return write(Path(path), document(self.whole, self.tips))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return bodies, joints, limits, tip, task, wheels and notes as plain data."""
+        """Return bodies, joints, limits, tip, task, held joints, wheels and notes as plain data."""
         return facts(self)
 
+    @property
+    def _tips(self) -> Tips:
+        return Tips(self.tips, self.tip_reason)
+
     def __getstate__(self) -> dict[str, object]:
-        return self.__dict__ | {"_spare": []}
+        return self.__dict__ | {"_spare": [], "held": dict(self.held)}
 
     def __repr__(self) -> str:
+        held = f", held {', '.join(self.held)}" if self.held else ""
         return (
             f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, "
-            f"tip {', '.join(map(repr, self.tips))}, task {self.task.names!r})"
+            f"tip {', '.join(map(repr, self.tips))}, task {self.task.names!r}{held})"
         )
 
 

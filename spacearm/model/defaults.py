@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spacearm.description.tips import movable
+from spacearm.description.tips.choice import movable
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError, UnsupportedError
 from spacearm.model.task import Task
@@ -17,20 +17,19 @@ MOST_JOINTS = 200
 """Largest number of movable joints of a model."""
 
 
-def check_joints(tree: Tree, path: Path) -> None:
-    """Refuse a tree without movable joints, or with too many.
-
-    Raises:
-        ModelError: No joint can move.
-        UnsupportedError: More than `MOST_JOINTS` joints can move.
-    """
-    movable_joints = sum(joint.movable for joint in tree.joints.values())
-    if not movable_joints:
+def check_movable(tree: Tree, path: Path) -> None:
+    """Refuse a tree without movable joints, by a `ModelError`."""
+    if not any(joint.movable for joint in tree.joints.values()):
         raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
-    if movable_joints > MOST_JOINTS:
+
+
+def check_count(tree: Tree, path: Path) -> None:
+    """Refuse a tree of which more than `MOST_JOINTS` joints count, by an `UnsupportedError`."""
+    count = sum(joint.movable for joint in tree.joints.values())
+    if count > MOST_JOINTS:
         raise UnsupportedError(
-            f"{path}: {movable_joints} movable joints, and Pinocchio's memory grows with their "
-            f"cube; lock all but {MOST_JOINTS}"
+            f"{path}: {count} movable joints, and Pinocchio's memory grows with their cube; lock "
+            f"all but {MOST_JOINTS}"
         )
 
 

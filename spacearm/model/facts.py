@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 
 
 def facts(arm: SpaceArm) -> dict[str, Any]:
-    """Return bodies, joints, limits, tip, task, wheels and notes of an arm as plain JSON data."""
+    """Return an arm as plain JSON data: bodies, joints, limits, tip, task, held joints, notes."""
     return {
         "name": arm.name,
         "path": str(arm.path),
         "n": arm.n,
         "mass": arm.mass,
         "tip": plain(arm.tips if len(arm.tips) > 1 else arm.tip),
+        "tip_reason": arm.tip_reason,
         "task": plain(arm.task),
         "cm_at_zero": plain(arm.at(np.zeros(arm.n)).com),
         "bodies": [
@@ -36,6 +37,7 @@ def facts(arm: SpaceArm) -> dict[str, Any]:
             for link, body in bodies(arm.tree, arm.model).items()
         ],
         "joints": [_joint(joint) for joint in arm.tree.depth_first() if joint.movable],
+        "held": dict(arm.held),
         "wheels": plain(arm.wheels),
         "notes": list(arm.notes),
     }

@@ -16,6 +16,7 @@ from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.reading import Check, Folders, Reading
+from spacearm.description.tips.held import Counting
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
@@ -28,6 +29,7 @@ def load(
     *,
     tip: str | Sequence[str] | None = None,
     task: str | Task | None = None,
+    joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
     check: Check | None = None,
     wheels: Collection[str] = (),
@@ -39,19 +41,24 @@ def load(
 
     The spacecraft is the root link with all links that fixed joints hold to it; a massless root
     fixed to the actual bus is fine, and one that it floats in is left out. Movable leaves without
-    mass are held. Side branches (solar panels, other arms) are bodies and joints
-    like any other. Joints that mimic another are not among the n joints; their limits count as
+    mass are held. The n joints are those on the way to the tip; fingers, solar panels and other
+    arms are held where they are, at zero or at the limit nearest to it, see `SpaceArm.held`. Joints
+    that mimic another are not among the n joints; their limits count as
     limits of the joint that they follow.
 
     Args:
         model: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml) or
             SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
         tip: Link whose frame is the tip, or several, whose task rows are then stacked. Default:
-            the links that the URDF names by <tip link>, else the leaf link behind the most movable
-            joints; of several, the one behind the most joints of any kind.
+            the links that the URDF names by <tip link>, else what an SRDF beside the file names,
+            else the frame with a name for tips (tool0, hand_tcp, ee_link, ...), else the hand, else
+            the last link before the fingers branch, on the arm with the most joints.
+            `SpaceArm.tip_reason` says which it was.
         task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
             `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
             the rotation); otherwise "pose" from 6 joints on, else "position".
+        joints: Which joints count besides those on the way to the tips: "tip" for no others, "all",
+            or the names of some.
         locked: Joints to lock, with their values [rad] or [m].
         check: What to do with inertias that no rigid body can have, and with joints that move no
             mass: "error", "warn" or "accept". Default: that of the catalogue for its models,
@@ -67,8 +74,9 @@ def load(
             collision shapes, else from those that are drawn.
 
     Raises:
-        ModelError: The model is unknown, cannot be read or has a fault.
-        ConfigurationError: tip, task, locked or wheels names something that does not exist.
+        ModelError: The model is unknown, cannot be read or has a fault; several links could be the
+            tip.
+        ConfigurationError: tip, task, joints, locked or wheels names something that does not exist.
 
     Warns:
         ModelWarning: Something was assumed or left out; `SpaceArm.notes` keeps it.
@@ -77,7 +85,8 @@ def load(
     path = info.path if info else formats.path_of(model)
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
     tree = assembled(info, reading) if info else formats.read(model, reading)
-    return SpaceArm.of(tree.locked(locked or {}).with_wheels(wheels), path, tip=tip, task=task)
+    tree = tree.locked(locked or {}).with_wheels(wheels)
+    return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints)
 
 
 def mount(
@@ -87,6 +96,7 @@ def mount(
     *,
     name: str | None = None,
     tip: str | None = None,
+    joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
     check: Check | None = None,
     packages: Folders = (),
@@ -98,8 +108,9 @@ def mount(
     The fixed base of the arm becomes part of the spacecraft. The names of its links and joints are
     prefixed with its name and "_", and a frame with its name alone is at its tip: two arms mounted
     as "left" and "right" have the tips "left" and "right". The tip of the result is that of the
-    arm mounted last; `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`. The
-    order of mounting makes no other difference.
+    arm mounted last, whose joints count, while fingers and other arms are held;
+    `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`. The order of mounting
+    makes no other difference.
 
     Args:
         arm: An arm without a spacecraft: a name that `arms` lists, or what `load` takes.
@@ -108,8 +119,8 @@ def mount(
         at: Pose of the arm's root link in the frame of the bus; the identity if None.
         name: Name of the arm. Default: the robot's name, numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
-        locked: Joints of the arm to lock, with their values [rad] or [m]; fingers of arms that
-            `arms` lists are locked anyway.
+        joints: Which joints count besides; names are those of the result. See `load`.
+        locked: Joints of the arm to lock, with their values [rad] or [m].
         check: What to do with inertias that no rigid body can have; see `load`.
         packages: Folders with ROS packages; see `load`.
         xacro_args: Arguments of the xacro source of the arm; see `load`.
@@ -117,13 +128,13 @@ def mount(
 
     Raises:
         ModelError: An arm is unknown, a URDF has a fault, or the name is taken.
-        ConfigurationError: bus, at, tip or locked is not valid.
+        ConfigurationError: bus, at, tip, joints or locked is not valid.
     """
     at = pin.SE3.Identity() if at is None else sound_pose(at, "at")
     reading = Reading.of(check, packages, xacro_args, density)
     base = _tree(bus, replace(reading, xacro_args={}))
     tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, reading=reading)
-    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"))
+    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), joints=joints)
 
 
 def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:
@@ -131,7 +142,7 @@ def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:
     if isinstance(bus, Bus):
         return bus.tree()
     if isinstance(bus, SpaceArm):
-        return bus.tree
+        return bus.whole
     if not isinstance(bus, (str, os.PathLike, *PINOCCHIO_MODELS)):
         raise ConfigurationError(f"bus is {bus!r}; give a Bus, a SpaceArm or the path of a URDF")
     return formats.read(bus, reading)

@@ -35,14 +35,23 @@ UNLIKE = {
 def subjects() -> dict[str, sa.SpaceArm]:
     """Catalogue models, one tip each, random chains, and random trees.
 
-    The trees have all kinds of joints but mimic ones, which the engines understand otherwise.
+    The trees have all kinds of joints but mimic ones, which the engines understand otherwise: where
+    fingers mimic each other they are locked.
     """
-    catalogue = {info.name: sa.load(info.name) for info in sa.catalogue()}
+    whole = (sa.load(info.name, joints="all") for info in sa.catalogue())
+    catalogue = {
+        arm.name: arm
+        if arm.coupling is None
+        else arm.replace(locked=arm.replace(joints="tip").held)
+        for arm in whole
+    }
     chains = {f"chain {i}": load_text(random_chain(i, 2 + i), tip="tip") for i in range(7)}
     texts = ((seed, random_tree(seed, 3 + seed % 6)) for seed in range(200))
     hand = frame("tip") + joint("hand", "link_3", "tip", "fixed", (0.2, -0.1, 0.3), (0.1, 0.2, 0.3))
     trees = {
-        f"tree {seed}": load_text(text.replace("</robot>", f"{hand}</robot>"), tip="tip")
+        f"tree {seed}": load_text(
+            text.replace("</robot>", f"{hand}</robot>"), tip="tip", joints="all"
+        )
         for seed, text in texts
         if "mimic" not in text
     }

@@ -78,7 +78,7 @@ def test_at_rest_the_accelerations_agree():
 
 
 def test_velocities_are_handed_on_from_the_link_listed_before():
-    arm = load_text(random_tree(0, 6), tip="link_6", task="position")
+    arm = load_text(random_tree(0, 6), tip="link_6", task="position", joints="all")
     model = spart_model(urdf(arm))
     rng = np.random.default_rng(0)
     q, um, u0 = rng.normal(size=6), rng.normal(size=6), rng.normal(size=6)

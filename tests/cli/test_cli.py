@@ -1,6 +1,7 @@
 """The command line, from outside: output, exit codes, one line for bad input."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -47,7 +48,7 @@ def test_attitude_task_tip_lock_and_base():
     turned = answer("query", "planar2", "--deg", "0", "0", "--attitude", "0", "0", "-90")
     assert np.allclose(turned["configuration"]["tip"][:3], [0, -2.5, 0])
     assert answer("query", "planar2", "0.1", "0.2", "--task", "x")["task"]["rows"] == ["x"]
-    assert answer("query", "planar2", "0", "0", "--tip", "link_1")["configuration"]["tip"][0] == 0.5
+    assert answer("query", "planar2", "0", "--tip", "link_1")["configuration"]["tip"][0] == 0.5
     locked = answer("query", "mda6", "0", "1", "0", "0", "--deg", "--lock", "joint_3=-90",
                     "--lock", "joint_6=0")  # fmt: skip
     assert locked["configuration"]["joints"] == ["joint_1", "joint_2", "joint_4", "joint_5"]
@@ -171,7 +172,9 @@ def test_locks_and_lengths_count_when_the_arm_is_loaded(tmp_path):
         "elbow"
     ]
     task = ("--tip", "arm", "--task", "pose", "--length", "1")
-    assert answer("query", path, "0", "0", *task)["length"] == 1.0
+    assert answer("query", path, "0", *task)["length"] == 1.0
+    for joints in ("all", "elbow_2", "elbow,elbow_2"):
+        assert answer("query", path, "0", "0", "--joints", joints, *task)["length"] == 1.0
 
 
 def test_help_keeps_its_units():
@@ -191,3 +194,21 @@ def test_a_value_at_its_limit_is_inside():
 
 def test_a_value_outside_its_limits_is_marked():
     assert "outside its limits" in spacearm("query", "planar2", "4", "0").stdout
+
+
+def test_info_says_what_was_chosen_why_and_how_to_choose_otherwise(tmp_path):
+    path = tmp_path / "two.urdf"
+    wing = (link("wing"), joint("panel", "bus", "wing"))
+    path.write_text(robot(*two_links(), *wing, frame("tcp"), joint("t", "arm", "tcp", "fixed")))
+    out = spacearm("info", path).stdout
+    assert "tip tcp (its name is one for tips; other arms end in wing); another one: --tip" in out
+    assert "Held joints (to make them count: --joints all, or their names)" in out
+    assert re.search(r"panel +revolute +wing +0 rad", out)
+    assert "Held" not in spacearm("info", path, "--joints", "all").stdout
+    other = answer("info", path, "--tip", "wing")
+    assert (other["held"], other["tip_reason"]) == ({"elbow": 0.0}, "it was asked for")
+    path.write_text(robot(*two_links(), *wing))
+    asked = spacearm("query", path, "0")
+    assert asked.returncode == 2
+    assert "2 links could be the tip: arm, wing" in asked.stderr
+    assert "command line: --tip arm" in asked.stderr

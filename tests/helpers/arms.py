@@ -144,7 +144,7 @@ def trees(draw, joints=one_to_eight) -> sa.Configuration:
     """A random tree in a random posture at a random spacecraft pose."""
     seed, n = draw(seeds), draw(joints)
     tip = f"link_{draw(st.integers(1, n))}"
-    arm = load_text(random_tree(seed, n), tip=tip, task=sa.Task("pose", length=1.0))
+    arm = load_text(random_tree(seed, n), tip=tip, task=sa.Task("pose", length=1.0), joints="all")
     return random_configuration(arm, seed)
 
 

@@ -16,7 +16,7 @@ COM = np.array([0.1, -0.2, 0.5])
 def random_state(seed: int):
     """A random tree with its tip, in motion and with momentum, and a random target in motion."""
     rng = np.random.default_rng(seed)
-    arm = load_text(random_tree(seed, 5), tip="link_5", task=sa.Task("pose", 1.0))
+    arm = load_text(random_tree(seed, 5), tip="link_5", task=sa.Task("pose", 1.0), joints="all")
     cfg = arm.at(rng.uniform(-np.pi, np.pi, arm.n), base=random_base(rng))
     mass = 10 ** rng.uniform(-1, 3)
     target = {"mass": mass, "inertia": random_inertia(rng, mass), "com": rng.normal(size=3)}
@@ -152,7 +152,7 @@ def test_a_light_target_is_no_target():
 @settings(max_examples=30)
 def test_grasping_less_and_less_tends_to_the_free_arm(seed):
     rng = np.random.default_rng(seed)
-    arm = load_text(random_tree(seed, 5), tip="link_5", task=sa.Task("pose", 1.0))
+    arm = load_text(random_tree(seed, 5), tip="link_5", task=sa.Task("pose", 1.0), joints="all")
     q = rng.uniform(-np.pi, np.pi, arm.n)
     free = sa.generalized_jacobian(arm.at(q))
     distance = [

@@ -37,7 +37,7 @@ def test_the_query_says_so(geared):
 
 @given(seeds)
 def test_within_its_limits_is_where_every_joint_is_within_its_own(seed):
-    arm = load_text(random_tree(seed, 6), tip="link_6", task="x")
+    arm = load_text(random_tree(seed, 6), tip="link_6", task="x", joints="all")
     joints = [arm.tree.joints[name] for name in arm.model.names[2:]]
     Q = np.random.default_rng(seed).uniform(-4.0, 4.0, (200, arm.n))
     inside = ((arm.lower <= Q) & (arm.upper >= Q)).all(axis=1)

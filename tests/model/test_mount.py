@@ -90,11 +90,14 @@ def test_the_written_urdf_is_for_everyone(name, tmp_path):
     path = arm.to_urdf(tmp_path / "whole.urdf")
     theirs = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
     q = np.random.default_rng(1).uniform(-1, 1, arm.n)
-    full = [0, 0, 0, 0, 0, 0, 1]
-    for joint_name, angle in zip(arm.joint_names, q, strict=True):
-        two = theirs.joints[theirs.getJointId(joint_name)].nq == 2
-        full += [np.cos(angle), np.sin(angle)] if two else [angle]
-    A = pin.computeCentroidalMap(theirs, theirs.createData(), np.array(full))
+    full, values = pin.neutral(theirs), dict(zip(arm.joint_names, q, strict=True))
+    for name, value in values.items():
+        joint = theirs.joints[theirs.getJointId(name)]
+        circle = [np.cos(value), np.sin(value)]
+        full[joint.idx_q : joint.idx_q + joint.nq] = circle if joint.nq == 2 else value
+    assert set(arm.held.values()) <= {0.0}
+    columns = [theirs.joints[theirs.getJointId(name)].idx_v for name in values]
+    A = pin.computeCentroidalMap(theirs, theirs.createData(), full)[:, [*range(6), *columns]]
     np.testing.assert_allclose(arm.at(q).A, A, atol=1e-12 * np.abs(A).max())
 
 
@@ -173,12 +176,13 @@ def test_mounting_is_what_pinocchio_appends(seed):
 def test_a_written_tree_is_read_to_the_same_numbers(seed):
     """Any joints, mimic joints among them, limits, some joints locked, masses changed."""
     rng = np.random.default_rng(seed)
-    arm = load_text(random_tree(seed, 6), tip="link_6", task="position")
+    arm = load_text(random_tree(seed, 6), tip="link_6", task="position", joints="all")
     arm = arm.replace(base_mass=77.0, payload=2.0)
     on_the_way = [joint.name for joint in arm.tree.chain("link_6")] + ["joint_1"]  # it is mimicked
     if beside := [name for name in arm.joint_names if name not in on_the_way]:
         arm = arm.replace(locked={beside[0]: rng.normal()})
-    same(arm, rewritten(arm), seed)
+    same(arm, rewritten(arm, joints="all"), seed)
+    same(arm.replace(joints="tip"), rewritten(arm), seed)
 
 
 def test_gimbal_lock_and_half_turns_are_written_exactly():
@@ -211,14 +215,15 @@ def test_three_arms_of_one_kind_get_names_of_their_own():
     for angle in (0.0, 2.0, 4.0):
         turn = pin.SE3(pin.rpy.rpyToMatrix(0, 0, angle), np.zeros(3))
         arm = sa.mount("xarm7", arm, at=turn * pin.SE3(np.eye(3), np.array([0.3, 0, 0.5])))
-    assert arm.n == 21
+    assert (arm.n, len(arm.held)) == (7, 14)
     assert arm.tip == "xarm7_3"
-    assert len(set(arm.joint_names)) == 21
-    assert {name.rpartition("_joint")[0] for name in arm.joint_names} == {
-        "xarm7", "xarm7_2", "xarm7_3"
-    }  # fmt: skip
     same(arm, rewritten(arm))
-    tips = arm.replace(tip=("xarm7", "xarm7_2", "xarm7_3")).at(np.zeros(21)).tips
+    names = ("xarm7", "xarm7_2", "xarm7_3")
+    three = arm.replace(tip=names)
+    assert len(set(three.joint_names)) == three.n == 21
+    assert {name.rpartition("_joint")[0] for name in three.joint_names} == set(names)
+    assert not three.held
+    tips = three.at(np.zeros(21)).tips
     assert np.ptp([np.linalg.norm(tip.translation) for tip in tips]) < 1e-12
 
 
@@ -233,16 +238,19 @@ def test_names_that_are_taken_are_refused():
 
 
 def test_a_bus_with_panels_from_its_own_urdf(tmp_path):
-    """Panels are joints: free ones count in n, locked ones are part of the bus."""
+    """Panels are held at zero, or count if they are to; locked ones are part of the bus."""
     wing = link("wing", 3.0, (0, 0.5, 0), np.diag([0.3, 0.1, 0.3]))
     text = robot(link("hull", 80.0), wing, joint("panel", "hull", "wing", axis=(0, 1, 0)))
     path = saved(text, tmp_path, "hull.urdf")
     arm = sa.mount("vispa", path, at=ON_TOP)
-    assert (arm.n, arm.joint_names[0], arm.tip) == (7, "panel", "vispa")
+    assert (arm.n, arm.tip, dict(arm.held)) == (6, "vispa", {"panel": 0.0})
+    free = sa.mount("vispa", path, at=ON_TOP, joints=["panel"])
+    assert (free.n, free.joint_names[0], dict(free.held)) == (7, "panel", {})
     locked = arm.replace(locked={"panel": 0.4})
-    assert locked.n == 6
+    assert (locked.n, dict(locked.held)) == (6, {})
     q = np.linspace(-1, 1, 6)
-    a, b = arm.at([0.4, *q]), locked.at(q)
+    same(arm, free.replace(locked={"panel": 0.0}))
+    a, b = free.at([0.4, *q]), locked.at(q)
     np.testing.assert_allclose(a.A[:, 7:], b.A[:, 6:], atol=1e-12)
     np.testing.assert_allclose(a.com, b.com, atol=1e-13)
     same(locked, rewritten(locked))

@@ -21,7 +21,9 @@ BASES = ("free-floating", "attitude-controlled", "fixed")
 
 def dual(seed=1, tip=("left", "right")) -> sa.Configuration:
     rng = np.random.default_rng(seed)
-    return sa.load("dual_ur5", tip=tip).at(rng.uniform(-3, 3, 12), base=random_base(rng))
+    return sa.load("dual_ur5", tip=tip, joints="all").at(
+        rng.uniform(-3, 3, 12), base=random_base(rng)
+    )
 
 
 def planar_pair(**spacecraft) -> sa.SpaceArm:
@@ -45,7 +47,7 @@ def test_stacked_rows_are_the_single_ones(seed):
     rng = np.random.default_rng(seed)
     text = random_tree(seed, 5)
     tips = ("link_5", "link_2", "link_4")
-    both = load_text(text, tip=tips, task=sa.Task("x z ry", 0.7))
+    both = load_text(text, tip=tips, task=sa.Task("x z ry", 0.7), joints="all")
     q, base = rng.uniform(-3, 3, both.n), random_base(rng)
     dq, h = rng.normal(size=both.n), rng.normal(size=6)
     cfg = both.at(q, base=base)
@@ -109,7 +111,7 @@ def test_the_second_arm_locked_is_a_single_arm_with_its_mass_lumped(base):
 @settings(max_examples=30)
 def test_prescribed_rates_and_momentum_move_the_tip_as_differences_do(seed):
     rng = np.random.default_rng(seed)
-    arm = load_text(random_tree(seed, 5), tip="link_5", task="position")
+    arm = load_text(random_tree(seed, 5), tip="link_5", task="position", joints="all")
     cfg = arm.at(rng.uniform(-3, 3, arm.n), base=random_base(rng))
     dq, h = rng.normal(size=arm.n), rng.normal(size=6)
     v_b, step = sa.base_velocity(cfg, dq, h), 1e-6

@@ -40,7 +40,7 @@ def pair(seed: int):
     """A state with the wheels as joints, and the same with them as wheels."""
     rng = np.random.default_rng(seed)
     text = with_wheels(seed)
-    full = load_text(text, tip="tip", task="position")
+    full = load_text(text, tip="tip", task="position", joints="all")
     arm = load_text(text, tip="tip", task="position", wheels=WHEELS)
     q, base = rng.uniform(-3, 3, full.n), random_base(rng)
     dq = rng.normal(size=full.n)
@@ -143,7 +143,7 @@ def test_wheels_stay_wheels_in_a_written_file_and_under_an_arm(tmp_path):
 def test_bodies_that_are_no_wheels_are_refused(rotor, more, message):
     text = robot(*two_links(), rotor, more, joint("spin", "bus", "rotor"))
     with pytest.raises(sa.ModelError, match=message):
-        load_text(text, tip="arm", wheels=["spin"])
+        load_text(text, tip="arm", wheels=["spin"], joints="all")
 
 
 def test_wheels_are_asked_for_with_care():

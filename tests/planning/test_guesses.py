@@ -19,7 +19,9 @@ from spacearm.planning.optimiser import CurveOptimiser, Target
 @given(seeds, one_to_eight)
 def test_reactions_on_random_trees(seed, n):
     rng = np.random.default_rng(seed)
-    arm = load_text(random_tree(seed, n), tip=f"link_{n}", task=sa.Task("pose", length=1.0))
+    arm = load_text(
+        random_tree(seed, n), tip=f"link_{n}", task=sa.Task("pose", length=1.0), joints="all"
+    )
     Q = rng.uniform(-4, 4, (9, arm.n))
     at = reactions(arm, Q.T)
     for i, q in enumerate(Q):

@@ -51,7 +51,7 @@ def test_the_command_writes_pictures_and_numbers(tmp_path):
         assert "2 curves" in run.stdout
         assert path.read_bytes().startswith(start)
     path = tmp_path / "map.npz"
-    fix = ("--fix", "joint_4=-50", "--fix", "joint_5=20", "--joints", "joint_2", "joint_3")
+    fix = ("--fix", "joint_4=-50", "--fix", "joint_5=20", "--axes", "joint_2", "joint_3")
     run = spacearm("map", "mda6", "--deg", *fix, "--points", 5, "--npz", path)
     assert run.returncode == 0, run.stderr
     with np.load(path) as data:
@@ -59,7 +59,7 @@ def test_the_command_writes_pictures_and_numbers(tmp_path):
         assert held["joint_4"] == pytest.approx(np.radians(-50))
         assert data["sigma_min"].shape == (5, 5)
         assert "curve_0" in data
-    numbered = ("--fix", "q4=-50", "--fix", "q5=20", "--joints", "q2", "q3")
+    numbered = ("--fix", "q4=-50", "--fix", "q5=20", "--axes", "q2", "q3")
     run = spacearm("map", "mda6", "--deg", *numbered, "--points", 5, "--json")
     assert json.loads(run.stdout)["held"]["joint_4"] == pytest.approx(np.radians(-50))
     run = spacearm("map", "planar2", "--points", 5, "--json")
@@ -77,7 +77,7 @@ def test_the_command_writes_pictures_and_numbers(tmp_path):
         (("--fix", "joint_1"), "give JOINT=VALUE"),
         (("--output", "map.bmp"), "unknown suffix '.bmp'"),
         (("--output", "/nowhere/map.png"), "cannot be written"),
-        (("--joints", "joint_1", "x"), "unknown joint 'x'"),
+        (("--axes", "joint_1", "x"), "unknown joint 'x'"),
         (("--points", "1"), "--points"),
     ],
 )

@@ -124,7 +124,7 @@ def loaded(
         arms.joint("out", carrier, "away", "fixed", out, rpy),
         arms.joint("back", "away", "load", "fixed", back),
     ]
-    arm = arms.load_text(arms.robot(*elements), tip=tip, task="position")
+    arm = arms.load_text(arms.robot(*elements), tip=tip, task="position", joints="all")
     return arm.at(rng.uniform(-3, 3, 3)), mode
 
 
@@ -233,7 +233,7 @@ def test_several_tips_have_the_bars_of_each():
     bars = sa.error_bars(both.at(q))
     assert bars.jacobian.shape == (12, both.n)
     for tip, rows in (("left", bars.jacobian[:6]), ("right", bars.jacobian[6:])):
-        one = sa.error_bars(both.replace(tip=tip).at(q))
+        one = sa.error_bars(both.replace(tip=tip, joints="all").at(q))
         np.testing.assert_array_equal(rows, one.jacobian)
         assert bars.sigma >= one.sigma
 

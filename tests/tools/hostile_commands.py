@@ -31,7 +31,7 @@ COMMANDS = (
     "query planar2 --deg -65 -11.41", "query mda6 0 1 0 1 0 1 --json --attitude 0 0 0.5",
     "query robot.urdf 0.1 0.2 --tip hand --task x --length 2 --lock joint_1=0.5 --check warn",
     "query planar2 0.1 0.2 --base fixed --tolerance 0.1", "map planar2 --points 9 --output map.svg",
-    "map planar3 --joints q1 q2 --fix q3=0.4 --points 9 --npz map.npz",
+    "map planar3 --axes q1 q2 --fix q3=0.4 --points 9 --npz map.npz",
     "workspace planar2 --base free-floating --output work.svg", "workspace planar2 --path path.txt",
     "design planar2 --base-inertia 1:2:2 --mount-x 0.1 --output design.svg --json",
     "simulate planar2 --deg --q0 -57 60 --target 1.5 1.5 --duration 0.5 --output sim.svg",

@@ -68,7 +68,7 @@ def from_the_catalogue(rng):
 def trees(rng):
     """Sliding, turning and mimic joints; few of them lead to the tip, so that zeros are common."""
     text = arms.random_tree(int(rng.integers(1000)), 6)
-    return arms.load_text(text, tip="link_6", task="position")
+    return arms.load_text(text, tip="link_6", task="position", joints="all")
 
 
 def out_and_back(rng) -> str:

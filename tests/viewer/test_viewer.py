@@ -398,7 +398,7 @@ def test_prismatic_and_branched_arms_have_a_scene(tmp_path):
     path = tmp_path / "r.urdf"
     path.write_text(robot(*two_links(kind="prismatic"), link("p"), joint("wing", "bus", "p")))
     with pytest.warns(sa.ModelWarning, match="no visuals"):
-        viewer = sa.view(sa.load(path, tip="arm"), open=False)
+        viewer = sa.view(sa.load(path, tip="arm", joints="all"), open=False)
     viewer.show([0.2, 0.3])
     assert viewer.session.cfg.q[0] == 0.2
 

@@ -1,0 +1,1 @@
+"""Tips: where an arm ends, and the joints that do not count."""

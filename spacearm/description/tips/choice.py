@@ -1,0 +1,273 @@
+"""Tips: the tip links of an arm, asked for, named by a file, or chosen as an engineer would.
+
+Where nobody names it, the tip is looked for on every arm, that is on every body behind which
+nothing but fingers moves: the frame there that has a name for tips, such as tool0 or hand_tcp, else
+the hand, else the last link before the fingers branch, else the link farthest out. Of several arms
+one that ends in such a frame or in a gripper comes before others, then the one with the most
+joints. Where two are equally right the question is asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from spacearm.description.bodies import Joint
+from spacearm.description.tips.grippers import fingers
+from spacearm.description.tips.held import leader
+from spacearm.description.tips.names import is_hand, is_wheel, measures, shared, tip_rank
+from spacearm.description.tips.srdf import named_tips
+from spacearm.description.tree import Tree
+from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
+
+MOST_JOINTS = 300
+"""Largest number of movable joints among which a tip is looked for."""
+
+
+class Tips(NamedTuple):
+    """Tip links, and why they are the tips, a phrase."""
+
+    links: tuple[str, ...]
+    reason: str
+
+
+class _Robot(NamedTuple):
+    """A tree, its bodies as in `Tree.lumps`, and the words that all moving links share."""
+
+    tree: Tree
+    lumps: dict[str, list[str]]
+    common: frozenset[str]
+
+
+class _Candidate(NamedTuple):
+    """A link that could be the tip: the best one of an arm."""
+
+    link: str
+    reason: str
+    sure: bool
+    joints: int
+
+
+def movable(tree: Tree, tip: str) -> list[Joint]:
+    """Return the joints between the spacecraft and a link that can move, the first one first."""
+    return [joint for joint in tree.chain(tip) if joint.movable]
+
+
+def choose_tips(tree: Tree, path: Path, tip: str | Sequence[str] | Tips | None) -> Tips:
+    """Return the tips asked for, else those that the file names, else the one that is found.
+
+    Args:
+        tree: The tree.
+        path: The file, beside which an SRDF may name the tip.
+        tip: What was asked for; tips chosen before are kept with their reason.
+
+    Raises:
+        ConfigurationError: No link is named, one twice, or one that cannot be a tip.
+        ModelError: Several links could be the tip.
+    """
+    if tip is None and not tree.tips:
+        return _found(tree, path)
+    if isinstance(tip, Tips):
+        links, reason = tip
+    elif tip is None:
+        links, reason = tree.tips, "the model names it"
+    else:
+        links, reason = (tip,) if isinstance(tip, str) else tuple(tip), "it was asked for"
+    for link in links:
+        _check(tree, link)
+    if not links or len(set(links)) != len(links):
+        raise ConfigurationError(f"tip is {tip!r}; name one link or several different ones")
+    return Tips(tuple(links), reason)
+
+
+def only_tip(tips: Sequence[str], robot: str) -> str:
+    """Return the only tip of a robot.
+
+    Raises:
+        UnsupportedError: There are several.
+    """
+    if len(tips) > 1:
+        raise UnsupportedError(
+            f"{robot} has the tips {', '.join(tips)}, and what was asked for is about one: choose "
+            f"it with arm.replace(tip={tips[0]!r})"
+        )
+    return tips[0]
+
+
+def _check(tree: Tree, link: str) -> None:
+    """Refuse a link that does not exist or is part of the spacecraft."""
+    if link not in tree.links:
+        raise ConfigurationError(f"tip: {unknown('link', link, tree.links)}")
+    if not movable(tree, link):
+        raise ConfigurationError(
+            f"tip {link!r} is part of the spacecraft; choose a link behind a movable joint: "
+            f"{', '.join(link for link in tree.links if movable(tree, link))}"
+        )
+
+
+# --- found ----------------------------------------------------------------------------------
+
+
+def _found(tree: Tree, path: Path) -> Tips:
+    """Find the tip.
+
+    Raises:
+        ModelError: Several links could be it.
+    """
+    count = sum(joint.movable for joint in tree.joints.values())
+    if count > MOST_JOINTS:
+        raise ModelError(
+            f"{path}: {count} movable joints are too many to look for a tip among; name it: tip="
+        )
+    common = shared(joint.child for joint in tree.joints.values() if joint.movable)
+    robot, arms = _Robot(tree, tree.lumps(), common), _arms(tree)
+    found = [candidate for body, begin in arms.items() for candidate in _on(robot, body, begin)]
+    candidates = _named_by_srdf(robot, path, arms) or found
+    if not candidates:
+        wheels = [joint.name for joint in tree.leading()]
+        raise ModelError(
+            f"{path}: nothing moves but wheels ({', '.join(wheels)}); an arm needs a joint; if one "
+            f"of them is an arm's, name its link: tip={tree.joints[wheels[0]].child!r}"
+        )
+    most = max(candidate.joints for candidate in candidates)
+    sure = [c for c in candidates if c.sure and 2 * c.joints >= most] or candidates
+    most = max(candidate.joints for candidate in sure)
+    best = [candidate for candidate in sure if candidate.joints == most]
+    links = [candidate.link for candidate in best]
+    others = [
+        c.link
+        for c in (*candidates, *found)
+        if 2 * c.joints >= most
+        and c.link not in links
+        and not any(_same_arm(tree, c.link, link) for link in links)
+    ]
+    rest = f"; other arms end in {', '.join(dict.fromkeys(others))}" if others else ""
+    if len(best) > 1:
+        raise ModelError(
+            f"{path}: {len(links)} links could be the tip: {', '.join(links)}; choose one with "
+            f"tip={links[0]!r} (command line: --tip {links[0]}), or several with "
+            f"tip=({links[0]!r}, {links[1]!r}){rest}"
+        )
+    return Tips((links[0],), best[0].reason + rest)
+
+
+def _arms(tree: Tree) -> dict[str, tuple[str, ...]]:
+    """Return the bodies behind which nothing but fingers moves, and the fingers' first joints.
+
+    A body is named by its first link, as in `Tree.lumps`; the spacecraft and wheels are none.
+    """
+    palms = fingers(tree)
+    first = {joint for begin in palms.values() for joint in begin}
+    body_of = {link: body for body, links in tree.lumps().items() for link in links}
+    ends: dict[str, tuple[str, ...]] = {}
+    for joint in tree.depth_first():
+        carrier = body_of[joint.parent]
+        if joint.movable and joint.name not in first and (carrier in ends or carrier == tree.root):
+            ends[body_of[joint.child]] = palms.get(joint.child, ())
+    carries = {
+        body_of[joint.parent]
+        for joint in tree.joints.values()
+        if joint.movable and body_of[joint.child] in ends
+    }
+    turned = {joint.child for joint in tree.joints.values() if is_wheel(joint.name, joint.child)}
+    return {body: begin for body, begin in ends.items() if body not in carries | turned}
+
+
+def _same_arm(tree: Tree, link: str, other: str) -> bool:
+    """Whether the joints on the way to one of two links are on the way to the other."""
+    one, two = ({joint.name for joint in movable(tree, end)} for end in (link, other))
+    return one <= two or two <= one
+
+
+def _count(tree: Tree, link: str) -> int:
+    """Return the number of joints that move a link on their own, or by joints that mimic them."""
+    return len({leader(tree, joint).name for joint in movable(tree, link)})
+
+
+def _on(robot: _Robot, body: str, begin: Sequence[str]) -> list[_Candidate]:
+    """Return the links of the last body of an arm that could be its tip, one where it is clear."""
+    tree, common = robot.tree, robot.common
+    links, count = robot.lumps[body], _count(tree, body)
+    ranks = {link: tip_rank(link, common) for link in links}
+    if named := _outermost(tree, [link for link, rank in ranks.items() if rank is not None]):
+        surest = min(rank for link in named if (rank := ranks[link]) is not None)
+        named = [link for link in named if ranks[link] == surest]
+        return [_Candidate(link, "its name is one for tips", True, count) for link in named]
+    if hands := _outermost(tree, [link for link in links if is_hand(link, common)]):
+        hands = [fork] if is_hand(fork := _fork(tree, hands), common) else hands
+        return [_Candidate(link, "its name is one for hands", True, count) for link in hands]
+    if begin:
+        held = " and ".join(begin)
+        palms = {tree.joints[name].parent for name in begin}
+        palm = _fork(tree, sorted(palms))
+        return [_Candidate(palm, f"it is the last link before the fingers {held}", True, count)]
+    leaves = [link for link in tree.leaves() if link in links and not measures(link)]
+    depth = {leaf: len(tree.chain(leaf)) for leaf in leaves or [body]}
+    outer = _fork(tree, [leaf for leaf in depth if depth[leaf] == max(depth.values())])
+    reason = "it is the last link" if outer in depth else "it is the last link before others branch"
+    if (cargo := _cargo(robot, body, outer)) and cargo != outer:
+        outer, reason = cargo, "it is the first link that outweighs the arm"
+    return [_Candidate(outer, reason, False, count)]
+
+
+def _outermost(tree: Tree, links: Sequence[str]) -> list[str]:
+    """Return the links that no other one of them lies behind.
+
+    A link with mass is not preferred to a frame without, which it lies behind: it may be carried.
+    """
+
+    def carried(link: str) -> bool:
+        part = tree.links[link]
+        return part is not None and part.mass > 0.0
+
+    behind = {link: {joint.parent for joint in tree.chain(link)} for link in links}
+    inner = {
+        link
+        for link in links
+        for other in links
+        if (link in behind[other] and carried(link) >= carried(other))
+        or (other in behind[link] and carried(link) > carried(other))
+    }
+    return [link for link in links if link not in inner]
+
+
+def _cargo(robot: _Robot, body: str, link: str) -> str | None:
+    """Return the first link behind a body, on the way to a link, that outweighs the arm, if any."""
+    tree, lumps = robot.tree, robot.lumps
+    mass = {name: 0.0 if part is None else part.mass for name, part in tree.links.items()}
+    way = [joint.child for joint in tree.chain(link)]
+    arm = sum(mass[other] for joint in movable(tree, body)[:-1] for other in lumps[joint.child])
+    for name in way[way.index(body) :]:
+        if name != body and mass[name] > arm > 0.0:
+            return name
+        arm += mass[name]
+    return None
+
+
+def _fork(tree: Tree, links: Sequence[str]) -> str:
+    """Return the last link on the way to all these links; the link itself if there is one."""
+    ways = [[*(joint.parent for joint in tree.chain(link)), link] for link in links]
+    same = [step[0] for step in zip(*ways, strict=False) if len(set(step)) == 1]
+    return same[-1]
+
+
+def _named_by_srdf(robot: _Robot, path: Path, arms: dict[str, tuple[str, ...]]) -> list[_Candidate]:
+    """Return the tips that an SRDF beside the file names; a finger stands for its palm."""
+    tree = robot.tree
+    body_of = {link: body for body, links in robot.lumps.items() for link in links}
+    first = {joint: body for body, begin in arms.items() for joint in begin}
+    found: dict[str, _Candidate] = {}
+    links, file = named_tips(tree, path)
+    for link in links:
+        palm = next((first[j.name] for j in movable(tree, link) if j.name in first), None)
+        if palm is None:
+            found[link] = _Candidate(link, f"{file} names it", True, _count(tree, link))
+        else:
+            for other in _on(robot, palm, arms[palm]):
+                reason = f"{file} names {link!r}, a part that moves in its gripper"
+                found.setdefault(other.link, other._replace(reason=reason))
+    bodies: dict[str, list[str]] = {}
+    for link in found:
+        bodies.setdefault(body_of[link], []).append(link)
+    return [found[link] for named in bodies.values() for link in _outermost(tree, named)]

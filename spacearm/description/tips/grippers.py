@@ -1,0 +1,201 @@
+"""Grippers: fingers and jaws at the end of an arm, told from its joints.
+
+A finger is a short, light branch behind a body that an arm moves, its palm. Lengths count relative
+to the arm and masses relative to what the arm moves, so that units do not matter. What tells
+fingers from a wrist: one branch moves as another does (mimic joints), two slide along parallel
+axes, branches are alike, or they are named so. A single moving jaw is told by its name, or by a
+frame for a tool on the body that it is hinged to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.description.bodies import Joint
+from spacearm.description.tips.held import leader
+from spacearm.description.tips.names import grasps, is_finger, shared, tip_rank
+from spacearm.description.tree import Tree
+
+SHORT = 0.4
+"""Longest finger, as a share of the way from the first joint of the arm to it."""
+LIGHT = 0.4
+"""Heaviest set of fingers, as a share of the mass that the arm moves up to them."""
+MOST_JOINTS = 5
+"""Most joints of a finger that no name tells, as a thumb has; an arm may have more."""
+ALIKE = 1.5
+"""Largest ratio of the lengths of branches that are alike."""
+
+
+def fingers(tree: Tree) -> dict[str, tuple[str, ...]]:
+    """Return the joints at which the fingers of each gripper begin, by the link that moves them.
+
+    The link is the first of the palm's, as in `Tree.lumps`. The spacecraft is no palm.
+    """
+    return _Grippers(tree).found
+
+
+class _Branch:
+    """What moves behind one joint.
+
+    Attributes:
+        first: The joint.
+        joints: All movable joints behind it, itself included.
+        links: The links that they move.
+        mass: Their mass [kg].
+        extent: Longest way from the joint to a centre of mass or a frame [m], strokes included.
+    """
+
+    def __init__(self, tree: Tree, first: Joint, behind: Sequence[_Branch]) -> None:
+        part = tree.links[first.child]
+        stroke = first.upper - first.lower if first.kind == "prismatic" else 0.0
+        reach = max((_length(b.first.origin) + b.extent for b in behind), default=0.0)
+        self.first: Joint = first
+        self.joints: list[Joint] = [first] if first.movable else []
+        self.joints += [joint for b in behind for joint in b.joints]
+        self.links: list[str] = [first.child, *(link for b in behind for link in b.links)]
+        self.mass: float = sum((b.mass for b in behind), 0.0 if part is None else part.mass)
+        self.extent: float = max(reach, 0.0 if part is None else _length(part.origin))
+        self.extent += stroke if math.isfinite(stroke) else 0.0
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of its joints, a turning one with or without limits the same."""
+        return tuple(sorted(j.kind.replace("continuous", "revolute") for j in self.joints))
+
+
+class _Grippers:
+    """The grippers of one robot."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+        moving = [joint for joint in tree.joints.values() if joint.movable]
+        self._common = shared(j.name for j in moving) | shared(j.child for j in moving)
+        self._behind: dict[str, list[Joint]] = {}
+        for joint in tree.depth_first():
+            self._behind.setdefault(joint.parent, []).append(joint)
+        self._lumps = tree.lumps()
+        self._branches: dict[str, _Branch] = {}
+        for joint in reversed(tree.depth_first()):
+            behind = [self._branches[j.name] for j in self._behind.get(joint.child, [])]
+            self._branches[joint.name] = _Branch(tree, joint, behind)
+        self.found: dict[str, tuple[str, ...]] = {}
+        for palm, links in self._lumps.items():
+            out = [j for link in links for j in self._behind.get(link, []) if j.movable]
+            if out and palm != tree.root and (begin := self._fingers(palm, out)):
+                self.found[palm] = tuple(sorted(begin))
+
+    def _fingers(self, palm: str, out: Sequence[Joint]) -> list[str]:
+        """Return the joints behind a palm at which fingers begin."""
+        branches = [self._branches[joint.name] for joint in out]
+        named = [branch for branch in branches if self._finger_named(branch)]
+        if not self._short(palm, branches) or any(map(self._has_tip, branches)):
+            return []
+        if not named:
+            if max(sum(j.mimic is None for j in b.joints) for b in branches) > MOST_JOINTS:
+                return []
+            told = (
+                self._jaw(palm, branches[0]) if len(branches) == 1 else self._pair(palm, branches)
+            )
+            if not told or not self._light(palm, branches):
+                return []
+        return [branch.first.name for branch in branches]
+
+    def _short(self, palm: str, branches: Sequence[_Branch]) -> bool:
+        """Whether the branches are short beside the arm."""
+        chain = self._tree.chain(palm)
+        first = next(i for i, joint in enumerate(chain) if joint.movable)
+        way = sum(_length(joint.origin) for joint in chain[first + 1 :])
+        way += max(_length(self._placed(palm, branch.first)) for branch in branches)
+        return max(branch.extent for branch in branches) <= SHORT * way
+
+    def _light(self, palm: str, branches: Sequence[_Branch]) -> bool:
+        """Whether the branches are light beside what the first joint of the arm moves."""
+        first = next(joint for joint in self._tree.chain(palm) if joint.movable)
+        mass = sum(branch.mass for branch in branches)
+        return mass <= LIGHT * (self._branches[first.name].mass - mass)
+
+    def _placed(self, palm: str, joint: Joint) -> pin.SE3:
+        """Return the pose of a joint in the frame of the palm that carries it."""
+        pose, link = joint.origin, joint.parent
+        into = {j.child: j for j in self._tree.chain(link)}
+        while link != palm:
+            pose, link = into[link].origin * pose, into[link].parent
+        return pose
+
+    def _finger_named(self, branch: _Branch) -> bool:
+        return any(
+            is_finger(name, self._common)
+            for joint in branch.joints[:1]
+            for name in (joint.name, joint.child)
+        )
+
+    def _has_tip(self, branch: _Branch) -> bool:
+        """Whether a branch has a frame that is named as a tip."""
+        return any(tip_rank(link, self._common) is not None for link in branch.links)
+
+    def _jaw(self, palm: str, branch: _Branch) -> bool:
+        """Whether the only branch behind a body is a jaw, whose name does not say so."""
+        if len(branch.joints) > 1 or self._has_tip(branch) or not _hinged(self._tree, branch):
+            return False
+        fixed = any(tip_rank(link, self._common) is not None for link in self._lumps[palm])
+        return fixed or grasps(branch.first.name, self._common)
+
+    def _pair(self, palm: str, branches: Sequence[_Branch]) -> bool:
+        """Whether several branches behind one body are fingers, though no name says so."""
+        return self._coupled(branches) or self._opposing(palm, branches) or _alike(branches)
+
+    def _opposing(self, palm: str, branches: Sequence[_Branch]) -> bool:
+        """Whether two of the branches are single joints that slide along parallel axes."""
+        single = [b.first for b in branches if b.kinds == ("prismatic",)]
+        axes = [self._placed(palm, joint).rotation @ joint.axis for joint in single]
+        return any(abs(a @ b) > 0.99 for i, a in enumerate(axes) for b in axes[:i])
+
+    def _coupled(self, branches: Sequence[_Branch]) -> bool:
+        """Whether all joints of two branches move as one joint of theirs does."""
+        leaders = [{leader(self._tree, j).name for j in branch.joints} for branch in branches]
+        names = {joint.name for branch in branches for joint in branch.joints}
+        alone = [found.copy().pop() for found in leaders if len(found) == 1 and found <= names]
+        return len(alone) > len(set(alone))
+
+
+def _length(pose: pin.SE3) -> float:
+    return float(np.linalg.norm(pose.translation))
+
+
+def _alike(branches: Sequence[_Branch]) -> bool:
+    """Whether all branches have the same kinds of joints and about the same length."""
+    extents = [branch.extent for branch in branches]
+    same = len({branch.kinds for branch in branches}) == 1
+    return same and max(extents) <= ALIKE * min(extents)
+
+
+def _hinged(tree: Tree, branch: _Branch) -> bool:
+    """Whether a joint opens and closes: less than half a turn, what it moves beside its axis."""
+    joint = branch.first
+    if joint.kind == "prismatic":
+        return math.isfinite(joint.upper - joint.lower)
+    if not joint.upper - joint.lower < math.pi:
+        return False
+    whole = pin.Inertia.Zero()
+    for link, pose in _fixed_to(tree, joint.child):
+        if part := tree.links[link]:
+            whole += pose.act(part.spatial())
+    beside = np.linalg.norm(np.cross(joint.axis, whole.lever))
+    return whole.mass == 0.0 or bool(beside > 0.1 * np.linalg.norm(whole.lever))
+
+
+def _fixed_to(tree: Tree, link: str) -> list[tuple[str, pin.SE3]]:
+    """Return the links fixed to a link, itself included, and their poses in its frame."""
+    found = [(link, pin.SE3.Identity())]
+    for parent, pose in found:
+        found += [
+            (joint.child, pose * joint.origin)
+            for joint in tree.joints.values()
+            if joint.parent == parent and joint.kind == "fixed"
+        ]
+    return found

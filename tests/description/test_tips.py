@@ -1,0 +1,389 @@
+"""Tips: found as an engineer would name them, whatever names, units and orders a file has."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import LIMIT, frame, joint, link, load_text, random_tree, robot, seeds
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import spacearm as sa
+from spacearm.description.tips.choice import choose_tips, movable
+from spacearm.description.tips.names import is_finger, is_hand, tip_rank, words
+from spacearm.description.tree import Tree
+
+NOWHERE = sa.arms()[0].path.parent  # a folder without an SRDF
+
+
+def arm_of(n: int = 4, name: str = "l", bus: str = "bus", mass: float = 2.0) -> list[str]:
+    """Links and joints of an arm on a bus, without the bus: names like l_1, j_l_1."""
+    parts = []
+    for i in range(1, n + 1):
+        before = f"{name}_{i - 1}" if i > 1 else bus
+        axis = [(0, 0, 1), (0, 1, 0), (1, 0, 0)][i % 3]
+        parts += [
+            link(f"{name}_{i}", mass, (0.1, 0, 0), 0.01 * np.eye(3)),
+            joint(f"j_{name}_{i}", before, f"{name}_{i}", xyz=(0.4, 0, 0), axis=axis),
+        ]
+    return parts
+
+
+def finger(name: str, palm: str, kind: str = "prismatic", inside: str = LIMIT, **pose) -> list[str]:
+    """A light, short link with its CM beside its joint."""
+    return [
+        link(name, 0.05, (0.03, 0.01, 0), 1e-5 * np.eye(3)),
+        joint(f"drive_{name}", palm, name, kind, inside=inside, **{"xyz": (0.05, 0, 0), **pose}),
+    ]
+
+
+def slide(lower: float, upper: float, more: str = "") -> str:
+    return f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>{more}'
+
+
+def fixed(name: str, parent: str, mass: float = 0.0, xyz=(0.1, 0, 0)) -> list[str]:
+    body = link(name, mass, (0, 0, 0), 1e-3 * np.eye(3)) if mass else frame(name)
+    return [body, joint(f"to_{name}", parent, name, "fixed", xyz)]
+
+
+BUS = link("bus", 80.0)
+ARM = (BUS, *arm_of())
+MIMIC = '<mimic joint="drive_a" multiplier="-1"/>'
+
+
+def found(*parts: str, **options) -> sa.SpaceArm:
+    return load_text(robot(*parts), **options)
+
+
+# --- frames ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("names", "tip"),
+    [
+        (["flange", "tool0"], "tool0"),
+        (["tool0", "flange"], "tool0"),
+        (["ee_link", "camera_optical_frame"], "ee_link"),
+        (["robot_hand", "robot_hand_tcp"], "robot_hand_tcp"),
+        (["ee_arm_link", "bar_link", "ee_gripper_link"], "ee_gripper_link"),
+        (["end_effector_link", "adapter_base"], "end_effector_link"),
+        (["link_eef", "gripper_base_link", "link_tcp"], "link_tcp"),
+        (["wristForceSensor", "leftPalm", "imuLink"], "leftPalm"),
+        (["arm_tool_link", "ft_body", "probe"], "arm_tool_link"),
+        (["grasp_frame", "bracket"], "grasp_frame"),
+        (["mount", "plate"], "plate"),
+        (["plate", "wrist_camera", "wrist_camera_optical_frame"], "l_4"),
+    ],
+)
+def test_frames_of_the_last_body_are_told_by_their_names(names, tip):
+    parts, before = [], "l_4"
+    for name in names:
+        parts += fixed(name, before)
+        before = name
+    assert found(*ARM, *parts).tip == tip
+
+
+def test_frames_side_by_side():
+    both = [*fixed("ee_link", "l_4"), *fixed("tool0", "l_4")]
+    assert found(*ARM, *both).tip == "tool0"
+    pads = [*fixed("pad_a", "l_4"), *fixed("pad_b", "l_4")]
+    arm = found(*ARM, *pads)
+    assert (arm.tip, arm.tip_reason) == ("l_4", "it is the last link before others branch")
+    with pytest.raises(sa.ModelError, match="2 links could be the tip: tool_a, tool_b; choose"):
+        found(*ARM, *fixed("tool_a", "l_4"), *fixed("tool_b", "l_4"))
+
+
+def test_what_an_arm_carries_is_no_tip():
+    satellite = [*fixed("satellite", "l_4", 500.0), *fixed("wing", "satellite", 20.0)]
+    assert found(*ARM, *satellite).tip == "satellite"
+    tile = [*fixed("link_ee", "l_4"), *fixed("link_ee_tile", "link_ee", 10.0)]
+    assert found(*ARM, *tile).tip == "link_ee"
+    tile[0] = link("link_ee", 0.0, inertia=np.zeros((3, 3)))
+    assert found(*ARM, *tile).tip == "link_ee"
+
+
+def test_words_of_names():
+    assert words("gripperStator") == ("gripper", "stator")
+    assert words("r2/left_leg/gripper/tip") == ("r", "left", "leg", "gripper", "tip")
+    assert words("LeftTCP2") == ("left", "tcp")
+    assert tip_rank("tool0") < tip_rank("grasp_link") < tip_rank("link_ee") < tip_rank("tip")
+    for name in ("knee", "feet_link", "toolbox", "finger_tip", "ee_camera", "tree"):
+        assert tip_rank(name) is None
+    assert is_hand("panda_hand")
+    assert not is_hand("handle")
+    assert not is_hand("LeftGripperYawLink")
+    assert tip_rank("left_index_tip") is None
+    assert is_finger("leftfinger")
+    assert not is_finger("middle_link")
+    assert not is_finger("finger_base", common={"finger"})
+
+
+# --- arms -----------------------------------------------------------------------------------
+
+
+def test_the_arm_with_the_most_joints_is_taken_and_what_is_beside_it_held():
+    wing = [link("wing", 3.0), joint("panel", "bus", "wing", inside=slide(0.2, 1.0))]
+    arm = found(*ARM, *wing)
+    assert (arm.n, arm.tip, dict(arm.held)) == (4, "l_4", {"panel": 0.2})
+
+
+def test_an_arm_that_ends_in_a_tool_comes_before_a_longer_branch():
+    mast = arm_of(5, "mast")
+    arm = found(*ARM, *fixed("tool0", "l_4"), *mast)
+    assert arm.tip == "tool0"
+    assert arm.tip_reason == "its name is one for tips; other arms end in mast_5"
+    antenna = [*arm_of(1, "antenna"), *fixed("antenna_tip", "antenna_1")]
+    assert found(*ARM, *antenna).tip == "l_4"
+
+
+def test_two_arms_are_a_question():
+    parts = (BUS, *arm_of(3, "left"), *arm_of(3, "right"), *arm_of(2, "mast"))
+    with pytest.raises(sa.ModelError) as error:
+        found(*parts)
+    assert re.search(
+        r"2 links could be the tip: left_3, right_3; choose one with tip='left_3' "
+        r"\(command line: --tip left_3\), or several with tip=\('left_3', 'right_3'\); "
+        "other arms end in mast_2",
+        str(error.value),
+    )
+    both = found(*parts, tip=("left_3", "right_3"))
+    assert (both.n, list(both.held)) == (6, ["j_mast_1", "j_mast_2"])
+
+
+def test_wheels_are_no_arms():
+    spun = [link("rw"), joint("reaction_wheel_1", "bus", "rw", "continuous")]
+    with pytest.raises(sa.ModelError, match=r"nothing moves but wheels \(reaction_wheel_1\)"):
+        found(BUS, *spun)
+    assert found(BUS, *spun, *arm_of(1)).tip == "l_1"
+
+
+def test_a_tip_among_very_many_joints_must_be_named():
+    parts = [part for i in range(301) for part in arm_of(1, f"m{i}x")]
+    with pytest.raises(sa.ModelError, match="301 movable joints are too many to look for a tip"):
+        found(BUS, *parts)
+    assert found(BUS, *parts, tip="m7x_1").n == 1
+
+
+# --- grippers -------------------------------------------------------------------------------
+
+GRIPPERS = {
+    "two fingers, one mimics": [
+        *finger("a", "l_4", inside=slide(0.01, 0.04), axis=(0, 1, 0)),
+        *finger("b", "l_4", inside=slide(-0.04, -0.01, MIMIC), axis=(0, 1, 0)),
+    ],
+    "two that slide apart": [
+        *finger("a", "l_4", inside=slide(0, 0.04), axis=(0, 1, 0)),
+        *finger("b", "l_4", inside=slide(0, 0.04), axis=(0, -1, 0)),
+    ],
+    "two alike that turn": [
+        *finger("a", "l_4", "revolute", axis=(0, 1, 0)),
+        *finger("b", "l_4", "revolute", axis=(0, -1, 0)),
+    ],
+    "a linkage": [
+        *finger("a", "l_4", "revolute", axis=(0, 1, 0)),
+        *finger("a_2", "a", "revolute", slide(-1, 1, MIMIC), axis=(0, 1, 0)),
+        *finger("b", "l_4", "revolute", slide(-1, 1, MIMIC), axis=(0, 1, 0)),
+        *finger("c", "l_4", "continuous", MIMIC, axis=(0, 1, 0)),
+    ],
+    "three of two joints": [
+        part
+        for name in "abc"
+        for part in (
+            *finger(name, "l_4", "revolute", axis=(0, 1, 0)),
+            *finger(f"{name}_2", name, "revolute", axis=(0, 1, 0)),
+        )
+    ],
+    "a thumb by name": [
+        *finger("thumb", "l_4", "revolute", axis=(0, 1, 0)),
+        *finger("other", "l_4", "prismatic", slide(0, 0.05)),
+    ],
+    "one jaw by its name": finger("moving_jaw", "l_4", "revolute", slide(-0.2, 2), axis=(0, 1, 0)),
+    "one jaw by its joint": [
+        link("part", 0.05, (0.03, 0.01, 0), 1e-5 * np.eye(3)),
+        joint("gripper", "l_4", "part", xyz=(0.05, 0, 0), axis=(0, 1, 0), inside=slide(-0.2, 2)),
+    ],
+}
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_fingers_are_held_and_never_the_tip(gripper):
+    arm = found(*ARM, *GRIPPERS[gripper])
+    assert (arm.n, arm.tip) == (4, "l_4")
+    assert arm.joint_names == tuple(f"j_l_{i}" for i in range(1, 5))
+    assert arm.tip_reason.startswith("it is the last link before the fingers ")
+    assert list(arm.held) == [j.name for j in arm.whole.leading() if j.name.startswith(("d", "g"))]
+    for name, value in arm.held.items():
+        into = arm.whole.joints[name]
+        assert value == np.clip(0.0, into.lower, into.upper)
+    tool = found(*ARM, *GRIPPERS[gripper], *fixed("pinch_link", "l_4"))
+    assert (tool.tip, tool.held) == ("pinch_link", arm.held)
+    free = arm.replace(joints="all")
+    assert (free.n, dict(free.held), free.tip) == (4 + len(arm.held), {}, "l_4")
+
+
+def test_a_jaw_beside_a_frame_for_a_tool():
+    jaw = finger("part", "l_4", "revolute", slide(-0.2, 2), axis=(0, 1, 0))
+    assert found(*ARM, *jaw).tip == "part"
+    arm = found(*ARM, *jaw, *fixed("tcp", "l_4"))
+    assert (arm.tip, list(arm.held)) == ("tcp", ["drive_part"])
+
+
+WRISTS = {
+    "a roll joint named after the gripper that it turns": (
+        link("hand", 0.3, (0.05, 0, 0), 1e-3 * np.eye(3)),
+        joint("gripper_joint", "l_4", "hand", xyz=(0.1, 0, 0), axis=(1, 0, 0)),
+    ),
+    "a roll joint of a word": (
+        link("hand", 0.3, (0.05, 0.02, 0), 1e-3 * np.eye(3)),
+        joint("gripper_roll", "l_4", "hand", xyz=(0.1, 0, 0), axis=(1, 0, 0), inside=slide(-1, 1)),
+    ),
+    "a short last joint": (
+        link("last", 0.1, (0.02, 0.01, 0), 1e-4 * np.eye(3)),
+        joint("j_5", "l_4", "last", xyz=(0.05, 0, 0), axis=(0, 1, 0)),
+    ),
+    "a last joint that mimics another": (
+        link("last", 0.1, (0.02, 0.01, 0), 1e-4 * np.eye(3)),
+        joint("j_5", "l_4", "last", inside=slide(-1, 1, '<mimic joint="j_l_3"/>')),
+    ),
+    "a wrist beside a small antenna": (
+        *finger("antenna", "l_4", "revolute"),
+        *finger("last", "l_4", "revolute"),
+        *fixed("tool0", "last"),
+    ),
+}
+
+
+@pytest.mark.parametrize("wrist", WRISTS)
+def test_a_wrist_is_no_jaw(wrist):
+    arm = found(*ARM, *WRISTS[wrist])
+    assert arm.tip in ("hand", "last", "tool0")
+
+
+def test_two_small_arms_on_a_boom_are_no_fingers():
+    boom = [link("boom", 300.0, (8, 0, 0)), joint("root", "bus", "boom")]
+    arms = [*arm_of(7, "left", "boom"), *arm_of(7, "right", "boom")]
+    with pytest.raises(sa.ModelError, match="2 links could be the tip: left_7, right_7"):
+        found(BUS, *boom, *arms)
+
+
+def test_a_hand_alone_is_a_question():
+    with pytest.raises(sa.ModelError, match="2 links could be the tip: a, b"):
+        found(BUS, *finger("a", "bus"), *finger("b", "bus", inside=slide(-1, 1, MIMIC)))
+
+
+def test_an_arm_whose_every_joint_is_named_finger_is_an_arm():
+    parts = [BUS]
+    for i, before in ((1, "bus"), (2, "finger_1"), (3, "finger_2")):
+        parts += [link(f"finger_{i}"), joint(f"finger_joint_{i}", before, f"finger_{i}")]
+    assert found(*parts).n == 3
+
+
+# --- invariance -----------------------------------------------------------------------------
+
+
+def choice(tree: Tree) -> object:
+    """The tip that is chosen, or the candidates."""
+    try:
+        return choose_tips(tree, NOWHERE, None).links
+    except sa.ModelError as error:
+        listed = re.search(r"could be the tip: (.*?); choose", str(error))
+        return frozenset(listed.group(1).split(", ")) if listed else str(error)
+
+
+def renamed(tree: Tree, rng: np.random.Generator) -> tuple[Tree, dict[str, str]]:
+    """The tree with other names, in another order."""
+
+    def mixed(names, letter):
+        numbers = rng.permutation(len(names))
+        return {name: f"{letter}{i}" for name, i in zip(names, numbers, strict=True)}
+
+    links, joints = mixed(tree.links, "x"), mixed(tree.joints, "y")
+    moved = [
+        replace(
+            j,
+            name=joints[j.name],
+            parent=links[j.parent],
+            child=links[j.child],
+            mimic=j.mimic and j.mimic._replace(leader=joints[j.mimic.leader]),
+        )
+        for j in tree.joints.values()
+    ]
+    order = rng.permutation(len(moved))
+    names = rng.permutation(list(tree.links))
+    return Tree(
+        tree.name,
+        links[tree.root],
+        {links[name]: tree.links[name] for name in names},
+        {moved[i].name: moved[i] for i in order},
+    ), links
+
+
+def scaled(tree: Tree, length: float, mass: float) -> Tree:
+    """The tree in other units."""
+
+    def shifted(pose: pin.SE3) -> pin.SE3:
+        return pin.SE3(pose.rotation, length * pose.translation)
+
+    def slid(j):
+        factor = length if j.kind == "prismatic" else 1.0
+        return replace(j, origin=shifted(j.origin), lower=factor * j.lower, upper=factor * j.upper)
+
+    parts = {
+        name: part and part._replace(mass=mass * part.mass, origin=shifted(part.origin))
+        for name, part in tree.links.items()
+    }
+    return replace(tree, links=parts, joints={n: slid(j) for n, j in tree.joints.items()})
+
+
+@st.composite
+def trees(draw) -> Tree:
+    """A random tree, now and then with a gripper of random size behind one of its links."""
+    seed, n = draw(seeds), draw(st.integers(1, 7))
+    rng = np.random.default_rng(seed)
+    text = random_tree(seed, n)
+    if draw(st.booleans()):
+        palm, size = f"link_{rng.integers(1, n + 1)}", 10 ** rng.uniform(-3, 0)
+        parts = []
+        for side in ("p", "q"):
+            mimic = '<mimic joint="k_p"/>' if side == "q" else ""
+            I = 1e-3 * size * np.eye(3)
+            com, limit = (0.3 * size, 0.1 * size, 0), slide(0, 0.2 * size)
+            parts += [
+                link(side, size, com, I),
+                joint(f"k_{side}", palm, side, "prismatic", (size, 0, 0), inside=limit + mimic),
+            ]
+        text = text.replace("</robot>", "\n".join(parts) + "</robot>")
+    return load_text(text, tip=f"link_{n}", task="x").whole
+
+
+@given(trees(), seeds, st.floats(0.01, 100), st.floats(0.01, 100))
+@settings(max_examples=150, deadline=None)
+def test_names_order_and_units_do_not_matter(tree, seed, length, mass):
+    chosen = choice(tree)
+    other, names = renamed(tree, np.random.default_rng(seed))
+    for same, back in ((other, names), (scaled(tree, length, mass), {n: n for n in tree.links})):
+        again = choice(same)
+        assert type(again) is type(chosen)
+        assert {back[link] for link in chosen} == set(again)
+
+
+@given(seeds, st.integers(2, 7), st.sampled_from(sorted(GRIPPERS)))
+@settings(max_examples=60, deadline=None)
+def test_random_arms_with_grippers_end_in_their_palms(seed, n, gripper):
+    """Any chain of at least 2 joints with long links, any gripper behind it."""
+    rng = np.random.default_rng(seed)
+    parts = [BUS, *arm_of(4)[:2]]
+    for i in range(2, n + 1):
+        name = "l_4" if i == n else f"m_{i}"
+        before = "l_1" if i == 2 else f"m_{i - 1}"
+        axis = rng.normal(size=3)
+        xyz = rng.uniform(0.2, 0.6) * np.eye(3)[rng.integers(3)]
+        parts += [
+            link(name, rng.uniform(1, 9), rng.uniform(-0.2, 0.2, 3)),
+            joint(f"j_{i}", before, name, xyz=xyz, rpy=rng.uniform(-3, 3, 3), axis=axis),
+        ]
+    arm = found(*parts, *GRIPPERS[gripper])
+    assert (arm.n, arm.tip) == (n, "l_4")
+    assert not {j.name for j in movable(arm.whole, arm.tip)} & arm.held.keys()
