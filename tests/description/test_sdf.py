@@ -271,6 +271,17 @@ BAD = {
         sdf(model(BUS, ARM, ELBOW, joint("again", "bus", "arm"))),
         "'arm' closes a loop: joints 'elbow' and 'again'",
     ),
+    "a loop of joints away from their links": (
+        sdf(
+            model(
+                BUS,
+                ARM,
+                joint("one", "bus", "arm", pose="<pose>1 0 0 0 0 0</pose>"),
+                joint("two", "bus", "arm", pose="<pose>0 1 0 0 0 0</pose>"),
+            )
+        ),
+        "'arm' closes a loop: joints 'one' and 'two'",
+    ),
     "a ring": (
         sdf(model(BUS, ARM, link("c"), joint("j", "arm", "c"), joint("k", "c", "arm"))),
         "arm, c form a loop",

@@ -129,8 +129,14 @@ def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
     verdict = f"{report.kind}, σ_min {report.sigma_min:.2g} {arm.sigma_unit}"
     verdict += f" ({', '.join(said)})" if said else ""
     outcome = "answered when told more" if given else "answered"
-    tips = ", ".join(str(given.get("tip", tip)) if mounted else tip for tip in arm.tips)
+    tips = ", ".join(tip_of_the_arm(arm) if mounted else tip for tip in arm.tips)
     return Row(robot, kind, str(arm.n), tips, mass, verdict, outcome)
+
+
+def tip_of_the_arm(arm: sa.SpaceArm) -> str:
+    """The tip of an arm that was mounted, under the name that it has in its file."""
+    (joint,) = (joint for joint in arm.tree.joints.values() if joint.child == arm.tip)
+    return joint.parent.removeprefix(f"{arm.tip}_")
 
 
 def format_of(path: Path) -> str:

@@ -90,15 +90,17 @@ class Forest:
         Raises:
             ModelError: Two joints lead to a link, or links form a ring.
         """
-        into: dict[str, Joint] = {}
+        into: dict[str, list[Joint]] = {}
         for joint in self.joints.values():
-            if other := into.get(joint.child):
+            into.setdefault(joint.child, []).append(joint)
+        for link, joints in into.items():
+            if len(joints) > 1:
+                movers = (into[j.parent][0] if j.parent in self.marks else j for j in joints)
+                one, other, *_ = (repr(joint.name) for joint in movers)
                 source.fail(
-                    f"link {joint.child!r} closes a loop: joints {other.name!r} and "
-                    f"{joint.name!r} both lead to it",
+                    f"link {link!r} closes a loop: joints {one} and {other} both lead to it",
                     "cut the loop at one of them",
                 )
-            into[joint.child] = joint
         reached = {link for root in self.roots() for link in self.tree("", root).links}
         if stray := [link for link in self.links if link not in reached]:
             source.fail(f"links {', '.join(stray)} form a loop", "cut it at one joint")

@@ -95,7 +95,9 @@ class _Reader:
                 forest.mark(
                     name, self._bodies[body], pose_of(model.site_pos[i], model.site_quat[i])
                 )
-        tree = forest.robot(self._source, self._spec.modelname, self._roots(forest))
+        name = self._spec.modelname
+        name = self._source.path.stem if name == UNNAMED_MODEL else name
+        tree = forest.robot(self._source, name, self._roots(forest))
         return replace(tree, joints={n: self._coupled(j, tree) for n, j in tree.joints.items()})
 
     def _roots(self, forest: Forest) -> list[str]:
@@ -206,6 +208,8 @@ def _couplings(source: Source, spec: mujoco.MjSpec) -> dict[str, tuple[str, floa
     return found
 
 
+UNNAMED_MODEL = "MuJoCo Model"
+"""What MuJoCo calls a model that has no name."""
 AXIS = re.compile(r"(.+)[:_.-][xyz]", re.IGNORECASE)
 LEFT_OUT = ("actuators", "tendons", "equalities", "sensors", "skins", "flexes", "plugins")
 """What a free-floating arm does not have; it is named if the file has it."""

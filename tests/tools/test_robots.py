@@ -1,0 +1,52 @@
+"""The table of robots: what comes of each file, and what is never in it."""
+
+import robots
+from helpers.arms import frame, joint, link, robot, two_links
+
+import spacearm as sa
+
+SDF = "<sdf version='1.9'><model name='m'><link name='a'/></model></sdf>"
+IMPOSSIBLE = link("arm", inertia=[[1, 0, 0], [0, 1, 0], [0, 0, 3]])
+
+
+def test_every_outcome_has_its_row(tmp_path, capsys):
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    (folder / "SOURCE.txt").write_text("someone/robots commit 0\n")
+    texts = {
+        "whole.urdf": robot(*two_links()),
+        "arm.urdf": robot(frame("base"), link("arm"), joint("elbow", "base", "arm")),
+        "odd.urdf": robot(link("bus", 50.0), IMPOSSIBLE, joint("elbow", "bus", "arm")),
+        "still.sdf": SDF,
+        "part.xml": "<mujocoinclude/>",
+        "broken.urdf": "<robot>",
+        "package.xml": "<package/>",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    assert robots.main([str(folder)]) == 0
+    said = capsys.readouterr().out
+    rows = {
+        line.split(" | ")[0]: line for line in said.splitlines() if line.startswith("| someone")
+    }
+    assert list(rows) == [
+        f"| someone/robots: {name}"
+        for name in ("arm.urdf", "broken.urdf", "odd.urdf", "still.sdf", "whole.urdf")
+    ]
+    whole, arm, odd, broken, still = (
+        rows[f"| someone/robots: {name}"].split(" | ")[1:]
+        for name in ("whole.urdf", "arm.urdf", "odd.urdf", "broken.urdf", "still.sdf")
+    )
+    assert whole[:4] == ["URDF", "1", "arm", "51"]
+    assert arm[2:4] == ["arm", "1"]
+    assert "on a bus of 200 kg" in arm[4]
+    assert "check='warn'" in odd[4]
+    assert broken[4].startswith("refused: is not XML")
+    assert still[4].startswith("nothing moves")
+    assert "1 a part of other files" in said
+    assert str(tmp_path) not in said
+
+
+def test_the_tip_of_a_mounted_arm_is_named_as_in_its_file():
+    arm = sa.mount("ur5", sa.Bus(mass=50.0, size=(1, 1, 1)))
+    assert robots.tip_of_the_arm(arm) == "tool0"
