@@ -113,7 +113,7 @@ def test_robots_of_mujoco_menagerie(name):
     robot, cache = menagerie.get(name), Cache()
     if "MENAGERIE_ROOT" not in os.environ and not cache.is_cached(robot):
         pytest.skip(f"{name} is not downloaded: mujoco-menagerie prefetch {name}")
-    check(robot.path(robot.default_model), *MENAGERIE[name])
+    check(robot.xml(robot.default_model), *MENAGERIE[name])
 
 
 def test_the_arm_of_gymnasium():
