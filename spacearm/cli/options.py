@@ -14,7 +14,7 @@ import pinocchio as pin
 import typer
 
 from spacearm.arrays import Array
-from spacearm.cli.arms import (
+from spacearm.cli.mounting import (
     Arguments,
     BusMass,
     BusSize,

@@ -30,7 +30,7 @@ FILES = (
     "sweeps/test_dask",
 )  # fmt: skip
 """They use every dependency of the package."""
-EXTRAS = ("cluster", "test", "xacro")
+EXTRAS = ("cluster", "test")
 """Those whose packages the tests here use."""
 
 

@@ -15,7 +15,6 @@ import pinocchio as pin
 
 from spacearm.description.bodies import TRIANGLE_TOLERANCE, Inertial
 from spacearm.description.couplings import coupling
-from spacearm.description.readers.densities import with_density
 from spacearm.description.readers.flat import with_flat_bodies
 from spacearm.description.readers.xml import Source
 from spacearm.description.tree import Tree
@@ -42,6 +41,8 @@ def checked(source: Source, tree: Tree) -> Tree:
         ModelWarning: Something was assumed or left out.
     """
     if source.reading.density is not None:
+        from spacearm.description.readers.densities import with_density  # slow to import
+
         tree = with_density(source, tree, source.reading.density)
     _require_masses(source, tree)
     tree = with_flat_bodies(source, tree)

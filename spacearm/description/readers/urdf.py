@@ -22,7 +22,6 @@ from spacearm.description.readers.masses import checked
 from spacearm.description.readers.mimics import check_mimics
 from spacearm.description.readers.reading import Reading
 from spacearm.description.readers.urdf_visuals import read_visuals
-from spacearm.description.readers.xacro.robot import expanded, is_xacro
 from spacearm.description.readers.xml import Source, describe
 from spacearm.description.tree import Tree
 from spacearm.errors import unknown
@@ -73,7 +72,9 @@ def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
 def _robot(source: Source) -> etree._Element:
     """Return the root element of a URDF; a xacro source is expanded."""
     robot = source.root()
-    if source.path.suffix == ".xacro" or is_xacro(robot):
+    if source.path.suffix == ".xacro" or _in_xacro(robot):
+        from spacearm.description.readers.xacro.robot import expanded  # slow to import
+
         robot = expanded(source, robot)
     if robot.tag != "robot":
         source.fail(
@@ -81,6 +82,14 @@ def _robot(source: Source) -> etree._Element:
             "a URDF starts with <robot name='...'>, and only URDF may be in xacro here",
         )
     return robot
+
+
+def _in_xacro(root: etree._Element) -> bool:
+    """Whether a document has elements for xacro, whose namespace has had several addresses."""
+    return any(
+        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
+        for element in root.iter(etree.Element)
+    )
 
 
 # --- links and joints -----------------------------------------------------------------------

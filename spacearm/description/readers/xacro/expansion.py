@@ -9,7 +9,6 @@ and the environment does not exist.
 from __future__ import annotations
 
 import math
-import os
 import re
 import warnings
 from collections.abc import Callable, Mapping
@@ -33,14 +32,12 @@ from spacearm.description.readers.xacro.faults import (
     MissingPackageError,
     XacroError,
 )
-from spacearm.files import read
+from spacearm.description.readers.xacro.files import MACRO, Files
 
 CLOSED = ("type", "vars", "hash", "repr")
 """Functions of xacro's namespace python that expressions do without."""
 ENDLESS = ("factorial", "comb", "perm")
 """Functions of xacro's namespace math whose values have no bounds."""
-MACRO = 50
-"""Steps that a macro or a file counts as."""
 EXTRAS = re.compile("gazebo|ros2?_?control|transmission|plugin", re.IGNORECASE)
 """Names of files and macros for simulators and controllers, which describe no bodies."""
 HARMLESS = re.compile("is deprecated|redefining global symbol|inconsistent namespace")
@@ -51,14 +48,12 @@ class Expansion:
     """The expansion of one source.
 
     Attributes:
-        files: The files read so far, the source first.
         arguments: Values of the arguments that were declared or given, by name.
         known: Names of the arguments that were declared or used so far.
         warnings: What the source or xacro warned of.
     """
 
     def __init__(self, path: Path, packages: Packages, given: Mapping[str, str]) -> None:
-        self.files: list[Path] = []
         self.arguments = dict(given)
         self.known: set[str] = set()
         self.warnings: list[str] = []
@@ -66,7 +61,13 @@ class Expansion:
         self._path = path
         self._packages = packages
         self._evaluator = Evaluator()
+        self._files = Files(packages, self._evaluator)
         self._xacro = self._closed_xacro()
+
+    @property
+    def files(self) -> list[Path]:
+        """The files read so far, the source first."""
+        return self._files.known
 
     def urdf(self) -> bytes:
         """Return the URDF that the source expands to.
@@ -191,7 +192,7 @@ class Expansion:
     def _parse(self, _: None, filename: str) -> Any:
         """Parse an XML file, which declares no entities, to xacro's kind of document."""
         try:
-            file, content = self._read(filename)
+            file, content = self._files.read(filename)
         except MissingPackageError as error:
             if not EXTRAS.search(Path(filename).name):
                 raise
@@ -218,39 +219,12 @@ class Expansion:
 
         for unit in xacro.ConstructUnits:
             Loader.add_constructor(unit.value.tag, unit.constructor)
-        file, content = self._read(xacro.abs_filename_spec(filename))
+        file, content = self._files.read(xacro.abs_filename_spec(filename))
         try:
             return xacro.YamlListWrapper.wrap(yaml.load(content, Loader))
         except yaml.YAMLError as error:
             text = " ".join(str(error).split())
             raise XacroError(f"{file.name} is not YAML ({text})", "correct it there") from None
-
-    def _read(self, filename: str) -> tuple[Path, bytes]:
-        """Read a file of the packages.
-
-        Raises:
-            XacroError: There is no such file, or it lies elsewhere.
-        """
-        if package := re.search(r"package://([^/]*)", filename):
-            raise MissingPackageError(
-                f"reads {filename[package.start() :]} of the package {package[1]!r}, which was "
-                "not found",
-                f"name the folder that holds {package[1]!r}: packages=[FOLDER] or --package FOLDER",
-            )
-        file = Path(os.path.normpath(filename))
-        self._evaluator.step(MACRO)
-        if not file.exists():
-            raise MissingFileError(file)
-        if not self._packages.holds(file):
-            raise XacroError(
-                f"reads {file}, which is in none of its packages",
-                "if it is meant to, name its folder by packages=[FOLDER] or --package FOLDER",
-            )
-        self.files.append(file)
-        try:
-            return file, read(file)
-        except OSError as error:
-            raise XacroError(f"{file} cannot be read ({error})", "name a file") from None
 
     # --- substitutions ----------------------------------------------------------------------
 

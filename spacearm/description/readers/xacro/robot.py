@@ -17,14 +17,6 @@ from spacearm.description.readers.xml import Source
 from spacearm.errors import unknown
 
 
-def is_xacro(root: etree._Element) -> bool:
-    """Whether a document has elements for xacro, whose namespace has had several addresses."""
-    return any(
-        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
-        for element in root.iter(etree.Element)
-    )
-
-
 def expanded(source: Source, written: etree._Element) -> etree._Element:
     """Return the root element of the URDF that a xacro source expands to.
 

@@ -1,4 +1,4 @@
-"""Arms: the arm that the options shared by the commands describe, loaded."""
+"""Mounting: the arm that the options shared by the commands describe, on a bus if it needs one."""
 
 from __future__ import annotations
 
