@@ -9,6 +9,7 @@ from typing import cast
 
 from spacearm.description.model_catalogue import catalogue
 from spacearm.description.readers.reading import Check
+from spacearm.description.tips.held import Counting
 from spacearm.description.urdf_writer import document
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
@@ -35,7 +36,7 @@ def read_arms(table: Table, folder: Path) -> dict[str, SpaceArm]:
     arms: dict[str, SpaceArm] = {}
     for entry in listed:
         own = Table("arms", {"model": entry} if isinstance(entry, str) else entry)
-        own.knows("model", "name", "tip", "task", "length", "locked", "check", *READING)
+        own.knows("model", "name", "tip", "task", "length", "joints", "locked", "check", *READING)
         model = own.take("model", str)
         name = own.take("name", str, Path(model).stem)
         if name in arms:
@@ -54,6 +55,7 @@ def _arm(own: Table, model: str, folder: Path) -> SpaceArm:
         model if known else folder / model,
         tip=given.get("tip"),
         task=given.get("task"),
+        joints=_counting(own),
         locked={joint: held.take(joint, float) for joint in held.values},
         check=cast("Check | None", given.get("check")),
         packages=[folder / name for name in _texts(own, "packages")],
@@ -75,3 +77,10 @@ def _texts(own: Table, key: str) -> list[str]:
 def fingerprint(arm: SpaceArm) -> str:
     """Return the SHA-256 of links and joints as URDF, without their visuals."""
     return hashlib.sha256(document(replace(arm.tree, visuals={}), arm.tips)).hexdigest()
+
+
+def _counting(own: Table) -> Counting:
+    """Read which joints count: "tip", "all" or a list of names."""
+    if isinstance(own.values.get("joints"), list):
+        return _texts(own, "joints")
+    return cast("Counting", own.take("joints", str, "tip"))
