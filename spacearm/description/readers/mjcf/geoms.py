@@ -59,7 +59,7 @@ class Geoms:
     def __init__(self, source: Source, spec: mujoco.MjSpec) -> None:
         import mujoco
 
-        self._source = source
+        self._source, self._spec = source, spec
         self._kinds = {int(k): name[7:] for name, k in mujoco.mjtGeom.__members__.items()}
         self._given = {m.name or Path(m.file).stem: m for m in spec.meshes}
         self._folder = source.path.resolve().parent
@@ -76,7 +76,7 @@ class Geoms:
             geom.material = ""
             if mesh is None:
                 continue
-            weighs = _weighs(body, geom)
+            weighs = _weighs(body, geom, getattr(body, "compiler", spec.compiler))
             there = isinstance(mesh, Unusable) or mesh.file is not None
             if there and (weighs or self._kinds[int(geom.type)] not in ("MESH", "SDF")):
                 needed.add(geom.meshname)
@@ -132,7 +132,9 @@ class Geoms:
         if mesh is None or not mesh.file:
             problem = f"{self._source.path}: mesh {name!r} is no file; save it as one to see it"
             return Unusable(problem), pin.SE3.Identity()
-        path = self._folder / (mesh.compiler.meshdir or "") / mesh.file
+        compiler = getattr(mesh, "compiler", self._spec.compiler)  # its own from MuJoCo 4 on
+        folder = getattr(compiler, "meshdir", "") or self._spec.meshdir
+        path = self._folder / folder / mesh.file
         R = pin.Quaternion(*mesh.refquat).normalized().matrix().T
         scale = mesh.scale
         if not np.allclose(R, np.eye(3)) and np.ptp(scale) > 1e-12:
@@ -186,16 +188,16 @@ def _primitive(kind: str, size: list[float]) -> Geometry | None:
     return Box(tuple(2.0 * x for x in size)) if kind in ("BOX", "ELLIPSOID") else None
 
 
-def _weighs(body: mujoco.MjsBody, geom: mujoco.MjsGeom) -> bool:
+def _weighs(body: mujoco.MjsBody, geom: mujoco.MjsGeom, compiler: mujoco.MjsCompiler) -> bool:
     """Whether the inertia of its body comes from this geom."""
     import mujoco
 
-    how, ways = body.compiler.inertiafromgeom, mujoco.mjtInertiaFromGeom
+    how, ways = compiler.inertiafromgeom, mujoco.mjtInertiaFromGeom
     if body.name == "world" or how == ways.mjINERTIAFROMGEOM_FALSE or geom.mass == 0.0:
         return False
     if body.explicitinertial and how != ways.mjINERTIAFROMGEOM_TRUE:
         return False
-    low, high = body.compiler.inertiagrouprange
+    low, high = compiler.inertiagrouprange
     return bool(low <= geom.group <= high) and not (np.isnan(geom.mass) and geom.density == 0.0)
 
 

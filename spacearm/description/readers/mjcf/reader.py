@@ -26,8 +26,8 @@ from spacearm.errors import ModelError
 if TYPE_CHECKING:
     import mujoco
 
-SAME_INERTIA = 1e-9
-"""Share by which the compiled inertia may differ from the one that the file gives."""
+SAME_INERTIA = 1e-5
+"""Share by which the compiled inertia may differ from the given one by rounding (MuJoCo 3: 1e-6)."""
 
 
 def read(source: Source) -> Tree:
