@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import mujoco
 
 SAME_INERTIA = 1e-5
-"""Share by which the compiled inertia may differ from the given one by rounding (MuJoCo 3: 1e-6)."""
+"""Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6)."""
 
 
 def read(source: Source) -> Tree:
