@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from helpers.arms import joint, link
+from lxml import etree
 
 import spacearm as sa
 from spacearm.description.readers.packages import Packages
@@ -423,3 +424,24 @@ def test_a_source_equals_the_urdf_it_stands_for(tmp_path):
     a = sa.load(write(tmp_path / "a.urdf", f'<robot name="r">{plain}</robot>'))
     b = sa.load(write(tmp_path / "b.xacro", source(bodies)))
     assert a.to_dict() | {"path": ""} == b.to_dict() | {"path": ""}
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of xacro, on Python 3.10
+def test_sources_expand_as_by_the_program_itself(tmp_path):
+    import xacro
+
+    write(tmp_path / "parts.xacro", PARTS)
+    more = """<xacro:property name="names" value="${['a', 'b']}"/>
+      <xacro:macro name="all" params="left:=^ *block"><xacro:if value="${len(left) &gt; 0}">
+        <xacro:body name="${left[0]}_link" mass="${2 ** len(left) + 0.5}"/>
+        <xacro:insert_block name="block"/>
+        <xacro:all left="${left[1:]}"><b/></xacro:all></xacro:if></xacro:macro>
+      <xacro:all left="${names}"><note text="$(arg text) ${'%.3f' % (pi / 2)}"/></xacro:all>"""
+    inside = '<xacro:arg name="text" default="half of pi:"/>' + more
+    path = write(tmp_path / "robot.xacro", of_bodies(inside))
+    ours = Expansion(path, Packages(path), {}).urdf()
+    theirs = xacro.process_file(str(path), mappings={}).toxml()
+    trees = [list(etree.fromstring(text).iter(etree.Element)) for text in (ours, theirs)]
+    facts = [[(e.tag, dict(e.attrib)) for e in tree] for tree in trees]
+    assert facts[0] == facts[1]
+    assert ("note", {"text": "half of pi: 1.571"}) in facts[0]

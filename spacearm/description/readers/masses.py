@@ -86,7 +86,9 @@ def _require_masses(source: Source, tree: Tree) -> None:
         source.fail(
             f"no movable link has mass: <inertial> is zero or missing in {_some(masses)}",
             "add it, or estimate it from their shapes: density=2700 [kg/m^3] in Python, "
-            "--density 2700 on the command line",
+            "--density 2700 on the command line"
+            if source.reading.density is None
+            else "add it, or the mesh files of their shapes: packages=[FOLDER] or --package FOLDER",
         )
 
 
