@@ -14,7 +14,7 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm.cli.options import join_numbers
-from spacearm.errors import SpaceArmError
+from spacearm.errors import SpaceArmError, printable
 
 COMMANDS = {
     "models": "models.list_models",
@@ -85,4 +85,4 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _one_line(message: object) -> str:
-    return " ".join(str(message).split())
+    return printable(" ".join(str(message).split()))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from spacearm.description.bodies import Joint
 from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
 
 
 def movable(tree: Tree, tip: str) -> list[Joint]:
@@ -40,7 +40,7 @@ def only_tip(tips: Sequence[str], robot: str) -> str:
     """
     if len(tips) > 1:
         raise UnsupportedError(
-            f"{robot} has the tips {', '.join(tips)}, and what was asked for is about one: choose "
+            f"{robot} has the tips {listed(tips)}, and what was asked for is about one: choose "
             f"it with arm.replace(tip={tips[0]!r})"
         )
     return tips[0]
@@ -60,7 +60,7 @@ def choose_tip(tree: Tree, path: Path, tip: str | None) -> str:
         candidates = [leaf for leaf in depth if depth[leaf] == max(depth.values())]
         if len(candidates) > 1:
             raise ModelError(
-                f"{path}: {len(candidates)} links could be the tip: {', '.join(candidates)}; "
+                f"{path}: {len(candidates)} links could be the tip: {listed(candidates)}; "
                 "choose one with tip="
             )
         tip = candidates[0]
@@ -69,6 +69,6 @@ def choose_tip(tree: Tree, path: Path, tip: str | None) -> str:
     if not movable(tree, tip):
         raise ConfigurationError(
             f"tip {tip!r} is part of the spacecraft; choose a link behind a movable joint: "
-            f"{', '.join(link for link in tree.links if movable(tree, link))}"
+            f"{listed([link for link in tree.links if movable(tree, link)])}"
         )
     return tip

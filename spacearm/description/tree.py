@@ -14,7 +14,7 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.visuals import Visuals
-from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 
 ROOT_JOINT = "root_joint"
 """Name of the free-flyer joint of the spacecraft; the one that Pinocchio's URDF reader uses."""
@@ -114,7 +114,7 @@ class Tree:
         added = {**other.joints, name: bolt}
         twice = [*(self.links.keys() & other.links), *(self.joints.keys() & added)]
         if twice:
-            raise ModelError(f"{self.name} has {', '.join(sorted(twice))} already; rename one")
+            raise ModelError(f"{self.name} has {listed(sorted(twice))} already; rename one")
         return replace(
             self,
             links={**self.links, **other.links},
@@ -256,7 +256,7 @@ class Tree:
         """
         part = self.links.get(link)
         if part is None:
-            raise ModelError(f"link {link!r} has no mass; name one of: {', '.join(self.bodies())}")
+            raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.bodies())}")
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
         scaled = Inertial(mass, part.origin, part.inertia * (mass / part.mass))

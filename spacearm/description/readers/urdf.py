@@ -21,7 +21,7 @@ from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.urdf_visuals import read_visuals
 from spacearm.description.readers.xml import Source, describe
 from spacearm.description.tree import ROOT_JOINT, Tree
-from spacearm.errors import ModelError, unknown
+from spacearm.errors import ModelError, listed, unknown
 
 Check = Literal["error", "warn", "accept"]
 CHECKS = ("error", "warn", "accept")
@@ -187,14 +187,14 @@ def _root(source: Source, links: Collection[str], joints: Mapping[str, Joint]) -
     roots = [link for link in links if link not in into]
     if len(roots) > 1:
         source.fail(
-            f"has {len(roots)} root links ({', '.join(roots)})",
+            f"has {len(roots)} root links ({listed(roots)})",
             "join them to one spacecraft by fixed joints",
         )
     reached = set(roots)
     while more := {j.child for j in joints.values() if j.parent in reached} - reached:
         reached |= more
     if stray := [link for link in links if link not in reached]:
-        source.fail(f"links {', '.join(stray)} form a loop", "cut it at one joint")
+        source.fail(f"links {listed(stray)} form a loop", "cut it at one joint")
     return roots[0]
 
 
@@ -241,4 +241,4 @@ def _warn_of_missing_limits(source: Source, joints: Mapping[str, Joint]) -> None
     kinds = ("revolute", "prismatic")
     free = [j.name for j in joints.values() if j.kind in kinds and math.isinf(j.lower)]
     if free:
-        source.warn(f"no limits on {', '.join(free)}: taken as unlimited")
+        source.warn(f"no limits on {listed(free)}: taken as unlimited")
