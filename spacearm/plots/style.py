@@ -107,6 +107,12 @@ def equal_axes(axes: Any, names: str = "xyz") -> None:
         axes.set(**labels, aspect="equal", adjustable="datalim")
 
 
+def write_powers(axis: Any) -> None:
+    """Have the powers of ten of a logarithmic axis written as formulas, which no name is."""
+    for label in axis.get_ticklabels(which="both"):
+        label.set_parse_math(True)
+
+
 def flat_rows(points: Array) -> tuple[int, ...]:
     """Return which of x, y, z to draw: the two of a plane of axes that holds the points, or all.
 

@@ -93,9 +93,10 @@ def test_names_are_no_formulas(tmp_path, name):
     for thing in (arm, cfg, sa.singularity(cfg), sa.singular_map(arm, points=5)):
         sa.plot(thing).savefig(tmp_path / "picture.png")
     run = sa.simulate(arm, [0.3, 0.9], sa.JointPD([0.3, 0.8], 1, 1), 0.1)
-    for result in (run, sa.workspace(arm, effort=20), sa.singular_set(arm)):
+    S = sa.singularity_polynomial(sa.load("mda6"))
+    for result in (run, sa.workspace(arm, effort=20), sa.singular_set(arm), S):
         figure = sa.plot(result)
         figure.savefig(tmp_path / "picture.png")
         texts = figure.findobj(Text)
-        assert name in "".join(text.get_text() for text in texts)
+        assert result is S or name in "".join(text.get_text() for text in texts)
         assert all(text.get_parse_math() for text in texts if "mathdefault" in text.get_text())
