@@ -158,12 +158,11 @@ def run_chunks(
 
     Close the generator if you leave it early: it ends the workers.
     """
-    there = Path(store).exists()
     target = Store.create(store, study)
     failed: dict[str, str] = {}
     with closing(_pool(study, target, client, workers)) as pool:
         yield from _run(study, target, pool, failed)
-    if there and not failed:
+    if not failed:
         target.tidy()
     if failed:
         (name, error), *others = failed.items()

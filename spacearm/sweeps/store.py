@@ -9,22 +9,26 @@ objects: numbers, text and JSON only, in Zarr's third format.
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import tempfile
+import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import StoreError
+from spacearm.errors import StoreError, shortened
 from spacearm.files import read, write
 from spacearm.sweeps.study import Chunk, Study
+from spacearm.sweeps.toml import meaning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,6 +36,8 @@ if TYPE_CHECKING:
 MARKS = "chunks"
 """Group of the marks, an array for each quantity."""
 DONE, FAILED = "done", "failed"
+SHOWN = 200
+"""Characters of a line that a message shows."""
 DAMAGED = (ValueError, MemoryError)
 """Errors of Zarr for a file with a wrong checksum, or with an impossible length of text."""
 LAYOUT = (
@@ -56,10 +62,13 @@ class Store:
         """
         import zarr
 
+        from spacearm.sweeps.files import Files  # imports zarr
+
         self.path, self.study = Path(path), study
         with self._files():
             _compare(self.path, study)
-            group: Any = zarr.open_group(self.path, mode="r+", zarr_format=3)
+            files = Files(self.path, most=_largest(study))
+            group: Any = zarr.open_group(files, mode="r+", zarr_format=3)
             self._marks = {name: group[f"{MARKS}/{name}"] for name in study.quantities}
             self._arrays = {
                 name: group[name]
@@ -77,17 +86,16 @@ class Store:
         path = Path(path)
         if path.exists():
             return cls(path, study)
-        beside: Path | None = None
+        beside = path.with_name(f".{token_hex(16)}.partial")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            beside.mkdir()
             _describe(beside, study)
-            beside.chmod(0o755)
             beside.rename(path)
         except OSError as error:
-            if beside:
-                shutil.rmtree(beside, ignore_errors=True)
-            raise _trouble(path, error) from None
+            shutil.rmtree(beside, ignore_errors=True)
+            if not (path / "zarr.json").is_file():  # else another sweep was as quick
+                raise _trouble(path, error) from None
         return cls(path, study)
 
     def marks(self, quantity: str) -> list[str]:
@@ -119,10 +127,16 @@ class Store:
             StoreError: It cannot be written.
         """
         with self._files():
-            box = self.study.box(chunk)
-            for name, array in values.items():
-                self._arrays[name][box] = array
-            self._marks[chunk.quantity][chunk.number] = _done(values)
+            try:
+                self._write(chunk, values)
+            except FileNotFoundError:  # another sweep that ended took it for a leftover
+                self._write(chunk, values)
+
+    def _write(self, chunk: Chunk, values: Mapping[str, Array]) -> None:
+        box = self.study.box(chunk)
+        for name, array in values.items():
+            self._arrays[name][box] = array
+        self._marks[chunk.quantity][chunk.number] = _done(values)
 
     def record_failure(self, chunk: Chunk, error: str) -> None:
         """Mark a chunk as failed.
@@ -135,8 +149,11 @@ class Store:
 
     def tidy(self) -> None:
         """Remove the unfinished files of killed processes."""
+        from spacearm.sweeps.files import PARTIAL
+
         for partial in self.path.rglob("*.partial"):
-            partial.unlink(missing_ok=True)
+            if PARTIAL.fullmatch(partial.name):
+                partial.unlink(missing_ok=True)
 
     def _mark(self, chunk: Chunk) -> str:
         try:
@@ -156,7 +173,12 @@ def dataset(path: str | os.PathLike[str]) -> xr.Dataset:
     """Open a store as one labelled dataset, read when it is used; NaN where no numbers are yet."""
     import xarray as xr
 
-    return xr.open_zarr(Path(path), chunks=None, consolidated=False, zarr_format=3)
+    from spacearm.sweeps.files import Files
+
+    files = Files(Path(path), read_only=True)
+    with warnings.catch_warnings():  # a file that the user put there is no array, and no fault
+        warnings.filterwarnings("ignore", "Object at", UserWarning)
+        return xr.open_zarr(files, chunks=None, consolidated=False, zarr_format=3)
 
 
 def _describe(path: Path, study: Study) -> None:
@@ -209,26 +231,40 @@ def _compare(path: Path, study: Study) -> None:
         raise StoreError(f"{path} is no store of a sweep; give another --store")
     attributes = found.get("attributes", {})
     for key, ours in study.attributes.items():
-        if attributes.get(key) != ours:
-            was, now = _difference(attributes.get(key), ours)
+        theirs = attributes.get(key) if isinstance(attributes, dict) else None
+        if theirs != ours and not (key == "study" and meaning(theirs) == meaning(ours)):
+            was, now = _difference(theirs, ours)
             raise StoreError(
                 f"{path} is the store of another sweep: its {key} has {was!r} where this one has "
                 f"{now!r}; {remedy}"
             )
     with tempfile.TemporaryDirectory() as folder:
         _describe(Path(folder), study)
+        own = {member.name for member in Path(folder).iterdir()}
+        for member in path.iterdir():
+            if member.name not in own and (member / "zarr.json").exists():
+                raise StoreError(f"{member} is none of this study's arrays; take it elsewhere")
         for ours in (p for p in Path(folder).rglob("*") if p.is_file()):
-            theirs = path / ours.relative_to(folder)
-            if ours.name == "zarr.json":
-                expected, there = _description(ours), _description(theirs)
-                if there and any(expected.get(key) != there.get(key) for key in LAYOUT):
-                    raise StoreError(f"{theirs} does not describe this study's numbers; {remedy}")
-                sound = bool(there)
-            else:
-                sound = theirs.is_file() and theirs.read_bytes() == ours.read_bytes()
-            if not sound:
-                theirs.parent.mkdir(parents=True, exist_ok=True)
-                write(theirs, ours.read_bytes())
+            _restore(path, ours.relative_to(folder).as_posix(), ours.read_bytes(), remedy)
+
+
+def _restore(path: Path, name: str, ours: bytes, remedy: str) -> None:
+    """Write a description or labels again where they differ; refuse other numbers."""
+    from spacearm.sweeps.files import check
+
+    check(path, name)
+    theirs = path / name
+    if name.endswith("zarr.json"):
+        expected, there = json.loads(ours), _description(theirs)
+        if there and any(expected.get(key) != there.get(key) for key in LAYOUT):
+            raise StoreError(f"{theirs} does not describe this study's numbers; {remedy}")
+        sound = expected == there
+    else:
+        sound = theirs.is_file() and theirs.stat().st_size == len(ours)
+        sound = sound and theirs.read_bytes() == ours
+    if not sound:
+        theirs.parent.mkdir(parents=True, exist_ok=True)
+        write(theirs, ours)
 
 
 def _description(path: Path) -> dict[str, Any]:
@@ -241,9 +277,26 @@ def _description(path: Path) -> dict[str, Any]:
 
 
 def _difference(theirs: object, ours: object) -> tuple[str, str]:
-    """Return the first lines in which two values differ."""
-    lines = zip_longest(str(theirs).splitlines(), str(ours).splitlines(), fillvalue="")
-    return next((a, b) for a, b in lines if a != b)
+    """Return the first lines in which two values differ, comments apart."""
+    lines = zip_longest(_lines(theirs), _lines(ours), fillvalue="")
+    first = next(((a, b) for a, b in lines if a != b), (str(theirs), str(ours)))
+    return shortened(first[0], SHOWN), shortened(first[1], SHOWN)
+
+
+def _lines(value: object) -> list[str]:
+    return [line for line in str(value).splitlines() if line and not line.startswith("#")]
+
+
+def _largest(study: Study) -> int:
+    """Return the largest size of a file of a store [bytes]: its numbers as they are, and more."""
+    asked = study.quantities.values()
+    labels = [v for part in (study.coords, *(a.coords for a in asked)) for v, _ in part.values()]
+    chunks = [
+        math.prod((*quantity.tile, *variable.shape))
+        for quantity in asked
+        for variable in quantity.variables.values()
+    ]
+    return 10**6 + 16 * max(*chunks, *map(len, labels))
 
 
 def _done(values: Mapping[str, Array]) -> str:
