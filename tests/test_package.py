@@ -58,7 +58,7 @@ def test_the_wheel_is_complete(wheel_python):
     models = {path.name for path in (ROOT / "models").iterdir()}
     assert {path.name for path in (site / "spacearm" / "models").iterdir()} == models
     entry = next(site.glob("spacearm-*.dist-info")) / "entry_points.txt"
-    assert "spacearm = spacearm.cli.app:main" in entry.read_text()
+    assert "spacearm = spacearm.__main__:main" in entry.read_text()
 
 
 def test_import_is_light():

@@ -22,6 +22,8 @@ from spacearm.files import name_part, write
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 WIDE = 1000
 """Width of a file or a pipe, in columns, so that no line is folded."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+import zipfile
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import lru_cache
@@ -121,7 +122,7 @@ def changed_lines(text: str, rng: np.random.Generator) -> str:
             [key + equals + hostile],
             [f"{key}{equals}{hostile!r}"],
             [] if rng.random() < 0.5 else [lines[at], lines[at]],
-            [re.sub(r"\d+", lambda _: str(10 ** int(rng.integers(0, 12))), lines[at], count=1)],
+            [re.sub(r"\d+", lambda _: str(10 ** int(rng.integers(0, 30))), lines[at], count=1)],
         ][kind]
     return "\n".join(lines)
 
@@ -151,6 +152,9 @@ def trajectories(rng: np.random.Generator, folder: Path, named: set[str]) -> Non
         if rng.random() < 0.1:
             with path.open("wb") as file:
                 np.save(file, rng.normal(size=3))
+    if rng.random() < 0.1:
+        with zipfile.ZipFile(path, "a") as archive:
+            archive.writestr(str(rng.choice(["t", "kind", "joints", "x.npy", ""])), b"no array")
     run = sa.Trajectory.load(path, arm)
     repr(run), run.to_dict(), run[0], run[-1], run.drift, run.imbalance, run.to_xarray()
     sa.Motion.of(run).at(0.2)
