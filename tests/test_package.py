@@ -64,7 +64,7 @@ def test_the_wheel_is_complete(wheel_python):
 def test_import_is_light():
     run = python(sys.executable, "-X", "importtime", "-c", "import spacearm")
     imported = set(re.findall(r"\|\s+(\S+)$", run.stderr, re.MULTILINE))
-    heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "yourdfpy", "skimage"}
+    heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "yourdfpy"}
     heavy |= {"xarray", "zarr", "dask", "distributed", "numba", "contourpy"}
     heavy |= {"scipy.optimize", "scipy.integrate", "scipy.spatial", "scipy.sparse"}
     assert not heavy & imported

@@ -137,6 +137,7 @@ def sweep(
         ConfigurationError: The study makes no sense.
         ModelError: An arm or a design of it is unsound.
         StoreError: The store is that of another study, cannot be written, or the cluster is lost.
+        UnsupportedError: Zarr is not installed: pip install 'spacearm[sweep]'.
         SweepError: All is through, but some chunks failed.
     """
     study = study if isinstance(study, Study) else Study.read(study)

@@ -17,6 +17,7 @@ import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from itertools import zip_longest
 from pathlib import Path
 from secrets import token_hex
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import StoreError, shortened
+from spacearm.errors import StoreError, UnsupportedError, shortened
 from spacearm.files import read, write
 from spacearm.sweeps.study import Chunk, Study
 from spacearm.sweeps.toml import meaning
@@ -59,7 +60,9 @@ class Store:
 
         Raises:
             StoreError: There is no store, or it belongs to another study, model or version.
+            UnsupportedError: Zarr is not installed.
         """
+        _check_zarr()
         import zarr
 
         from spacearm.sweeps.files import Files  # imports zarr
@@ -83,6 +86,7 @@ class Store:
         Raises:
             StoreError: Something else is there, or nothing can be written.
         """
+        _check_zarr()
         path = Path(path)
         if path.exists():
             return cls(path, study)
@@ -179,6 +183,11 @@ def dataset(path: str | os.PathLike[str]) -> xr.Dataset:
     with warnings.catch_warnings():  # a file that the user put there is no array, and no fault
         warnings.filterwarnings("ignore", "Object at", UserWarning)
         return xr.open_zarr(files, chunks=None, consolidated=False, zarr_format=3)
+
+
+def _check_zarr() -> None:
+    if find_spec("zarr") is None:
+        raise UnsupportedError("Zarr is not installed: pip install 'spacearm[sweep]'")
 
 
 def _describe(path: Path, study: Study) -> None:

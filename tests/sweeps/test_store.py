@@ -239,3 +239,10 @@ def test_the_command_says_what_is_wrong_with_a_store(store, tmp_path):
         code, _, err = run(tmp_path / "study.toml", store, option)
         assert code == 2
         assert "is a link, a device or a pipe" in err
+
+
+def test_the_extra_is_named_where_zarr_is_missing(small, store, monkeypatch):
+    monkeypatch.setattr("spacearm.sweeps.store.find_spec", lambda _: None)
+    for there in (store, store / "new"):
+        with pytest.raises(sa.UnsupportedError, match=r"pip install 'spacearm\[sweep\]'"):
+            sa.sweep(small, there)

@@ -154,7 +154,7 @@ def trajectories(rng: np.random.Generator, folder: Path, named: set[str]) -> Non
                 np.save(file, rng.normal(size=3))
     if rng.random() < 0.1:
         with zipfile.ZipFile(path, "a") as archive:
-            archive.writestr(str(rng.choice(["t", "kind", "joints", "x.npy", ""])), b"no array")
+            archive.writestr(str(rng.choice(["t", "kind", "joints", "x.npy"])), b"no array")
     run = sa.Trajectory.load(path, arm)
     repr(run), run.to_dict(), run[0], run[-1], run.drift, run.imbalance, run.to_xarray()
     sa.Motion.of(run).at(0.2)
