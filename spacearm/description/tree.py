@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain, count
 from numbers import Real
 
@@ -45,8 +46,7 @@ class Tree:
         children: dict[str, list[Joint]] = {link: [] for link in self.links}
         for joint in sorted(self.joints.values(), key=lambda joint: joint.name, reverse=True):
             children[joint.parent].append(joint)
-        order: list[Joint] = []
-        waiting = children[self.root]
+        order, waiting = list[Joint](), children[self.root]
         while waiting:
             order.append(joint := waiting.pop())
             waiting += children[joint.child]
@@ -54,12 +54,15 @@ class Tree:
 
     def chain(self, link: str) -> list[Joint]:
         """Return the joints from the root to a link, in that order."""
-        into = {joint.child: joint for joint in self.joints.values()}
         chain: list[Joint] = []
         while link != self.root:
-            chain.append(into[link])
-            link = into[link].parent
+            chain.append(self._into[link])
+            link = chain[-1].parent
         return chain[::-1]
+
+    @cached_property
+    def _into(self) -> dict[str, Joint]:
+        return {joint.child: joint for joint in self.joints.values()}
 
     def leaves(self) -> list[str]:
         """Return the links without children."""
@@ -83,8 +86,8 @@ class Tree:
 
     def free_name(self, name: str) -> str:
         """Return the name, with a number from 2 on if it is taken."""
-        numbered = chain((name,), (f"{name}_{i}" for i in count(2)))
-        return next(free for free in numbered if not self.has(free))
+        names = chain((name,), (f"{name}_{i}" for i in count(2)))
+        return next(free for free in names if not self.has(free))
 
     def renamed(self, prefix: str) -> Tree:
         """Return the tree with `prefix` before every name of a link or a joint."""
@@ -112,8 +115,7 @@ class Tree:
         """
         bolt = Joint(name, "fixed", parent, other.root, at, np.array([1.0, 0.0, 0.0]))
         added = {**other.joints, name: bolt}
-        twice = [*(self.links.keys() & other.links), *(self.joints.keys() & added)]
-        if twice:
+        if twice := [*(self.links.keys() & other.links), *(self.joints.keys() & added)]:
             raise ModelError(f"{self.name} has {listed(sorted(twice))} already; rename one")
         return replace(
             self,
@@ -216,8 +218,7 @@ class Tree:
 
     def plane_normal(self) -> int | None:
         """Return the axis (0, 1, 2) that all joints turn about or slide normal to, if any."""
-        attitude = {self.root: np.eye(3)}
-        normals = {0, 1, 2}
+        attitude, normals = {self.root: np.eye(3)}, {0, 1, 2}
         for joint in self.depth_first():
             attitude[joint.child] = R = attitude[joint.parent] @ joint.origin.rotation
             if joint.movable:
@@ -259,8 +260,8 @@ class Tree:
             raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.bodies())}")
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
-        scaled = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
-        return replace(self, links={**self.links, link: scaled})
+        part = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
+        return replace(self, links={**self.links, link: part})
 
     def bodies(self) -> list[str]:
         """Return the names of the links that have mass."""

@@ -190,9 +190,13 @@ def _root(source: Source, links: Collection[str], joints: Mapping[str, Joint]) -
             f"has {len(roots)} root links ({listed(roots)})",
             "join them to one spacecraft by fixed joints",
         )
-    reached = set(roots)
-    while more := {j.child for j in joints.values() if j.parent in reached} - reached:
-        reached |= more
+    children: dict[str, list[str]] = {link: [] for link in links}
+    for joint in joints.values():
+        children[joint.parent].append(joint.child)
+    reached, waiting = set(roots), list(roots)
+    while waiting:
+        waiting += (more := children[waiting.pop()])
+        reached.update(more)
     if stray := [link for link in links if link not in reached]:
         source.fail(f"links {listed(stray)} form a loop", "cut it at one joint")
     return roots[0]
@@ -201,17 +205,19 @@ def _root(source: Source, links: Collection[str], joints: Mapping[str, Joint]) -
 def _check_mimics(source: Source, joints: Mapping[str, Joint]) -> None:
     if ROOT_JOINT in joints:
         source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
-    movable = [joint.name for joint in joints.values() if joint.movable]
+    movable = {joint.name: joint for joint in joints.values() if joint.movable}
+    sound: set[str] = set()
     for joint in joints.values():
-        seen, mimic = [joint.name], joint.mimic
-        while mimic:
+        seen, mimic = {joint.name}, joint.mimic
+        while mimic and mimic.leader not in sound:
             if mimic.leader not in movable:
                 what = unknown("movable joint", mimic.leader, movable)
                 source.fail(f"<mimic> of joint {joint.name!r}: {what}", "name one")
             if mimic.leader in seen:
                 source.fail(f"joint {joint.name!r} mimics itself", "remove that <mimic>")
-            seen.append(mimic.leader)
+            seen.add(mimic.leader)
             mimic = joints[mimic.leader].mimic
+        sound |= seen & movable.keys()
 
 
 def _check_masses(source: Source, tree: Tree, check: Check, spacecraft: bool) -> None:
