@@ -3,6 +3,7 @@
 import sys
 import time
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
@@ -386,10 +387,8 @@ def test_loading_takes_no_more_than_its_share_for_ten_times_the_links(tmp_path, 
         path = tmp_path / f"{count}.urdf"
         path.write_text(chained(count, kind))
         begun = time.process_time()
-        try:
+        with suppress(sa.ModelError):  # so many could be the tip, or so many follow one
             sa.load(path)
-        except sa.SpaceArmError as error:
-            assert len(str(error)) < 1000
         took.append(time.process_time() - begun)
     assert took[1] < 40 * took[0]
 
