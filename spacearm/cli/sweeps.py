@@ -104,7 +104,7 @@ def _client(scheduler: str | None) -> Iterator[Client | None]:
         return
     from spacearm.sweeps.dask import connect
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    logging.disable()  # of a lost scheduler all of Dask's loggers report, with tracebacks
     client = connect(scheduler)
     try:
         yield client

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 import zipfile
@@ -98,9 +99,15 @@ def stores(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
 
 def _damage(path: Path, other: Path, rng: np.random.Generator) -> None:
     """One file of a store with other bytes, another value, that of a neighbour, or gone."""
-    kind = rng.integers(4)
+    kind = rng.integers(6)
     if kind == 0:
         path.unlink()
+    elif kind == 4:
+        path.unlink()
+        os.mkfifo(path)
+    elif kind == 5:
+        aside = path.parent.rename(f"{path.parent}.aside")
+        path.parent.symlink_to(aside.name)
     elif kind == 1:
         path.write_bytes(other.read_bytes())
     elif kind == 2 and path.suffix == ".json":
