@@ -14,8 +14,8 @@ HOSTILE = (
     "1 2 3 4", "0 0 0", "nan 0 0", "1e200 1e200 1e200", "\u0661", "\u2028", "\U0001f916", "%s%n",
     "../../etc/passwd", "/dev/zero", "file:///etc/passwd", "http://127.0.0.1:9/x", "package://a/b",
     "${1/0}", "$(find x)", "[red]", "'; import os", "a" * 5000, "9" * 5000, "revolute", "prismatic",
-    "fixed", "floating", "continuous", "true", "/tmp/absolute", "..", "$a$", "$\\frac{$", "a\x9b31m",
-    "\x85\u202e\x7f", "-o",
+    "fixed", "floating", "continuous", "true", "/tmp/absolute", "..", "$a$", "$\\frac{$",
+    "a\x9b31m", "\x85\u202e\x7f", "-o",
 )  # fmt: skip
 
 
