@@ -24,10 +24,9 @@ import tornado.websocket
 
 from spacearm.errors import SpaceArmError
 from spacearm.viewer.outbox import Key, Outbox
+from spacearm.viewer.port import LOOPBACK, listen
 from spacearm.viewer.window import PAGE, VIEWER_SCRIPT, Window
 
-LOOPBACK = "127.0.0.1"
-FIRST_PORT, LAST_PORT = 7400, 7500
 LARGEST_MESSAGE = 100_000
 """Size of a message of the page, and of the body of a request [bytes]."""
 SLOWEST = 30.0
@@ -70,7 +69,7 @@ class Server:
     """
 
     def __init__(self, panel: Panel, port: int | None = None) -> None:
-        listener = _listen(port)
+        listener = listen(port)
         self.port = int(listener.getsockname()[1])
         self._token = secrets.token_urlsafe(16)
         self._tickets: set[str] = set()
@@ -135,7 +134,7 @@ class Server:
         await self._stop.wait()
         server.stop()
         for browser in list(self._browsers):
-            await browser.hang_up()
+            browser.hang_up()
         await server.close_all_connections()
 
     # --- in the server's thread -------------------------------------------------------------
@@ -264,11 +263,14 @@ class _Socket(_Door, tornado.websocket.WebSocketHandler):
         """Send the scene a drawing command."""
         self._post(key, data)
 
-    async def hang_up(self) -> None:
-        """Close the connection."""
-        if self._sending:
-            self._sending.cancel()
+    def hang_up(self) -> None:
+        """Close the connection; a browser that does not read gets no farewell."""
+        connection, sending = self.ws_connection, self._sending
         self.close(1001, "spacearm has ended")
+        if sending and not sending.done():
+            sending.cancel()
+            if connection and connection.stream:
+                connection.stream.close()
 
     def _post(self, key: Key, message: str | bytes) -> None:
         self._outbox.put(key, message)
@@ -281,20 +283,3 @@ class _Socket(_Door, tornado.websocket.WebSocketHandler):
         with suppress(*gone):  # a tab that is closed tells the server by on_close
             while (message := self._outbox.take()) is not None:
                 await self.write_message(message, isinstance(message, bytes))
-
-
-def _listen(port: int | None) -> socket.socket:
-    """Open a socket on the port asked for, or on the first free one of spacearm's range."""
-    for candidate in range(FIRST_PORT, LAST_PORT) if port is None else [port]:
-        listener = socket.socket()
-        try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((LOOPBACK, candidate))
-            listener.listen(128)
-            listener.setblocking(False)
-        except (OSError, OverflowError):
-            listener.close()
-        else:
-            return listener
-    asked = f"every port from {FIRST_PORT} to {LAST_PORT}" if port is None else f"port {port}"
-    raise SpaceArmError(f"{asked} of {LOOPBACK} is in use or not allowed; give another with port=")

@@ -180,7 +180,8 @@ def get(url, path="", **headers):
     connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=10)
     try:
         connection.request("GET", f"/{path}?{parts.query}", headers=headers)
-        return connection.getresponse().status
+        with connection.getresponse() as answer:
+            return answer.status
     finally:
         connection.close()
 
@@ -377,9 +378,9 @@ def test_the_address_that_the_browser_is_started_with_leads_in_once(viewer, monk
     viewer.open()
     (ticket,) = opened
     assert urlsplit(viewer.url).query not in ticket
-    answer = urllib.request.urlopen(ticket, timeout=10)
-    assert answer.url == viewer.url
-    assert answer.status == 200
+    with urllib.request.urlopen(ticket, timeout=10) as answer:
+        assert answer.url == viewer.url
+        assert answer.status == 200
     assert get(ticket) == 403
     with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
         talk(ticket, "{}")
