@@ -24,6 +24,10 @@ mistakes and would overflow."""
 LEAST_MASS = 1e-12
 """Least mass of a body [kg]: Pinocchio divides by masses."""
 
+MOST_LINKS = 10_000
+"""Most links of a robot, fixed ones too: more are mistakes, and Pinocchio's frames cost the square
+of their number."""
+
 
 @singledispatch
 def plain(value: Any) -> Any:

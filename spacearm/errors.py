@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import inspect
+import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from difflib import SequenceMatcher
-from itertools import takewhile
+from heapq import nsmallest
+from itertools import islice, takewhile
 from traceback import walk_stack
+
+MOST_NAMES = 10
+"""Names that a message lists."""
+LONGEST_NAME, LONGEST = 60, 4000
+"""Characters of a name in a list, and of a message."""
+UNPRINTABLE = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+"""Characters that move a terminal's cursor, turn its text round or cannot be written; tabs and
+line ends may be."""
 
 
 class SpaceArmError(Exception):
     """Base of all errors that spacearm raises."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(printable(shortened(str(message))))
 
 
 class ModelError(SpaceArmError, ValueError):
@@ -65,12 +80,38 @@ class ModelWarning(UserWarning):
 
 
 def unknown(kind: str, name: object, valid: Iterable[str]) -> str:
-    """Compose the message for a name that does not exist, with the valid ones, nearest first."""
-    nearest = sorted(
-        valid, key=lambda v: -SequenceMatcher(None, str(name).lower(), v.lower()).ratio()
-    )
-    shown = repr(str(name)[:60])
-    return f"unknown {kind} {shown}; valid, nearest first: {', '.join(nearest) or 'none'}"
+    """Compose the message for a name that does not exist, with valid ones, nearest first."""
+    valid, wanted = list(valid), str(name)[:LONGEST_NAME]
+
+    def distance(other: str) -> float:
+        return -SequenceMatcher(None, wanted.lower(), other[:LONGEST_NAME].lower()).ratio()
+
+    nearest = nsmallest(MOST_NAMES, valid, key=distance)
+    shown = listed(nearest, of=len(valid)) or "none"
+    return f"unknown {kind} {wanted!r}; valid, nearest first: {shown}"
+
+
+def listed(names: Collection[str], of: int | None = None) -> str:
+    """Write the first ten names, and how many more there are.
+
+    Args:
+        names: The names.
+        of: Number of all names, if these are the first of them.
+    """
+    rest = (len(names) if of is None else of) - MOST_NAMES
+    first = ", ".join(shortened(name, LONGEST_NAME) for name in islice(names, MOST_NAMES))
+    return f"{first} and {rest:,} more" if rest > 0 else first
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """Return a text, its middle left out where it is too long."""
+    half = most // 2
+    return text if len(text) <= most else f"{text[:half]}[...]{text[-half:]}"
+
+
+def printable(text: str) -> str:
+    """Return a text with the characters that no terminal should get written as in Python."""
+    return UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def warn(message: str) -> None:
@@ -81,4 +122,5 @@ def warn(message: str) -> None:
     """
     names = (f.f_globals.get("__name__", "") for f, _ in walk_stack(inspect.currentframe()))
     ours = takewhile(lambda name: name.partition(".")[0] == "spacearm", names)
-    warnings.warn(message, ModelWarning, stacklevel=1 + len(list(ours)))
+    text = printable(shortened(message))
+    warnings.warn(text, ModelWarning, stacklevel=1 + len(list(ours)))

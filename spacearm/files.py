@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
 import stat
-import tempfile
 from pathlib import Path
+from secrets import token_hex
 from typing import BinaryIO
 
 from spacearm.errors import SpaceArmError
@@ -47,6 +49,9 @@ def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
 def write(path: Path, content: bytes) -> Path:
     """Write a file, whole or not at all.
 
+    A new file has the permissions that the umask leaves, a replaced one keeps its own. Where the
+    path is a link, what it leads to is replaced.
+
     Args:
         path: The file; an existing one is replaced.
         content: Its content.
@@ -61,13 +66,27 @@ def write(path: Path, content: bytes) -> Path:
     try:
         if path.exists() and not path.is_file():
             raise SpaceArmError(f"{path} cannot be written: it is no regular file; name another")
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
-            beside = Path(file.name)
+        target = Path(os.path.realpath(path))
+        beside = target.with_name(f".{token_hex(16)}.partial")
+        with beside.open("xb") as file:
+            if target.exists():
+                beside.chmod(stat.S_IMODE(target.stat().st_mode))
             file.write(content)
-        beside.chmod(0o644)
-        beside.replace(path)
-    except OSError as error:
+        beside.replace(target)
+    except (OSError, ValueError) as error:  # ValueError: no file can have that name
+        why = getattr(error, "strerror", None) or error
+        raise SpaceArmError(f"{path} cannot be written: {why}") from None
+    finally:
         if beside:
             beside.unlink(missing_ok=True)
-        raise SpaceArmError(f"{path} cannot be written: {error.strerror}") from None
     return path
+
+
+def name_part(name: str) -> str:
+    """Return a robot's name as a part of a file's name, which leads to no other folder.
+
+    Letters, digits, ".", "_" and "-" stay, at most 100 bytes of them; a file that starts with "."
+    or "-" is hidden or taken for an option.
+    """
+    safe = re.sub(r"[^\w.-]+", "_", name).lstrip(".-").encode()[:100].decode(errors="ignore")
+    return safe or "robot"

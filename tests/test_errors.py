@@ -133,3 +133,27 @@ def test_warnings_point_outside_the_package():
         with pytest.warns(sa.ModelWarning, match="look") as caught:
             module.f()
         assert (caught[0].filename == __file__) == inside
+
+
+def test_messages_are_bounded_however_many_names_there_are_and_however_long():
+    many = [f"link_{i}" for i in range(80_000)]
+    message = errors.unknown("link", "x" * 10**6, many)
+    assert "and 79,990 more" in message
+    assert len(message) < 1000
+    assert errors.listed(many[:11]).endswith("link_9 and 1 more")
+    assert errors.listed(many[:10]).endswith("link_8, link_9")
+    for kind in KINDS:
+        if issubclass(kind, sa.SpaceArmError) and kind is not sa.SweepError:
+            assert len(str(kind("y" * 10**7))) < 5000
+    with pytest.warns(sa.ModelWarning) as caught:
+        errors.warn("z" * 10**7)
+    assert len(str(caught[0].message)) < 5000
+
+
+@pytest.mark.parametrize("bad", ["\x1b[2J", "\x9b31m", "\x07", "\u202e", "\x7f", "\ud800", "\r"])
+def test_messages_hold_nothing_that_commands_a_terminal(bad):
+    assert bad not in str(sa.ModelError(f"link {bad} is odd"))
+    assert str(sa.ModelError(f"link {bad} is odd")).isprintable()
+    with pytest.warns(sa.ModelWarning) as caught:
+        errors.warn(f"link {bad} is odd")
+    assert str(caught[0].message).isprintable()

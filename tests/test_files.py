@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm import files
@@ -49,3 +51,59 @@ def test_devices_pipes_and_folders_are_not_replaced(tmp_path):
             files.write(path, b"content")
     assert (tmp_path / "pipe").is_fifo()
     assert [p.name for p in tmp_path.iterdir()] == ["pipe"]
+
+
+@pytest.mark.parametrize(("mask", "mode"), [(0o077, 0o600), (0o022, 0o644), (0o002, 0o664)])
+def test_the_umask_says_who_may_read_a_new_file(tmp_path, mask, mode):
+    before = os.umask(mask)
+    try:
+        files.write(tmp_path / "new", b"content")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "new").stat().st_mode & 0o777 == mode
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path, mode):
+    path = tmp_path / "kept"
+    path.write_bytes(b"old")
+    path.chmod(mode)
+    files.write(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert path.stat().st_mode & 0o777 == mode
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path, there):
+    real, link = tmp_path / "folder" / "real", tmp_path / "link"
+    real.parent.mkdir()
+    if there:
+        real.write_bytes(b"old")
+    link.symlink_to(real)
+    files.write(link, b"new")
+    assert link.is_symlink()
+    assert real.read_bytes() == b"new"
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["folder", "link", "real"]
+
+
+def test_nothing_is_left_of_what_cannot_be_written(tmp_path):
+    for path in (tmp_path / "nul\0", tmp_path / ("x" * 300), tmp_path / "none" / "file"):
+        with pytest.raises(sa.SpaceArmError, match="cannot be written"):
+            files.write(path, b"content")
+    with pytest.raises(TypeError):
+        files.write(tmp_path / "text", "no bytes")
+    assert not [*tmp_path.iterdir()]
+
+
+@given(st.text(max_size=300))
+def test_no_name_leads_to_another_folder(name):
+    part = files.name_part(name)
+    assert Path(f"{part}_map.png").name == f"{part}_map.png"
+    assert part[0] not in ".-"
+    assert len(part.encode()) <= 100
+    assert files.name_part(part) == part
+
+
+@pytest.mark.parametrize("name", ["planar2", "ETS-VII_arm.v2", "机械臂"])
+def test_sound_names_stay(name):
+    assert files.name_part(name) == name

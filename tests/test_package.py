@@ -58,13 +58,13 @@ def test_the_wheel_is_complete(wheel_python):
     models = {path.name for path in (ROOT / "models").iterdir()}
     assert {path.name for path in (site / "spacearm" / "models").iterdir()} == models
     entry = next(site.glob("spacearm-*.dist-info")) / "entry_points.txt"
-    assert "spacearm = spacearm.cli.app:main" in entry.read_text()
+    assert "spacearm = spacearm.__main__:main" in entry.read_text()
 
 
 def test_import_is_light():
     run = python(sys.executable, "-X", "importtime", "-c", "import spacearm")
     imported = set(re.findall(r"\|\s+(\S+)$", run.stderr, re.MULTILINE))
-    heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "xacro", "skimage"}
+    heavy = {"matplotlib", "meshcat", "typer", "rich", "trimesh", "xacro", "yourdfpy"}
     heavy |= {"xarray", "zarr", "dask", "distributed", "numba", "contourpy"}
     heavy |= {"scipy.optimize", "scipy.integrate", "scipy.spatial", "scipy.sparse"}
     assert not heavy & imported

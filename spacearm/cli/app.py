@@ -14,7 +14,8 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm.cli.options import join_numbers
-from spacearm.errors import SpaceArmError
+from spacearm.cli.output import INTERRUPTED
+from spacearm.errors import SpaceArmError, printable
 
 COMMANDS = {
     "models": "models.list_models",
@@ -62,6 +63,7 @@ def options(
 def main() -> None:
     """Run the command line; bad input ends with one line on stderr and exit code 2."""
     warnings.showwarning = _show_warning
+    os.environ["MPLBACKEND"] = "agg"  # pictures go to files, and the name may be none
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without ° is no reason to stop
     try:
@@ -73,6 +75,9 @@ def main() -> None:
         message = error.format_message() if isinstance(error, TyperException) else error
         print(f"spacearm: error: {_one_line(message)}", file=sys.stderr)
         sys.exit(2)
+    except typer.Abort:  # Ctrl-C
+        print("spacearm: stopped", file=sys.stderr)
+        sys.exit(INTERRUPTED)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes at exit
         if not isinstance(error, BrokenPipeError):
@@ -86,4 +91,4 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _one_line(message: object) -> str:
-    return " ".join(str(message).split())
+    return printable(" ".join(str(message).split()))

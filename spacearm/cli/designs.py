@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,7 +17,15 @@ from spacearm.cli.options import (
     SpacecraftMode,
     on_a_model,
 )
-from spacearm.cli.output import check_picture, err, out, print_json, table, write_picture
+from spacearm.cli.output import (
+    check_picture,
+    err,
+    out,
+    picture_path,
+    print_json,
+    table,
+    write_picture,
+)
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.workspaces.design import workspaces
@@ -83,7 +90,7 @@ def sweep_designs(
     if output or not as_json:
         from spacearm.plots.workspaces import draw_design  # imports matplotlib
 
-        where = output or Path(f"{arm.name}_design.png")
+        where = picture_path(output, arm.name, "design")
         write_picture(where, draw_design(result))
         if not as_json:
             out.print(f"wrote {where}")

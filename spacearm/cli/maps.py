@@ -15,7 +15,7 @@ from spacearm.cli.options import (
     joint_values,
     on_a_model,
 )
-from spacearm.cli.output import check_picture, out, print_json, write_picture
+from spacearm.cli.output import check_picture, out, picture_path, print_json, write_picture
 from spacearm.files import write
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
@@ -53,7 +53,7 @@ def draw_singular_map(
     if npz:
         _write_npz(npz, result)
     if output or not (as_json or npz):
-        _write_picture(output or Path(f"{arm.name}_map.png"), result, quiet=as_json)
+        _write_picture(picture_path(output, arm.name, "map"), result, quiet=as_json)
     if as_json:
         print_json(result.to_dict())
 

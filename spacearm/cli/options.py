@@ -25,7 +25,7 @@ from spacearm.cli.mounting import (
     joints_of,
 )
 from spacearm.description.bodies import Joint
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, listed
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.task import Task
@@ -168,8 +168,7 @@ def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Arra
     values = [_number(word) for word in words]
     if len(values) != arm.n:
         raise ConfigurationError(
-            f"{len(values)} joint values given; {arm.name} needs {arm.n}: "
-            f"{', '.join(arm.joint_names)}"
+            f"{len(values)} joint values given; {arm.name} needs {arm.n}: {listed(arm.joint_names)}"
         )
     joints = [arm.tree.joints[name] for name in arm.joint_names]
     return np.array([_si(joint, q, deg) for joint, q in zip(joints, values, strict=True)])

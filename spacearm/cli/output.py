@@ -5,30 +5,46 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Column, Table
 
-from spacearm.errors import ConfigurationError, unknown
-from spacearm.files import write
+from spacearm.errors import UNPRINTABLE, ConfigurationError, printable, unknown
+from spacearm.files import name_part, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 WIDE = 1000
 """Width of a file or a pipe, in columns, so that no line is folded."""
 
-out = Console(
-    highlight=False, markup=False, emoji=False, width=None if sys.stdout.isatty() else WIDE
-)
 
-err = Console(highlight=False, markup=False, emoji=False, stderr=True)
+class Terminal(Console):
+    """A console without markup, which passes no character of a text on that commands a terminal."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(highlight=False, markup=False, emoji=False, **options)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Render what is to be printed; names from files may hold anything."""
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else printable(text), style, control)
+
+
+out = Terminal(width=None if sys.stdout and sys.stdout.isatty() else WIDE)
+
+err = Terminal(stderr=True)
 
 PICTURES = (".png", ".svg", ".pdf")
 
@@ -37,6 +53,11 @@ def check_picture(path: Path | None) -> None:
     """Refuse a picture with an unknown suffix, before anything is computed."""
     if path and path.suffix.lower() not in PICTURES:
         raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
+
+
+def picture_path(output: Path | None, name: str, kind: str) -> Path:
+    """Return where a picture goes: as --output says, else by the robot's name in this folder."""
+    return output or Path(f"{name_part(name)}_{kind}.png")
 
 
 def write_picture(path: Path, figure: Figure) -> None:
@@ -86,7 +107,8 @@ def joint_value(value: float, kind: str, deg: bool) -> str:
 
 def print_json(value: Any) -> None:
     """Print strict JSON; numbers that are not finite, which JSON lacks, become null."""
-    print(json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False))
+    text = json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False)
+    print(UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
 def _finite(value: Any) -> Any:

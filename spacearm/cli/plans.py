@@ -20,7 +20,15 @@ from spacearm.cli.options import (
     spacecraft_about_cm,
     spacecraft_pose,
 )
-from spacearm.cli.output import check_picture, out, print_json, table, vector, write_picture
+from spacearm.cli.output import (
+    check_picture,
+    out,
+    picture_path,
+    print_json,
+    table,
+    vector,
+    write_picture,
+)
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.planner import plan
@@ -87,7 +95,7 @@ def plan_motion(
     if output or not (as_json or view):
         from spacearm.plots.motions import draw_motion  # imports matplotlib
 
-        where = output or Path(f"{arm.name}_plan.png")
+        where = picture_path(output, arm.name, "plan")
         write_picture(where, draw_motion(found, mark_of(found[-1], target), _shells(arm)))
         if not as_json:
             out.print(f"wrote {where}")

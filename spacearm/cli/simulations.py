@@ -24,7 +24,16 @@ from spacearm.cli.options import (
     on_a_model,
     spacecraft_about_cm,
 )
-from spacearm.cli.output import check_picture, err, joint_value, out, print_json, table, vector
+from spacearm.cli.output import (
+    check_picture,
+    err,
+    joint_value,
+    out,
+    picture_path,
+    print_json,
+    table,
+    vector,
+)
 from spacearm.cli.output import write_picture as write
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
@@ -131,7 +140,7 @@ def simulate_motion(
     if output or not (as_json or view):
         from spacearm.plots.motions import draw_motion
 
-        where = output or Path(f"{arm.name}_simulation.png")
+        where = picture_path(output, arm.name, "simulation")
         write(where, draw_motion(run, None if goal is None else mark_of(run[-1], goal)))
         if not as_json:
             out.print(f"wrote {where}")

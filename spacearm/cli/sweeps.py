@@ -23,7 +23,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from spacearm.cli.output import err, out, table
+from spacearm.cli.output import INTERRUPTED, err, out, table
 from spacearm.errors import ConfigurationError, SweepError
 from spacearm.kernels.processors import processors
 from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
@@ -31,9 +31,6 @@ from spacearm.sweeps.study import Study
 
 if TYPE_CHECKING:
     from distributed import Client
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
 
 
 def run_study(
@@ -107,7 +104,7 @@ def _client(scheduler: str | None) -> Iterator[Client | None]:
         return
     from spacearm.sweeps.dask import connect
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    logging.disable()  # of a lost scheduler all of Dask's loggers report, with tracebacks
     client = connect(scheduler)
     try:
         yield client

@@ -16,7 +16,7 @@ from spacearm.cli.options import (
     SpacecraftMode,
     on_a_model,
 )
-from spacearm.cli.output import check_picture, out, print_json, table, write_picture
+from spacearm.cli.output import check_picture, out, picture_path, print_json, table, write_picture
 from spacearm.errors import ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
@@ -55,7 +55,7 @@ def compute_workspace(
         from spacearm.plots.workspaces import draw_workspace  # imports matplotlib
 
         profile = None if result.planar or mode != "free-floating" else result.profile()
-        where = output or Path(f"{arm.name}_workspace.png")
+        where = picture_path(output, arm.name, "workspace")
         write_picture(where, draw_workspace(result, points, profile))
         if not as_json:
             out.print(f"wrote {where}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain, count
 from numbers import Real
 
@@ -14,7 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.visuals import Visuals
-from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 
 ROOT_JOINT = "root_joint"
 """Name of the free-flyer joint of the spacecraft; the one that Pinocchio's URDF reader uses."""
@@ -50,8 +51,7 @@ class Tree:
         children: dict[str, list[Joint]] = {link: [] for link in self.links}
         for joint in sorted(self.joints.values(), key=lambda joint: joint.name, reverse=True):
             children[joint.parent].append(joint)
-        order: list[Joint] = []
-        waiting = children[self.root]
+        order, waiting = list[Joint](), children[self.root]
         while waiting:
             order.append(joint := waiting.pop())
             waiting += children[joint.child]
@@ -59,12 +59,15 @@ class Tree:
 
     def chain(self, link: str) -> list[Joint]:
         """Return the joints from the root to a link, in that order."""
-        into = {joint.child: joint for joint in self.joints.values()}
         chain: list[Joint] = []
         while link != self.root:
-            chain.append(into[link])
-            link = into[link].parent
+            chain.append(self._into[link])
+            link = chain[-1].parent
         return chain[::-1]
+
+    @cached_property
+    def _into(self) -> dict[str, Joint]:
+        return {joint.child: joint for joint in self.joints.values()}
 
     def leaves(self) -> list[str]:
         """Return the links without children, other than those that only mark a place."""
@@ -90,8 +93,8 @@ class Tree:
 
     def free_name(self, name: str) -> str:
         """Return the name, with a number from 2 on if it is taken."""
-        numbered = chain((name,), (f"{name}_{i}" for i in count(2)))
-        return next(free for free in numbered if not self.has(free))
+        names = chain((name,), (f"{name}_{i}" for i in count(2)))
+        return next(free for free in names if not self.has(free))
 
     def renamed(self, prefix: str) -> Tree:
         """Return the tree with `prefix` before every name of a link or a joint."""
@@ -121,9 +124,8 @@ class Tree:
         """
         bolt = Joint(name, "fixed", parent, other.root, at, np.array([1.0, 0.0, 0.0]))
         added = {**other.joints, name: bolt}
-        twice = [*(self.links.keys() & other.links), *(self.joints.keys() & added)]
-        if twice:
-            raise ModelError(f"{self.name} has {', '.join(sorted(twice))} already; rename one")
+        if twice := [*(self.links.keys() & other.links), *(self.joints.keys() & added)]:
+            raise ModelError(f"{self.name} has {listed(sorted(twice))} already; rename one")
         return replace(
             self,
             links={**self.links, **other.links},
@@ -189,8 +191,7 @@ class Tree:
 
     def plane_normal(self) -> int | None:
         """Return the axis (0, 1, 2) that all joints turn about or slide normal to, if any."""
-        attitude = {self.root: np.eye(3)}
-        normals = {0, 1, 2}
+        attitude, normals = {self.root: np.eye(3)}, {0, 1, 2}
         for joint in self.depth_first():
             attitude[joint.child] = R = attitude[joint.parent] @ joint.origin.rotation
             if joint.movable:
@@ -229,11 +230,11 @@ class Tree:
         """
         part = self.links.get(link)
         if part is None:
-            raise ModelError(f"link {link!r} has no mass; name one of: {', '.join(self.bodies())}")
+            raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.bodies())}")
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
-        scaled = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
-        return replace(self, links={**self.links, link: scaled})
+        part = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
+        return replace(self, links={**self.links, link: part})
 
     def bodies(self) -> list[str]:
         """Return the names of the links that have mass."""

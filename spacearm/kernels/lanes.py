@@ -12,6 +12,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.kernels.kept import keep
+
 LANES = 32
 """Configurations computed side by side: they fill vector registers and fit the first cache."""
 
@@ -29,7 +31,11 @@ def record(*fields: tuple[str, Any] | tuple[str, Any, Any]) -> np.dtype[np.void]
     return np.dtype((np.record, np.dtype(list(fields), align=True)))
 
 
-compiler: Any = numba.njit  # typed in part only
+def compiler(*, cache: bool = False, **options: Any) -> Any:
+    """Return the decorator that compiles a function; with `cache` what it compiles is kept."""
+    compiled: Any = numba.njit(**options)
+    return (lambda function: keep(compiled(function))) if cache else compiled
+
 
 SETTINGS: dict[str, Any] = {
     "error_model": "numpy",  # a division by zero gives infinity, without a branch

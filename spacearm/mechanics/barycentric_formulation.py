@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, Result
-from spacearm.errors import UnsupportedError
+from spacearm.errors import UnsupportedError, listed
 from spacearm.model.configuration import Configuration
 
 
@@ -225,7 +225,7 @@ class _Chain:
             chain = {joint.name for joint in arm.tree.chain(arm.tip)}
             beside = [joint.name for joint in joints if joint.name not in chain]
             raise UnsupportedError(
-                f"{arm.name}: joints beside the chain to the tip can move ({', '.join(beside)}); "
+                f"{arm.name}: joints beside the chain to the tip can move ({listed(beside)}); "
                 "the barycentric formulation is for one chain: lock them with locked={...}, or use "
                 "generalized_jacobian"
             )

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import LARGEST, Array, whole
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.kernels.processors import processors
 from spacearm.kernels.quantities import QUANTITIES
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
@@ -185,7 +185,7 @@ def _configurations(arm: SpaceArm, Q: npt.ArrayLike) -> Array:
     if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != arm.n:
         raise ConfigurationError(
             f"Q has shape {array.shape} and type {array.dtype}; {arm.name} needs real numbers of "
-            f"shape (m, {arm.n}), one column for each of: {', '.join(arm.joint_names)}"
+            f"shape (m, {arm.n}), one column for each of: {listed(arm.joint_names)}"
         )
     return array
 

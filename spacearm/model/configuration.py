@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite
-from spacearm.errors import UnsupportedError
+from spacearm.errors import UnsupportedError, listed
 from spacearm.model.frames import LWA, sound_pose
 from spacearm.model.joints import joint_vector
 
@@ -130,7 +130,7 @@ def configure(
 def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
     """Return the configuration with momentum in the wheels (w,), checked."""
     arm = cfg.arm
-    names = ", ".join(wheel.name for wheel in arm.wheels) or "no wheel"
+    names = listed([wheel.name for wheel in arm.wheels]) or "no wheel"
     h = finite(wheels, (len(arm.wheels),), "wheels", f"[N m s], one for each of: {names}")
     stored = np.zeros(6)
     data = arm.borrow()

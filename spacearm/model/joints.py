@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, listed, unknown
 
 
 class Jointed(Protocol):
@@ -45,7 +45,7 @@ def joint_vector(arm: Jointed, values: npt.ArrayLike, what: str) -> Array:
     if vector.shape != (arm.n,):
         raise ConfigurationError(
             f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "
-            f"of: {', '.join(arm.joint_names)}"
+            f"of: {listed(arm.joint_names)}"
         )
     sound = np.abs(vector) <= LARGEST
     if not sound.all():

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Result, finite, plain
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode, free_components
@@ -228,8 +228,8 @@ class Motion(Result):
         except ValueError as error:  # ConfigurationError too
             raise ConfigurationError(f"{path} is no saved {what}: {error}") from None
         raise ConfigurationError(
-            f"{path} holds a motion of joints {', '.join(joints)[:200]}; {arm.name} has "
-            f"{', '.join(arm.joint_names)}"
+            f"{path} holds a motion of joints {listed(joints)}; {arm.name} has "
+            f"{listed(arm.joint_names)}"
         )
 
     def __repr__(self) -> str:

@@ -109,6 +109,8 @@ def read(path: str | os.PathLike[str]) -> Arrays:
             arrays = {} if packed else dict(archive)
     except Exception as error:  # whatever zipfile and NumPy make of a damaged file
         raise ValueError(str(error)) from None
+    if odd := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
+        raise ValueError(f"{odd[0][:60]!r} is no array")
     if packed:
         raise ValueError("it holds more data than it has bytes (compressed?); write it by save")
     return arrays

@@ -191,7 +191,8 @@ def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> 
     annotate(axes, "tip", points[-1], PURPLE)
     lengths = np.linalg.norm(chain.links, axis=1)
     for i in np.flatnonzero(lengths > LEAST * lengths.sum()):
-        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", 0.5 * (points[i] + points[i + 1]), PURPLE)
+        middle = 0.5 * (points[i] + points[i + 1])
+        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, formula=True)
     axes.margins(0.12)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
 

@@ -15,7 +15,17 @@ from scipy.optimize import isotonic_regression
 from spacearm.arrays import Array, finite, shape_of
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, style
+from spacearm.plots.style import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    figure,
+    style,
+    write_powers,
+)
 from spacearm.workspaces.path_dependent import Workspace
 
 CLOSE = 0.05
@@ -60,6 +70,7 @@ def draw_motion(
         nearness.set(ylabel=f"sigma_min\n[{motion.arm.sigma_unit}]", xlabel="time [s]")
         nearness.set_ylim(*decades)
         nearness.yaxis.set_minor_formatter(NullFormatter())
+        write_powers(nearness.yaxis)
         for axes in (attitude, joints, nearness):
             for t in motion.singular_times[:MOST_MARKS]:
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")

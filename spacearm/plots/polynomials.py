@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from spacearm.plots.style import BLUE, GREY, RED, axes_for, style
+from spacearm.plots.style import BLUE, GREY, RED, axes_for, style, write_powers
 from spacearm.polynomial.trig import TrigPolynomial
 
 POINTS = 361
@@ -67,3 +67,4 @@ def _draw_coefficients(axes: Any, S: TrigPolynomial) -> None:
     )
     axes.set(xlabel="order of the coefficient", ylabel="size of the coefficient")
     axes.xaxis.get_major_locator().set_params(integer=True)
+    write_powers(axes.yaxis)

@@ -98,7 +98,8 @@ def draw_virtual_manipulator(axes: Any, cfg: Configuration) -> None:
         along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-300)
         beside = 0.5 * (start + end) + 0.11 * np.array([-along[1], along[0]])
         name = rf"$\mathbf{{v}}_{{{i}}}$"
-        axes.text(*beside, name, color=PURPLE, fontsize=14, ha="center", va="center")
+        place = {"ha": "center", "va": "center"}
+        axes.text(*beside, name, color=PURPLE, fontsize=14, parse_math=True, **place)
 
 
 def draw_barycentres(axes: Any, cfg: Configuration) -> None:

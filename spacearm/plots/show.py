@@ -40,8 +40,10 @@ def plot(thing: object, ax: Axes | None = None, **options: Any) -> Figure:
         >>> figure = sa.plot(sa.singular_map(sa.load("planar2")))
         >>> figure.savefig("map.png")
     """
-    from spacearm.plots.drawings import drawing_of  # imports matplotlib
-
+    try:
+        from spacearm.plots.drawings import drawing_of  # imports matplotlib
+    except ValueError as error:
+        raise ConfigurationError(f"MPLBACKEND names no backend of Matplotlib: {error}") from None
     draw, name = drawing_of(thing), type(thing).__name__
     _, *taken = inspect.signature(draw).parameters
     if ax is not None and "ax" not in taken:

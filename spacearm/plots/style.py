@@ -29,6 +29,7 @@ STYLE: Any = {  # Matplotlib's stubs accept literal names only
     "axes.titlesize": 12,
     "figure.constrained_layout.use": True,
     "svg.hashsalt": "spacearm",
+    "text.parse_math": False,  # names may hold dollar signs
 }
 PIXELS_PER_INCH = 90
 """Size of figures in notebooks."""
@@ -51,7 +52,7 @@ class Figure(mpl_figure.Figure):
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         """Return the picture and its size on the page [px]."""
         buffer = io.BytesIO()
-        with style():
+        with style(), mpl.rc_context({"text.parse_math": True}):  # as ticks of powers of ten need
             self.savefig(buffer, format="png")
         width, height = (int(PIXELS_PER_INCH * inches) for inches in self.get_size_inches())
         return buffer.getvalue(), {"width": width, "height": height}
@@ -106,6 +107,12 @@ def equal_axes(axes: Any, names: str = "xyz") -> None:
         axes.set(**labels, aspect="equal", adjustable="datalim")
 
 
+def write_powers(axis: Any) -> None:
+    """Have the powers of ten of a logarithmic axis written as formulas, which no name is."""
+    for label in axis.get_ticklabels(which="both"):
+        label.set_parse_math(True)
+
+
 def flat_rows(points: Array) -> tuple[int, ...]:
     """Return which of x, y, z to draw: the two of a plane of axes that holds the points, or all.
 
@@ -117,13 +124,16 @@ def flat_rows(points: Array) -> tuple[int, ...]:
     return tuple(i for i in range(3) if i != still[-1]) if still else (0, 1, 2)
 
 
-def annotate(axes: Any, text: str, at: Array, color: str, *, below: bool = False) -> None:
+def annotate(
+    axes: Any, text: str, at: Array, color: str, *, below: bool = False, formula: bool = False
+) -> None:
     """Write a label beside or below a point, in the plane or in space."""
     if axes.name == "3d":
-        axes.text(*at, f"  {text}", color=color, va="top" if below else "bottom")
+        va = "top" if below else "bottom"
+        axes.text(*at, f"  {text}", color=color, va=va, parse_math=formula)
     else:
         offset = (0, -18) if below else (8, 6)
         axes.annotate(
             text, at, offset, textcoords="offset points", color=color,
-            ha="center" if below else "left",
+            ha="center" if below else "left", parse_math=formula,
         )  # fmt: skip

@@ -1,14 +1,16 @@
 """Zero set of a trigonometric polynomial on the 2- or 3-torus, as lines or triangles.
 
-contourpy and scikit-image find it on a grid. The pieces are then joined across the seams of the
-torus and every point is moved onto the exact set by Newton's method. A grid is fine enough when no
+contourpy finds lines on a grid, and joins of their pieces across the seams of the torus follow;
+surfaces come from the tetrahedra of a grid without seams. Every point is then moved onto the exact
+set by Newton's method. A grid is fine enough when no
 cell with equal signs at its corners holds a sign change inside: each such cell is either certified
 free of roots by the bounds of the polynomial, or searched inside.
 """
 
 from __future__ import annotations
 
-from itertools import product
+from collections.abc import Iterator
+from itertools import combinations, permutations, product
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -59,17 +61,71 @@ def lines(S: TrigPolynomial) -> list[Array]:
 
 def surface(S: TrigPolynomial) -> Mesh:
     """Triangulate the zero set on the 3-torus."""
-    from skimage.measure import marching_cubes  # slow to import
-
     values, step = _grid(S)
-    if (values > 0.0).all() or (values < 0.0).all():
-        return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int_))
-    found, triangles, *_ = marching_cubes(_periodic(values), 0.0)
-    on_seam = np.round(found * step / (2.0 * np.pi), 6) % 1.0  # both sides of the seam are one
-    _, first, same = np.unique(on_seam, axis=0, return_index=True, return_inverse=True)
-    merged = same.reshape(-1)[triangles]
-    proper = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
-    return Mesh(wrap(polish(S, OFFSET + found[first] * step)), merged[proper])
+    found, triangles = _isosurface(values)
+    return Mesh(wrap(polish(S, OFFSET + found * step)), triangles)
+
+
+def _isosurface(values: Array) -> tuple[Array, npt.NDArray[np.int_]]:
+    """Triangulate where a function on a grid without ends is zero.
+
+    Each cell is divided into six tetrahedra about one diagonal, and the function taken as linear in
+    each (Doi & Koide 1991, "marching tetrahedra"): the surface is closed and meets itself nowhere.
+
+    Args:
+        values: (N, N, N) the function.
+
+    Returns:
+        Points (m, 3) in steps of the grid, and triangles (t, 3) of their numbers.
+    """
+    above = values > 0.0
+    number = np.zeros((2, 2, 2, *values.shape), dtype=np.int_)  # of the point on an edge
+    points: list[Array] = []
+    for along in EDGES:  # from each grid point
+        end = np.roll(values, -along, axis=(0, 1, 2))
+        crossed = above != (end > 0.0)
+        start = np.argwhere(crossed)
+        number[tuple(along)][crossed] = sum(map(len, points)) + np.arange(len(start))
+        share = values[crossed] / (values[crossed] - end[crossed])
+        points.append(start + share[:, None] * along)
+    triangles = []
+    for corners in TETRAHEDRA:
+        signs = [np.roll(above, -corner, axis=(0, 1, 2)) for corner in corners]
+        for inside, faces in _CASES:
+            there = np.argwhere(np.logical_and.reduce([
+                sign == (i in inside) for i, sign in enumerate(signs)
+            ]))  # fmt: skip
+            for face in faces:
+                edges = []
+                for i, j in face:
+                    first = (there + corners[i]) % len(values)
+                    edges.append(number[(*(corners[j] - corners[i]), *first.T)])
+                triangles.append(np.stack(edges, axis=1))
+    return np.concatenate(points), np.concatenate(triangles)
+
+
+EDGES = np.array([along for along in product((0, 1), repeat=3) if any(along)])
+"""The edges of the tetrahedra that leave a grid point."""
+TETRAHEDRA = [
+    np.array([np.isin(range(3), order[:i]) for i in range(4)], dtype=int)
+    for order in permutations(range(3))
+]
+"""Corners (4, 3) of the tetrahedra of a cell."""
+
+
+def _cases() -> Iterator[tuple[set[int], list[tuple[tuple[int, int], ...]]]]:
+    """Yield the corners that may be above zero and the triangles, by the edges that they cut."""
+    for count in (1, 2, 3):
+        for inside in combinations(range(4), count):
+            outside = [i for i in range(4) if i not in inside]
+            cut = [(min(i, j), max(i, j)) for i in inside for j in outside]
+            if count != 2:
+                yield set(inside), [tuple(cut)]
+            else:  # a quadrangle, its corners ik, il, jl, jk
+                yield set(inside), [(cut[0], cut[1], cut[3]), (cut[0], cut[3], cut[2])]
+
+
+_CASES = tuple(_cases())
 
 
 def _grid(S: TrigPolynomial) -> tuple[Array, float]:

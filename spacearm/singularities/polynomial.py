@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import UnsupportedError
+from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -140,7 +140,7 @@ def _why_not_square(arm: SpaceArm) -> str | None:
     if arm.slides.any():
         sliding = [name for name, slides in zip(arm.joint_names, arm.slides, strict=True) if slides]
         return (
-            f"joints {', '.join(sliding)} slide, and S is no trigonometric polynomial "
+            f"joints {listed(sliding)} slide, and S is no trigonometric polynomial "
             "in them; lock them with locked={...}"
         )
     if arm.coupling is not None:

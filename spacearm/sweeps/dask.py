@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 WIDTH = 2000
 """Chunks that the scheduler holds at a time: enough for a thousand cores."""
 PATIENCE = 5
-"""Time that a scheduler may take to answer [s]."""
+"""Time that a scheduler may take to answer when it is first asked [s]."""
+SILENCE = 60
+"""Time after which a scheduler that does not answer in the midst of work is lost [s]."""
 
 
 def connect(address: str) -> Client:
@@ -35,19 +37,19 @@ def connect(address: str) -> Client:
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except Exception as error:  # whatever a transport makes of an address
         raise StoreError(
-            f"no Dask scheduler at {address!r} ({error}); start one: "
+            f"no Dask scheduler at {address!r} ({str(error) or 'no answer'}); start one: "
             "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
         ) from None
 
 
 async def _greet(address: str) -> None:
-    """Open a connection to a scheduler and close it."""
+    """Ask a scheduler who it is: something else may listen there, and never answer."""
     from distributed import Security
-    from distributed.comm.core import connect as open_comm
+    from distributed.core import rpc
 
     options = Security().get_connection_args("client")
-    comm = await open_comm(address, timeout=PATIENCE, **options)
-    await comm.close()
+    async with rpc(address, timeout=PATIENCE, connection_args=options) as scheduler:
+        await asyncio.wait_for(scheduler.identity(), PATIENCE)
 
 
 class Cluster:
@@ -69,8 +71,15 @@ class Cluster:
 
     @property
     def lost(self) -> bool:
-        """Whether the scheduler is lost."""
-        return bool(self._client.status != "running")
+        """Whether the scheduler is lost: gone, or silent for a minute."""
+        scheduler = self._client.scheduler
+        if self._client.status != "running" or scheduler is None:
+            return True
+        try:
+            self._client.sync(scheduler.identity, callback_timeout=SILENCE)
+        except (OSError, asyncio.TimeoutError):  # TimeoutError itself from Python 3.11 on
+            return True
+        return False
 
     def submit(self, chunk: Chunk) -> Future[str]:
         """Have a chunk done; Dask moves it to another worker if its own dies."""

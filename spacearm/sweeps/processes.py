@@ -150,4 +150,7 @@ def serve(requests: TextIO, answers: TextIO) -> None:
 if __name__ == "__main__":
     to_main = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what is printed must not look like answers
-    serve(sys.stdin, to_main)
+    try:
+        serve(sys.stdin, to_main)
+    except BrokenPipeError:  # the main process was killed
+        os._exit(1)

@@ -137,6 +137,7 @@ def sweep(
         ConfigurationError: The study makes no sense.
         ModelError: An arm or a design of it is unsound.
         StoreError: The store is that of another study, cannot be written, or the cluster is lost.
+        UnsupportedError: Zarr is not installed: pip install 'spacearm[sweep]'.
         SweepError: All is through, but some chunks failed.
     """
     study = study if isinstance(study, Study) else Study.read(study)
@@ -158,12 +159,11 @@ def run_chunks(
 
     Close the generator if you leave it early: it ends the workers.
     """
-    there = Path(store).exists()
     target = Store.create(store, study)
     failed: dict[str, str] = {}
     with closing(_pool(study, target, client, workers)) as pool:
         yield from _run(study, target, pool, failed)
-    if there and not failed:
+    if not failed:
         target.tidy()
     if failed:
         (name, error), *others = failed.items()

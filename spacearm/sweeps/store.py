@@ -8,37 +8,29 @@ objects: numbers, text and JSON only, in Zarr's third format.
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import tempfile
+import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import zip_longest
 from pathlib import Path
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import StoreError
-from spacearm.files import read, write
+from spacearm.sweeps.layout import MARKS, check_zarr, compare, describe, largest
 from spacearm.sweeps.study import Chunk, Study
 
 if TYPE_CHECKING:
     import xarray as xr
 
-MARKS = "chunks"
-"""Group of the marks, an array for each quantity."""
 DONE, FAILED = "done", "failed"
 DAMAGED = (ValueError, MemoryError)
 """Errors of Zarr for a file with a wrong checksum, or with an impossible length of text."""
-LAYOUT = (
-    "node_type", "shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value",
-    "dimension_names",
-)  # fmt: skip
-"""What must agree in the description of an array."""
 
 
 class Store:
@@ -53,13 +45,18 @@ class Store:
 
         Raises:
             StoreError: There is no store, or it belongs to another study, model or version.
+            UnsupportedError: Zarr is not installed.
         """
+        check_zarr()
         import zarr
+
+        from spacearm.sweeps.files import Files  # imports zarr
 
         self.path, self.study = Path(path), study
         with self._files():
-            _compare(self.path, study)
-            group: Any = zarr.open_group(self.path, mode="r+", zarr_format=3)
+            compare(self.path, study)
+            files = Files(self.path, most=largest(study))
+            group: Any = zarr.open_group(files, mode="r+", zarr_format=3)
             self._marks = {name: group[f"{MARKS}/{name}"] for name in study.quantities}
             self._arrays = {
                 name: group[name]
@@ -74,20 +71,20 @@ class Store:
         Raises:
             StoreError: Something else is there, or nothing can be written.
         """
+        check_zarr()
         path = Path(path)
         if path.exists():
             return cls(path, study)
-        beside: Path | None = None
+        beside = path.with_name(f".{token_hex(16)}.partial")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            beside = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-            _describe(beside, study)
-            beside.chmod(0o755)
+            beside.mkdir()
+            describe(beside, study)
             beside.rename(path)
         except OSError as error:
-            if beside:
-                shutil.rmtree(beside, ignore_errors=True)
-            raise _trouble(path, error) from None
+            shutil.rmtree(beside, ignore_errors=True)
+            if not (path / "zarr.json").is_file():  # else another sweep was as quick
+                raise _trouble(path, error) from None
         return cls(path, study)
 
     def marks(self, quantity: str) -> list[str]:
@@ -119,10 +116,16 @@ class Store:
             StoreError: It cannot be written.
         """
         with self._files():
-            box = self.study.box(chunk)
-            for name, array in values.items():
-                self._arrays[name][box] = array
-            self._marks[chunk.quantity][chunk.number] = _done(values)
+            try:
+                self._write(chunk, values)
+            except FileNotFoundError:  # another sweep that ended took it for a leftover
+                self._write(chunk, values)
+
+    def _write(self, chunk: Chunk, values: Mapping[str, Array]) -> None:
+        box = self.study.box(chunk)
+        for name, array in values.items():
+            self._arrays[name][box] = array
+        self._marks[chunk.quantity][chunk.number] = _done(values)
 
     def record_failure(self, chunk: Chunk, error: str) -> None:
         """Mark a chunk as failed.
@@ -135,8 +138,11 @@ class Store:
 
     def tidy(self) -> None:
         """Remove the unfinished files of killed processes."""
+        from spacearm.sweeps.files import PARTIAL
+
         for partial in self.path.rglob("*.partial"):
-            partial.unlink(missing_ok=True)
+            if PARTIAL.fullmatch(partial.name):
+                partial.unlink(missing_ok=True)
 
     def _mark(self, chunk: Chunk) -> str:
         try:
@@ -156,94 +162,12 @@ def dataset(path: str | os.PathLike[str]) -> xr.Dataset:
     """Open a store as one labelled dataset, read when it is used; NaN where no numbers are yet."""
     import xarray as xr
 
-    return xr.open_zarr(Path(path), chunks=None, consolidated=False, zarr_format=3)
+    from spacearm.sweeps.files import Files
 
-
-def _describe(path: Path, study: Study) -> None:
-    """Write attributes, labels and the descriptions of all arrays, without their numbers."""
-    import zarr
-    from zarr.codecs import Crc32cCodec, ZstdCodec
-
-    options: Any = {"compressors": [ZstdCodec(level=1), Crc32cCodec()]}
-    group = zarr.open_group(path, mode="w", zarr_format=3, attributes=study.attributes)
-    labels = [study.coords, *(quantity.coords for quantity in study.quantities.values())]
-    for name, (values, attrs) in (label for part in labels for label in part.items()):
-        kind: Any = str if values.dtype == object else values.dtype
-        axis = group.create_array(
-            name,
-            shape=values.shape,
-            dtype=kind,
-            dimension_names=(name,),
-            attributes=dict(attrs),
-            **options,
-        )
-        axis[:] = values
-    marks = group.create_group(MARKS)
-    for name, quantity in study.quantities.items():
-        marks.create_array(
-            name, shape=(study.count(name),), chunks=(1,), dtype=str, fill_value="", **options
-        )
-        for array, variable in quantity.variables.items():
-            group.create_array(
-                array,
-                shape=(*study.shape, *quantity.shape, *variable.shape),
-                chunks=(*(1 for _ in study.shape), *quantity.tile, *variable.shape),
-                dtype=variable.dtype,
-                fill_value=np.nan,
-                dimension_names=("arm", *study.axes, *quantity.dims, *variable.dims),
-                attributes=dict(variable.attrs),
-                config={"write_empty_chunks": True},
-                **options,
-            )
-
-
-def _compare(path: Path, study: Study) -> None:
-    """Refuse the store of another study.
-
-    Labels that are damaged and descriptions that are lost are written again, as the study gives
-    them.
-    """
-    remedy = "give another --store, or finish that sweep with its own study, arms and version"
-    found = _description(path / "zarr.json")
-    if not found:
-        raise StoreError(f"{path} is no store of a sweep; give another --store")
-    attributes = found.get("attributes", {})
-    for key, ours in study.attributes.items():
-        if attributes.get(key) != ours:
-            was, now = _difference(attributes.get(key), ours)
-            raise StoreError(
-                f"{path} is the store of another sweep: its {key} has {was!r} where this one has "
-                f"{now!r}; {remedy}"
-            )
-    with tempfile.TemporaryDirectory() as folder:
-        _describe(Path(folder), study)
-        for ours in (p for p in Path(folder).rglob("*") if p.is_file()):
-            theirs = path / ours.relative_to(folder)
-            if ours.name == "zarr.json":
-                expected, there = _description(ours), _description(theirs)
-                if there and any(expected.get(key) != there.get(key) for key in LAYOUT):
-                    raise StoreError(f"{theirs} does not describe this study's numbers; {remedy}")
-                sound = bool(there)
-            else:
-                sound = theirs.is_file() and theirs.read_bytes() == ours.read_bytes()
-            if not sound:
-                theirs.parent.mkdir(parents=True, exist_ok=True)
-                write(theirs, ours.read_bytes())
-
-
-def _description(path: Path) -> dict[str, Any]:
-    """Read a zarr.json; return an empty dictionary if there is none or it is damaged."""
-    try:
-        found = json.loads(read(path))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _difference(theirs: object, ours: object) -> tuple[str, str]:
-    """Return the first lines in which two values differ."""
-    lines = zip_longest(str(theirs).splitlines(), str(ours).splitlines(), fillvalue="")
-    return next((a, b) for a, b in lines if a != b)
+    files = Files(Path(path), read_only=True)
+    with warnings.catch_warnings():  # a file that the user put there is no array, and no fault
+        warnings.filterwarnings("ignore", "Object at", UserWarning)
+        return xr.open_zarr(files, chunks=None, consolidated=False, zarr_format=3)
 
 
 def _done(values: Mapping[str, Array]) -> str:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array, plain
-from spacearm.errors import ConfigurationError
+from spacearm.errors import UNPRINTABLE, ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
 from spacearm.sweeps import quantities, tiles
@@ -29,7 +29,9 @@ CHUNK = 2**22
 """Configurations in a chunk, if the study does not say."""
 KEPT = 16
 """Designs that a process keeps in memory."""
-NAME = re.compile(r"[^./][^/]*")
+MOST_CHUNKS = 10**8
+"""Chunks of a study: each is one file or more."""
+NAME = re.compile(r"[^./][^/]{0,99}")
 """Pattern of the names that an array of a store may have."""
 
 
@@ -117,7 +119,7 @@ class Study:
             SpaceArmError: As `parse` does.
         """
         try:
-            text = read(Path(path)).decode()
+            text = read(Path(path)).decode("utf-8-sig")
         except (OSError, ValueError) as error:
             raise ConfigurationError(f"study {path} cannot be read: {error}") from None
         return cls.parse(text, Path(path).resolve().parent)
@@ -151,7 +153,13 @@ class Study:
         asked = quantities.read(table, seed, chunk, tuple(arms.values()))
         models = "\n".join(f"{name} sha256:{fingerprint(arm)}" for name, arm in arms.items())
         _check_names([*axes], asked.values())
-        return cls(text, folder, seed, arms, axes, asked, models)
+        study = cls(text, folder, seed, arms, axes, asked, models)
+        if study.total > MOST_CHUNKS:
+            raise ConfigurationError(
+                f"the study has {study.total:,} chunks, and a store has room for {MOST_CHUNKS:,}; "
+                "give a larger chunk = ..., fewer designs or fewer samples"
+            )
+        return study
 
     @property
     def recipe(self) -> Recipe:
@@ -266,7 +274,8 @@ def _check_names(axes: list[str], asked: Iterable[Quantity]) -> None:
     for quantity in asked:
         names += [*quantity.coords, *quantity.variables]
     for name in names:
-        if names.count(name) > 1 or not NAME.fullmatch(name):
+        fit = NAME.fullmatch(name) and not UNPRINTABLE.search(name)
+        if names.count(name) > 1 or not fit:
             raise ConfigurationError(
                 f"an axis cannot be named {name!r}, which is the name of something else in the "
                 "store or none that files can have; name joints q1, q2, ..."

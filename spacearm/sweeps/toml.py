@@ -9,10 +9,18 @@ from typing import Any, TypeVar
 import numpy as np
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import (
+    LONGEST_NAME,
+    ConfigurationError,
+    UnsupportedError,
+    shortened,
+    unknown,
+)
 
 T = TypeVar("T")
 AXIS = ("from", "to", "points")
+MOST = 10**15
+"""Largest whole number: of samples, for example."""
 MOST_POINTS = 10**7
 """Values that one axis may have: its labels are kept in memory."""
 
@@ -35,7 +43,7 @@ class Table:
     def fail(self, key: str, remedy: str) -> ConfigurationError:
         """Return the error for the value of a key, with a remedy."""
         value = self.values.get(key, "missing")
-        return ConfigurationError(f"{self.where}: {key} is {value!r}; {remedy}")
+        return ConfigurationError(f"{self.where}: {key} is {shown(value)}; {remedy}")
 
     def take(self, key: str, kind: type[T], default: T | None = None) -> T:
         """Return the value of a key, of this type."""
@@ -50,8 +58,8 @@ class Table:
     def positive(self, key: str, kind: type[T], default: T | None = None) -> T:
         """Return the value of a key, a number above zero."""
         value: Any = self.take(key, kind, default)
-        if value <= 0:
-            raise self.fail(key, "give a number above zero")
+        if not 0 < value <= MOST:
+            raise self.fail(key, f"give a number above zero, at most {MOST:g}")
         return value
 
     def axis(self, key: str) -> Array:
@@ -73,6 +81,22 @@ class Table:
         if not sound or len(np.unique(values)) < len(values):
             raise self.fail(key, f"give one or more different numbers up to {LARGEST:g}")
         return values
+
+
+def shown(value: object) -> str:
+    """Return a value as an error shows it; Python writes no number of thousands of digits."""
+    try:
+        return shortened(repr(value), LONGEST_NAME)
+    except ValueError:
+        return "a number of thousands of digits"
+
+
+def meaning(text: object) -> object:
+    """Return what a TOML text says, without its comments; the text itself if it says nothing."""
+    try:
+        return parse(str(text)).values
+    except ConfigurationError:
+        return text
 
 
 def parse(text: str) -> Table:

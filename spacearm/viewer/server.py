@@ -2,26 +2,35 @@
 
 Binary messages to the browser are drawing commands of meshcat; text messages are JSON, readouts
 and errors for the panel. Text messages from the browser are requests of the panel.
+
+Whoever has the address has the token in it, which is new for each server: other users of this
+machine, other pages, and tabs that another server left open get no further than the door.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import secrets
 import socket
 import threading
+from contextlib import suppress
 from typing import Any, Protocol
 
 import tornado.httpserver
+import tornado.iostream
 import tornado.web
 import tornado.websocket
 
 from spacearm.errors import SpaceArmError
+from spacearm.viewer.outbox import Key, Outbox
+from spacearm.viewer.port import LOOPBACK, listen
 from spacearm.viewer.window import PAGE, VIEWER_SCRIPT, Window
 
-LOOPBACK = "127.0.0.1"
-FIRST_PORT, LAST_PORT = 7400, 7500
 LARGEST_MESSAGE = 100_000
+"""Size of a message of the page, and of the body of a request [bytes]."""
+SLOWEST = 30.0
+"""Time that a request may take to come in [s]."""
 PAUSE = 0.001
 """Time for which messages are collected before the scene is drawn once for all of them [s]."""
 
@@ -53,16 +62,18 @@ class Server:
 
     Attributes:
         port: The port, on 127.0.0.1.
-        url: Address of the page.
+        url: Address of the page, with the token.
 
     Raises:
         SpaceArmError: The port is in use.
     """
 
     def __init__(self, panel: Panel, port: int | None = None) -> None:
-        listener = _listen(port)
+        listener = listen(port)
         self.port = int(listener.getsockname()[1])
-        self.url = f"http://{LOOPBACK}:{self.port}/"
+        self._token = secrets.token_urlsafe(16)
+        self._tickets: set[str] = set()
+        self.url = f"http://{LOOPBACK}:{self.port}/?token={self._token}"
         self._panel = panel
         self._browsers: set[_Socket] = set()
         self._stale = False
@@ -81,26 +92,49 @@ class Server:
             self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join(timeout=5.0)
 
+    def invitation(self) -> str:
+        """Return an address that leads to the page once.
+
+        Other users see the command that starts a browser, and the address in it.
+        """
+        self._tickets.add(ticket := secrets.token_urlsafe(16))
+        return f"http://{LOOPBACK}:{self.port}/?ticket={ticket}"
+
+    def admits(self, token: str) -> bool:
+        """Whether this is the token of the server."""
+        return secrets.compare_digest(token.encode(), self._token.encode())
+
+    def redeem(self, ticket: str) -> bool:
+        """Whether this is a ticket of the server; it is none any more."""
+        known = ticket in self._tickets
+        self._tickets.discard(ticket)
+        return known
+
     def refresh(self) -> None:
         """Draw the state and send it to every browser, soon, and once for many calls."""
         self._loop.call_soon_threadsafe(self._mark_stale)
 
     async def _serve(self, listener: socket.socket) -> None:
-        hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
-        options = {"server": self, "hosts": hosts}
-        files = {"index.html", "page.css", "page.js", "scene.js"}
+        options = {"server": self, "hosts": {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}}
+        files = {name: PAGE / name for name in ("page.css", "page.js", "scene.js")}
         application = tornado.web.Application([
+            (r"/", _Page, options),
             (r"/socket", _Socket, options),
-            (r"/(meshcat\.js)", _File, {"path": VIEWER_SCRIPT, "hosts": hosts}),
-            *((rf"/({name})", _File, {"path": PAGE / name, "hosts": hosts}) for name in files),
-            (r"/()", _File, {"path": PAGE / "index.html", "hosts": hosts}),
-        ], websocket_max_message_size=LARGEST_MESSAGE)  # fmt: skip
-        server = tornado.httpserver.HTTPServer(application)
+            *((f"/({name})", _File, {**options, "path": path})
+              for name, path in {**files, "meshcat.js": VIEWER_SCRIPT}.items()),
+        ], websocket_max_message_size=LARGEST_MESSAGE, log_function=lambda _: None)  # fmt: skip
+        server = tornado.httpserver.HTTPServer(
+            application,
+            max_body_size=LARGEST_MESSAGE,
+            max_buffer_size=10 * LARGEST_MESSAGE,
+            idle_connection_timeout=SLOWEST,
+            body_timeout=SLOWEST,
+        )
         server.add_socket(listener)
         await self._stop.wait()
         server.stop()
         for browser in list(self._browsers):
-            browser.close(1001, "spacearm has ended")
+            browser.hang_up()
         await server.close_all_connections()
 
     # --- in the server's thread -------------------------------------------------------------
@@ -110,8 +144,8 @@ class Server:
         self._panel.draw()
         self._browsers.add(browser)
         browser.tell({"about": self._panel.about(), "readout": self._panel.readout()})
-        for data in self._panel.window.commands():
-            browser.draw(data)
+        for i, data in enumerate(self._panel.window.commands()):
+            browser.draw(Key((), f"scene {i}"), data)
         browser.tell({"complete": True})
 
     def closed(self, browser: _Socket) -> None:
@@ -140,51 +174,79 @@ class Server:
             browser.tell({"readout": readout})  # before the drawing, which is slower in a browser
         self._panel.draw()
 
-    def _draw(self, data: bytes) -> None:
+    def _draw(self, key: Key, data: bytes) -> None:
         for browser in list(self._browsers):
-            browser.draw(data)
+            browser.draw(key, data)
 
-    def _broadcast(self, data: bytes) -> None:
+    def _broadcast(self, key: Key, data: bytes) -> None:
         """Pass a drawing command on, from any thread."""
         if threading.current_thread() is self._thread:
-            self._draw(data)
+            self._draw(key, data)
         else:
-            self._loop.call_soon_threadsafe(self._draw, data)
+            self._loop.call_soon_threadsafe(self._draw, key, data)
 
 
-class _OwnHostOnly(tornado.web.RequestHandler):
+class _Door(tornado.web.RequestHandler):
     """Refuses host names that are not this machine's, against DNS rebinding by other pages."""
 
-    _hosts: set[str]
+    def initialize(self, server: Server, hosts: set[str], path: Any = None) -> None:
+        self._server, self._hosts, self._path = server, hosts, path
 
     def prepare(self) -> None:
         if self.request.host not in self._hosts:
             raise tornado.web.HTTPError(403, reason="this host name is not served")
 
+    def set_default_headers(self) -> None:
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("Content-Security-Policy", "frame-ancestors 'self'")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("X-Content-Type-Options", "nosniff")
 
-class _File(_OwnHostOnly):
-    def initialize(self, path: Any, hosts: set[str]) -> None:
-        self._path, self._hosts = path, hosts
+    def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
+        """Log faults of this program; refused requests may hold anything, and say nothing here."""
+        if not isinstance(error, tornado.web.HTTPError):
+            super().log_exception(kind, error, trace)
+
+    def _has_token(self) -> bool:
+        return self._server.admits(self.get_query_argument("token", ""))
+
+
+class _File(_Door):
+    """A file of the package, which is no secret."""
 
     def get(self, name: str) -> None:
-        kinds = {"css": "text/css", "js": "text/javascript"}
-        kind = kinds.get(name.rpartition(".")[2], "text/html")
+        kind = {"css": "text/css", "js": "text/javascript"}[name.rpartition(".")[2]]
         self.set_header("Content-Type", f"{kind}; charset=utf-8")
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Content-Security-Policy", "frame-ancestors 'self'")
         self.write(self._path.read_bytes())
 
 
-class _Socket(_OwnHostOnly, tornado.websocket.WebSocketHandler):
-    def initialize(self, server: Server, hosts: set[str]) -> None:
-        self._server, self._hosts = server, hosts
+class _Page(_Door):
+    """The page, for those who have its token; a ticket is exchanged for the token."""
+
+    def get(self) -> None:
+        if self._server.redeem(self.get_query_argument("ticket", "")):
+            self.redirect(self._server.url)
+            return
+        known = self._has_token()
+        self.set_status(200 if known else 403)
+        self.write((PAGE / ("index.html" if known else "ended.html")).read_bytes())
+
+
+class _Socket(_Door, tornado.websocket.WebSocketHandler):
+    """The connection to one browser."""
+
+    def prepare(self) -> None:
+        super().prepare()
+        if not self._has_token():
+            raise tornado.web.HTTPError(403, reason="the token is not that of this server")
 
     def check_origin(self, origin: str) -> bool:
         return origin in {f"http://{host}" for host in self._hosts}
 
     def open(self, *_: str, **__: str) -> None:
         self.set_nodelay(True)
+        self._outbox = Outbox()
+        self._sending: asyncio.Task[None] | None = None
         self._server.opened(self)
 
     def on_message(self, message: str | bytes) -> None:
@@ -194,32 +256,30 @@ class _Socket(_OwnHostOnly, tornado.websocket.WebSocketHandler):
         self._server.closed(self)
 
     def tell(self, content: dict[str, Any]) -> None:
-        self._send(json.dumps(content, allow_nan=False), binary=False)
+        """Send the panel a message; a later one with the same first key replaces it."""
+        self._post(Key((), next(iter(content))), json.dumps(content, allow_nan=False))
 
-    def draw(self, data: bytes) -> None:
-        self._send(data, binary=True)
+    def draw(self, key: Key, data: bytes) -> None:
+        """Send the scene a drawing command."""
+        self._post(key, data)
 
-    def _send(self, data: str | bytes, binary: bool) -> None:
-        try:
-            sent = self.write_message(data, binary)
-        except tornado.websocket.WebSocketClosedError:
-            self._server.closed(self)
-        else:
-            sent.add_done_callback(lambda future: future.exception())  # a tab closed while it came
+    def hang_up(self) -> None:
+        """Close the connection; a browser that does not read gets no farewell."""
+        connection, sending = self.ws_connection, self._sending
+        self.close(1001, "spacearm has ended")
+        if sending and not sending.done():
+            sending.cancel()
+            if connection and connection.stream:
+                connection.stream.close()
 
+    def _post(self, key: Key, message: str | bytes) -> None:
+        self._outbox.put(key, message)
+        if self._sending is None or self._sending.done():
+            self._sending = asyncio.ensure_future(self._send())
 
-def _listen(port: int | None) -> socket.socket:
-    """Open a socket on the port asked for, or on the first free one of spacearm's range."""
-    for candidate in range(FIRST_PORT, LAST_PORT) if port is None else [port]:
-        listener = socket.socket()
-        try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((LOOPBACK, candidate))
-            listener.listen(128)
-            listener.setblocking(False)
-        except (OSError, OverflowError):
-            listener.close()
-        else:
-            return listener
-    asked = f"every port from {FIRST_PORT} to {LAST_PORT}" if port is None else f"port {port}"
-    raise SpaceArmError(f"{asked} of {LOOPBACK} is in use or not allowed; give another with port=")
+    async def _send(self) -> None:
+        """Send what waits, each message when the one before is on its way."""
+        gone = (tornado.websocket.WebSocketClosedError, tornado.iostream.StreamClosedError)
+        with suppress(*gone):  # a tab that is closed tells the server by on_close
+            while (message := self._outbox.take()) is not None:
+                await self.write_message(message, isinstance(message, bytes))

@@ -14,7 +14,7 @@ from spacearm.arrays import Array
 from spacearm.description.boxes import solid_box
 from spacearm.description.meshes import read_mesh
 from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unusable
-from spacearm.errors import ModelError, warn
+from spacearm.errors import ModelError, listed, warn
 from spacearm.model.arm import SpaceArm
 
 GREY = (0.75, 0.78, 0.82, 1.0)
@@ -55,7 +55,7 @@ def shapes(arm: SpaceArm) -> list[DrawnShape]:
     for leader, lump in bare.items():
         drawn += _plain_body(arm, leader, lump)
     if without := [leader for leader, lump in bare.items() if not any(map(visuals.get, lump))]:
-        warn(f"{arm.path}: no visuals for {', '.join(without)}: drawn as plain bodies")
+        warn(f"{arm.path}: no visuals for {listed(without)}: drawn as plain bodies")
     return drawn
 
 

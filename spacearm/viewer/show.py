@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -86,7 +87,9 @@ def _start(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Conf
 
 def _posture(cfg: Configuration, motion: Motion | None = None) -> Viewer:
     """Show a configuration, and the motion that begins there."""
-    from spacearm.viewer.viewer import Viewer  # imports meshcat
+    with warnings.catch_warnings():  # meshcat imports what pyzmq deprecates
+        warnings.simplefilter("ignore", DeprecationWarning)
+        from spacearm.viewer.viewer import Viewer
 
     return Viewer(cfg, motion)
 

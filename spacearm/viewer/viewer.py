@@ -154,11 +154,11 @@ class Viewer:
 
     @property
     def url(self) -> str | None:
-        """Address of the page; None while it is not served."""
+        """Address of the page, with the token that opens it; None while it is not served."""
         return self._server.url if self._server else None
 
     def serve(self, port: int | None = None) -> str:
-        """Serve the page on 127.0.0.1.
+        """Serve the page on 127.0.0.1, to those who have its address: there is a token in it.
 
         Args:
             port: The port; the first free one from 7400 on if None.
@@ -169,13 +169,16 @@ class Viewer:
         Raises:
             SpaceArmError: The port is in use.
         """
-        if self._server is None:
-            self._server = Server(self, port)
-        return self._server.url
+        return self._served(port).url
 
     def open(self, port: int | None = None) -> None:
         """Serve the page and open it in the browser; arguments and errors as for `serve`."""
-        webbrowser.open(self.serve(port))
+        webbrowser.open(self._served(port).invitation())
+
+    def _served(self, port: int | None) -> Server:
+        if self._server is None:
+            self._server = Server(self, port)
+        return self._server
 
     def close(self) -> None:
         """End the server and free its port; files and pictures can still be made."""

@@ -17,6 +17,8 @@ import umsgpack
 from meshcat.servers.tree import SceneTree, find_node, walk
 from meshcat.servers.zmqserver import VIEWER_ROOT
 
+from spacearm.viewer.outbox import DELETE, Key
+
 VIEWER_SCRIPT = Path(VIEWER_ROOT) / "main.min.js"
 PAGE = Path(__file__).parent / "page"
 
@@ -25,14 +27,14 @@ class Window:
     """The drawing commands of a scene that are still valid, each passed on to the listeners.
 
     Attributes:
-        listeners: Functions that are called with every command, packed.
+        listeners: Functions that are called with every command: what it is about, and it, packed.
         recorder: If set, it takes the commands in place of the window.
     """
 
     def __init__(self) -> None:
         self._tree = SceneTree()
         self._lock = threading.RLock()
-        self.listeners: list[Callable[[bytes], None]] = []
+        self.listeners: list[Callable[[Key, bytes], None]] = []
         self.recorder: Callable[[dict[str, Any]], None] | None = None
 
     def send(self, command: Any) -> None:
@@ -44,7 +46,7 @@ class Window:
         kind, path = content["type"], [part for part in content["path"].split("/") if part]
         data = umsgpack.packb(content)
         with self._lock:
-            if kind == "delete":
+            if kind == DELETE:
                 find_node(self._tree, path[:-1]).pop(path[-1], None)
             else:
                 node = find_node(self._tree, path)
@@ -53,8 +55,9 @@ class Window:
                     node.properties.append((content["property"], data))
                 else:
                     setattr(node, kind.removeprefix("set_"), data)
+            key = Key(tuple(path), content.get("property", kind))
             for listener in self.listeners:
-                listener(data)
+                listener(key, data)
 
     def commands(self) -> list[bytes]:
         """Return the commands that draw the present scene."""

@@ -2,6 +2,7 @@
 
 import time
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
@@ -314,3 +315,48 @@ def test_loading_is_quiet_on_a_sound_file(capfd):
         warnings.simplefilter("error")
         load_text(robot(*two_links()))
     assert capfd.readouterr() == ("", "")
+
+
+def chained(count, kind):
+    """A robot with many frames in a row or side by side, or with joints that follow one another."""
+    parts = [link("bus", 50.0), link("arm"), joint("e0", "bus", "arm")]
+    for i in range(1, count):
+        if kind == "mimics":
+            follows = f'{LIMIT}<mimic joint="e{i - 1}"/>'
+            parts += [link(f"m{i}", 1.0), joint(f"e{i}", "bus", f"m{i}", inside=follows)]
+        else:
+            before = f"f{i - 1}" if i > 1 and kind == "row" else "arm"
+            parts += [frame(f"f{i}"), joint(f"j{i}", before, f"f{i}", "fixed")]
+    return robot(*parts)
+
+
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["row", "beside", "mimics"])
+def test_loading_takes_no_more_than_its_share_for_ten_times_the_links(tmp_path, kind):
+    """Ten times as long, a little of it squared in Pinocchio; squared it would be a hundred."""
+    took = []
+    for count in (300, 3000):
+        path = tmp_path / f"{count}.urdf"
+        path.write_text(chained(count, kind))
+        begun = time.process_time()
+        with suppress(sa.ModelError):  # so many could be the tip, or so many follow one
+            sa.load(path)
+        took.append(time.process_time() - begun)
+    assert took[1] < 40 * took[0]
+
+
+def test_more_links_than_a_robot_has_are_refused(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(*(f'<link name="l{i}"/>' for i in range(10_001))))
+    with pytest.raises(sa.ModelError, match=r"has 10,001 links; give at most 10,000"):
+        sa.load(path)
+
+
+def test_errors_list_no_more_than_ten_names(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(*(link(f"l{i}") for i in range(2000))))
+    with pytest.raises(sa.ModelError, match=r"has 2000 root links \(l0, .* and 1,990 more\)"):
+        sa.load(path)

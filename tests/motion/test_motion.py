@@ -1,6 +1,7 @@
 """Motion: the base of all that moves, between its samples, in files, as labelled and plain data."""
 
 import json
+import zipfile
 from types import SimpleNamespace
 
 import numpy as np
@@ -270,3 +271,11 @@ def test_bad_motions_are_refused(change, message):
         sa.Motion.of(SimpleNamespace(**{**vars(two_samples()), **change}))
     with pytest.raises(sa.ConfigurationError, match="a dict cannot be played"):
         sa.Motion.of({})
+
+
+@pytest.mark.parametrize("name", ["t", "kind", "joints", "x"])
+def test_a_file_with_a_member_that_is_no_array(tmp_path, name):
+    with zipfile.ZipFile(tmp_path / "m.npz", "w") as archive:
+        archive.writestr(name, b"no array")
+    with pytest.raises(sa.ConfigurationError, match="is no array"):
+        sa.Motion.load(tmp_path / "m.npz", sa.load("planar2"))

@@ -2,10 +2,13 @@
 
 import json
 import os
+import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 from helpers.sweeps import STUDY, files, run, start, wait_for_chunks
@@ -175,6 +178,48 @@ def test_no_scheduler(tmp_path, monkeypatch):
     with pytest.raises(sa.UnsupportedError, match=r"spacearm\[cluster\]"):
         connect("tcp://127.0.0.1:9")
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 50, None])
+def test_something_else_that_listens_is_no_scheduler(said, monkeypatch):
+    """It says nothing, or something else, or hangs up."""
+    monkeypatch.setattr("spacearm.sweeps.dask.PATIENCE", 1)
+    kept = []
+
+    def accept(listener):
+        with suppress(OSError):
+            while True:
+                kept.append(listener.accept()[0])
+                kept[-1].close() if said is None else kept[-1].sendall(said)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=accept, args=(listener,), daemon=True).start()
+        begun = time.monotonic()
+        with pytest.raises(sa.StoreError, match="no Dask scheduler at"):
+            connect(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
+        assert time.monotonic() - begun < 15
+        listener.shutdown(socket.SHUT_RDWR)
+    for link in kept:
+        link.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_scheduler_that_is_lost_costs_one_line(tmp_path, how):
+    (tmp_path / "study.toml").write_text(STUDY.replace("80_000", "80_000_000"))
+    dask, store = Dask(tmp_path), tmp_path / "s.zarr"
+    try:
+        process = start(tmp_path / "study.toml", store, "--scheduler", dask.address)
+        wait_for_chunks(store)
+        dask.scheduler.send_signal(how)
+        _, err = process.communicate(timeout=200)
+        assert process.returncode == 2
+        assert err.count("\n") == 1
+        assert "the cluster's scheduler is lost" in err
+    finally:
+        for each in dask:
+            each.kill()
+            each.wait()
 
 
 def test_a_wrong_address_leaves_nothing_behind(tmp_path):

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from hostile import FaultError
 from hostile_files import TINY, Here
-from mutations import HOSTILE, mutated, urdf_sources
+from mutations import HOSTILE, mutated, renamed, urdf_sources
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -73,6 +73,8 @@ def commands(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
             words[at : at + 1] = [] if kind == 2 else [words[at], words[at]]
     sources = urdf_sources() if rng.random() < 0.5 else PLAIN
     source = sources[rng.integers(len(sources))].read_text(encoding="utf-8")
+    if rng.random() < 0.3:
+        source = renamed(source, rng)
     Path("robot.urdf").write_bytes(mutated(source, rng) if rng.random() < 0.5 else source.encode())
     Path("study.toml").write_text(TINY, encoding="utf-8")
     Path("path.txt").write_bytes(b"0 1\n1 2\n" + rng.bytes(rng.integers(0, 3)))
@@ -84,6 +86,8 @@ def commands(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
     lines = complaint.splitlines()
     if code not in (0, 2) or not all(TEXTS.fullmatch(line) for line in lines):
         raise FaultError(f"{words}: exit code {code}, {said[-200:]!r}, {complaint[-3000:]}")
+    if not all(letter.isprintable() or letter in "\n\t" for letter in said + complaint):
+        raise FaultError(f"{words}: commands the terminal by {said!r}, {complaint!r}")
     if (code == 2) != (sum("error" in line[:16] for line in lines) == 1):
         raise FaultError(f"{words}: exit code {code} with {complaint!r}")
     if code == 0:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
+import zipfile
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import lru_cache
@@ -97,9 +99,15 @@ def stores(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
 
 def _damage(path: Path, other: Path, rng: np.random.Generator) -> None:
     """One file of a store with other bytes, another value, that of a neighbour, or gone."""
-    kind = rng.integers(4)
+    kind = rng.integers(6)
     if kind == 0:
         path.unlink()
+    elif kind == 4:
+        path.unlink()
+        os.mkfifo(path)
+    elif kind == 5:
+        aside = path.parent.rename(f"{path.parent}.aside")
+        path.parent.symlink_to(aside.name)
     elif kind == 1:
         path.write_bytes(other.read_bytes())
     elif kind == 2 and path.suffix == ".json":
@@ -121,7 +129,7 @@ def changed_lines(text: str, rng: np.random.Generator) -> str:
             [key + equals + hostile],
             [f"{key}{equals}{hostile!r}"],
             [] if rng.random() < 0.5 else [lines[at], lines[at]],
-            [re.sub(r"\d+", lambda _: str(10 ** int(rng.integers(0, 12))), lines[at], count=1)],
+            [re.sub(r"\d+", lambda _: str(10 ** int(rng.integers(0, 30))), lines[at], count=1)],
         ][kind]
     return "\n".join(lines)
 
@@ -151,6 +159,9 @@ def trajectories(rng: np.random.Generator, folder: Path, named: set[str]) -> Non
         if rng.random() < 0.1:
             with path.open("wb") as file:
                 np.save(file, rng.normal(size=3))
+    if rng.random() < 0.1:
+        with zipfile.ZipFile(path, "a") as archive:
+            archive.writestr(str(rng.choice(["t", "kind", "joints", "x.npy"])), b"no array")
     run = sa.Trajectory.load(path, arm)
     repr(run), run.to_dict(), run[0], run[-1], run.drift, run.imbalance, run.to_xarray()
     sa.Motion.of(run).at(0.2)

@@ -82,7 +82,7 @@ def messages(rng: np.random.Generator, _: Path, __: set[str]) -> None:
     viewer = sa.view(_moving(arm) if rng.random() < 0.5 else arm, open=False)
     try:
         url = viewer.serve()
-        asyncio.run(_talk(url.replace("http", "ws") + "socket", texts))
+        asyncio.run(_talk(url.replace("http", "ws", 1).replace("/?", "/socket?"), texts))
     finally:
         viewer.close()
         logging.getLogger("tornado.application").removeHandler(handler)

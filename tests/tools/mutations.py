@@ -14,7 +14,8 @@ HOSTILE = (
     "1 2 3 4", "0 0 0", "nan 0 0", "1e200 1e200 1e200", "\u0661", "\u2028", "\U0001f916", "%s%n",
     "../../etc/passwd", "/dev/zero", "file:///etc/passwd", "http://127.0.0.1:9/x", "package://a/b",
     "${1/0}", "$(find x)", "[red]", "'; import os", "a" * 5000, "9" * 5000, "revolute", "prismatic",
-    "fixed", "floating", "continuous", "true",
+    "fixed", "floating", "continuous", "true", "/tmp/absolute", "..", "$a$", "$\\frac{$",
+    "a\x9b31m", "\x85\u202e\x7f", "-o",
 )  # fmt: skip
 
 
@@ -34,6 +35,15 @@ def mutated(text: str, rng: np.random.Generator) -> bytes:
         at = rng.integers(0, len(data) + 1)
         data = data[:at] + rng.bytes(rng.integers(0, 8)) + data[at:]
     return data
+
+
+def renamed(text: str, rng: np.random.Generator) -> str:
+    """URDF text with a hostile name of the robot, of a link or of a joint, wherever it stands."""
+    names = re.findall(r'name="([^"]+)"', text)
+    if not names:
+        return text
+    old = names[0 if rng.random() < 0.5 else rng.integers(len(names))]
+    return text.replace(f'"{old}"', f'"{rng.choice(HOSTILE)}"')
 
 
 def other_numbers(text: str, rng: np.random.Generator) -> str:

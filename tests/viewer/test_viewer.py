@@ -1,6 +1,7 @@
 """The view without a browser: session, server, files, notebooks, odd URDFs."""
 
 import asyncio
+import contextlib
 import http.client
 import json
 import os
@@ -9,8 +10,11 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.request
 import warnings
+from pathlib import Path
 from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +30,7 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer import scene
     from spacearm.viewer import viewer as pages
+    from spacearm.viewer.outbox import DELETE, Key, Outbox
     from spacearm.viewer.session import Session
     from spacearm.viewer.shapes import shapes
 
@@ -160,13 +165,23 @@ def test_a_way_that_is_too_long_is_not_followed(session):
 # --- the server -----------------------------------------------------------------------------
 
 
+def socket_of(url):
+    """Address of the socket of a page."""
+    return url.replace("http", "ws", 1).replace("/?", "/socket?")
+
+
+def port_of(url):
+    return urlsplit(url).port
+
+
 def get(url, path="", **headers):
-    """Status of a GET request."""
-    host, port = url.removeprefix("http://").rstrip("/").split(":")
-    connection = http.client.HTTPConnection(host, int(port), timeout=10)
+    """Status of a GET request; the page itself, with its token, if no path is given."""
+    parts = urlsplit(url)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=10)
     try:
-        connection.request("GET", f"/{path}", headers=headers)
-        return connection.getresponse().status
+        connection.request("GET", f"/{path}?{parts.query}", headers=headers)
+        with connection.getresponse() as answer:
+            return answer.status
     finally:
         connection.close()
 
@@ -179,7 +194,7 @@ async def ended(ws):
 
 async def exchange(url, *messages, answers=1, headers=None):
     """Opens a socket, sends, and returns the JSON messages that come back after the first ones."""
-    request = tornado.httpclient.HTTPRequest(url.replace("http", "ws") + "socket", headers=headers)
+    request = tornado.httpclient.HTTPRequest(socket_of(url), headers=headers)
     ws = await tornado.websocket.websocket_connect(request)
     texts = []
     while "complete" not in (texts[-1] if texts else {}):
@@ -202,7 +217,7 @@ def talk(url, *messages, **options):
 def test_page_and_socket_answer(viewer):
     url = viewer.serve()
     assert url.startswith("http://127.0.0.1:")
-    for name in ("", "index.html", "page.css", "page.js", "scene.js", "meshcat.js"):
+    for name in ("", "page.css", "page.js", "scene.js", "meshcat.js"):
         assert get(url, name) == 200
     (answer,) = talk(url, json.dumps({"do": "joint", "index": 1, "value": -0.1991}))
     assert answer["readout"]["kind"] == "dynamic"
@@ -211,21 +226,28 @@ def test_page_and_socket_answer(viewer):
 @pytest.mark.parametrize("path", ["", "page.js", "socket"])
 def test_other_host_names_are_refused(viewer, path):
     url = viewer.serve()
-    port = url.rstrip("/").rpartition(":")[2]
+    port = port_of(url)
     for host in ("evil.example", f"evil.example:{port}", f"127.0.0.1.evil.example:{port}"):
         assert get(url, path, Host=host) == 403
 
 
 def test_other_origins_are_refused(viewer):
     url = viewer.serve()
-    assert talk(url, "{}", headers={"Origin": url.rstrip("/")})
+    assert talk(url, "{}", headers={"Origin": url.partition("/?")[0]})
     for origin in ("http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"):
         with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
             talk(url, "{}", headers={"Origin": origin})
 
 
 def test_files_outside_the_page_are_not_served(viewer):
-    for path in ("saved.html", "../viewer.py", "%2e%2e/viewer.py", "etc/passwd"):
+    for path in (
+        "saved.html",
+        "ended.html",
+        "index.html",
+        "../viewer.py",
+        "%2e%2e/viewer.py",
+        "etc/passwd",
+    ):
         assert get(viewer.serve(), path) == 404
 
 
@@ -246,7 +268,7 @@ def test_a_thousand_rapid_messages_end_in_the_last_state(viewer):
     start = time.perf_counter()
 
     async def flood():
-        ws = await tornado.websocket.websocket_connect(url.replace("http", "ws") + "socket")
+        ws = await tornado.websocket.websocket_connect(socket_of(url))
         for text in texts:
             await ws.write_message(text)
         while True:
@@ -265,7 +287,7 @@ def test_the_readout_comes_before_the_drawing(viewer):
     url = viewer.serve()
 
     async def kinds():
-        ws = await tornado.websocket.websocket_connect(url.replace("http", "ws") + "socket")
+        ws = await tornado.websocket.websocket_connect(socket_of(url))
         while "complete" not in str(await ws.read_message()):
             pass
         await ws.write_message('{"do": "joint", "index": 0, "value": 0.5}')
@@ -282,7 +304,7 @@ def test_two_tabs_see_the_same(viewer):
     url = viewer.serve()
 
     async def both():
-        ws = await tornado.websocket.websocket_connect(url.replace("http", "ws") + "socket")
+        ws = await tornado.websocket.websocket_connect(socket_of(url))
         await exchange(url, '{"do": "home"}')
         while True:
             message = await asyncio.wait_for(ws.read_message(), 10)
@@ -294,7 +316,7 @@ def test_two_tabs_see_the_same(viewer):
 
 
 def test_only_loopback_is_bound(viewer):
-    port = int(viewer.serve().rstrip("/").rpartition(":")[2])
+    port = port_of(viewer.serve())
     with socket.socket() as everywhere:  # free on other addresses, so it can be bound there
         everywhere.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         everywhere.bind(("127.0.0.2", port))
@@ -303,7 +325,7 @@ def test_only_loopback_is_bound(viewer):
 
 
 def test_closing_frees_the_port_and_a_port_in_use_is_named(viewer):
-    port = int(viewer.serve().rstrip("/").rpartition(":")[2])
+    port = port_of(viewer.serve())
     other = sa.view(sa.load("planar2"), open=False)
     with pytest.raises(sa.SpaceArmError, match=f"port {port} of 127.0.0.1 is in use"):
         other.serve(port)
@@ -316,6 +338,129 @@ def test_closing_frees_the_port_and_a_port_in_use_is_named(viewer):
     other.close()
     assert str(port) in other.serve(port)
     other.close()
+
+
+# --- who gets in, and what they can take ------------------------------------------------------
+
+
+@pytest.mark.parametrize("query", ["", "?token=", "?token=guess", "?token=%ff", "?token=ü"])
+def test_whoever_lacks_the_token_gets_neither_page_nor_socket(viewer, query, capfd):
+    port = port_of(viewer.serve())
+    url = f"http://127.0.0.1:{port}/{query}".encode("ascii", "replace").decode()
+    assert get(url) in (400, 403)
+    with pytest.raises(tornado.httpclient.HTTPClientError, match=r"40[03]"):
+        talk(url if query else f"{url}?", "{}")
+    assert not capfd.readouterr().err
+
+
+def test_each_server_has_a_token_of_its_own(viewer):
+    first = viewer.serve()
+    assert viewer.serve() == first
+    viewer.close()
+    port = port_of(first)
+    other = sa.view(sa.load("planar3"), open=False)
+    second = other.serve(port)
+    try:
+        assert port_of(second) == port
+        assert second != first
+        assert get(first) == 403
+        assert get(second) == 200
+        with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+            talk(first, "{}")
+    finally:
+        other.close()
+
+
+def test_the_address_that_the_browser_is_started_with_leads_in_once(viewer, monkeypatch):
+    """Other users see it in the list of processes."""
+    opened = []
+    monkeypatch.setattr(pages.webbrowser, "open", opened.append)
+    viewer.open()
+    (ticket,) = opened
+    assert urlsplit(viewer.url).query not in ticket
+    with urllib.request.urlopen(ticket, timeout=10) as answer:
+        assert answer.url == viewer.url
+        assert answer.status == 200
+    assert get(ticket) == 403
+    with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+        talk(ticket, "{}")
+
+
+def test_an_outbox_keeps_the_latest_of_each_kind():
+    box, node = Outbox(), ("spacearm", "shells", "0")
+    for i in range(1000):
+        box.put(Key((), "readout"), f"readout {i}")
+        box.put(Key(node, "set_transform"), b"%d" % i)
+        box.put(Key(node, "visible"), b"visible %d" % i)
+    assert len(box) == 3
+    box.put(Key(node[:2], DELETE), b"gone")
+    box.put(Key(node, "set_object"), b"again")
+    taken = [box.take() for _ in range(4)]
+    assert taken == ["readout 999", b"gone", b"again", None]
+
+
+def resident():
+    """Memory of this process [MB]."""
+    with Path("/proc/self/statm").open() as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_browser_that_does_not_read_costs_no_memory(viewer):
+    url = viewer.serve()
+    parts = urlsplit(url)
+    with socket.create_connection((parts.hostname, parts.port)) as deaf:
+        deaf.sendall(
+            f"GET /socket?{parts.query} HTTP/1.1\r\nHost: {parts.netloc}\r\nUpgrade: websocket\r\n"
+            "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+            "Sec-WebSocket-Version: 13\r\n\r\n".encode()
+        )
+        time.sleep(0.5)
+        (browser,) = viewer._server._browsers
+        before = resident()
+        for i in range(400):
+            viewer.shells(np.linspace(1, 2, 30) + 1e-4 * i)
+        time.sleep(1)
+        assert len(browser._outbox) < 2 * len(viewer.window.commands()) + 10
+        assert resident() - before < 30
+        (answer,) = talk(url, '{"do": "home"}')  # others are served
+        assert "readout" in answer
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_large_bodies_are_refused_before_they_are_read(viewer, capfd):
+    parts, before = urlsplit(viewer.serve()), resident()
+    block = b"x" * 2**20
+    with contextlib.ExitStack() as stack:
+        for _ in range(5):
+            link = stack.enter_context(socket.create_connection((parts.hostname, parts.port)))
+            link.settimeout(5)
+            head = f"POST /?{parts.query} HTTP/1.1\r\nHost: {parts.netloc}\r\n"
+            link.sendall(f"{head}Content-Length: 90000000\r\n\r\n".encode())
+            with contextlib.suppress(OSError):
+                for _ in range(20):
+                    link.sendall(block)
+        time.sleep(0.5)
+        assert resident() - before < 30
+    assert get(viewer.url) == 200
+    assert not capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "request_line",
+    [b"GET /\x9b31m\x1b[2J HTTP/1.1", b"GET /%9b%1b?token=\x9b HTTP/1.1", b"\x9b \x9b \x9b",
+     b"GET /socket?token=\x1b]0;x HTTP/1.1", b"POST / HTTP/1.1", b"GET /?ticket=%ff HTTP/1.1"],
+)  # fmt: skip
+def test_what_others_ask_for_is_not_written_to_the_terminal(viewer, request_line, capfd):
+    parts = urlsplit(viewer.serve())
+    for host in (parts.netloc, "\x9b31m", "evil.example"):
+        with socket.create_connection((parts.hostname, parts.port)) as link:
+            link.sendall(request_line + b"\r\nHost: " + host.encode("latin-1") + b"\r\n\r\n")
+            link.settimeout(10)
+            with contextlib.suppress(OSError):
+                link.recv(4096)
+    assert capfd.readouterr() == ("", "")
+    assert get(viewer.url) == 200
 
 
 @pytest.mark.slow
@@ -332,8 +477,9 @@ def test_ctrl_c_ends_the_command_and_leaves_nothing():
         # children of a script's background jobs are born deaf to Ctrl-C
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    assert f"http://127.0.0.1:{port}/" in run.stdout.readline()
-    assert get(f"http://127.0.0.1:{port}/") == 200
+    line = run.stdout.readline()
+    assert f"http://127.0.0.1:{port}/?token=" in line
+    assert get(line.split()[1]) == 200
     run.send_signal(signal.SIGINT)
     _, errors = run.communicate(timeout=60)
     assert run.returncode == 0

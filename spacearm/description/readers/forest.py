@@ -13,6 +13,7 @@ from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.readers.xml import Source
 from spacearm.description.tree import Tree
 from spacearm.description.visuals import Visuals
+from spacearm.errors import listed
 
 SAME_FRAME = 1e-15
 """Distance [m] and turn [rad] up to which two frames are one."""
@@ -103,7 +104,7 @@ class Forest:
                 )
         reached = {link for root in self.roots() for link in self.tree("", root).links}
         if stray := [link for link in self.links if link not in reached]:
-            source.fail(f"links {', '.join(stray)} form a loop", "cut it at one joint")
+            source.fail(f"links {listed(stray)} form a loop", "cut it at one joint")
 
     def roots(self) -> list[str]:
         """Return the links without a parent."""
@@ -150,13 +151,13 @@ class Forest:
             alike = [t.root for t in trees if freedoms(t) == freedoms(trees[0])]
             source.fail(
                 f"holds {len(alike)} robots of {freedoms(trees[0])} joints each, whose roots are "
-                f"{', '.join(alike)}",
+                f"{listed(alike)}",
                 "keep one of them, or join them to one spacecraft",
             )
         if others := [tree.root for tree in trees[1:]]:
             source.warn(
                 f"{trees[0].root} is taken as the root of the robot; left out, as not fixed to "
-                f"it: {', '.join(others)}"
+                f"it: {listed(others)}"
             )
         return trees[0]
 

@@ -11,6 +11,7 @@ from lxml import etree
 from spacearm.arrays import LARGEST
 from spacearm.description.bodies import Joint
 from spacearm.description.readers.xml import Source, describe
+from spacearm.errors import listed
 
 INFINITE = ("", "inf", "infinity", ".inf")
 MANY_TURNS = 30.0
@@ -97,7 +98,7 @@ def warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, J
     kinds = ("revolute", "prismatic")
     free = [j.name for j in joints.values() if j.kind in kinds and _endless(j)]
     if free:
-        source.warn(f"no limits on {', '.join(free)}: taken as unlimited")
+        source.warn(f"no limits on {listed(free)}: taken as unlimited")
     turning = [
         name
         for name, limit in given.items()
@@ -105,7 +106,7 @@ def warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, J
         if name in joints and joints[name].kind == "continuous" and joints[name].mimic is None
     ]
     if turning:
-        source.note(f"limits of {', '.join(turning)} do not count, as for all continuous joints")
+        source.note(f"limits of {listed(turning)} do not count, as for all continuous joints")
     for end, what in (("velocity", "rate"), ("effort", "effort")):
         zero = [
             name
@@ -115,14 +116,14 @@ def warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, J
             if limit.get(end, "").strip().lower().lstrip("+-") not in INFINITE
         ]
         if zero:
-            source.note(f"{what} limit of {', '.join(zero)} is zero or endless: taken as none")
+            source.note(f"{what} limit of {listed(zero)} is zero or endless: taken as none")
     far = [
         j.name
         for j in joints.values()
         if j.kind == "revolute" and any(MANY_TURNS < abs(x) < math.inf for x in (j.lower, j.upper))
     ]
     if far:
-        source.warn(f"limits of {', '.join(far)} look like degrees, and are taken as radians")
+        source.warn(f"limits of {listed(far)} look like degrees, and are taken as radians")
 
 
 def _endless(joint: Joint) -> bool:

@@ -24,7 +24,7 @@ from spacearm.description.readers.reading import Reading
 from spacearm.description.readers.urdf_visuals import read_visuals
 from spacearm.description.readers.xml import Source, describe
 from spacearm.description.tree import Tree
-from spacearm.errors import unknown
+from spacearm.errors import listed, unknown
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 FLOATING = ("floating", "planar")
@@ -180,14 +180,18 @@ def _root(source: Source, links: Collection[str], joints: Mapping[str, Joint]) -
     roots = [link for link in links if link not in into]
     if len(roots) > 1:
         source.fail(
-            f"has {len(roots)} root links ({', '.join(roots)})",
+            f"has {len(roots)} root links ({listed(roots)})",
             "join them to one spacecraft by fixed joints",
         )
-    reached = set(roots)
-    while more := {j.child for j in joints.values() if j.parent in reached} - reached:
-        reached |= more
+    children: dict[str, list[str]] = {link: [] for link in links}
+    for joint in joints.values():
+        children[joint.parent].append(joint.child)
+    reached, waiting = set(roots), list(roots)
+    while waiting:
+        waiting += (more := children[waiting.pop()])
+        reached.update(more)
     if stray := [link for link in links if link not in reached]:
-        source.fail(f"links {', '.join(stray)} form a loop", "cut it at one joint")
+        source.fail(f"links {listed(stray)} form a loop", "cut it at one joint")
     return roots[0]
 
 

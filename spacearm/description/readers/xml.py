@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import LARGEST, MOST_LINKS, Array
 from spacearm.description.readers.arithmetic import evaluate, split
 from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.reading import Reading
@@ -102,6 +102,8 @@ class Source:
     def named(self, robot: etree._Element, tag: str) -> dict[str, etree._Element]:
         """Return the children with this tag by their names, which must exist and be unique."""
         elements: dict[str, etree._Element] = {}
+        if (found := len(robot.findall(tag))) > MOST_LINKS:
+            self.fail(f"has {found:,} {tag}s", f"give at most {MOST_LINKS:,}")
         for element in robot.findall(tag):
             name = element.get("name")
             if not name:

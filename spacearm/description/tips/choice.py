@@ -19,7 +19,7 @@ from spacearm.description.tips.held import leader
 from spacearm.description.tips.names import is_hand, is_wheel, measures, shared, tip_rank
 from spacearm.description.tips.srdf import named_tips
 from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
 
 MOST_JOINTS = 300
 """Largest number of movable joints among which a tip is looked for."""
@@ -89,7 +89,7 @@ def only_tip(tips: Sequence[str], robot: str) -> str:
     """
     if len(tips) > 1:
         raise UnsupportedError(
-            f"{robot} has the tips {', '.join(tips)}, and what was asked for is about one: choose "
+            f"{robot} has the tips {listed(tips)}, and what was asked for is about one: choose "
             f"it with arm.replace(tip={tips[0]!r})"
         )
     return tips[0]
@@ -102,7 +102,7 @@ def _check(tree: Tree, link: str) -> None:
     if not movable(tree, link):
         raise ConfigurationError(
             f"tip {link!r} is part of the spacecraft; choose a link behind a movable joint: "
-            f"{', '.join(link for link in tree.links if movable(tree, link))}"
+            f"{listed([link for link in tree.links if movable(tree, link)])}"
         )
 
 
@@ -127,7 +127,7 @@ def _found(tree: Tree, path: Path) -> Tips:
     if not candidates:
         wheels = [joint.name for joint in tree.leading()]
         raise ModelError(
-            f"{path}: nothing moves but wheels ({', '.join(wheels)}); an arm needs a joint; if one "
+            f"{path}: nothing moves but wheels ({listed(wheels)}); an arm needs a joint; if one "
             f"of them is an arm's, name its link: tip={tree.joints[wheels[0]].child!r}"
         )
     most = max(candidate.joints for candidate in candidates)
@@ -142,10 +142,10 @@ def _found(tree: Tree, path: Path) -> Tips:
         and c.link not in links
         and not any(_same_arm(tree, c.link, link) for link in links)
     ]
-    rest = f"; other arms end in {', '.join(dict.fromkeys(others))}" if others else ""
+    rest = f"; other arms end in {listed(dict.fromkeys(others))}" if others else ""
     if len(best) > 1:
         raise ModelError(
-            f"{path}: {len(links)} links could be the tip: {', '.join(links)}; choose one with "
+            f"{path}: {len(links)} links could be the tip: {listed(links)}; choose one with "
             f"tip={links[0]!r} (command line: --tip {links[0]}), or several with "
             f"tip=({links[0]!r}, {links[1]!r}){rest}"
         )

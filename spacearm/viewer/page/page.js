@@ -31,7 +31,7 @@ function flush() {
 }
 
 function connect() {
-  socket = new WebSocket(`ws://${location.host}/socket`);
+  socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
   socket.binaryType = "arraybuffer";
   socket.addEventListener("message", ({ data }) => {
     if (typeof data === "string") receive(JSON.parse(data));
@@ -40,8 +40,19 @@ function connect() {
   socket.addEventListener("close", () => {
     underWay = 0;
     setKind("disconnected", "");
-    setTimeout(connect, 1000);
+    setTimeout(reconnect, 1000);
   });
+}
+
+/* Another server may have taken the port: it does not know this page's token, and says so. */
+async function reconnect() {
+  try {
+    const { status } = await fetch(location.href, { cache: "no-store" });
+    if (status === 403) location.reload();
+    else connect();
+  } catch {
+    setTimeout(reconnect, 1000);
+  }
 }
 
 function receive(message) {
