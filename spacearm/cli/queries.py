@@ -29,10 +29,12 @@ from spacearm.cli.output import (
 )
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.singularities.report import RANK_TOLERANCE, SingularityReport, singularity
+from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport, singularity
 
 ROUNDING = 1e-9
 """Tolerance of a joint limit [rad], for values entered in degrees."""
+LED = 0.2
+"""Joints whose share of the way out is below this are not named."""
 STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
@@ -45,15 +47,26 @@ def report_singularity(
     attitude: Attitude = (0.0, 0.0, 0.0),
     mode: SpacecraftMode = Spacecraft.FREE,
     tolerance: Annotated[
-        float,
-        typer.Option(help="Singular values up to this share of the largest one count as zero."),
-    ] = RANK_TOLERANCE,
+        float | None,
+        typer.Option(
+            help="Distance to the singular set up to which a posture is singular [rad], with --deg "
+            f"in degrees; {TOLERANCE:g} rad if not given.",
+            show_default=False,
+        ),
+    ] = None,
+    first_order: Annotated[
+        bool,
+        typer.Option(
+            "--first-order", help="Estimate the distance only: do not find the nearest posture."
+        ),
+    ] = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Report whether a configuration is singular, and which directions are lost."""
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
-    report = singularity(cfg, mode=mode.value, tolerance=tolerance)
+    within = TOLERANCE if tolerance is None else np.radians(tolerance) if deg else tolerance
+    report = singularity(cfg, mode=mode.value, tolerance=float(within), exact=not first_order)
     if as_json:
         return print_json(report.to_dict())
     _print(report, deg)
@@ -63,28 +76,51 @@ def _radius(cfg: Configuration) -> float:
     return float(np.linalg.norm(cfg.tip.translation - cfg.com))
 
 
+def _way_out(report: SingularityReport) -> str:
+    """Return the joints that lead away from the nearest singular posture, the best first."""
+    arm, shares = report.configuration.arm, report.away / report.radian
+    joints = [j for j in np.argsort(-np.abs(shares)) if abs(shares[j]) >= LED]
+    steps = np.radians(report.away)
+    return ", ".join(
+        f"{arm.joint_names[j]} {1e3 * steps[j]:+.3g} mm"
+        if arm.slides[j]
+        else f"{arm.joint_names[j]} {np.degrees(steps[j]):+.2g}°"
+        for j in joints
+    )
+
+
 def _print(report: SingularityReport, deg: bool) -> None:
     cfg = report.configuration
     arm, task = cfg.arm, cfg.arm.task
     k = task.k
-    verdict = report.kind if report.rank == k else f"{report.kind} singularity"
     lost = "" if report.rank == k else f", {k - report.rank} of {k} directions lost"
     out.print(
-        Text.assemble((arm.name, "bold"), f", {report.mode}: ", (verdict, STYLE[report.kind]), lost)
+        Text.assemble(
+            (arm.name, "bold"),
+            f", {report.mode}: ",
+            (report.verdict, STYLE[report.kind]),
+            lost,
+        )
     )
+    if way := _way_out(report):
+        out.print(f"To get away, per degree: {way}")
+    out.print(IN_WORDS, style="dim")
 
     heading("Posture")
-    joints = table("joint", "q", "dsigma_min/dq", "")
+    joints = table("joint", "q", *(["nearest singular"] if report.nearest is not None else []), "")
     inside = (arm.lower - ROUNDING <= cfg.q) & (cfg.q <= arm.upper + ROUNDING)
-    for name, q, slope, sound in zip(arm.joint_names, cfg.q, report.gradient, inside, strict=True):
-        value = joint_value(q, arm.tree.joints[name].kind, deg)
-        joints.add_row(name, value, number(slope, 4), "" if sound else "outside its limits")
+    for j, name in enumerate(arm.joint_names):
+        postures = (cfg.q,) if report.nearest is None else (cfg.q, report.nearest)
+        values = (joint_value(q[j], arm.tree.joints[name].kind, deg) for q in postures)
+        joints.add_row(name, *values, "" if inside[j] else "outside its limits")
     out.print(joints)
 
     heading("Tip")
     facts = table("", "")
     facts.add_row("position, inertial frame", f"{vector(cfg.tip.translation)} m")
     facts.add_row("distance R from the system CM", f"{number(_radius(cfg))} m")
+    if report.sigma_min <= report.error:
+        facts.add_row("sigma_min may be zero", f"rounding errors are up to {number(report.error)}")
     facts.add_row("sigma_min", f"{number(report.sigma_min)} {arm.sigma_unit}")
     facts.add_row("condition", number(report.condition))
     facts.add_row("manipulability", number(report.manipulability))
