@@ -107,12 +107,14 @@ def _print(report: SingularityReport, deg: bool) -> None:
     out.print(IN_WORDS, style="dim")
 
     heading("Posture")
-    joints = table("joint", "q", *(["nearest singular"] if report.nearest is not None else []), "")
+    nearest = [] if report.nearest is None else ["nearest singular"]
+    joints = table("joint", "q", *nearest, "dsigma_min/dq", "")
     inside = (arm.lower - ROUNDING <= cfg.q) & (cfg.q <= arm.upper + ROUNDING)
     for j, name in enumerate(arm.joint_names):
         postures = (cfg.q,) if report.nearest is None else (cfg.q, report.nearest)
         values = (joint_value(q[j], arm.tree.joints[name].kind, deg) for q in postures)
-        joints.add_row(name, *values, "" if inside[j] else "outside its limits")
+        slope, sound = number(report.gradient[j], 4), inside[j]
+        joints.add_row(name, *values, slope, "" if sound else "outside its limits")
     out.print(joints)
 
     heading("Tip")

@@ -94,7 +94,7 @@ def distances(
     q: Numbers,
     values: Numbers,
 ) -> None:
-    """Compute distance to the singular set, gradient of sigma_min and way out.
+    """Compute the distance to the singular set and the way out.
 
     Args:
         b: The arm.
@@ -104,11 +104,11 @@ def distances(
         scale: (k,) their factors.
         radian: (n,) what counts as a radian of each joint.
         q: (N, m) joint positions [rad] or [m].
-        values: (1 + 2 n, m) receives distance, gradient and away.
+        values: (1 + n, m) receives distance and away.
     """
     m, n = q.shape[1], len(radian)
     w = work(q.shape[0], n)
-    A, x, v = np.empty((n, 6, LANES)), np.empty(1, BIDIAGONAL), np.empty((1 + 2 * n, LANES))
+    A, x, v = np.empty((n, 6, LANES)), np.empty(1, BIDIAGONAL), np.empty((1 + n, LANES))
     d = Nearness(
         vectors=Vectors(
             z=np.empty((6, LANES)),
@@ -132,7 +132,7 @@ def distances(
         fill(w, q, first)
         generalized_jacobian(b, tip, E, w)
         distance(b, tip, rows, scale, radian, w, A, x[0], d, v)
-        for i in range(1 + 2 * n):
+        for i in range(1 + n):
             for l in range(min(LANES, m - first)):
                 values[i, first + l] = v[i, l]
 

@@ -1,4 +1,7 @@
-"""Distance to the singular set to first order, the compiled twin of `mechanics.nearness`."""
+"""Distance to the singular set to first order, the compiled twin of `mechanics.nearness`.
+
+The columns of J are taken per radian, so that sliding joints are measured as turning ones are.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,7 @@ def distance(
     d: Nearness,
     values: Lanes,
 ) -> None:
-    """Compute distance, gradient of sigma_min and the way out; arguments as in `measures.measure`.
+    """Compute the distance and the way out.
 
     Args:
         b: The arm.
@@ -63,11 +66,11 @@ def distance(
         A: (n, 6, lanes) scratch.
         x: Scratch.
         d: Scratch.
-        values: (1 + 2 n, lanes) receives distance, gradient, away.
+        values: (1 + n, lanes) receives distance and away.
     """
     n, k, lanes = w.J.shape[0], len(rows), values.shape[1]
     if n < k:
-        for j in range(1 + 2 * n):
+        for j in range(1 + n):
             for l in range(lanes):
                 values[j, l] = 0.0 * w.J[0, 0, l]  # NaN stays NaN
         return
@@ -77,8 +80,8 @@ def distance(
     for j in range(n):
         for i in range(k):
             for l in range(lanes):
-                A[j, i, l] = scale[i] * w.J[j, rows[i], l]
-                norm[l] += (radian[j] * A[j, i, l]) ** 2
+                A[j, i, l] = scale[i] * radian[j] * w.J[j, rows[i], l]
+                norm[l] += A[j, i, l] * A[j, i, l]
     for l in range(lanes):
         norm[l] = math.sqrt(norm[l])
     bidiagonalise(A, k, d.t[:2], x)
@@ -94,10 +97,10 @@ def distance(
                 for l in range(lanes):
                     d.vectors.y[j, l] = 1.0 if j == k - 1 + r else 0.0
         back_from_left(A, k, d.vectors)
+        for j in range(n):
+            for l in range(lanes):
+                d.vectors.y[j, l] *= radian[j]
         slopes(b, tip, w, d.slopes, d.vectors.y, d.L[r])
-    for j in range(n):
-        for l in range(lanes):
-            values[1 + j, l] = d.L[0, j, l]
     way_out(n - k + 1, radian, d, norm, sigma, values)
 
 
@@ -113,7 +116,7 @@ def way_out(
         d: Work arrays that hold L.
         norm: (lanes,) norm of J per radian.
         sigma: (lanes,) sigma_min.
-        values: (1 + 2 n, lanes) receives distance and away, at its ends.
+        values: (1 + n, lanes) receives distance and away.
     """
     n, lanes = len(radian), norm.shape[0]
     for r in range(rows):
@@ -142,7 +145,7 @@ def way_out(
                 values[0, l] = sigma[l] / length[l] if sound and none > 0.0 else none
     for j in range(n):
         for l in range(lanes):
-            values[1 + n + j, l] = radian[j] * d.L[0, j, l]
+            values[1 + j, l] = radian[j] * d.L[0, j, l]
 
 
 @step

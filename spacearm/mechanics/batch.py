@@ -66,18 +66,17 @@ def evaluate(
             (product of the singular values), "condition" (largest over least), "determinant"
             (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
             (R of equation (43), distance of the tip from the system CM [m]); and, not by default
-            because they take the derivative of J*, "distance" (to first order, to the singular set
-            [rad]), "gradient" (derivative of sigma_min by the joints) and "away" (joint motion per
-            radian of distance that leads away), as in `SingularityReport`. Together these
-            three take two to three times as long as sigma_min: `python benchmarks/distance.py`.
+            because they take the derivative of J*, "distance" (to the singular set, to first order
+            [rad]) and "away" (its gradient: the joint motion per radian of distance that leads
+            away), as in `SingularityReport`. Together these two take two to three times as long as
+            sigma_min: `python benchmarks/distance.py` prints it.
         out: Arrays to write to, memory maps included, for some or all of the quantities.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.
         device: "cuda" computes on an NVIDIA graphics card: `pip install "spacearm[gpu]"`.
 
     Returns:
-        An array (m,) for each quantity, (m, n) for "gradient" and "away". Rows of Q that are not
-        finite give NaN.
+        An array (m,) for each quantity, (m, n) for "away". Rows of Q that are not finite give NaN.
 
     Raises:
         ConfigurationError: Q or `out` has the wrong shape, or a quantity or device does
@@ -97,7 +96,7 @@ def evaluate(
         )
     Q = _configurations(arm, Q)
     m = len(Q)
-    shapes = {name: (m, arm.n) if name in ("gradient", "away") else (m,) for name in quantities}
+    shapes = {name: (m, arm.n) if name == "away" else (m,) for name in quantities}
     results = {
         name: _checked(out[name], shape, f"out[{name!r}]")
         if name in (out or {})
@@ -213,15 +212,15 @@ def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
 def _distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
     """Compute the quantities `NEARNESS` at q (n, m), without compiled code."""
     arm.require_one_tip()
-    m, n = q.shape[1], arm.n
-    distance, gradient, away = (np.full(shape, np.nan) for shape in ((m,), (m, n), (m, n)))
+    unit, m = radians(arm), q.shape[1]
+    distance, away = np.full(m, np.nan), np.full((m, arm.n), np.nan)
     for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
         cfg = arm.at(q[:, i])
-        J = task_jacobian(cfg)
-        zero = ZERO * float(np.linalg.norm(J))
-        near = nearness(J, task_jacobian_derivative(cfg), radians(arm), zero)
-        distance[i], gradient[i], away[i] = near.distances[-1], near.gradient, near.away
-    return {"distance": distance, "gradient": gradient, "away": away}
+        J = task_jacobian(cfg) * unit
+        dJ = task_jacobian_derivative(cfg) * unit * unit[:, None, None]
+        near = nearness(J, dJ, ZERO * float(np.linalg.norm(J)))
+        distance[i], away[i] = near.distances[-1], unit * near.away
+    return {"distance": distance, "away": away}
 
 
 def _jacobians(arm: SpaceArm, q: Array) -> Array:

@@ -28,11 +28,11 @@ def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]
 
 
 def distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
-    """Compute the quantities `NEARNESS` at q (n, m): (m,), and (m, n) the vectors."""
-    rows, scale, n = np.array(arm.task.indices), arm.task.scale[:, 0].copy(), arm.n
-    v = np.empty((1 + 2 * n, q.shape[1]))
+    """Compute the quantities `NEARNESS` at q (n, m): (m,) and (m, n)."""
+    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
+    v = np.empty((1 + arm.n, q.shape[1]))
     cpu.distances(*bodies(arm), rows, scale, radians(arm), _all_joints(arm, q), v)
-    return {"distance": v[0], "gradient": v[1 : 1 + n].T, "away": v[1 + n :].T}
+    return {"distance": v[0], "away": v[1:].T}
 
 
 def measures_on_card(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:

@@ -27,7 +27,7 @@ import numpy as np
 from spacearm.arrays import Array
 
 NOTHING = 1e-12
-"""Slopes below this share of the norm of J per radian are rounding."""
+"""Slopes below this share of the norm of J are rounding."""
 EXPLAINED = 0.1
 """More equations than joints have a solution if the residual is this share of the right side."""
 
@@ -36,44 +36,41 @@ class Nearness(NamedTuple):
     """Distances to first order.
 
     Attributes:
-        distances: (k,) entry j is the distance [rad] at which the singular values from j on vanish
+        distances: (k,) entry j is the distance at which the singular values from j on vanish
             together; growing from the last to the first. inf where no motion of the joints makes
-            them vanish to first order; zero for rows that a J with k > n never has.
-        gradient: (n,) derivative of sigma_min with respect to q; zeros where k > n.
-        away: (n,) joint motion [rad] or [m] per radian of distance that leads away from the nearest
-            singular configuration on the shortest way; zeros where there is none.
+            them vanish to first order; zero for those that a J with k > n never has.
+        away: (n,) unit vector that leads away from the nearest singular configuration on the
+            shortest way; zeros where there is none.
     """
 
     distances: Array
-    gradient: Array
     away: Array
 
 
-def nearness(J: Array, dJ: Array, radian: Array, floor: float = 0.0) -> Nearness:
+def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
     """Compute how far the configurations are at which J loses one rank or several.
 
     Args:
-        J: (k, n) the task Jacobian.
-        dJ: (n, k, n) its derivative with respect to each joint.
-        radian: (n,) what counts as a radian of each joint.
+        J: (k, n) the task Jacobian, per unit of distance of each joint.
+        dJ: (n, k, n) its derivative, likewise per unit of each joint.
         floor: Singular values up to this are zero.
     """
     U, sigma, VT = np.linalg.svd(J)
     (k, n), p = J.shape, len(sigma)
     sigma = np.where(sigma > floor, sigma, 0.0)
-    least = NOTHING * float(np.linalg.norm(J * radian))
-    slopes = radian[:, None, None] * np.einsum("ai,jan,rn->jir", U, dJ, VT)
-    distances, gradient, away = np.zeros(k), np.zeros(n), np.zeros(n)
+    least = NOTHING * float(np.linalg.norm(J))
+    slopes = np.einsum("ai,jan,rn->jir", U, dJ, VT)
+    distances: Array = np.zeros(k)
+    away: Array = np.zeros(n)
     for r in range(1, p + 1):
         A = slopes[:, p - r :, p - r :].reshape(n, -1).T
         if r == 1 and k <= n:
-            distances[-1], direction = _one(A, float(sigma[-1]), least)
-            gradient, away = A[0] / radian, radian * direction
+            distances[-1], away = _one(A, float(sigma[-1]), least)
         elif sigma[p - r] > 0.0:
             b = np.zeros((k - p + r, n - p + r))
             b[:r, :r] = np.diag(sigma[p - r :])
             distances[p - r] = _several(A, b.ravel(), least)
-    return Nearness(np.maximum.accumulate(distances[::-1])[::-1], gradient, away)
+    return Nearness(np.maximum.accumulate(distances[::-1])[::-1], away)
 
 
 def _one(A: Array, sigma: float, least: float) -> tuple[float, Array]:

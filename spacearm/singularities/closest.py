@@ -24,7 +24,8 @@ STRIDE = 0.3
 STILL = 1e-9
 """The iteration has come to rest when a step is shorter than this [rad]."""
 LOST = 1e-9
-"""A configuration is singular if its least singular value is below this share of the largest."""
+"""A configuration is singular if its least singular value is below this share of the largest one
+met on the way."""
 
 
 def nearest_singular(cfg: Configuration, mode: BaseMode) -> tuple[Array | None, float]:
@@ -79,18 +80,18 @@ def descend(arm: SpaceArm, q: Array, start: Array, mode: BaseMode) -> Array | No
         mode: What the spacecraft does.
     """
     unit = radians(arm)
-    x = (start - q) / unit
+    x, most = (start - q) / unit, 0.0
     for _ in range(STEPS):
         here = arm.at(q + unit * x)
-        U, sigma, VT = np.linalg.svd(task_jacobian(here, mode=mode))
-        k = len(U)
-        dJ = task_jacobian_derivative(here, mode=mode)
+        U, sigma, VT = np.linalg.svd(task_jacobian(here, mode=mode) * unit)
+        k, most = len(U), max(most, float(sigma[0]))
+        dJ = task_jacobian_derivative(here, mode=mode) * unit
         A = np.einsum("a,jan,rn->rj", U[:, k - 1], dJ, VT[k - 1 :]) * unit
         b = np.zeros(len(A))
         b[0] = sigma[-1]
         step = np.linalg.lstsq(A, A @ x - b, rcond=1e-9)[0] - x
         length = float(np.linalg.norm(step))
-        if length <= STILL and sigma[-1] <= LOST * sigma[0]:
+        if length <= STILL and sigma[-1] <= LOST * most:
             return here.q.copy()
         x = x + step * min(1.0, STRIDE / max(length, STRIDE))
     return None

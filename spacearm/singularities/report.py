@@ -186,10 +186,11 @@ def singularity(
     J = task_jacobian(cfg, mode=mode)
     k, n = J.shape
     U, sigma, V = _svd(J)
-    found, error = _nearness(cfg, mode)
+    dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
+    found = _nearness(cfg, J, dJ, error)
     rank = _rank(found.distances, tolerance)
     unit, nearest = radians(cfg.arm), None
-    distance, away = float(found.distances[-1]), found.away
+    distance, away = float(found.distances[-1]), unit * found.away
     if exact:
         nearest, distance = nearest_singular(cfg, mode)
         if nearest is not None and distance > tolerance:
@@ -212,7 +213,7 @@ def singularity(
         available=U[:, :rank],
         lost=U[:, rank:],
         null_space=V[:, rank:],
-        gradient=found.gradient,
+        gradient=U[:, -1] @ dJ @ V[:, k - 1] if k <= n else np.zeros(n),
         radian=unit,
         jacobian=J,
         axes=task.axes(cfg.base.rotation),
@@ -246,11 +247,10 @@ def _svd(J: Array) -> tuple[Array, Array, Array]:
     return U, np.pad(sigma, (0, len(J) - len(sigma))), VT.T
 
 
-def _nearness(cfg: Configuration, mode: BaseMode) -> tuple[Nearness, float]:
-    """Return the distances to first order, and the error bar of the singular values."""
-    error = error_bars(cfg, mode=mode).sigma
-    J, dJ = task_jacobian(cfg, mode=mode), task_jacobian_derivative(cfg, mode=mode)
-    return nearness(J, dJ, radians(cfg.arm), error), error
+def _nearness(cfg: Configuration, J: Array, dJ: Array, error: float) -> Nearness:
+    """Return the distances to first order; J and dJ per radian of each joint, as q (n,) is not."""
+    unit = radians(cfg.arm)
+    return nearness(J * unit, dJ * unit * unit[:, None, None], error * float(unit.max()))
 
 
 def _rank(distances: Array, tolerance: float) -> int:
@@ -260,5 +260,6 @@ def _rank(distances: Array, tolerance: float) -> int:
 
 def _kind(cfg: Configuration, tolerance: float) -> Kind:
     """Tell whether a singular configuration is kinematic or dynamic."""
-    fixed = _nearness(cfg, "fixed")[0].distances
-    return "kinematic" if _rank(fixed, tolerance) < len(fixed) else "dynamic"
+    J, dJ = task_jacobian(cfg, mode="fixed"), task_jacobian_derivative(cfg, mode="fixed")
+    found = _nearness(cfg, J, dJ, error_bars(cfg, mode="fixed").sigma)
+    return "kinematic" if _rank(found.distances, tolerance) < len(J) else "dynamic"
