@@ -33,8 +33,6 @@ from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
 
 ROUNDING = 1e-9
 """Tolerance of a joint limit [rad], for values entered in degrees."""
-LED = 0.2
-"""Joints whose share of the way out is below this are not named."""
 STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
@@ -76,19 +74,6 @@ def _radius(cfg: Configuration) -> float:
     return float(np.linalg.norm(cfg.tip.translation - cfg.com))
 
 
-def _way_out(report: SingularityReport) -> str:
-    """Return the joints that lead away from the nearest singular posture, the best first."""
-    arm, shares = report.configuration.arm, report.away / report.radian
-    joints = [j for j in np.argsort(-np.abs(shares)) if abs(shares[j]) >= LED]
-    steps = np.radians(report.away)
-    return ", ".join(
-        f"{arm.joint_names[j]} {1e3 * steps[j]:+.3g} mm"
-        if arm.slides[j]
-        else f"{arm.joint_names[j]} {np.degrees(steps[j]):+.2g}°"
-        for j in joints
-    )
-
-
 def _print(report: SingularityReport, deg: bool) -> None:
     cfg = report.configuration
     arm, task = cfg.arm, cfg.arm.task
@@ -102,8 +87,8 @@ def _print(report: SingularityReport, deg: bool) -> None:
             lost,
         )
     )
-    if way := _way_out(report):
-        out.print(f"To get away, per degree: {way}")
+    if report.way_out:
+        out.print(f"To get away, per degree: {report.way_out}")
     out.print(IN_WORDS, style="dim")
 
     heading("Posture")

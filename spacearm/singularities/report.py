@@ -37,6 +37,8 @@ IN_WORDS = (
 """What the distance is, in one sentence, for the command line, the page and plots."""
 FAR = np.pi / 2.0
 """Distances beyond this are called far: to first order they tell no more [rad]."""
+LED = 0.2
+"""Joints with less than this share of the way out are not named in it."""
 PLAIN = np.radians(1.0)
 """Distances to first order beyond this are told as about so much [rad]."""
 
@@ -129,6 +131,21 @@ class SingularityReport(Result):
             return f"{kind}: no singular posture is near, to first order"
         about = "about " if self.nearest is None and self.distance > PLAIN else ""
         return f"{kind}: the nearest singular posture is {about}{angle(self.distance)} away"
+
+    @property
+    def way_out(self) -> str:
+        """The joints that lead away from the nearest singular configuration, the best first.
+
+        With their motion per degree of distance; joints with less than a fifth of it are left out.
+        """
+        arm, shares, steps = self.configuration.arm, self.away / self.radian, self.away
+        joints = [int(j) for j in np.argsort(-np.abs(shares)) if abs(shares[j]) >= LED]
+        return ", ".join(
+            f"{arm.joint_names[j]} {steps[j]:+.2g}°"
+            if not arm.slides[j]
+            else f"{arm.joint_names[j]} {1e3 * np.radians(steps[j]):+.2g} mm"
+            for j in joints
+        )
 
     def __repr__(self) -> str:
         k, n = self.jacobian.shape
