@@ -20,12 +20,8 @@ from spacearm.mechanics.jacobian import (
     task_jacobian,
     task_jacobian_derivative,
 )
-from spacearm.mechanics.nearness import nearness
+from spacearm.mechanics.nearness import nearness_of
 from spacearm.model.arm import SpaceArm
-from spacearm.model.scale import radians
-
-ZERO = 2.0**-48
-"""Least singular values up to this share of the norm of J are zero, as in `kernels.nearness`."""
 
 FEW = 50
 """Batches smaller than this are computed without loading the compiler."""
@@ -212,14 +208,12 @@ def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
 def _distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
     """Compute the quantities `NEARNESS` at q (n, m), without compiled code."""
     arm.require_one_tip()
-    unit, m = radians(arm), q.shape[1]
+    m = q.shape[1]
     distance, away = np.full(m, np.nan), np.full((m, arm.n), np.nan)
     for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
         cfg = arm.at(q[:, i])
-        J = task_jacobian(cfg) * unit
-        dJ = task_jacobian_derivative(cfg) * unit * unit[:, None, None]
-        near = nearness(J, dJ, ZERO * float(np.linalg.norm(J)))
-        distance[i], away[i] = near.distances[-1], unit * near.away
+        near = nearness_of(arm, task_jacobian(cfg), task_jacobian_derivative(cfg))
+        distance[i], away[i] = near.distances[-1], near.away
     return {"distance": distance, "away": away}
 
 

@@ -25,7 +25,14 @@ from typing import NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
+from spacearm.model.scale import radians
 
+ZERO = 2.0**-48
+"""Least singular values up to this share of the norm of J are zero, as in `kernels.nearness`."""
 NOTHING = 1e-12
 """Slopes below this share of the norm of J are rounding."""
 EXPLAINED = 0.1
@@ -71,6 +78,38 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
             b[:r, :r] = np.diag(sigma[p - r :])
             distances[p - r] = _several(A, b.ravel(), least)
     return Nearness(np.maximum.accumulate(distances[::-1])[::-1], away)
+
+
+def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) -> Nearness:
+    """Compute `nearness` of an arm in radians, as `radians` counts its joints.
+
+    Args:
+        arm: The arm.
+        J: (k, n) its task Jacobian.
+        dJ: (n, k, n) the derivative of it with respect to each joint.
+        error: Singular values of J up to this are zero; up to rounding if None.
+
+    Returns:
+        The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance.
+    """
+    unit = radians(arm)
+    J = J * unit
+    floor = ZERO * float(np.linalg.norm(J)) if error is None else error * float(unit.max())
+    found = nearness(J, dJ * unit * unit[:, None, None], floor)
+    return found._replace(away=unit * found.away)
+
+
+def distance_at(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:
+    """Compute the distance to the singular set to first order [rad].
+
+    Args:
+        cfg: The configuration.
+        mode: What the spacecraft does.
+        axes: As in `task_jacobian`.
+    """
+    J = task_jacobian(cfg, mode=mode, axes=axes)
+    dJ = task_jacobian_derivative(cfg, mode=mode, axes=axes)
+    return float(nearness_of(cfg.arm, J, dJ).distances[-1])
 
 
 def _one(A: Array, sigma: float, least: float) -> tuple[float, Array]:

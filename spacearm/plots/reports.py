@@ -23,7 +23,7 @@ from spacearm.singularities.rounding import ErrorBars
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 ROUNDING = 1e-14
 """Share of the largest entry of a matrix below which an entry is rounding and shown as 0."""
-VERDICT = 44
+VERDICT = 50
 """Characters in a line of the verdict."""
 DECADES = 1e-3
 """Share of the largest entry down to which colours of a matrix are logarithmic."""

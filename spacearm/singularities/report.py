@@ -14,7 +14,7 @@ from spacearm.mechanics.jacobian import (
     task_jacobian,
     task_jacobian_derivative,
 )
-from spacearm.mechanics.nearness import Nearness, nearness
+from spacearm.mechanics.nearness import nearness_of
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.model.scale import radians
@@ -204,10 +204,10 @@ def singularity(
     k, n = J.shape
     U, sigma, V = _svd(J)
     dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
-    found = _nearness(cfg, J, dJ, error)
+    found = nearness_of(cfg.arm, J, dJ, error)
     rank = _rank(found.distances, tolerance)
-    unit, nearest = radians(cfg.arm), None
-    distance, away = float(found.distances[-1]), unit * found.away
+    nearest = None
+    distance, away = float(found.distances[-1]), found.away
     if exact:
         nearest, distance = nearest_singular(cfg, mode)
         if nearest is not None and distance > tolerance:
@@ -231,7 +231,7 @@ def singularity(
         lost=U[:, rank:],
         null_space=V[:, rank:],
         gradient=U[:, -1] @ dJ @ V[:, k - 1] if k <= n else np.zeros(n),
-        radian=unit,
+        radian=radians(cfg.arm),
         jacobian=J,
         axes=task.axes(cfg.base.rotation),
         length=task.length if task.mixed else None,
@@ -264,12 +264,6 @@ def _svd(J: Array) -> tuple[Array, Array, Array]:
     return U, np.pad(sigma, (0, len(J) - len(sigma))), VT.T
 
 
-def _nearness(cfg: Configuration, J: Array, dJ: Array, error: float) -> Nearness:
-    """Return the distances to first order; J and dJ per radian of each joint, as q (n,) is not."""
-    unit = radians(cfg.arm)
-    return nearness(J * unit, dJ * unit * unit[:, None, None], error * float(unit.max()))
-
-
 def _rank(distances: Array, tolerance: float) -> int:
     """Count the singular values that do not vanish within a distance."""
     return int(np.count_nonzero(distances > tolerance))
@@ -278,5 +272,5 @@ def _rank(distances: Array, tolerance: float) -> int:
 def _kind(cfg: Configuration, tolerance: float) -> Kind:
     """Tell whether a singular configuration is kinematic or dynamic."""
     J, dJ = task_jacobian(cfg, mode="fixed"), task_jacobian_derivative(cfg, mode="fixed")
-    found = _nearness(cfg, J, dJ, error_bars(cfg, mode="fixed").sigma)
+    found = nearness_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
     return "kinematic" if _rank(found.distances, tolerance) < len(J) else "dynamic"
