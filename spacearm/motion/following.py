@@ -249,7 +249,7 @@ class _Curve:
 
     def end_functions(self) -> list[EventFunction]:
         """Return the functions whose roots end the segment."""
-        singular = EventFunction("singularity", CLOSE, lambda _, y: self.room(y), True)
+        singular = EventFunction("singularity", f", {CLOSE}", lambda _, y: self.room(y), True)
         if self.square:
             singular = EventFunction("singularity", "", lambda _, y: self.determinant(y), False)
         length = self.segment.length
@@ -297,5 +297,4 @@ def _reason(cfg: Configuration, s: float, length: float, end: Event) -> str:
     if end.kind == "joint limit":
         return f"joint {end.detail!r} reaches its limit {where}"
     q = ", ".join(f"{x:.4g}" for x in cfg.q)
-    close = f"{end.detail and ', '}{end.detail}"
-    return f"singular {where}, q = ({q}){close}: J* cannot lead the tip on along the path"
+    return f"singular {where}, q = ({q}){end.detail}: J* cannot lead the tip on along the path"
