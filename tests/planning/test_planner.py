@@ -180,7 +180,7 @@ def test_gradients_of_the_cost_and_of_all_constraints_but_the_clearance(name, lo
     goal = arm.at(q + 0.2).tip
     target = Target(goal, None, pin.exp3(np.array([0, 0, 0.2])), 0.01, arm.lower, arm.upper)
     optimiser = CurveOptimiser(arm.at(q), target, 2, loops)
-    optimiser._singularity_margins = lambda at: (np.empty(0), np.empty((0, 3 * arm.n)))
+    optimiser._singularity_margins = lambda _: (np.empty(0), np.empty((0, 3 * arm.n)))
     x = np.tile(q, 7)[: optimiser.size] + 0.2 * rng.normal(size=optimiser.size)
 
     def all_of(x):

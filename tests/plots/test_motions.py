@@ -89,4 +89,3 @@ def test_distances_are_in_degrees_up_to_where_they_tell_something(figure):
     axes = next(axes for axes in figure.axes if "singular" in axes.get_ylabel())
     assert axes.get_ylim() == (0.0, 45.0)
     assert [label.get_text() for label in axes.get_yticklabels()] == ["0", "15", "30", "over 45"]
-    assert decades[0] < decades[1]
