@@ -114,11 +114,13 @@ class SingularityReport(Result):
     tolerance: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data, with the tip's distance from the CM and the task."""
+        """Return all fields as plain data, with verdict, way out, radius of the tip and task."""
         cfg = self.configuration
         tips = [float(np.linalg.norm(tip.translation - cfg.com)) for tip in cfg.tips]
         return {
             **super().to_dict(),
+            "verdict": self.verdict,
+            "way_out": self.way_out,
             "radius": tips[0] if len(tips) == 1 else tips,
             "task": {"rows": list(cfg.arm.task.rows), "unit": cfg.arm.sigma_unit},
         }
@@ -209,7 +211,9 @@ def singularity(
     nearest = None
     distance, away = float(found.distances[-1]), found.away
     if exact:
-        nearest, distance = nearest_singular(cfg, mode)
+        nearest, found_at = nearest_singular(cfg, mode)
+        if nearest is not None or distance > tolerance:
+            distance = found_at
         if nearest is not None and distance > tolerance:
             away = (cfg.q - nearest) / distance
     return SingularityReport(
