@@ -85,7 +85,7 @@ def view() -> None:
 def simulation_planar2() -> Figure:
     """Figures 5 and 6: the transposed Jacobian law meets a singularity and never arrives."""
     law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
-    return sa.simulate(sa.load("planar2"), START, law, 200.0, base=start(21.0)).plot(TARGET)
+    return draw_motion(sa.simulate(sa.load("planar2"), START, law, 200.0, base=start(21.0)), TARGET)
 
 
 def figure_7() -> Figure:

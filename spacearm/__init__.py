@@ -40,6 +40,8 @@ angles       rad; the command line takes degrees with --deg
 q            (n,) one number per joint that counts, in the model's order, spacecraft excluded
 task         rows named "x y z rx ry rz"; aliases "pose", "position", "orientation"; a length [m]
              scales the linear rows where both kinds are present
+distance     to the singular set: over all joints together, rad; of sliding joints see
+             SingularityReport
 symbols      q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & Dubowsky, Dynamic
              Singularities in Free-Floating Space Manipulators, J. Dyn. Sys. Meas. Control 115(1),
              44-52 (1993), whose equation numbers are cited as (35)

@@ -26,6 +26,7 @@ def pytest_configure(config):
 
         arm, Q = sa.load("planar2"), np.zeros((64, 2))
         sa.evaluate(arm, Q)
+        sa.evaluate(arm, Q, ("distance",))
         sa.generalized_jacobians(arm, Q)
         reactions(arm, Q.T.copy())
 

@@ -1,4 +1,4 @@
-"""`spacearm map`: sigma_min over two joints."""
+"""`spacearm map`: the distance to the singular set over two joints."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def draw_singular_map(
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Map sigma_min over two joints, with the exact singular curves on top."""
+    """Map the distance to the singular set over two joints, with the exact curves on top."""
     check_picture(output)
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}
@@ -76,6 +76,7 @@ def _write_npz(path: Path, result: SingularMap) -> None:
         "held_joints": np.array(list(result.held)),
         "held": np.array(list(result.held.values())),
         "angles": result.angles,
+        "distance": result.distance,
         "sigma_min": result.sigma_min,
     }
     arrays |= {f"curve_{i}": curve for i, curve in enumerate(result.curves or [])}

@@ -33,6 +33,7 @@ from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
+from spacearm.singularities.report import angle
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
 
@@ -55,7 +56,11 @@ def plan_motion(
         typer.Option(help="Roll, pitch, yaw of the spacecraft at the end.", metavar="R P Y"),
     ] = None,
     clearance: Annotated[
-        float | None, typer.Option(help="Least sigma_min allowed on the way.", min=0.0)
+        float | None,
+        typer.Option(
+            help="Least distance to the singular set on the way [rad], with --deg in degrees.",
+            min=0.0,
+        ),
     ] = None,
     method: Annotated[
         str,
@@ -79,7 +84,7 @@ def plan_motion(
     target = goal_from(arm, "--goal", goal, deg)
     found = plan(
         arm, start, target, base=spacecraft_about_cm(arm, start, attitude, deg),
-        clearance=clearance,
+        clearance=float(np.radians(clearance)) if clearance and deg else clearance,
         final_attitude=None if final_attitude is None else spacecraft_pose(final_attitude, deg),
         limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
         timeout=timeout,
@@ -128,8 +133,7 @@ def _print(found: Plan, deg: bool) -> None:
     what = np.degrees(turn) if deg else turn
     out.print(f"attitude            {vector(what)} {'deg' if deg else 'rad'}, rotation vector")
     out.print(f"time                {found.t[-1]:.4g} s within the velocity limits")
-    worst = f"{found.sigma_min.min():.3g}, asked for {found.clearance:.3g}"
-    out.print(f"sigma_min at least  {worst}")
+    out.print(f"clear by            {found.nearest}; asked for {angle(found.clearance)}")
     if found.certificate is not None:
         out.print(f"no singularity is met: {'proven' if found.certificate else 'NOT proven'}")
     if found.apart:

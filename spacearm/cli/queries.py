@@ -29,7 +29,7 @@ from spacearm.cli.output import (
 )
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.singularities.report import RANK_TOLERANCE, SingularityReport, singularity
+from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport, singularity
 
 ROUNDING = 1e-9
 """Tolerance of a joint limit [rad], for values entered in degrees."""
@@ -45,15 +45,26 @@ def report_singularity(
     attitude: Attitude = (0.0, 0.0, 0.0),
     mode: SpacecraftMode = Spacecraft.FREE,
     tolerance: Annotated[
-        float,
-        typer.Option(help="Singular values up to this share of the largest one count as zero."),
-    ] = RANK_TOLERANCE,
+        float | None,
+        typer.Option(
+            help="Distance to the singular set up to which a posture is singular [rad], with --deg "
+            f"in degrees; {TOLERANCE:g} rad if not given.",
+            show_default=False,
+        ),
+    ] = None,
+    first_order: Annotated[
+        bool,
+        typer.Option(
+            "--first-order", help="Estimate the distance only: do not find the nearest posture."
+        ),
+    ] = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Report whether a configuration is singular, and which directions are lost."""
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
-    report = singularity(cfg, mode=mode.value, tolerance=tolerance)
+    within = TOLERANCE if tolerance is None else np.radians(tolerance) if deg else tolerance
+    report = singularity(cfg, mode=mode.value, tolerance=float(within), exact=not first_order)
     if as_json:
         return print_json(report.to_dict())
     _print(report, deg)
@@ -67,24 +78,36 @@ def _print(report: SingularityReport, deg: bool) -> None:
     cfg = report.configuration
     arm, task = cfg.arm, cfg.arm.task
     k = task.k
-    verdict = report.kind if report.rank == k else f"{report.kind} singularity"
     lost = "" if report.rank == k else f", {k - report.rank} of {k} directions lost"
     out.print(
-        Text.assemble((arm.name, "bold"), f", {report.mode}: ", (verdict, STYLE[report.kind]), lost)
+        Text.assemble(
+            (arm.name, "bold"),
+            f", {report.mode}: ",
+            (report.verdict, STYLE[report.kind]),
+            lost,
+        )
     )
+    if report.way_out:
+        out.print(f"To get away, per degree: {report.way_out}")
+    out.print(IN_WORDS, style="dim")
 
     heading("Posture")
-    joints = table("joint", "q", "dsigma_min/dq", "")
+    nearest = [] if report.nearest is None else ["nearest singular"]
+    joints = table("joint", "q", *nearest, "dsigma_min/dq", "")
     inside = (arm.lower - ROUNDING <= cfg.q) & (cfg.q <= arm.upper + ROUNDING)
-    for name, q, slope, sound in zip(arm.joint_names, cfg.q, report.gradient, inside, strict=True):
-        value = joint_value(q, arm.tree.joints[name].kind, deg)
-        joints.add_row(name, value, number(slope, 4), "" if sound else "outside its limits")
+    for j, name in enumerate(arm.joint_names):
+        postures = (cfg.q,) if report.nearest is None else (cfg.q, report.nearest)
+        values = (joint_value(q[j], arm.tree.joints[name].kind, deg) for q in postures)
+        slope, sound = number(report.gradient[j], 4), inside[j]
+        joints.add_row(name, *values, slope, "" if sound else "outside its limits")
     out.print(joints)
 
     heading("Tip")
     facts = table("", "")
     facts.add_row("position, inertial frame", f"{vector(cfg.tip.translation)} m")
     facts.add_row("distance R from the system CM", f"{number(_radius(cfg))} m")
+    if report.sigma_min <= report.error:
+        facts.add_row("sigma_min may be zero", f"rounding errors are up to {number(report.error)}")
     facts.add_row("sigma_min", f"{number(report.sigma_min)} {arm.sigma_unit}")
     facts.add_row("condition", number(report.condition))
     facts.add_row("manipulability", number(report.manipulability))

@@ -7,13 +7,17 @@ import numpy as np
 from spacearm.kernels.floating import Bodies, Indices, Numbers, Work, generalized_jacobian, moving
 from spacearm.kernels.lanes import LANES, SETTINGS, compiler, step
 from spacearm.kernels.measures import measure
+from spacearm.kernels.nearness import Nearness, distance
 from spacearm.kernels.singular_values import bidiagonal
+from spacearm.kernels.singular_vectors import Vectors
+from spacearm.kernels.slopes import Slopes, turning
 
 kernel = compiler(**SETTINGS, cache=True)
 """A function that is called from Python, compiled once and kept on disk."""
 
 
 MOVING = moving(LANES)
+TURNING = turning(LANES)
 BIDIAGONAL = bidiagonal(LANES)
 
 
@@ -75,6 +79,60 @@ def measures(
         generalized_jacobian(b, tip, E, w)
         measure(w, rows, scale, condition, A, x[0], v)
         for i in range(5):
+            for l in range(min(LANES, m - first)):
+                values[i, first + l] = v[i, l]
+
+
+@kernel
+def distances(
+    b: Bodies,
+    tip: int,
+    E: Numbers,
+    rows: Indices,
+    scale: Numbers,
+    radian: Numbers,
+    q: Numbers,
+    values: Numbers,
+) -> None:
+    """Compute the distance to the singular set and the way out.
+
+    Args:
+        b: The arm.
+        tip: Body that the tip is fixed to.
+        E: (3,) the tip in the frame of that body [m].
+        rows: (k,) task rows of the twist.
+        scale: (k,) their factors.
+        radian: (n,) what counts as a radian of each joint.
+        q: (N, m) joint positions [rad] or [m].
+        values: (1 + n, m) receives distance and away.
+    """
+    m, n = q.shape[1], len(radian)
+    w = work(q.shape[0], n)
+    A, x, v = np.empty((n, 6, LANES)), np.empty(1, BIDIAGONAL), np.empty((1 + n, LANES))
+    d = Nearness(
+        vectors=Vectors(
+            z=np.empty((6, LANES)),
+            y=np.empty((n, LANES)),
+            plus=np.empty((6, LANES)),
+            minus=np.empty((6, LANES)),
+            along=np.empty((6, LANES)),
+            t=np.empty((2, LANES)),
+        ),
+        slopes=Slopes(
+            body=np.empty(len(b), TURNING),
+            F=np.empty((6, LANES)),
+            mu=np.empty((6, LANES)),
+            h=np.empty((6, LANES)),
+            I_mu=np.empty((6, LANES)),
+        ),
+        L=np.empty((n, n, LANES)),
+        t=np.empty((4, LANES)),
+    )
+    for first in range(0, m, LANES):
+        fill(w, q, first)
+        generalized_jacobian(b, tip, E, w)
+        distance(b, tip, rows, scale, radian, w, A, x[0], d, v)
+        for i in range(1 + n):
             for l in range(min(LANES, m - first)):
                 values[i, first + l] = v[i, l]
 

@@ -2,3 +2,5 @@
 
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
 """Their names, in the order of the arrays that hold them."""
+NEARNESS = ("distance", "away")
+"""Those that take the derivative of J*: a number, and a vector over the joints."""

@@ -13,8 +13,14 @@ import numpy.typing as npt
 from spacearm.arrays import LARGEST, Array, whole
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.kernels.processors import processors
-from spacearm.kernels.quantities import QUANTITIES
-from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
+from spacearm.kernels.quantities import NEARNESS, QUANTITIES
+from spacearm.mechanics.jacobian import (
+    generalized_jacobian,
+    singular_values_of,
+    task_jacobian,
+    task_jacobian_derivative,
+)
+from spacearm.mechanics.nearness import nearness_of
 from spacearm.model.arm import SpaceArm
 
 FEW = 50
@@ -55,46 +61,76 @@ def evaluate(
         quantities: Of "sigma_min" (least singular value of the task Jacobian), "manipulability"
             (product of the singular values), "condition" (largest over least), "determinant"
             (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
-            (R of equation (43), distance of the tip from the system CM [m]).
-        out: Arrays (m,) to write to, memory maps included, for some or all of the quantities.
+            (R of equation (43), distance of the tip from the system CM [m]); and, not by default
+            because they take the derivative of J*, "distance" (to the singular set, to first order
+            [rad]) and "away" (its gradient: the joint motion per radian of distance that leads
+            away), as in `SingularityReport`. Together these two take two to three times as long as
+            sigma_min: `python benchmarks/distance.py` prints it.
+        out: Arrays to write to, memory maps included, for some or all of the quantities.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.
         device: "cuda" computes on an NVIDIA graphics card: `pip install "spacearm[gpu]"`.
 
     Returns:
-        An array (m,) for each quantity. Rows of Q that are not finite give NaN.
+        An array (m,) for each quantity, (m, n) for "away". Rows of Q that are not finite give NaN.
 
     Raises:
         ConfigurationError: Q or `out` has the wrong shape, or a quantity or device does
             not exist.
-        UnsupportedError: No graphics card can be used.
+        UnsupportedError: The arm has several tips; no graphics card can be used, or not for one of
+            the quantities.
     """
     if isinstance(quantities, str):
         quantities = (quantities,)
-    for name in (*quantities, *(out or ())):
-        if name not in QUANTITIES:
-            raise ConfigurationError(unknown("quantity", name, QUANTITIES))
-    if extra := set(out or ()) - set(quantities):
+    out = {} if out is None else out
+    for name in (*quantities, *out):
+        if name not in (*QUANTITIES, *NEARNESS):
+            raise ConfigurationError(unknown("quantity", name, (*QUANTITIES, *NEARNESS)))
+    if extra := set(out) - set(quantities):
         raise ConfigurationError(
             f"out has arrays for {', '.join(sorted(extra))}, which quantities does not name"
         )
     Q = _configurations(arm, Q)
     m = len(Q)
-    given = {name: _checked(array, (m,), f"out[{name!r}]") for name, array in (out or {}).items()}
-    results = {name: given[name] if name in given else np.empty(m) for name in quantities}
-    wants_condition = "condition" in quantities
-    measures = _on(device) if device != "cpu" else _compiled().measures if m >= FEW else _measures
+    shapes = {name: (m, arm.n) if name == "away" else (m,) for name in quantities}
+    results = {
+        name: _checked(out[name], shape, f"out[{name!r}]")
+        if name in (out or {})
+        else np.empty(shape)
+        for name, shape in shapes.items()
+    }
+    kernels = _kernels(arm, device, m >= FEW, set(quantities))
 
     def do(block: slice) -> None:
-        values = measures(arm, _read(Q, block), wants_condition)
-        for name, array in results.items():
-            array[block] = values[name]
+        q = _read(Q, block)
+        for kernel in kernels:
+            for name, values in kernel(q).items():
+                if name in results:
+                    results[name][block] = values
 
     if device == "cuda":
         _run(do, m, 1, progress, [Q, *results.values()], CARD_BLOCK)
     else:
         _run(do, m, threads, progress, [Q, *results.values()])
     return results
+
+
+def _kernels(
+    arm: SpaceArm, device: str, many: bool, names: set[str]
+) -> list[Callable[[Array], dict[str, Array]]]:
+    """Return the functions that compute quantities at q (n, m), those that are asked for."""
+    kernels: list[Callable[[Array], dict[str, Array]]] = []
+    if names & set(QUANTITIES) or not names:
+        measures = _on(device) if device != "cpu" else _compiled().measures if many else _measures
+        kernels.append(lambda q: measures(arm, q, "condition" in names))
+    if near := names & set(NEARNESS):
+        if device != "cpu":
+            raise UnsupportedError(
+                f"device {device!r} does not compute {', '.join(sorted(near))}; take device='cpu'"
+            )
+        distances = _compiled().distances if many else _distances
+        kernels.append(lambda q: distances(arm, q))
+    return kernels
 
 
 def generalized_jacobians(
@@ -167,6 +203,18 @@ def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
         values["determinant"][i] = np.linalg.det(J) if arm.task.k == arm.n else np.nan
         values["radius"][i] = np.linalg.norm(cfg.tip.translation - cfg.com)
     return values
+
+
+def _distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
+    """Compute the quantities `NEARNESS` at q (n, m), without compiled code."""
+    arm.require_one_tip()
+    m = q.shape[1]
+    distance, away = np.full(m, np.nan), np.full((m, arm.n), np.nan)
+    for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
+        cfg = arm.at(q[:, i])
+        near = nearness_of(arm, task_jacobian(cfg), task_jacobian_derivative(cfg))
+        distance[i], away[i] = near.distances[-1], near.away
+    return {"distance": distance, "away": away}
 
 
 def _jacobians(arm: SpaceArm, q: Array) -> Array:

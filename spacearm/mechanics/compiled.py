@@ -14,6 +14,7 @@ from spacearm.kernels.floating import BODY, Bodies
 from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.quantities import QUANTITIES
 from spacearm.model.arm import SpaceArm
+from spacearm.model.scale import radians
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -24,6 +25,14 @@ def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]
     values = np.empty((len(QUANTITIES), q.shape[1]))
     cpu.measures(*bodies(arm), arm.n, rows, scale, _all_joints(arm, q), wants_condition, values)
     return dict(zip(QUANTITIES, values, strict=True))
+
+
+def distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
+    """Compute the quantities `NEARNESS` at q (n, m): (m,) and (m, n)."""
+    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
+    v = np.empty((1 + arm.n, q.shape[1]))
+    cpu.distances(*bodies(arm), rows, scale, radians(arm), _all_joints(arm, q), v)
+    return {"distance": v[0], "away": v[1:].T}
 
 
 def measures_on_card(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:

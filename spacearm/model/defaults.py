@@ -63,12 +63,17 @@ def chain_length(tree: Tree, tip: str, path: Path) -> float:
     Raises:
         ModelError: It is zero.
     """
-    chain = tree.chain(tip)
-    first = chain.index(movable(tree, tip)[0])
-    length = sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])
+    length = way_to_tip(tree, tip)
     if length == 0.0:
         raise ModelError(
             f"{path}: the joints and the tip {tip!r} are in one point, so that the arm has no "
             "length to scale a mixed task with; give one: task=Task('pose', length=...)"
         )
     return length
+
+
+def way_to_tip(tree: Tree, tip: str) -> float:
+    """Sum the distances between successive joints [m], from the first movable one to the tip."""
+    chain = tree.chain(tip)
+    first = chain.index(movable(tree, tip)[0])
+    return sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])

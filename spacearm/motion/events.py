@@ -10,16 +10,19 @@ import numpy as np
 
 from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.polynomial import singularity_polynomial
-from spacearm.singularities.report import singular_values
 
 EVENTS = ("singularity", "joint limit", "target")
 LOOK = 0.05
 """Largest joint motion [rad] or [m] between two evaluations of the event functions."""
-NEAR = 1e-3
-"""Arms without a singularity polynomial count as singular at this sigma_min over sigma_max."""
+NEAR = float(np.radians(0.5))
+"""Arms without a singularity polynomial meet a singularity this far from the singular set [rad]."""
+CLOSE = f"{np.degrees(NEAR):g} deg from the singular set"
+"""What is said of it."""
 ROUNDING = 1e-12
 """Values of an event function below this are zero at the start."""
 SHARPNESS = 1e-14
@@ -96,17 +99,21 @@ def event_functions(
 
 
 def singularity_function(arm: SpaceArm, mode: BaseMode) -> EventFunction:
-    """Return the singularity polynomial where the arm has one, else sigma_min less a threshold."""
+    """Return the singularity polynomial where the arm has one, else the distance less `NEAR`."""
 
     def nearness(_: float, y: Array) -> float:
-        sigma = singular_values(arm.at(y[: arm.n]), mode=mode)
-        return float(sigma[-1] - NEAR * sigma[0])
+        return clear_of_singularities(arm.at(y[: arm.n]), mode)
 
     try:
         S = singularity_polynomial(arm, mode=mode)
     except UnsupportedError:
-        return EventFunction("singularity", f"sigma_min {NEAR:g} of sigma_max", nearness, True)
+        return EventFunction("singularity", CLOSE, nearness, True)
     return EventFunction("singularity", "S = 0", lambda _, y: float(S(y[: arm.n])) / S.scale, False)
+
+
+def clear_of_singularities(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:
+    """Return the distance to the singular set less `NEAR` [rad], no more than 1."""
+    return min(distance_at(cfg, mode, axes), 1.0) - NEAR
 
 
 def limit_functions(arm: SpaceArm) -> list[EventFunction]:

@@ -25,7 +25,14 @@ from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration, kinematics
 from spacearm.model.mode import BaseMode
-from spacearm.motion.events import NEAR, Event, EventFinder, EventFunction, limit_functions
+from spacearm.motion.events import (
+    CLOSE,
+    Event,
+    EventFinder,
+    EventFunction,
+    clear_of_singularities,
+    limit_functions,
+)
 from spacearm.motion.goal import goal_axes, goal_rows, twist_between
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
@@ -212,6 +219,11 @@ class _Curve:
         """Return det J*, which has opposite signs on the two sides of a singularity."""
         return float(np.linalg.det(self.jacobian(self.configuration(y))))
 
+    def room(self, y: Array) -> float:
+        """Return the distance to the singular set, less what counts as singular [rad]."""
+        cfg = self.configuration(y)
+        return clear_of_singularities(cfg, self.mode, goal_axes(cfg))
+
     def tangent(self, cfg: Configuration, s: float) -> Array:
         """Return the unit vector (dq, ds) along the curve.
 
@@ -237,17 +249,9 @@ class _Curve:
 
     def end_functions(self) -> list[EventFunction]:
         """Return the functions whose roots end the segment."""
-
-        def nearness(_: float, y: Array) -> float:
-            cfg = self.configuration(y)
-            sigma = singular_values(cfg, mode=self.mode, axes=goal_axes(cfg))
-            return float(sigma[-1] - NEAR * sigma[0])
-
-        singular = (
-            EventFunction("singularity", "", lambda _, y: self.determinant(y), False)
-            if self.square
-            else EventFunction("singularity", "", nearness, True)
-        )
+        singular = EventFunction("singularity", f", {CLOSE}", lambda _, y: self.room(y), True)
+        if self.square:
+            singular = EventFunction("singularity", "", lambda _, y: self.determinant(y), False)
         length = self.segment.length
         arrived = EventFunction("arrived", "", lambda _, y: length - float(y[-1]), True)
         return [singular, arrived, *(limit_functions(self.arm) if self.limits else [])]
@@ -293,4 +297,4 @@ def _reason(cfg: Configuration, s: float, length: float, end: Event) -> str:
     if end.kind == "joint limit":
         return f"joint {end.detail!r} reaches its limit {where}"
     q = ", ".join(f"{x:.4g}" for x in cfg.q)
-    return f"singular {where}, q = ({q}): J* cannot lead the tip on along the path"
+    return f"singular {where}, q = ({q}){end.detail}: J* cannot lead the tip on along the path"

@@ -14,12 +14,13 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, finite, plain
 from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode, free_components
 from spacearm.motion import motion_file
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
-from spacearm.singularities.report import singular_values
+from spacearm.singularities.report import singular_values, singularity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -168,6 +169,13 @@ class Motion(Result):
     def sigma_min(self) -> Array:
         """(m,) least singular value of the task Jacobian, as in `sa.singularity`."""
         return self._each(lambda cfg: singular_values(cfg, mode=self.mode)[-1])
+
+    @cached_property
+    def distance(self) -> Array:
+        """(m,) distance to the singular set [rad], to first order; see `sa.singularity`."""
+        if self.mode == "free-floating" and len(self.arm.tips) == 1:
+            return _kept(evaluate(self.arm, self.q, ("distance",))["distance"])
+        return self._each(lambda cfg: singularity(cfg, mode=self.mode).distance)
 
     @property
     def story(self) -> str:

@@ -84,7 +84,7 @@ def simulate(
         rtol: Relative tolerance of each step.
         atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
         events: What to note: "singularity" (a root of the singularity polynomial where the arm has
-            one, else sigma_min a thousandth of sigma_max), "joint limit", "target" (the
+            one, else half a degree from the singular set), "joint limit", "target" (the
             controller's `error` falls to `reach`).
         stop: Which of them end the run.
         reach: How near the target is reached: norm of the error.

@@ -12,6 +12,9 @@ from spacearm.arrays import Array
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
 
+FAR = 1.0
+"""Distances to the singular set beyond this are not told apart [rad]: they are too rough."""
+
 
 class FreeSpace:
     """The joint positions that a motion may pass.
@@ -51,15 +54,18 @@ class FreeSpace:
         turns = 2.0 * np.pi * np.rint(0.5 * width * rng.normal(size=(m, self.arm.n)))
         return turns * endless
 
-    def least_sigma_min(self, curves: Array) -> Array:
-        """Return the least sigma_min (K,) on curves (K, m, n), -1 if they leave the free space."""
+    def least_distance(self, curves: Array) -> Array:
+        """Return how near to the singular set curves (K, m, n) come (K,) [rad].
+
+        To first order, no more than `FAR`; -1 if they leave the free space.
+        """
         inside = ((curves >= self.lower) & (curves <= self.upper)).all(axis=(1, 2))
         few = curves[inside]
-        names = ("sigma_min",) if np.isnan(self._det) else ("sigma_min", "determinant")
+        names = ("distance",) if np.isnan(self._det) else ("distance", "determinant")
         at = evaluate(self.arm, few.reshape(-1, self.arm.n), names)
-        sigma = at["sigma_min"]
+        distance = np.minimum(at["distance"], FAR)
         if "determinant" in at:
-            sigma[at["determinant"] * self._det <= 0.0] = -1.0
+            distance[at["determinant"] * self._det <= 0.0] = -1.0
         least = np.full(len(curves), -1.0)
-        least[inside] = sigma.reshape(len(few), curves.shape[1]).min(axis=1)
+        least[inside] = distance.reshape(len(few), curves.shape[1]).min(axis=1)
         return least

@@ -45,7 +45,7 @@ NEAR = 0.4
 CLOSE = 1e-4
 """Largest distance of the tip from its goal [m], [rad]."""
 INTERVALS, POINTS = 16, 65
-"""Steps of the integration along a curve; points at which sigma_min is evaluated."""
+"""Steps of the integration along a curve; points at which the distance is evaluated."""
 HELD_STEPS, TURNING_STEPS = 25, 12
 """Newton steps with the attitude held, and with the attitude that follows from the curve."""
 
@@ -57,12 +57,13 @@ class Guess:
     Attributes:
         x: The unknowns of `CurveOptimiser`.
         loops: How many times its loop is run through.
-        sigma_min: Least sigma_min on the way; negative beyond a limit or a singularity.
+        room: Least distance to the singular set on the way [rad]; negative beyond a limit or a
+            singularity.
     """
 
     x: Array
     loops: int
-    sigma_min: float
+    room: float
 
 
 class Loops(NamedTuple):
@@ -70,12 +71,12 @@ class Loops(NamedTuple):
 
     Attributes:
         C: (K, waves, n) coefficients of their sines.
-        sigma_min: (K,) least sigma_min on each.
+        room: (K,) least distance to the singular set on each [rad].
         turn: (K, 3) rotation vectors by which each turns the spacecraft [rad].
     """
 
     C: Array
-    sigma_min: Array
+    room: Array
     turn: Array
 
     def broadest(self, m: int) -> Array:
@@ -118,7 +119,7 @@ class GuessFinder:
         if self.target.q is None:
             P[:, 0] += self.free.windings(width, len(ends), self.rng)
         P, near = self._arriving(P, np.broadcast_to(np.eye(3), (len(P), 3, 3)))
-        room, travel = self.free.least_sigma_min(self._points(P)), _travel(self._points(P))
+        room, travel = self.free.least_distance(self._points(P)), _travel(self._points(P))
         clear = room > self.target.clearance
         for i in (*_shortest(travel, near & clear), *np.flatnonzero(near & ~clear)):
             yield Guess(self._unknowns(P[i]), 0, room[i])
@@ -129,7 +130,7 @@ class GuessFinder:
         T, ends = self._ends(np.pi, MANY)
         P: Array = np.zeros((len(ends), self.waves + 1, self.arm.n))
         P[:, 0] = ends - self.start.q
-        clear = self.free.least_sigma_min(self._points(P)) > target.clearance
+        clear = self.free.least_distance(self._points(P)) > target.clearance
         P, T = P[clear], T[clear]
         if len(loops.C) == 0 or len(P) == 0 or (target.tip is None and target.attitude is None):
             return
@@ -141,7 +142,7 @@ class GuessFinder:
         end, loop, times, travel = end[best], loop[best], times[best], travel[best]
         W = Rotation.from_rotvec(times[:, None] * loops.turn[loop]).as_matrix()
         P, near = self._arriving(P[end], W)
-        room = np.minimum(self.free.least_sigma_min(self._points(P)), loops.sigma_min[loop])
+        room = np.minimum(self.free.least_distance(self._points(P)), loops.room[loop])
         for i in _shortest(travel, near & (room > target.clearance)):
             yield Guess(self._unknowns(P[i], loops.C[loop[i]]), int(times[i]), room[i])
 
@@ -160,12 +161,12 @@ class GuessFinder:
         """
         Q = self.free.draw(MANY, self.rng)
         way = self.start.q + np.linspace(0.0, 1.0, POINTS)[:, None] * (Q - self.start.q)[:, None]
-        Q = Q[self.free.least_sigma_min(way) > self.target.clearance]
-        Q = Q[np.argsort(-self.free.least_sigma_min(Q[:, None]))[: MANY // SAMPLE]]
+        Q = Q[self.free.least_distance(way) > self.target.clearance]
+        Q = Q[np.argsort(-self.free.least_distance(Q[:, None]))[: MANY // SAMPLE]]
         if len(Q) == 0:
             return Q
         places, P = np.repeat(Q, SAMPLE, axis=0)[:, None], _closed(self._sines(SAMPLE * len(Q)))
-        clear = self.free.least_sigma_min(places + self._along @ P) > self.target.clearance
+        clear = self.free.least_distance(places + self._along @ P) > self.target.clearance
         turn = np.zeros(len(P))
         turn[clear] = _angles(self._turns(P[clear], places[clear]))
         return Q[np.argsort(-turn.reshape(-1, SAMPLE).max(axis=1))[:m]]
@@ -183,7 +184,7 @@ class GuessFinder:
             self.arm, self.free.draw(m, self.rng), tip, T, self.axes, HELD_STEPS
         )
         Q = self.free.wrapped(Q)
-        good = (miss < CLOSE) & (self.free.least_sigma_min(Q[:, None]) > target.clearance)
+        good = (miss < CLOSE) & (self.free.least_distance(Q[:, None]) > target.clearance)
         return T[good], Q[good]
 
     def _arriving(self, P: Array, W: Array) -> tuple[Array, Mask]:
@@ -222,7 +223,7 @@ class GuessFinder:
     def _free_loops(self, C: Array) -> Loops:
         """Return the loops of sines C (K, waves, n) that are free."""
         P = _closed(C)
-        room = self.free.least_sigma_min(self._points(P))
+        room = self.free.least_distance(self._points(P))
         free = room > self.target.clearance
         turn = Rotation.from_matrix(self._turns(P[free])).as_rotvec()
         return Loops(C[free], room[free], turn)

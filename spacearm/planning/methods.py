@@ -62,7 +62,7 @@ def joint_space(problem: Problem) -> Rows:
     mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
     if not mixed:
         raise NoSolutionError("no joint positions, clear of singularities, were found at the goal")
-    free = (guess for guess in mixed if guess.sigma_min > problem.target.clearance)
+    free = (guess for guess in mixed if guess.room > problem.target.clearance)
     apart = _without_contact(problem, finder, free)
     return _optimised(problem, finder, apart or mixed[: STARTS // problem.start.arm.n])
 
@@ -105,11 +105,11 @@ def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) 
     why = "none of the curves tried keeps all constraints"
     for guess in guesses:
         problem.check_time()
-        aim = min(problem.ample, guess.sigma_min) if guess.sigma_min > 0.0 else problem.ample
+        aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
         target = finder.target._replace(clearance=max(aim, finder.target.clearance))
         optimiser = CurveOptimiser(finder.start, target, WAVES, guess.loops)
         x, met = optimiser.solve(guess.x, problem.check_time)
-        for unknowns, usable in ((x, met), (guess.x, guess.sigma_min > 0.0)):
+        for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
             if not usable:
                 continue
             try:

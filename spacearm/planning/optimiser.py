@@ -2,7 +2,8 @@
 
 The unknowns are the coefficients of a `CurveFamily`. The pose of the tip at the end, and the
 attitude of the spacecraft if asked for, are equality constraints; clearance from singularities and
-joint limits are inequality constraints. All gradients are exact. The solver is scipy's SLSQP
+joint limits are inequality constraints. All gradients are exact but that of the
+distance to the singular set, which is to first order like the distance. The solver is scipy's SLSQP
 (Kraft, DFVLR-FB 88-28 (1988)).
 """
 
@@ -19,16 +20,19 @@ from scipy.optimize import minimize
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import walk
+from spacearm.mechanics.nearness import nearness_of
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.scale import radians
 from spacearm.motion.goal import goal_axes, twist_between
 from spacearm.planning.curve import CurveFamily, Samples, sample
+from spacearm.planning.free_space import FAR
 from spacearm.planning.many_curves import turning_axes
 
 INTERVALS = 16
 """Steps of the integration along a curve: enough for the optimiser, not for the end of a plan."""
 MARGIN = 1.2
-"""Factor on the clearance asked for, because sigma_min may be less between the samples."""
+"""Factor on the clearance asked for, because the way may come nearer between the samples."""
 ITERATIONS = 60
 INSET = 1e-3
 """Distance kept from the joint limits, because curves may bulge between the samples [rad], [m]."""
@@ -50,7 +54,7 @@ class Target(NamedTuple):
         tip: Pose of the tip at the end, None if it is free.
         q: (n,) joint positions at the end, None if they are free.
         attitude: (3, 3) attitude of the spacecraft at the end, None if it is free.
-        clearance: Least sigma_min of the task Jacobian on the way.
+        clearance: Least distance to the singular set on the way [rad].
         lower: (n,) least joint positions.
         upper: (n,) largest.
     """
@@ -194,16 +198,18 @@ class CurveOptimiser:
         return self._residual(q, T, reached), np.vstack(slopes)
 
     def _singularity_margins(self, at: Samples) -> tuple[Array, Array]:
-        """Return signed sigma_min less the clearance (m,), and its derivatives.
+        """Return signed distances to the singular set less the clearance (m,), and derivatives.
 
-        The sign is that of det J*, so that the margin goes through zero at a singularity.
+        The sign is that of det J*, so that the margin goes through zero at a singularity. The
+        derivative is that to first order, along the shortest way: right where the margin binds.
         """
         J, dJ = self._task_jacobians(at)
-        U, sigma, Vt = np.linalg.svd(J, full_matrices=False)
+        near = [nearness_of(self.arm, J[i], dJ[i]) for i in range(len(J))]
+        distance = np.minimum([found.distances[-1] for found in near], FAR)
+        away = np.array([found.away for found in near]) / radians(self.arm) ** 2
         sign = self.sense * np.sign(np.linalg.det(J)) if self._square else np.ones(len(J))
-        gradient = np.einsum("mi,mkij,mj->mk", U[:, :, -1], dJ, Vt[:, -1])
-        slope = np.einsum("m,ma,mk->mak", sign, self.family.basis, gradient)
-        return sign * sigma[:, -1] - MARGIN * self.target.clearance, slope.reshape(len(J), -1)
+        slope = np.einsum("m,ma,mk->mak", sign, self.family.basis, away)
+        return sign * distance - MARGIN * self.target.clearance, slope.reshape(len(J), -1)
 
     def _limit_margins(self, Q: Array) -> tuple[Array, Array]:
         """Return the least distance of every joint to each of its limits, and its derivatives."""

@@ -53,8 +53,9 @@ def plan(
         q0: (n,) joint positions at the start [rad] or [m].
         goal: A point in the task's linear rows [m], a pose, or `Joints`.
         base: Pose of the spacecraft at the start; the identity if None.
-        clearance: Least sigma_min of the task Jacobian on the way; if None, 0.002 of the median
-            over joint space, but no more than half of what the start has.
+        clearance: How far from the singular set the motion stays at least [rad], to first order as
+            in `singularity`, from 0 to 1; if None, 0.1 degrees, but no more than half of what the
+            start has.
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
         limits: Whether the joint limits hold.
@@ -86,7 +87,7 @@ def plan(
         )
     cfg, ends = arm.at(q0, base=base), time.monotonic() + float(timeout)
     try:
-        target, ample = make_target(cfg, goal, clearance, final_attitude, limits, seed)
+        target, ample = make_target(cfg, goal, clearance, final_attitude, limits)
         bodies = bodies_apart(cfg, target) if collisions else None
     except NoSolutionError as error:
         raise NoSolutionError(str(error), _best(cfg, error.best, ())) from None
@@ -101,7 +102,7 @@ def plan(
             problem.best = error.best if isinstance(error.best, list) else problem.best
             continue
         found = Plan.of_rows(name, rows, target.clearance, tried, True if bodies else None)
-        story = f"joint travel {found.length:.4g}, sigma_min at least {found.sigma_min.min():.3g}"
+        story = f"joint travel {found.length:.4g}, {found.nearest}"
         tried.append(Attempt(name, True, "; ".join(filter(None, (story, problem.note)))))
         return replace(found, tried=tuple(tried))
     stories = "; ".join(f"{name}: {story}" for name, _, story in tried)

@@ -13,6 +13,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import sound_pose
@@ -20,24 +22,22 @@ from spacearm.model.joints import joint_vector
 from spacearm.motion.following import follow
 from spacearm.motion.goal import Goal, as_goal, goal_pose, out_of_reach
 from spacearm.planning.collisions import Collisions, Contact, collision_geometry
+from spacearm.planning.free_space import FAR
 from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.result import Joints, prove_regular
-from spacearm.singularities.report import NO_INVERSE, singular_values, singularity
+from spacearm.singularities.report import NO_INVERSE, angle, singular_values, singularity
 
 Rows: TypeAlias = list[Configuration]
 """The configurations along a motion, which is straight in joint space between them."""
 
 WAVES = 3
 """Number of sines of curves and loops."""
-SHARE = 0.002
-"""The clearance where none is asked for, as a share of the median sigma_min over joint space; no
-more than half of sigma_min at the start."""
-AMPLE = 0.2
+LEAST = float(np.radians(0.1))
+"""The clearance where none is asked for, but no more than half of what the start has [rad]."""
+AMPLE = float(np.radians(6.0))
 """The clearance that is aimed at first, likewise."""
-PROBES = 200
-"""Random postures for that median."""
 
 
 @dataclass
@@ -70,14 +70,14 @@ class Problem:
         Raises:
             NoSolutionError: They do not.
         """
-        sigma = [singular_values(cfg)[-1] for cfg in rows]
-        worst = int(np.argmin(sigma))
-        if sigma[worst] < self.target.clearance:
-            raise NoSolutionError(
-                f"sigma_min falls to {sigma[worst]:.2g} at q = {_numbers(rows[worst].q)}, below "
-                f"the clearance of {self.target.clearance:.2g}"
-            )
         q = np.array([cfg.q for cfg in rows])
+        distance = evaluate(self.start.arm, q, ("distance",))["distance"]
+        worst = int(np.argmin(distance))
+        if distance[worst] < self.target.clearance:
+            raise NoSolutionError(
+                f"the distance to the singular set falls to {angle(distance[worst])} at "
+                f"q = {_numbers(q[worst])}, below the clearance of {angle(self.target.clearance)}"
+            )
         over = np.maximum(q - self.target.upper, self.target.lower - q).max(axis=0)
         if over.max() > 1e-9:
             name = self.start.arm.joint_names[int(over.argmax())]
@@ -110,7 +110,6 @@ def make_target(
     clearance: float | None,
     final_attitude: npt.ArrayLike | pin.SE3 | float | None,
     limits: bool,
-    seed: int,
 ) -> tuple[Target, float]:
     """Return the target of a plan, and the clearance to aim at first; arguments as in `plan`.
 
@@ -119,7 +118,7 @@ def make_target(
         NoSolutionError: No motion can achieve the target.
     """
     lower, upper = _bounds(cfg, limits)
-    least, ample = _clearance(cfg, clearance, seed)
+    least, ample = _clearance(cfg, clearance)
     target = Target(
         tip=None if isinstance(goal, Joints) else _reachable(cfg, goal_pose(cfg, goal), limits),
         q=joint_vector(cfg.arm, goal.q, "goal") if isinstance(goal, Joints) else None,
@@ -193,9 +192,10 @@ def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
             f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
             "them meets a singularity; lead the tip there and leave the joints open"
         )
-    if (sigma := singular_values(cfg.arm.at(q))[-1]) < target.clearance:
+    if (distance := distance_at(cfg.arm.at(q), "free-floating")) < target.clearance:
         raise NoSolutionError(
-            f"the goal has sigma_min {sigma:.3g}, below the clearance of {target.clearance:.3g}"
+            f"the goal has a distance of {angle(distance)} to the singular set, below the "
+            f"clearance of {angle(target.clearance)}"
         )
 
 
@@ -230,8 +230,8 @@ def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
     return sound_pose(pin.SE3(R, np.zeros(3)), "final_attitude").rotation
 
 
-def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[float, float]:
-    """Return the least sigma_min on the way, and the one to aim at first.
+def _clearance(cfg: Configuration, clearance: float | None) -> tuple[float, float]:
+    """Return the least distance to the singular set on the way [rad], and the one to aim at first.
 
     Raises:
         NoSolutionError: The start has less.
@@ -242,19 +242,18 @@ def _clearance(cfg: Configuration, clearance: float | None, seed: int) -> tuple[
             f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); leave it first "
             "along sa.singularity(cfg).gradient"
         )
-    rng = np.random.default_rng(seed)
-    Q = rng.uniform(-np.pi, np.pi, (PROBES, cfg.arm.n))
-    median = float(np.median([singular_values(cfg.arm.at(q))[-1] for q in Q]))
-    most = 0.5 * float(sigma[-1])
+    distance = distance_at(cfg, "free-floating")
+    ample = min(AMPLE, 0.5 * distance)
     if clearance is None:
-        return min(SHARE * median, most), min(AMPLE * median, most)
-    if not isinstance(clearance, Real) or not 0.0 <= clearance < np.inf:
-        raise ConfigurationError(f"clearance is {clearance!r}; give a number from 0 on")
-    if sigma[-1] < clearance:
+        return min(LEAST, 0.5 * distance), ample
+    if not isinstance(clearance, Real) or not 0.0 <= clearance <= FAR:
+        raise ConfigurationError(f"clearance is {clearance!r}; give an angle from 0 to {FAR:g} rad")
+    if distance < clearance:
         raise NoSolutionError(
-            f"the start has sigma_min {sigma[-1]:.3g}, below the clearance of {clearance:.3g}"
+            f"the start has a distance of {angle(distance)} to the singular set, below the "
+            f"clearance of {angle(float(clearance))}"
         )
-    return float(clearance), min(AMPLE * median, most)
+    return float(clearance), ample
 
 
 def _numbers(q: Array) -> str:

@@ -17,6 +17,7 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.polynomial.certificate import Certificate
+from spacearm.singularities.report import FAR, angle
 from spacearm.singularities.sets import singular_set
 
 
@@ -41,7 +42,8 @@ class Attempt(NamedTuple):
     Attributes:
         method: Its name.
         arrived: Whether it gave the plan.
-        story: Joint travel and least sigma_min of the plan, or where and why the method failed.
+        story: Joint travel and distance to the singular set of the plan, or where and why the
+            method failed.
     """
 
     method: str
@@ -61,7 +63,7 @@ class Plan(Motion):
 
     Attributes:
         method: The method that found it.
-        clearance: Least sigma_min that was asked for.
+        clearance: Least distance to the singular set that was asked for [rad].
         apart: Whether it is proven that no bodies meet; None if the URDF has no collision geometry
             or collisions did not count.
         tried: All methods that were tried, in order.
@@ -104,6 +106,13 @@ class Plan(Motion):
         return prove_regular(self.arm, self.q)
 
     @property
+    def nearest(self) -> str:
+        """How near to a singularity the motion comes, in words."""
+        least = float(self.distance.min())
+        far = f"over {angle(FAR)}" if least > FAR else f"at least {angle(least)}"
+        return f"{far} from a singular posture, sigma_min at least {self.sigma_min.min():.3g}"
+
+    @property
     def story(self) -> str:
         """The method that found the plan, its joint travel and its duration, in one line."""
         return f"{self.method}: joint travel {self.length:.3g}, {self.t[-1]:.3g} s"
@@ -117,8 +126,7 @@ class Plan(Motion):
     def __repr__(self) -> str:
         return (
             f"Plan({self.arm.name}, {self.method}: joint travel {self.length:.4g}, "
-            f"{self.t[-1]:.4g} s, sigma_min at least {self.sigma_min.min():.3g}, "
-            f"{len(self)} rows)"
+            f"{self.t[-1]:.4g} s, {self.nearest}, {len(self)} rows)"
         )
 
 

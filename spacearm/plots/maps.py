@@ -17,8 +17,8 @@ from spacearm.plots.style import RED, TITLE, axes_for, style
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.map import SingularMap
 
-FLOOR = 1e-3
-"""Share of the largest sigma_min below which the colours of a map do not change."""
+FAR = 45.0
+"""Distance beyond which the colours of a map do not change [deg]."""
 BINS = 18
 """Bins along each joint in which samples are counted to find the joints that show structure."""
 LINES = 10_000
@@ -28,7 +28,7 @@ MOST_SAMPLED, MOST_FOUND = 4000, 200
 
 
 def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
-    """Draw sigma_min over two joints, with the exact singular curves where they are known.
+    """Draw the distance to the singular set over two joints, with the exact curves where known.
 
     Figure 4 of Papadopoulos & Dubowsky (1993) for planar2.
 
@@ -39,20 +39,20 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
     axes = axes_for(ax, 7.2, 6.0)
     with style():
         degrees = np.degrees(result.angles)
-        floor = max(float(result.sigma_min.max()) * FLOOR, 1e-300)
         image = axes.pcolormesh(
             degrees,
             degrees,
-            np.log10(np.maximum(result.sigma_min.T, floor)),
+            np.minimum(np.degrees(result.distance.T), FAR),
+            vmin=0.0,
+            vmax=FAR,
             cmap="cividis",
             rasterized=True,
         )
-        axes.figure.colorbar(
-            image, ax=axes, label=f"log10 of sigma_min [{result.unit}]", shrink=0.9
-        )
+        label = "least joint motion to a singular posture [deg]"
+        axes.figure.colorbar(image, ax=axes, label=label, shrink=0.9, extend="max")
         _draw_curves(axes, result.curves or [])
         _angle_axes(axes, result.joints)
-        what = "sigma_min" if result.curves is None else "singular set (red)"
+        what = "distance to the singular set" if result.curves is None else "singular set (red)"
         held = ", ".join(
             f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
         )

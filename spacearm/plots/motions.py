@@ -9,7 +9,6 @@ import numpy.typing as npt
 import pinocchio as pin
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
-from matplotlib.ticker import NullFormatter
 from scipy.optimize import isotonic_regression
 
 from spacearm.arrays import Array, finite, shape_of
@@ -24,7 +23,6 @@ from spacearm.plots.style import (
     RED,
     figure,
     style,
-    write_powers,
 )
 from spacearm.workspaces.path_dependent import Workspace
 
@@ -34,14 +32,14 @@ LABEL = 0.13
 """Share of an axis that a label beside it takes."""
 MOST_MARKS = 12
 """Events of a kind that are marked; the later ones of a chattering motion are left out."""
-ROUNDING = 1e-16
-"""Least sigma_min on the logarithmic axis."""
+FAR = 45.0
+"""Largest distance to the singular set that is told apart [deg]."""
 
 
 def draw_motion(
     motion: Motion, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
 ) -> Figure:
-    """Draw a motion: tip path (figure 5), attitude and joints (figure 6), and sigma_min.
+    """Draw a motion: tip path (figure 5), attitude, joints (figure 6), distance from singularities.
 
     Components are along the goal axes, so that a tilted plane is drawn as a flat one.
 
@@ -62,15 +60,9 @@ def draw_motion(
         attitude, joints, nearness = right.subplots(3, 1, sharex=True)
         _draw_attitude(attitude, motion)
         _draw_joints(joints, motion)
-        sigma = np.maximum(motion.sigma_min, ROUNDING)
-        nearness.semilogy(motion.t, sigma, color=RED, lw=1.8)
-        high = float(sigma.max())
-        low = np.clip(float(sigma.min()), 1e-6 * high, 0.9 * high)
-        decades = (10.0 ** np.floor(np.log10(low)), 10.0 ** np.ceil(np.log10(high)))
-        nearness.set(ylabel=f"sigma_min\n[{motion.arm.sigma_unit}]", xlabel="time [s]")
-        nearness.set_ylim(*decades)
-        nearness.yaxis.set_minor_formatter(NullFormatter())
-        write_powers(nearness.yaxis)
+        nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=RED, lw=1.8)
+        nearness.set(ylabel="to a singular\nposture [deg]", xlabel="time [s]", ylim=(0.0, FAR))
+        nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
         for axes in (attitude, joints, nearness):
             for t in motion.singular_times[:MOST_MARKS]:
                 axes.axvline(t, color=GREY, lw=0.8, ls=":")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,12 +17,14 @@ from spacearm.mechanics.jacobian import PrescribedMotion
 from spacearm.mechanics.momentum import MomentumMatrix
 from spacearm.plots.configurations import draw_stick_figure, in_plane
 from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, figure, style
-from spacearm.singularities.report import SingularityReport
+from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
 ROUNDING = 1e-14
 """Share of the largest entry of a matrix below which an entry is rounding and shown as 0."""
+VERDICT = 50
+"""Characters in a line of the verdict."""
 DECADES = 1e-3
 """Share of the largest entry down to which colours of a matrix are logarithmic."""
 
@@ -43,8 +46,8 @@ def draw_report(result: SingularityReport) -> Figure:
         posture = whole.add_subplot(grid[:, 0], projection=None if in_plane(cfg) else "3d")
         draw_stick_figure(posture, cfg)
         _draw_lost(posture, result)
-        kind = result.kind if result.rank == k else f"{result.kind} singularity"
-        posture.set_title(f"{arm.name}, {result.mode}: {kind}")
+        verdict = textwrap.fill(result.verdict, VERDICT)
+        posture.set_title(f"{arm.name}, {result.mode}\n{verdict}")
         values = whole.add_subplot(grid[0, 1])
         color = [GREEN] * result.rank + [RED] * (k - result.rank)
         bars = values.bar(range(k), result.sigma, color=color)
@@ -55,6 +58,7 @@ def draw_report(result: SingularityReport) -> Figure:
         both = np.hstack((result.available, result.lost))
         _draw_matrix(directions, both, arm.task.rows, columns)
         directions.set_title("Directions in the rows of the task")
+        whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
     return whole
 
 

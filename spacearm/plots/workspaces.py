@@ -89,10 +89,7 @@ def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
             ylabel="configurations near a singularity [%]",
             ylim=(0.0, None),
         )
-        axes.set_title(
-            f"{len(result.share)} tip poses, near: sigma_min up to {result.bound:.3g}\n"
-            f"mean {mean:.1%}"
-        )
+        axes.set_title(f"{len(result.share)} tip poses, near: {_near(result)}\nmean {mean:.1%}")
     return axes.figure
 
 
@@ -208,8 +205,14 @@ def _draw_profile(axes: Any, profile: RiskProfile) -> None:
         ylabel="configurations near a singularity [%]",
         ylim=(0.0, None),
     )
-    name = "sigma_min" if profile.measure == "sigma_min" else "joint distance"
-    axes.set_title(f"near: {name} up to {profile.bound:.3g} {profile.unit}")
+    axes.set_title(f"near: {_near(profile)}")
+
+
+def _near(risk: RiskProfile | PoseRisk) -> str:
+    """Say what near a singularity means."""
+    if risk.measure == "distance":
+        return f"up to {np.degrees(risk.bound):.3g}° of joint motion from a singular posture"
+    return f"sigma_min up to {risk.bound:.3g} {risk.unit}"
 
 
 def _title(result: Workspace) -> str:

@@ -1,4 +1,4 @@
-"""Singularity maps: sigma_min over two joints, and the exact singular curves in that slice."""
+"""Singularity maps: distances to the singular set over two joints, and the exact curves there."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ from spacearm.singularities.sets import singular_set
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularMap(Result):
-    """sigma_min and singular curves over two joints, the others held.
+    """Distance to the singular set and singular curves over two joints, the others held.
 
     Attributes:
         arm: Name of the arm.
         joints: Names of the two joints.
         held: Positions of the other joints by name [rad] or [m].
         angles: (N,) values of both joints, -pi to pi [rad].
-        sigma_min: (N, N) least singular value of the task Jacobian, first index the first joint.
+        distance: (N, N) distance to the singular set in the space of all joints, to first order
+            [rad], first index the first joint; see `singularity`.
+        sigma_min: (N, N) least singular value of the task Jacobian, likewise.
         unit: Its unit.
         curves: Singular curves, closed polylines (m, 2), exact to rounding; None for arms without
             a singularity polynomial (redundant ones, sliding or mimic joints).
@@ -36,6 +38,7 @@ class SingularMap(Result):
     joints: tuple[str, str]
     held: dict[str, float]
     angles: Array
+    distance: Array
     sigma_min: Array
     unit: str
     curves: list[Array] | None
@@ -57,7 +60,7 @@ def singular_map(
         joints: Two revolute joints, by name or as q1, q2, ...; the first two that the singular set
             depends on if None.
         q: (n,) positions of the other joints; zeros if None.
-        points: Grid points in each joint for sigma_min.
+        points: Grid points in each joint.
 
     Raises:
         ConfigurationError: A joint does not exist, is prismatic or is named twice, or `points` is
@@ -75,10 +78,20 @@ def singular_map(
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)
-    sigma = evaluate(arm, Q, ["sigma_min"])["sigma_min"].reshape(points, points)
+    at = evaluate(arm, Q, ("distance", "sigma_min"))
+    distance, sigma = (at[name].reshape(points, points) for name in ("distance", "sigma_min"))
     curves = _curves(found, centre, a, b) if found.complete else None
     held = {n: float(x) for n, x in zip(arm.joint_names, centre, strict=True) if n not in names}
-    return SingularMap(arm.name, (names[0], names[1]), held, angles, sigma, arm.sigma_unit, curves)
+    return SingularMap(
+        arm=arm.name,
+        joints=(names[0], names[1]),
+        held=held,
+        angles=angles,
+        distance=distance,
+        sigma_min=sigma,
+        unit=arm.sigma_unit,
+        curves=curves,
+    )
 
 
 def _curves(found: SingularSet, q: Array, a: int, b: int) -> list[Array]:

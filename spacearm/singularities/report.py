@@ -14,18 +14,33 @@ from spacearm.mechanics.jacobian import (
     task_jacobian,
     task_jacobian_derivative,
 )
+from spacearm.mechanics.nearness import nearness_of
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
+from spacearm.model.scale import radians
+from spacearm.singularities.closest import nearest_singular
+from spacearm.singularities.rounding import error_bars
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
 NO_INVERSE = 1e-9
 """Share of the largest singular value below which J* cannot be inverted to continue a motion."""
-RANK_TOLERANCE = 1e-4
-"""Default share of the largest singular value up to which a singular value counts as zero.
+TOLERANCE = 1e-4
+"""Default distance to the singular set up to which a configuration is singular [rad].
 
 It recognises a singular configuration given in hundredths of a degree, as in figure 3 of the paper.
 """
+IN_WORDS = (
+    "Distance to the singular set: how far the joints must turn at least, taken together (root of "
+    "the sum of squares), until the tip can no longer move in some direction."
+)
+"""What the distance is, in one sentence, for the command line, the page and plots."""
+FAR = np.pi / 2.0
+"""Distances beyond this are called far: to first order they tell no more [rad]."""
+LED = 0.2
+"""Joints with less than this share of the way out are not named in it."""
+PLAIN = np.radians(1.0)
+"""Distances to first order beyond this are told as about so much [rad]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,8 +56,20 @@ class SingularityReport(Result):
         mode: What the spacecraft does.
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
-        sigma_min: Least singular value; `error_bars` bounds its rounding errors.
-        rank: Number of singular values above `tolerance` times the largest.
+        sigma_min: Least singular value.
+        error: Bound of the rounding errors of the singular values, from `error_bars`. One that is
+            not above it may be zero, and counts as zero.
+        distance: How far in joint space the nearest singular configuration is [rad]; see
+            `singularity`. Zero where sigma_min is not above `error`; inf where no small motion of
+            the joints makes it vanish.
+        distances: (k,) the same to first order for several singular values: entry j is how far it
+            is to where sigma[j] and all after it vanish. Zeros where the arm has fewer joints than
+            the task has rows.
+        away: (n,) joint motion [rad] or [m] per radian of distance that leads away from the
+            nearest singular configuration; zeros where `distance` is inf.
+        nearest: (n,) the nearest singular configuration, if `exact` asked for it and there is one;
+            else None.
+        rank: Number of singular values whose distance is above `tolerance`.
         manipulability: Yoshikawa's sqrt(det(J J^T)), the product of the singular values.
         condition: Largest over least singular value; infinite if the least is zero.
         determinant: det(J), equation (37), for square tasks; else None.
@@ -53,16 +80,24 @@ class SingularityReport(Result):
         null_space: (n, n - rank) orthonormal joint motions that leave the tip at rest.
         gradient: (n,) derivative of sigma_min with respect to q. At sigma_min = 0, and where
             the least singular value is repeated, the one-sided derivative of one branch.
+        radian: (n,) what counts as a radian of each joint in distances: 1 rad of revolute joints;
+            of a sliding one its travel between the limits over 2 pi, but no more than the arm's
+            length, which also counts where it has no limits [m].
         jacobian: (k, n) the task Jacobian J.
         axes: (3, 3) columns: the task axes in inertial axes; see `Task.axes`.
         length: The length [m] that divides the linear rows of a mixed task; else None.
-        tolerance: The relative tolerance that decided the rank.
+        tolerance: The tolerance that decided rank and kind [rad].
     """
 
     configuration: Configuration
     mode: BaseMode
     sigma: Array
     sigma_min: float
+    error: float
+    distance: float
+    distances: Array
+    away: Array
+    nearest: Array | None
     rank: int
     manipulability: float
     condition: float
@@ -72,31 +107,63 @@ class SingularityReport(Result):
     lost: Array
     null_space: Array
     gradient: Array
+    radian: Array
     jacobian: Array
     axes: Array
     length: float | None
     tolerance: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data, with the tip's distance from the CM and the task."""
+        """Return all fields as plain data, with verdict, way out, radius of the tip and task."""
         cfg = self.configuration
         tips = [float(np.linalg.norm(tip.translation - cfg.com)) for tip in cfg.tips]
         return {
             **super().to_dict(),
+            "verdict": self.verdict,
+            "way_out": self.way_out,
             "radius": tips[0] if len(tips) == 1 else tips,
             "task": {"rows": list(cfg.arm.task.rows), "unit": cfg.arm.sigma_unit},
         }
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one sentence."""
+        kind = self.kind if self.rank == len(self.sigma) else f"{self.kind} singularity"
+        if self.nearest is None and self.distance > FAR:
+            return f"{kind}: no singular posture is near, to first order"
+        about = "about " if self.nearest is None and self.distance > PLAIN else ""
+        return f"{kind}: the nearest singular posture is {about}{angle(self.distance)} away"
+
+    @property
+    def way_out(self) -> str:
+        """The joints that lead away from the nearest singular configuration, the best first.
+
+        With their motion per degree of distance; joints with less than a fifth of it are left out.
+        """
+        arm, shares, steps = self.configuration.arm, self.away / self.radian, self.away
+        joints = [int(j) for j in np.argsort(-np.abs(shares)) if abs(shares[j]) >= LED]
+        return ", ".join(
+            f"{arm.joint_names[j]} {steps[j]:+.2g}°"
+            if not arm.slides[j]
+            else f"{arm.joint_names[j]} {1e3 * np.radians(steps[j]):+.2g} mm"
+            for j in joints
+        )
 
     def __repr__(self) -> str:
         k, n = self.jacobian.shape
         return (
             f"SingularityReport({self.kind}, rank {self.rank} of {k}, {n} joints, "
-            f"sigma_min={self.sigma_min:.6g}, condition={self.condition:.6g})"
+            f"distance={self.distance:.4g} rad, sigma_min={self.sigma_min:.6g}, "
+            f"condition={self.condition:.6g})"
         )
 
 
 def singularity(
-    cfg: Configuration, *, mode: BaseMode = "free-floating", tolerance: float = RANK_TOLERANCE
+    cfg: Configuration,
+    *,
+    mode: BaseMode = "free-floating",
+    tolerance: float = TOLERANCE,
+    exact: bool = False,
 ) -> SingularityReport:
     """Report whether and how a configuration is singular for the arm's task.
 
@@ -104,42 +171,81 @@ def singularity(
     Nothing in the report depends on the spacecraft's position, and the singular values do not
     depend on its attitude either.
 
+    What decides is the distance to the singular set in joint space, which does not depend on the
+    size, the masses and the units of an arm, as singular values and their ratios do: to first order
+    sigma_min over the norm of its gradient, for redundant arms of that part of the gradient which
+    keeps the null space (see `mechanics.nearness`). Near the set it is right, within 20 percent up
+    to about a degree; far away it tells only that the set is far. A sliding joint counts by
+    `SingularityReport.radian`. Three cases in which one derivative does not tell the distance:
+
+    - sigma_min may be zero by its error bar: the distance is zero, whatever the gradient;
+    - the gradient vanishes and sigma_min does not, as at a largest or least sigma_min: the distance
+      is inf, the configuration regular;
+    - sigma_min is zero without changing at first order, as where two singular surfaces touch: the
+      distance is too short by a factor of up to two.
+
+    `exact` looks for the nearest singular configuration itself.
+
     Args:
         cfg: The configuration.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        tolerance: Singular values up to this share of the largest count as zero.
+        tolerance: Distance up to which a configuration is singular [rad]. Singular values that
+            vanish together within it count as zero together.
+        exact: Whether to find the nearest singular configuration, and the distance to it: proven
+            for square tasks of revolute joints if no more than three of them matter, else the best
+            of a search from many starts. Takes 0.1 s to 0.5 s. Rank and kind stay decided to first
+            order.
 
     Raises:
         ConfigurationError: `mode` or `tolerance` is not valid.
     """
-    if not 0.0 <= tolerance < 1.0:
-        raise ConfigurationError(f"tolerance is {tolerance}; give a share from 0 to below 1")
+    if not 0.0 <= tolerance <= np.pi:
+        raise ConfigurationError(f"tolerance is {tolerance}; give an angle from 0 to pi [rad]")
     task = cfg.arm.task
     J = task_jacobian(cfg, mode=mode)
     k, n = J.shape
     U, sigma, V = _svd(J)
-    rank = _rank(sigma, tolerance)
-    fixed_rank = _rank(singular_values(cfg, mode="fixed"), tolerance)
-    dJ = task_jacobian_derivative(cfg, mode=mode)
+    dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
+    found = nearness_of(cfg.arm, J, dJ, error)
+    rank = _rank(found.distances, tolerance)
+    nearest = None
+    distance, away = float(found.distances[-1]), found.away
+    if exact:
+        nearest, found_at = nearest_singular(cfg, mode)
+        if nearest is not None or distance > tolerance:
+            distance = found_at
+        if nearest is not None and distance > tolerance:
+            away = (cfg.q - nearest) / distance
     return SingularityReport(
         configuration=cfg,
         mode=mode,
         sigma=sigma,
         sigma_min=float(sigma[-1]),
+        error=error,
+        distance=distance,
+        distances=found.distances,
+        away=away,
+        nearest=nearest,
         rank=rank,
         manipulability=float(np.prod(sigma)),
         condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else float("inf"),
         determinant=float(np.linalg.det(J)) if k == n else None,
-        kind="regular" if rank == k else "kinematic" if fixed_rank < k else "dynamic",
+        kind="regular" if rank == k else _kind(cfg, tolerance),
         available=U[:, :rank],
         lost=U[:, rank:],
         null_space=V[:, rank:],
         gradient=U[:, -1] @ dJ @ V[:, k - 1] if k <= n else np.zeros(n),
+        radian=radians(cfg.arm),
         jacobian=J,
         axes=task.axes(cfg.base.rotation),
         length=task.length if task.mixed else None,
         tolerance=tolerance,
     )
+
+
+def angle(value: float) -> str:
+    """Return an angle [rad] in degrees, in words for people."""
+    return f"{np.degrees(value):.3g}°"
 
 
 def singular_values(
@@ -162,6 +268,13 @@ def _svd(J: Array) -> tuple[Array, Array, Array]:
     return U, np.pad(sigma, (0, len(J) - len(sigma))), VT.T
 
 
-def _rank(sigma: Array, tolerance: float) -> int:
-    """Count the singular values above a share of the largest."""
-    return int(np.count_nonzero(sigma > tolerance * sigma[0]))
+def _rank(distances: Array, tolerance: float) -> int:
+    """Count the singular values that do not vanish within a distance."""
+    return int(np.count_nonzero(distances > tolerance))
+
+
+def _kind(cfg: Configuration, tolerance: float) -> Kind:
+    """Tell whether a singular configuration is kinematic or dynamic."""
+    J, dJ = task_jacobian(cfg, mode="fixed"), task_jacobian_derivative(cfg, mode="fixed")
+    found = nearness_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
+    return "kinematic" if _rank(found.distances, tolerance) < len(J) else "dynamic"

@@ -20,10 +20,9 @@ from spacearm.arrays import Array, Result, named, whole
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
-from spacearm.singularities.polynomial import singularity_polynomial
 
-TENTH = 0.1
-"""Default bound of what is near a singularity, as a share of the median of sigma_min."""
+NEAR = float(np.radians(5.0))
+"""Default distance to the singular set up to which a configuration is near a singularity [rad]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,11 +82,9 @@ def risk_profile(
         arm: Any arm.
         limits: Whether configurations are drawn within the joint limits or from the full turn.
             Prismatic joints are always drawn within theirs.
-        sigma_min: Least singular value up to which a configuration is near; a tenth of its median
-            if None.
-        distance: Distance to the singular set in joint space up to which a configuration is near
-            [rad], to first order |S| / |grad S|; instead of sigma_min, for arms that have a
-            singularity polynomial.
+        sigma_min: Least singular value up to which a configuration is near, instead of `distance`.
+        distance: Distance to the singular set up to which a configuration is near [rad], to first
+            order as in `singularity`; 5 degrees if neither is given.
         bins: Number of distance classes between the least and the largest distance drawn, or
             their edges [m], growing; distances outside the edges are not counted.
         samples: Number of configurations.
@@ -96,28 +93,16 @@ def risk_profile(
 
     Raises:
         ConfigurationError: bins, samples or the bounds are not valid.
-        UnsupportedError: The arm has a prismatic joint without limits, or no singularity polynomial
-            where `distance` is given.
+        UnsupportedError: The arm has several tips, or a prismatic joint without limits.
     """
-    if sigma_min is not None and distance is not None:
-        raise ConfigurationError(
-            f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "
-            "near means"
-        )
     edges = None if isinstance(bins, Integral) else _edges(bins)
     least = whole(bins, "bins", 1) if edges is None else 1
     samples = whole(samples, "samples", least)
     Q = uniform(arm, limits, samples, np.random.default_rng(seed))
-    values = evaluate(arm, Q, ("sigma_min", "radius"), threads=threads)
-    if distance is None:
-        measure, unit, value = "sigma_min", arm.sigma_unit, values["sigma_min"]
-        bound = _bound(value, sigma_min)
-    else:
-        S = singularity_polynomial(arm)
-        slope = np.linalg.norm(S.gradient(Q), axis=1)
-        value = np.abs(S(Q)) / np.maximum(slope, 1e-300)
-        measure, unit, bound = "distance", "rad", distance
-    R = values["radius"]
+    measure, bound = _near(sigma_min, distance)
+    unit = "rad" if measure == "distance" else arm.sigma_unit
+    values = evaluate(arm, Q, (measure, "radius"), threads=threads)
+    value, R = values[measure], values["radius"]
     if edges is None:
         edges = np.linspace(R.min(), R.max(), least + 1)
     count = np.histogram(R, edges)[0].astype(np.float64)
@@ -149,13 +134,17 @@ class PoseRisk(NamedTuple):
         centre: (m, 3) the system CM in tip axes, for each pose [m].
         share: (m,) share near a singularity among the configurations that nearly reach the pose.
         within: (m,) largest distance of their system CM from `centre` [m].
-        bound: sigma_min up to which a configuration counts as near.
+        measure: "sigma_min" or "distance".
+        bound: Value of the measure up to which a configuration counts as near.
+        unit: Its unit.
     """
 
     centre: Array
     share: Array
     within: Array
+    measure: str
     bound: float
+    unit: str
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data."""
@@ -163,7 +152,7 @@ class PoseRisk(NamedTuple):
 
     def __repr__(self) -> str:
         return (
-            f"PoseRisk({len(self.share)} poses, sigma_min <= {self.bound:.3g}: "
+            f"PoseRisk({len(self.share)} poses, {self.measure} <= {self.bound:.3g} {self.unit}: "
             f"{self.share.mean():.1%} on average, at most {self.share.max():.1%}, among "
             f"configurations within {self.within.max():.3g} m)"
         )
@@ -174,6 +163,7 @@ def pose_risk(
     *,
     limits: bool = False,
     sigma_min: float | None = None,
+    distance: float | None = None,
     poses: int = 200,
     neighbours: int = 100,
     samples: int = 20_000,
@@ -187,6 +177,7 @@ def pose_risk(
         arm: Any arm.
         limits: As in `risk_profile`.
         sigma_min: As in `risk_profile`.
+        distance: As in `risk_profile`.
         poses: Number of tip poses.
         neighbours: Number of configurations for each pose, those nearest to it.
         samples: Number of configurations that they are taken from.
@@ -208,21 +199,29 @@ def pose_risk(
             "samples than either"
         )
     Q = uniform(arm, limits, samples, np.random.default_rng(seed))
-    value = evaluate(arm, Q, ["sigma_min"])["sigma_min"]
-    bound = _bound(value, sigma_min)
+    measure, bound = _near(sigma_min, distance)
+    unit = "rad" if measure == "distance" else arm.sigma_unit
+    value = evaluate(arm, Q, (measure,))[measure]
     at = reactions(arm, Q.T.copy())
     centres = -np.einsum("mij,mi->mj", at.R, at.r)  # tip axes
-    distance: Any
+    apart: Any
     near: Any
-    distance, near = KDTree(centres).query(centres[:poses], k=neighbours)
-    distance, near = distance.reshape(poses, -1), near.reshape(poses, -1)
+    apart, near = KDTree(centres).query(centres[:poses], k=neighbours)
+    apart, near = apart.reshape(poses, -1), near.reshape(poses, -1)
     share = (value[near] <= bound).mean(axis=1)
-    return PoseRisk(centres[:poses], share, distance[:, -1], bound)
+    return PoseRisk(centres[:poses], share, apart[:, -1], measure, bound, unit)
 
 
-def _bound(sigma_min: Array, asked: float | None) -> float:
-    """Return the bound asked for, or the default."""
-    return TENTH * float(np.median(sigma_min)) if asked is None else asked
+def _near(sigma_min: float | None, distance: float | None) -> tuple[str, float]:
+    """Return what measures whether a configuration is near a singularity, and up to which value."""
+    if sigma_min is not None and distance is not None:
+        raise ConfigurationError(
+            f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "
+            "near means"
+        )
+    if sigma_min is not None:
+        return "sigma_min", sigma_min
+    return "distance", NEAR if distance is None else distance
 
 
 def check_slides(arm: SpaceArm) -> npt.NDArray[np.bool_]:

@@ -29,13 +29,16 @@ section 7.2.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, named
 from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode, free_components
 
@@ -135,37 +138,85 @@ def _sizes(cfg: Configuration, terms: Array) -> tuple[_Sizes, Array, Array, floa
         The sizes; the way to each tip; the joints on it (tips, nv - 5), 1 or 0, the spacecraft
         first; the rounding u of a term.
     """
-    arm, tree, model = cfg.arm, cfg.arm.tree, cfg.arm.model
+    arm, s = cfg.arm, _structure(cfg.arm)
+    term = np.zeros(len(s.slides))
+    term[s.moving] = terms
+    slid = np.where(s.slides, term, s.slid)
+    sums_of_angles = 0.0 * term if arm.coupling is None else np.where(s.slides, 0.0, term)
+    turns = s.crossed @ (1.0 + sums_of_angles)
+    distance = s.crossed[:, s.moving] @ (s.placements + slid[s.moving])
+    way = s.crossed @ (s.origins + slid)
+    u = ROUNDING * (1.0 + max(len(s.bodies), turns[s.bodies + s.tips].max()))
+    far = way[s.bodies] + s.to_CM
+    near = distance[s.bodies] + s.lever + u * far
+    each = np.array([s.mass, s.mass * near, s.mass * far, 3.0 * s.mass * near * far + s.inertia])
+    return _Sizes(*(each @ s.carried[s.bodies])), way[s.tips], s.carried[s.tips], u
+
+
+class _Structure(NamedTuple):
+    """What of the sizes does not depend on the configuration.
+
+    Attributes:
+        crossed: (links, joints) 1 where a joint of the tree is on the way to a link.
+        carried: (links, nv - 5) the same for the model's joints, the spacecraft first.
+        moving: (joints,) which joints are the model's.
+        slides: (joints,) which are prismatic.
+        slid: (joints,) how far locked joints have slid [m].
+        placements: (nv - 6,) lengths between the model's joints [m].
+        origins: (joints,) lengths between those of the tree [m].
+        bodies: Numbers of the links that have mass.
+        tips: Numbers of the tips.
+        mass: (bodies,) masses [kg].
+        to_CM: (bodies,) lengths from their frames to their CMs [m].
+        lever: (bodies,) lengths from the model's joints to their CMs [m].
+        inertia: (bodies,) twice the norms of their inertias [kg m^2].
+    """
+
+    crossed: Array
+    carried: Array
+    moving: npt.NDArray[np.bool_]
+    slides: npt.NDArray[np.bool_]
+    slid: Array
+    placements: Array
+    origins: Array
+    bodies: list[int]
+    tips: list[int]
+    mass: Array
+    to_CM: Array
+    lever: Array
+    inertia: Array
+
+
+@lru_cache(maxsize=16)
+def _structure(arm: SpaceArm) -> _Structure:
+    """Return the structure of an arm's sizes."""
+    tree, model = arm.tree, arm.model
     joints = tree.depth_first()
     links = [tree.root, *(joint.child for joint in joints)]
-    crossed = np.zeros((len(links), len(joints)))  # 1 where a joint is on the way to a link
+    crossed = np.zeros((len(links), len(joints)))
     for j, joint in enumerate(joints):
         crossed[j + 1] = crossed[links.index(joint.parent)]
         crossed[j + 1, j] = 1.0
     moving = np.array([joint.movable for joint in joints])
-    carried = np.column_stack((np.ones(len(links)), crossed[:, moving]))
-
-    term = np.zeros(len(joints))
-    term[moving] = terms
-    slides = [joint.kind == "prismatic" for joint in joints]
-    slid = np.where(slides, term, [joint.slid for joint in joints])
-    sums_of_angles = 0.0 * term if arm.coupling is None else np.where(slides, 0.0, term)
-    turns = crossed @ (1.0 + sums_of_angles)
-    placements = [placement.translation for placement in model.jointPlacements[2:]]
-    distance = crossed[:, moving] @ (_lengths(placements) + slid[moving])
-    way = crossed @ (_lengths([joint.origin.translation for joint in joints]) + slid)
-
-    tips = [links.index(tip) for tip in arm.tips]
     bodies = [k for k, link in enumerate(links) if tree.links[link] is not None]
-    u = ROUNDING * (1.0 + max(len(bodies), turns[bodies + tips].max()))
     mass, CM, I = zip(*(tree.links[links[k]] for k in bodies), strict=True)
     frames = [model.frames[model.getFrameId(links[k], pin.BODY)].placement for k in bodies]
     r = [frame.act(pose.translation) for frame, pose in zip(frames, CM, strict=True)]
-    far = way[bodies] + _lengths([pose.translation for pose in CM])
-    near = distance[bodies] + _lengths(r) + u * far
-    second = 3.0 * np.multiply(mass, near * far) + 2.0 * np.linalg.norm(I, 2, axis=(1, 2))
-    each = np.array([mass, mass * near, mass * far, second])
-    return _Sizes(*(each @ carried[bodies])), way[tips], carried[tips], u
+    return _Structure(
+        crossed=crossed,
+        carried=np.column_stack((np.ones(len(links)), crossed[:, moving])),
+        moving=moving,
+        slides=np.array([joint.kind == "prismatic" for joint in joints]),
+        slid=np.array([joint.slid for joint in joints]),
+        placements=_lengths([placement.translation for placement in model.jointPlacements[2:]]),
+        origins=_lengths([joint.origin.translation for joint in joints]),
+        bodies=bodies,
+        tips=[links.index(tip) for tip in arm.tips],
+        mass=np.array(mass),
+        to_CM=_lengths([pose.translation for pose in CM]),
+        lever=_lengths(r),
+        inertia=2.0 * np.linalg.norm(I, 2, axis=(1, 2)),
+    )
 
 
 def _lengths(vectors: list[Array]) -> Array:

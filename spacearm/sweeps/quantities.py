@@ -118,17 +118,20 @@ class Risk(Quantity):
     def __init__(self, table: Table, chunk: int, arms: Sequence[SpaceArm]) -> None:
         for arm in arms:
             check_slides(arm)
-        table.knows("sigma_min", "radius", "samples", "limits")
-        self.bound = table.positive("sigma_min", float)
+        table.knows("distance", "sigma_min", "radius", "samples", "limits")
+        self.measure = "distance" if "distance" in table.values else "sigma_min"
+        if {"distance", "sigma_min"} <= table.values.keys():
+            raise table.fail("sigma_min", "give it or the distance [rad], not both")
+        self.bound = table.positive(self.measure, float)
         self.edges, self.samples = table.axis("radius"), table.positive("samples", int)
         if len(self.edges) < 2 or self.edges[0] < 0.0 or (np.diff(self.edges) <= 0.0).any():
             raise table.fail("radius", "give two or more growing edges of distance classes [m]")
         self.limits, self.chunk = table.take("limits", bool, False), chunk
         classes = ("radius",), (len(self.edges) - 1,)
-        attrs = {"unit": "1", "sigma_min": f"{self.bound}"}
+        attrs = {"unit": "1", self.measure: f"{self.bound}"}
         self.variables = {
             "configurations": Variable({**attrs, "about": "drawn"}, *classes),
-            "near": Variable({**attrs, "about": "with sigma_min up to this"}, *classes),
+            "near": Variable({**attrs, "about": f"with {self.measure} up to this"}, *classes),
         }
         middles = 0.5 * (self.edges[:-1] + self.edges[1:])
         self.coords = {"radius": (middles, {"unit": "m", "edges": self.edges.tolist()})}
@@ -140,10 +143,11 @@ class Risk(Quantity):
         left = min(self.chunk, self.samples - block * self.chunk)
         count, near = np.zeros(len(self.edges) - 1), np.zeros(len(self.edges) - 1)
         for part, (drawn,) in enumerate(boxes((left,), PART)):
+            bound: dict[str, Any] = {self.measure: self.bound}
             profile = risk_profile(
                 arm,
+                **bound,
                 limits=self.limits,
-                sigma_min=self.bound,
                 bins=self.edges,
                 samples=drawn.stop - drawn.start,
                 seed=(*seed, block, part),
@@ -154,10 +158,10 @@ class Risk(Quantity):
         return {"configurations": count[None], "near": near[None]}
 
 
-class SigmaMin(Quantity):
-    """A map of the least singular value over a grid of joint positions."""
+class JointMap(Quantity):
+    """A map of the distance to the singular set or of sigma_min over a grid of joint positions."""
 
-    def __init__(self, table: Table, chunk: int, arms: Sequence[SpaceArm]) -> None:
+    def __init__(self, name: str, table: Table, chunk: int, arms: Sequence[SpaceArm]) -> None:
         table.knows("joints", "held", "single")
         joints = Table(f"{table.where}: joints", table.values.get("joints"))
         held = Table(f"{table.where}: held", table.values.get("held", {}))
@@ -171,22 +175,25 @@ class SigmaMin(Quantity):
                 if joint_name(arm, text) in own.values() or abs(value) > LARGEST:
                     listed = [*self.axes]
                     raise held.fail(text, f"give finite positions [rad], of joints not in {listed}")
-        units = "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
-        about = {"unit": units, "about": "least singular value of the task Jacobian"}
+        self.name, units = name, "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
+        about = {
+            "sigma_min": {"unit": units, "about": "least singular value of the task Jacobian"},
+            "distance": {"unit": "rad", "about": "distance to the singular set, to first order"},
+        }[name]
         self.dtype = "float32" if table.take("single", bool, False) else "float64"
-        self.variables = {"sigma_min": Variable(about, dtype=self.dtype)}
+        self.variables = {name: Variable(about, dtype=self.dtype)}
         self.coords = {text: (values, {"unit": "rad or m"}) for text, values in self.axes.items()}
         self.dims, self.shape = tuple(self.axes), tuple(map(len, self.axes.values()))
         self.tile = tile(self.shape, chunk)
 
     def compute(self, arm: SpaceArm, box: Box, _seed: Sequence[int]) -> Mapping[str, Any]:
-        """Evaluate sigma_min on a box of the grid."""
+        """Evaluate a box of the grid."""
         column = {
             text: arm.joint_names.index(joint_name(arm, text)) for text in (*self.axes, *self.held)
         }
         grid = [values[part] for values, part in zip(self.axes.values(), box, strict=True)]
-        sigma = np.empty(tuple(map(len, grid)), self.dtype)
-        for part in boxes(sigma.shape, PART):
+        result = np.empty(tuple(map(len, grid)), self.dtype)
+        for part in boxes(result.shape, PART):
             q = np.zeros((*(s.stop - s.start for s in part), arm.n))
             for text, value in self.held.items():
                 q[..., column[text]] = value
@@ -194,12 +201,14 @@ class SigmaMin(Quantity):
             mesh = np.meshgrid(*cut, indexing="ij", copy=False)
             for text, values in zip(self.axes, mesh, strict=True):
                 q[..., column[text]] = values
-            found = evaluate(arm, q.reshape(-1, arm.n), ["sigma_min"], threads=1)["sigma_min"]
-            sigma[part] = found.reshape(q.shape[:-1])
-        return {"sigma_min": sigma}
+            found = evaluate(arm, q.reshape(-1, arm.n), [self.name], threads=1)[self.name]
+            result[part] = found.reshape(q.shape[:-1])
+        return {self.name: result}
 
 
-QUANTITIES = ("shells", "risk", "sigma_min")
+MAPS = ("distance", "sigma_min")
+"""Tables of a study that ask for a map over joints."""
+QUANTITIES = ("shells", "risk", *MAPS)
 """Tables of a study that ask for a quantity."""
 
 
@@ -218,9 +227,8 @@ def read(table: Table, seed: int, chunk: int, arms: Sequence[SpaceArm]) -> dict[
         found["shells"] = Shells(own["shells"], seed, arms)
     if "risk" in own:
         found["risk"] = Risk(own["risk"], chunk, arms)
-    if "sigma_min" in own:
-        found["sigma_min"] = SigmaMin(own["sigma_min"], chunk, arms)
-    return found
+    maps = (name for name in MAPS if name in own)
+    return found | {name: JointMap(name, own[name], chunk, arms) for name in maps}
 
 
 def nbytes(quantity: Quantity, designs: int) -> int:

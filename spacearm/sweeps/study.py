@@ -78,13 +78,13 @@ class Study:
         [shells]                        # as `workspace`: mode, limits, effort
         mode = "free-floating"
 
-        [risk]                          # as `risk_profile`: near is sigma_min up to this
-        sigma_min = 0.05
+        [risk]                          # as `risk_profile`: near is a distance up to this [rad]
+        distance = 0.05                 # or sigma_min up to a bound
         radius = {from = 0.0, to = 2.4, points = 25}  # edges of the distance classes [m]
         samples = 10_000_000            # for each design
         limits = false
 
-        [sigma_min]                     # a map over joints, by name or as q1, q2, ...
+        [distance]                      # a map over joints, as q1, ... or by name; sigma_min too
         joints.q2 = {from = -3.1, to = 3.1, points = 63}  # [rad] or [m]
         held.q1 = 0.3                   # where others stand; at 0 if not named
         single = false                  # single precision halves the store

@@ -35,8 +35,8 @@ LAYERS = {
 }
 """Layers, and their colours in the panel."""
 
-NEAR = 0.05
-"""Ratio of least to largest singular value below which the weakest direction is drawn."""
+NEAR = float(np.radians(5.0))
+"""Distance to the singular set below which the weakest direction is drawn [rad]."""
 FIT = 1.5
 """Distance of the camera over the radius of the system, for meshcat's view of 75 degrees."""
 ELLIPSOID_SECONDS = 0.3
@@ -147,7 +147,7 @@ class Scene:
         twist = np.zeros(6)
         twist[indices] = weakest
         linear, angular = report.axes @ twist[:3], report.axes @ twist[3:]
-        near = report.sigma_min < NEAR * report.sigma[0]
+        near = report.distance < NEAR
         moves, turns = np.linalg.norm(linear) > 0.3, np.linalg.norm(angular) > 0.3
         _show(layer["lost"], singular and moves)
         _show(layer["weak"], near and not singular and moves)

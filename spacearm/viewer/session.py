@@ -14,12 +14,11 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.description.model_catalogue import catalogue
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.singularities.report import SingularityReport, singularity
-from spacearm.singularities.sets import singular_set
+from spacearm.singularities.report import IN_WORDS, SingularityReport, singularity
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -141,10 +140,12 @@ class Session:
 
     def _nearest(self) -> None:
         """Go to the nearest singular configuration in joint space, inside the limits or not."""
-        try:
-            self.go(singular_set(self.arm).nearest(self.cfg.q)[0])
-        except (UnsupportedError, NoSolutionError) as error:
-            raise ConfigurationError(str(error)) from None
+        found = singularity(self.cfg, exact=True)
+        if found.nearest is None:
+            raise ConfigurationError(f"{self.arm.name}: no singular configuration was found")
+        if found.distance == 0.0:
+            raise ConfigurationError(f"{self.arm.name} is singular here already")
+        self.go(found.nearest)
 
     def about(self) -> dict[str, Any]:
         """Return what the panel needs once: model, task, unit and joints."""
@@ -154,6 +155,7 @@ class Session:
             "model": self.arm.name,
             "task": list(self.arm.task.rows),
             "unit": self.arm.sigma_unit,
+            "meaning": IN_WORDS,
             "joints": [
                 {"name": j.name, "angle": j.kind != "prismatic", "lower": lo, "upper": hi}
                 for j, lo, hi in zip(joints, lower.tolist(), upper.tolist(), strict=True)
@@ -168,6 +170,8 @@ class Session:
             "mode": self.mode,
             "q": cfg.q.tolist(),
             "attitude": rpy.tolist(),
+            "distance": report.distance if math.isfinite(report.distance) else None,
+            "away": report.way_out,
             "sigma": report.sigma.tolist(),
             "sigma_min": report.sigma_min,
             "condition": report.condition if math.isfinite(report.condition) else None,

@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, SpaceArmError, unknown
 from spacearm.files import write
 from spacearm.model.configuration import Configuration
@@ -41,6 +40,8 @@ MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
 RENDERING = 120.0
 """Longest time that a picture may take [s]."""
+FAR = float(np.radians(30.0))
+"""Distance to the singular set from which on the colour of a path does not change [rad]."""
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 
@@ -265,11 +266,8 @@ class Viewer:
     # --- motions ----------------------------------------------------------------------------
 
     def _draw_trace(self, motion: Motion) -> None:
-        """Draw the tip path, coloured by sigma_min relative to its largest value."""
-        cfgs = [motion.at(float(t)) for t in motion.t]
-        sigma = np.array([singularity(cfg).sigma_min for cfg in cfgs])
-        points: Array = np.array([cfg.tip.translation for cfg in cfgs])
-        self._scene.trace(points, sigma / max(sigma.max(), 1e-300))
+        """Draw the tip path, coloured by the distance to the singular set, up to `FAR`."""
+        self._scene.trace(motion.tip[:, :3], motion.distance / FAR)
 
     def _animate(self, motion: Motion) -> list[float]:
         """Record the motion into the window and return its first and last time [s]."""

@@ -30,11 +30,32 @@ def test_options_and_negative_numbers_in_any_order(words):
     assert answer("query", "planar2", *words)["kind"] == "dynamic"
 
 
+def test_the_verdict_comes_first_and_says_how_to_get_away():
+    first, second, third, *_ = spacearm("query", "planar2", "--deg", 30, 40).stdout.splitlines()
+    assert first == "planar2, free-floating: regular: the nearest singular posture is 31.7° away"
+    assert second == "To get away, per degree: joint_2 +0.99°"
+    assert third.startswith("Distance to the singular set")
+    assert "about 28° away" in spacearm("query", "planar2", "--deg", 10, 30, "--first-order").stdout
+    words = spacearm("query", "planar2", "--deg", -65, -11.41).stdout.splitlines()[0]
+    assert "dynamic singularity: the nearest singular posture is 0.000802° away, 1 of 2" in words
+
+
+def test_tolerance_is_an_angle():
+    posture = ("query", "planar2", "--deg", "-65", "-11.4")
+    assert answer(*posture, "--tolerance", "0.01")["kind"] == "regular"
+    assert answer(*posture, "--tolerance", "0.02")["kind"] == "dynamic"
+    assert answer("query", "planar2", "0.3", "0.4", "--tolerance", "1")["tolerance"] == 1.0
+
+
 def test_json_is_the_report():
     got = answer("query", "planar2", "-1e-1", "-.5")
-    report = sa.singularity(sa.load("planar2").at([-0.1, -0.5]))
+    report = sa.singularity(sa.load("planar2").at([-0.1, -0.5]), exact=True)
     assert got["configuration"]["q"] == [-0.1, -0.5]
-    assert got == json.loads(json.dumps(report.to_dict()))
+    assert got == json.loads(json.dumps(report.to_dict()).replace("Infinity", "null"))
+    assert got["nearest"] == list(report.nearest)
+    estimate = answer("query", "planar2", "-1e-1", "-.5", "--first-order")
+    assert estimate["distance"] == report.distances[-1]
+    assert estimate["nearest"] is None
     assert got["sigma"] == list(report.sigma)
     assert got["gradient"] == list(report.gradient)
     assert got["jacobian"] == report.jacobian.tolist()
@@ -100,7 +121,7 @@ def test_help_and_version():
         (("query", "planar2", "1", "2", "--attitude", "1", "nan", "0"), "three finite angles"),
         (("query", "planar2", "1", "--lock", "joint_2"), "give JOINT=VALUE"),
         (("query", "planar2", "1", "2", "--mode", "free"), "free"),
-        (("query", "planar2", "1", "2", "--tolerance", "2"), "tolerance is 2"),
+        (("query", "planar2", "1", "2", "--tolerance", "4"), "tolerance is 4"),
         (("query", "planar2", "1", "2", "--tolerance", "x"), "--tolerance"),
         (("query", "planar2", "1", "2", "--length", "3"), "would scale nothing"),
         (("query", "planar2", "1", "2", "--tip", ""), "unknown link ''"),

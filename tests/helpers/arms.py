@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -117,6 +118,26 @@ def random_tree(seed: int, n: int) -> str:
         inside = LIMIT + (mimic if follows else "")
         elements.append(random_joint(rng, f"joint_{i}", parent, f"link_{i}", kinds, inside))
     return robot(*elements)
+
+
+def scaled(text: str, length: float = 1.0, mass: float = 1.0) -> str:
+    """The same robot with all lengths and all masses times a factor."""
+    root = ElementTree.fromstring(text)
+
+    def times(elements, names, factor):
+        for element in elements:
+            for name in names:
+                if name in element.attrib:
+                    element.set(
+                        name, numbers([factor * float(x) for x in element.get(name).split()])
+                    )
+
+    times(root.iter("origin"), ["xyz"], length)
+    times(root.iter("mass"), ["value"], mass)
+    times(root.iter("inertia"), [f"i{a}{b}" for a in "xyz" for b in "xyz"], mass * length**2)
+    slides = [joint for joint in root.iter("joint") if joint.get("type") == "prismatic"]
+    times([limit for joint in slides for limit in joint.iter("limit")], ["lower", "upper"], length)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def random_base(rng) -> pin.SE3:

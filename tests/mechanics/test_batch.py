@@ -73,6 +73,70 @@ def test_agrees_on_random_trees_and_tasks(seed, n, task):
     compare(arm, np.random.default_rng(seed).uniform(-4, 4, (MANY, arm.n)))
 
 
+def compare_distances(arm, Q):
+    """The compiled derivative of J* against that of the matrices, and the report."""
+    values = sa.evaluate(arm, Q, ("distance", "away"))
+    assert values["away"].shape == Q.shape
+    for i in np.linspace(0, len(Q) - 1, 8).astype(int):
+        report = sa.singularity(arm.at(Q[i]))
+        if report.condition > 1e9:
+            assert values["distance"][i] < 1e-6
+        elif 0.0 < report.distance < 1e3:
+            assert values["distance"][i] == pytest.approx(report.distance, rel=1e-7)
+            scale = abs(report.away).max()
+            assert values["away"][i] == pytest.approx(report.away, abs=1e-6 * scale)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_distances_agree_with_one_at_a_time(name, rng):
+    arm = sa.load(name)
+    compare_distances(arm, rng.uniform(-np.pi, np.pi, (MANY, arm.n)))
+
+
+@given(seeds, one_to_eight, tasks)
+@settings(max_examples=25)
+def test_distances_agree_on_trees_with_sliding_and_mimic_joints(seed, n, task):
+    rows = sa.Task(task)
+    arm = load_text(
+        random_tree(seed, n), tip=f"link_{n}", task=sa.Task(task, 0.7) if rows.mixed else rows
+    )
+    compare_distances(arm, np.random.default_rng(seed).uniform(-3, 3, (MANY, arm.n)))
+
+
+def test_distances_without_the_compiler_are_the_same(rng):
+    arm = sa.load("chaser7")
+    Q = rng.uniform(-3, 3, (MANY, 7))
+    many, few = (sa.evaluate(arm, rows, ("distance", "away")) for rows in (Q, Q[:5]))
+    for name in many:
+        np.testing.assert_allclose(few[name], many[name][:5], rtol=1e-9, atol=1e-12)
+
+
+def test_distances_at_singular_configurations_are_zero(rng):
+    for name in ("planar2", "mda6"):
+        arm = sa.load(name)
+        Q = sa.singular_set(arm).sample(MANY, rng)
+        found = sa.evaluate(arm, Q, ("distance", "away"))
+        assert found["distance"].max() < 1e-9
+        assert np.linalg.norm(found["away"], axis=1) == pytest.approx(1.0)
+
+
+def test_distances_of_rows_that_are_not_finite_are_nan_and_out_takes_vectors(rng):
+    arm, Q = sa.load("planar3"), rng.uniform(-3, 3, (MANY, 3))
+    Q[7, 1] = np.nan
+    out = {"away": np.empty((MANY, 3))}
+    found = sa.evaluate(arm, Q, ("distance", "away"), out=out)
+    assert found["away"] is out["away"]
+    assert np.isnan(found["distance"]).nonzero()[0].tolist() == [7]
+    assert np.isnan(found["away"]).all(axis=1).nonzero()[0].tolist() == [7]
+    with pytest.raises(sa.ConfigurationError, match=r"out\['away'\]"):
+        sa.evaluate(arm, Q, ("away",), out={"away": np.empty(MANY)})
+
+
+def test_an_arm_with_too_few_joints_is_singular_everywhere(rng):
+    arm = sa.load("planar2", task="pose")
+    assert not sa.evaluate(arm, rng.uniform(-3, 3, (MANY, 2)), ("distance",))["distance"].any()
+
+
 def test_locked_joints(rng):
     arm = sa.load("chaser7", locked={sa.load("chaser7").joint_names[2]: 0.4})
     compare(arm, rng.uniform(-np.pi, np.pi, (MANY, arm.n)))

@@ -65,10 +65,11 @@ def test_free_space_ends_at_limits_and_singularities():
     inside = q + 1e-3 * np.linspace(0, 1, 5)[:, None] * np.ones(6)
     beyond = q + np.linspace(0, 1, 5)[:, None] * np.array([0, 0, 0, 0, 0, 4.0])
     elbow = q + np.linspace(0, 1, 41)[:, None] * np.array([0, 0, np.radians(200), 0, 0, 0])
-    room = free.least_sigma_min(
+    room = free.least_distance(
         np.array([np.resize(inside, (41, 6)), np.resize(beyond, (41, 6)), elbow])
     )
-    assert room[0] == pytest.approx(sa.evaluate(arm, inside)["sigma_min"].min())
+    least = sa.evaluate(arm, inside, ("distance",))["distance"].min()
+    assert room[0] == pytest.approx(min(1.0, least))
     assert (room[1:] < 0.0).all()
     np.testing.assert_allclose(free.wrapped(q[None] + 2 * np.pi), q[None], atol=1e-12)
 
@@ -84,11 +85,11 @@ def test_guesses_arrive_and_are_free(name, way):
     target = Target(tip, None, None, 1e-3, arm.lower, arm.upper)
     finder = GuessFinder(start, target, 3, rng)
     guesses = list(finder.curves(0.5) if way == "direct" else finder.loops_and_lines())
-    free = [guess for guess in guesses if guess.sigma_min > 0.0][:5]
+    free = [guess for guess in guesses if guess.room > 0.0][:5]
     assert free
     for guess in free:
         optimiser = CurveOptimiser(start, target, 3, guess.loops)
         motion = walk(start, optimiser.positions(guess.x))
         assert np.linalg.norm(optimiser.residual(motion[-1])) < 5e-3  # its integration is coarse
-        assert min(sa.singularity(cfg).sigma_min for cfg in motion) > 0.5 * guess.sigma_min
+        assert min(sa.singularity(cfg).distance for cfg in motion) > 0.5 * guess.room
         assert (finder.points(guess) <= arm.upper).all()

@@ -61,7 +61,7 @@ def test_the_open_problem_of_the_paper(arm, found):
     assert (curve.method, curve.arrived) == ("joint space", True)
     np.testing.assert_allclose(replay(found).tip.translation[:2], B, atol=1e-6)
     assert found.certificate.free
-    assert found.sigma_min.min() > found.clearance
+    assert found.distance.min() > found.clearance
     assert (np.abs(found.q) <= np.pi).all()
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     squares = sa.follow(
@@ -174,12 +174,13 @@ def test_a_pose_of_a_planar_arm_and_a_place_of_a_spatial_one():
 
 
 @pytest.mark.parametrize(("name", "loops"), [("planar2", 0), ("planar3", 3), ("mda6", 2)])
-def test_gradients_of_all_constraints(name, loops):
+def test_gradients_of_the_cost_and_of_all_constraints_but_the_clearance(name, loops):
     arm, rng = sa.load(name), np.random.default_rng(1)
     q = np.full(arm.n, 0.7)
     goal = arm.at(q + 0.2).tip
     target = Target(goal, None, pin.exp3(np.array([0, 0, 0.2])), 0.01, arm.lower, arm.upper)
     optimiser = CurveOptimiser(arm.at(q), target, 2, loops)
+    optimiser._singularity_margins = lambda _: (np.empty(0), np.empty((0, 3 * arm.n)))
     x = np.tile(q, 7)[: optimiser.size] + 0.2 * rng.normal(size=optimiser.size)
 
     def all_of(x):
@@ -191,6 +192,30 @@ def test_gradients_of_all_constraints(name, loops):
     steps = 1e-6 * np.eye(len(x))
     differences = np.array([(all_of(x + e) - all_of(x - e)) / 2e-6 for e in steps]).T
     np.testing.assert_allclose(exact, differences, atol=1e-6 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
+def test_slopes_of_the_clearance_near_the_singular_set(name):
+    """The distance grows by what a motion goes along `away`, within some percent near the set."""
+    arm, rng = sa.load(name), np.random.default_rng(0)
+    for q in sa.singular_set(arm).sample(3, rng) + 2e-3 * rng.normal(size=(3, arm.n)):
+        target = Target(None, q + 0.1, None, 0.01, arm.lower, arm.upper)
+        optimiser = CurveOptimiser(arm.at(q), target, 1)
+        x = np.concatenate((q, np.zeros(arm.n)))  # stays where it is
+        values = optimiser.values(x)
+        last = rows_of_singularity(values, arm) - 1  # the end of the curve
+        differences = [
+            (optimiser.values(x + e).margins[last] - optimiser.values(x - e).margins[last]) / 2e-6
+            for e in 1e-6 * np.eye(len(x))
+        ]
+        slopes = values.d_margins[last]
+        assert np.linalg.norm(differences - slopes) < 0.2 * np.linalg.norm(slopes)
+
+
+def rows_of_singularity(values, arm):
+    """How many margins are those of the clearance: the others belong to finite limits."""
+    limits = np.isfinite(arm.upper).sum() + np.isfinite(arm.lower).sum()
+    return len(values.margins) - int(limits)
 
 
 def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
@@ -219,7 +244,7 @@ def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
         (E, (3.0, 0.0), {}, r"2\.28723 m"),
         ((0.0, 0.0), B, {}, "start is singular"),
         ((4.0, 1.0), B, {}, "limits=False"),
-        (E, B, {"clearance": 5.0}, "below the clearance of 5"),
+        ((0.3, 0.3), B, {"clearance": 0.5}, "below the clearance of 28.6"),
         (E, B, {"method": "straight"}, "singular after"),
         (E, sa.Joints(E + 0.1), {"method": "straight"}, "joint space"),
         (E, B, {"method": "joint space", "timeout": 1e-6}, "time is up"),

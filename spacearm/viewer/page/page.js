@@ -68,10 +68,11 @@ function receive(message) {
 
 /* --- the panel's parts, once --- */
 
-function build({ model, task, unit, joints, layers, motion }) {
+function build({ model, task, unit, joints, layers, motion, meaning }) {
   byId("model").textContent = model;
   document.title = `${model} - spacearm`;
   byId("unit").textContent = `[${unit}], task ${task.join(" ")}`;
+  byId("meaning").textContent = meaning;
   joints.forEach(buildJoint);
   legend(byId("layers"), layers, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
@@ -150,6 +151,7 @@ function show(state) {
     input.disabled = state.mode !== "posture";
   });
   document.querySelector(`[name=mode][value="${state.mode}"]`).checked = true;
+  gauge(state.distance, state.away);
   bars(state.sigma);
   byId("sigma_min").textContent = `${digits(state.sigma_min)} ${about.unit}`;
   byId("condition").textContent = digits(state.condition);
@@ -160,6 +162,19 @@ function show(state) {
     box.checked = !state.hidden.includes(box.dataset.layer);
   }
   showTime(state.t);
+}
+
+function gauge(distance, away) {
+  const box = byId("gauge");
+  const most = Number(box.getAttribute("aria-valuemax"));
+  const degrees = distance === null ? Infinity : distance / DEGREE;
+  const shown = Math.min(degrees, most);
+  box.firstElementChild.style.left = `${(100 * shown) / most}%`;
+  box.setAttribute("aria-valuenow", shown.toFixed(2));
+  const text = degrees >= most ? `over ${most}°` : `${degrees < 1e-3 ? 0 : digits(degrees, 3)}°`;
+  byId("distance").textContent = text;
+  box.setAttribute("aria-valuetext", text);
+  byId("away").textContent = away ? `To get away, per degree: ${away}` : "";
 }
 
 function bars(sigma) {

@@ -1,0 +1,161 @@
+"""Distance to the singular set to first order, the compiled twin of `mechanics.nearness`.
+
+The columns of J are taken per radian, so that sliding joints are measured as turning ones are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from spacearm.kernels.floating import Bodies, Indices, Numbers, Work
+from spacearm.kernels.lanes import Lanes, step
+from spacearm.kernels.singular_values import Bidiagonal, bidiagonalise
+from spacearm.kernels.singular_vectors import (
+    Vectors,
+    back_from_left,
+    back_from_right,
+    singular_vectors,
+)
+from spacearm.kernels.slopes import Slopes, joint_axes, slopes, wrench
+
+NOTHING = 1e-12
+"""As in `mechanics.nearness`."""
+ZERO = 2.0**-48
+"""Least singular values up to this share of the norm of J are zero."""
+
+
+class Nearness(NamedTuple):
+    """Work arrays, by lanes.
+
+    Attributes:
+        vectors: Singular vectors.
+        slopes: Derivatives.
+        L: (n, n, lanes) rows of derivatives: of sigma_min, then of u^T J v_0, orthonormal at last.
+        t: (4, lanes) scratch.
+    """
+
+    vectors: Vectors
+    slopes: Slopes
+    L: Lanes
+    t: Lanes
+
+
+@step
+def distance(
+    b: Bodies,
+    tip: int,
+    rows: Indices,
+    scale: Numbers,
+    radian: Numbers,
+    w: Work,
+    A: Lanes,
+    x: Bidiagonal,
+    d: Nearness,
+    values: Lanes,
+) -> None:
+    """Compute the distance and the way out.
+
+    Args:
+        b: The arm.
+        tip: Body that the tip is fixed to.
+        rows: (k,) task rows of the twist.
+        scale: (k,) their factors.
+        radian: (n,) what counts as a radian of each joint.
+        w: Work arrays that hold J, r_E and the bodies.
+        A: (n, 6, lanes) scratch.
+        x: Scratch.
+        d: Scratch.
+        values: (1 + n, lanes) receives distance and away.
+    """
+    n, k, lanes = w.J.shape[0], len(rows), values.shape[1]
+    if n < k:
+        for j in range(1 + n):
+            for l in range(lanes):
+                values[j, l] = 0.0 * w.J[0, 0, l]  # NaN stays NaN
+        return
+    norm, sigma = d.t[2], d.t[3]
+    for l in range(lanes):
+        norm[l] = 0.0
+    for j in range(n):
+        for i in range(k):
+            for l in range(lanes):
+                A[j, i, l] = scale[i] * radian[j] * w.J[j, rows[i], l]
+                norm[l] += A[j, i, l] * A[j, i, l]
+    for l in range(lanes):
+        norm[l] = math.sqrt(norm[l])
+    bidiagonalise(A, k, d.t[:2], x)
+    singular_vectors(k, x, d.vectors)
+    for l in range(lanes):
+        sigma[l] = math.sqrt(x.least[l])
+    back_from_right(A, k, d.vectors)
+    wrench(rows, scale, d.vectors.z, b[0].carried, w, d.slopes)
+    joint_axes(b, w, d.slopes)
+    for r in range(n - k + 1):
+        if r > 0:
+            for j in range(n):
+                for l in range(lanes):
+                    d.vectors.y[j, l] = 1.0 if j == k - 1 + r else 0.0
+        back_from_left(A, k, d.vectors)
+        for j in range(n):
+            for l in range(lanes):
+                d.vectors.y[j, l] *= radian[j]
+        slopes(b, tip, w, d.slopes, d.vectors.y, d.L[r])
+    way_out(n - k + 1, radian, d, norm, sigma, values)
+
+
+@step
+def way_out(
+    rows: int, radian: Numbers, d: Nearness, norm: Lanes, sigma: Lanes, values: Lanes
+) -> None:
+    """Compute the distance and the way out from the rows L, by Gram and Schmidt's method.
+
+    Args:
+        rows: Number of rows.
+        radian: (n,) what counts as a radian of each joint.
+        d: Work arrays that hold L.
+        norm: (lanes,) norm of J per radian.
+        sigma: (lanes,) sigma_min.
+        values: (1 + n, lanes) receives distance and away.
+    """
+    n, lanes = len(radian), norm.shape[0]
+    for r in range(rows):
+        for j in range(n):
+            for l in range(lanes):
+                d.L[r, j, l] *= radian[j]
+    for r in range(1, rows + 1):
+        row = r % rows  # the gradient comes last
+        for _ in range(2):  # twice is enough
+            for i in range(1, r):
+                project(d.L[i], d.L[row], d.t[0])
+        length = d.t[1]
+        for l in range(lanes):
+            length[l] = 0.0
+        for j in range(n):
+            for l in range(lanes):
+                length[l] += d.L[row, j, l] * d.L[row, j, l]
+        for l in range(lanes):
+            length[l] = math.sqrt(length[l])
+            sound = length[l] > NOTHING * norm[l]
+            share = 1.0 / length[l] if sound else 0.0
+            for j in range(n):
+                d.L[row, j, l] *= share
+            if row == 0:
+                none = math.inf if sigma[l] > ZERO * norm[l] else 0.0 * sigma[l]
+                values[0, l] = sigma[l] / length[l] if sound and none > 0.0 else none
+    for j in range(n):
+        for l in range(lanes):
+            values[1 + j, l] = radian[j] * d.L[0, j, l]
+
+
+@step
+def project(along: Lanes, x: Lanes, t: Lanes) -> None:
+    """Take the component along a unit vector, or zero, out of x; t is scratch."""
+    for l in range(t.shape[0]):
+        t[l] = 0.0
+    for j in range(x.shape[0]):
+        for l in range(t.shape[0]):
+            t[l] += along[j, l] * x[j, l]
+    for j in range(x.shape[0]):
+        for l in range(t.shape[0]):
+            x[j, l] -= t[l] * along[j, l]
