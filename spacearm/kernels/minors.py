@@ -46,6 +46,7 @@ def minors(
     column_unit: Numbers,
     q: Numbers,
     values: Numbers,
+    sizes: Numbers,
 ) -> None:
     """Compute minors of [B P] of a floating arm, or of the Jacobian of one held by its spacecraft.
 
@@ -63,6 +64,7 @@ def minors(
         column_unit: (6 + n,) factors of the columns.
         q: (N, m) joint positions [rad] or [m].
         values: (m, c) receives the determinants.
+        sizes: (m, c) receives the products of the lengths of their columns, or is empty.
     """
     m, k = q.shape[1], len(rows)
     w = work(q.shape[0], n)
@@ -84,6 +86,8 @@ def minors(
                     c = columns[i, y]
                     for x in range(k):
                         A[y, x] = row_unit[rows[x]] * column_unit[c] * C[c, rows[x], l]
+                if len(sizes) > 0:
+                    sizes[first + l, i] = math.sqrt(np.prod(np.sum(A * A, axis=1)))
                 values[first + l, i] = determinant(A)
 
 

@@ -95,11 +95,26 @@ def minors(arm: SpaceArm, q: Array, mode: BaseMode, rows: Indices, columns: Indi
         rows: (k,) rows of momentum, or of the twist of the tip if the spacecraft is held.
         columns: (c, k) columns of each minor: 0 to 5 the tip's twist, 6 + j joint j.
     """
+    return _minors(arm, q, mode, rows, columns, np.empty((0, len(columns))))
+
+
+def sizes_of_minors(
+    arm: SpaceArm, q: Array, mode: BaseMode, rows: Indices, columns: Indices
+) -> tuple[Array, Array]:
+    """Compute `minors` and the products of the lengths of their columns, which bound them."""
+    sizes = np.empty((q.shape[1], len(columns)))
+    return _minors(arm, q, mode, rows, columns, sizes), sizes
+
+
+def _minors(
+    arm: SpaceArm, q: Array, mode: BaseMode, rows: Indices, columns: Indices, sizes: Array
+) -> Array:
     row, column = _units(arm, mode == "free-floating")
     values = np.empty((q.shape[1], len(columns)))
-    number = list(FREE_TWIST).index(mode)
-    all_q = _all_joints(arm, q)
-    determinants.minors(*bodies(arm), arm.n, number, rows, columns, row, column, all_q, values)
+    determinants.minors(
+        *bodies(arm), arm.n, list(FREE_TWIST).index(mode), rows, columns, row, column,
+        _all_joints(arm, q), values, sizes,
+    )  # fmt: skip
     return values
 
 

@@ -68,8 +68,18 @@ def interpolants(sampler: Sampler, degrees: Integers) -> list[Complex]:
     ]
 
 
-def error_bound(miss: float, degrees: tuple[int, ...]) -> float:
-    """Bound the error of an interpolant everywhere from the largest `miss` at `CHECKS` points."""
+def error_bound(values: Array, wanted: Array, degrees: tuple[int, ...]) -> float:
+    """Bound the error of an interpolant everywhere from its values and new samples, (m,) each.
+
+    Raises:
+        UnsupportedError: They differ by more than rounding can.
+    """
+    miss, size = float(np.abs(values - wanted).max()), float(np.abs(wanted).max())
+    if not miss <= MISFIT * size:
+        raise UnsupportedError(
+            f"the function is not band-limited: a trigonometric polynomial of degrees {degrees} "
+            f"misses it by {miss:.3g} (its size is {size:.3g})"
+        )
     return SAFETY * miss * math.prod(_lebesgue(2 * d + 1) for d in degrees)
 
 

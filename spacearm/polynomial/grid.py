@@ -71,6 +71,9 @@ def over_blocks(
         do: Takes the values of a block and its slices of the grid.
         threads: Number of threads; one per available processor if None.
     """
+    n = tensor.ndim
+    padding = (1,) * (2 - n)  # a block needs two axes
+    tensor, shape = tensor.reshape((*tensor.shape, *padding)), (*shape, *padding)
     B = [
         waves(2.0 * np.pi * np.arange(N) / N, size // 2).T.copy()
         for N, size in zip(shape, tensor.shape, strict=True)
@@ -98,7 +101,8 @@ def over_blocks(
             there = index | {nest.split: piece}
             slices = tuple(there.get(j, slice(0, N)) for j, N in enumerate(shape))
             block = values.reshape([slices[j].stop - slices[j].start for j in order])
-            yield do(block.transpose(to_axes), slices)
+            block = block.transpose(to_axes)
+            yield do(block.reshape(block.shape[:n]) if padding else block, slices[:n])
 
     def nested(partial: Array, depth: int, index: dict[int, slice]) -> Iterator[T]:
         """Contract the outer axes from `depth` on, one point after the other."""

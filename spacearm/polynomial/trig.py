@@ -24,16 +24,9 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, plain
-from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.errors import ConfigurationError
 from spacearm.polynomial.contraction import contract, to_complex, to_real
-from spacearm.polynomial.fit import (
-    CHECKS,
-    MISFIT,
-    Sampler,
-    degrees_of,
-    error_bound,
-    interpolants,
-)
+from spacearm.polynomial.fit import CHECKS, Sampler, degrees_of, error_bound, interpolants
 from spacearm.polynomial.grid import Index, T, over_blocks
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
 
@@ -123,16 +116,10 @@ class TrigPolynomial:
         degrees = degrees_of(sampler, n, highest, rng)
         fitted = [cls(c) for c in interpolants(sampler, degrees)]
         Q = rng.uniform(-np.pi, np.pi, (CHECKS, n))
-        polynomials = []
-        for f, wanted in zip(fitted, sampler(Q).T, strict=True):
-            miss, size = float(np.abs(f(Q) - wanted).max()), float(np.abs(wanted).max())
-            if not miss <= MISFIT * max(size, f.scale / 100.0):
-                raise UnsupportedError(
-                    f"the function is not band-limited: a trigonometric polynomial of degrees "
-                    f"{f.degrees} misses it by {miss:.3g} (its size is {size:.3g})"
-                )
-            polynomials.append(cls(f.coefficients, error_bound(miss, f.degrees)))
-        return polynomials
+        return [
+            cls(f.coefficients, error_bound(f(Q), wanted, f.degrees))
+            for f, wanted in zip(fitted, sampler(Q).T, strict=True)
+        ]
 
     # --- values -----------------------------------------------------------------------------
 
@@ -225,21 +212,11 @@ class TrigPolynomial:
             What `do` returns for each block.
 
         Example:
-            The share of the torus where S is negative:
-            `sum(S.on_grid(shape, lambda v, _: int((v < 0.0).sum()))) / math.prod(shape)`.
+            The share where S < 0: `np.mean(S.on_grid(shape, lambda v, _: (v < 0.0).mean()))`.
         """
         if len(shape) != self.n or min(shape, default=1) < 1:
             raise ConfigurationError(f"a grid has shape {shape}; give {self.n} numbers of points")
-        if self.n >= 2:
-            return over_blocks(self.real, tuple(shape), do, threads)
-        padding = (1,) * (2 - self.n)  # the blocks need two axes
-
-        def alone(values: Array, index: Index) -> T:
-            return do(values.reshape(values.shape[: self.n]), index[: self.n])
-
-        return over_blocks(
-            self.real.reshape(self.real.shape + padding), (*shape, *padding), alone, threads
-        )
+        return over_blocks(self.real, tuple(shape), do, threads)
 
     # --- derivatives ------------------------------------------------------------------------
 

@@ -29,6 +29,8 @@ Indices = npt.NDArray[np.int_]
 
 ROUNDING = 1e-14
 """Share of the arm's size below which distances are zero."""
+ROUNDING_OF_MINORS = 1e-13
+"""Share of the product of the lengths of its columns below which a determinant is zero."""
 NEVER = 1e-9
 """A task whose sigma_min / sigma_max is below this everywhere is one that the arm can never do."""
 
@@ -88,7 +90,6 @@ def minor_polynomials(
         UnsupportedError: They have too many coefficients, or the task is one that the arm can
             never do.
     """
-    _check_possible(arm, mode)
     sampler = _compiled_sampler if len(arm.tips) == 1 else _sampler_of_several_tips
     return TrigPolynomial.fit_each(sampler(arm, np.array([*minors]), mode), arm.n)
 
@@ -97,13 +98,30 @@ def _compiled_sampler(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler
     """Return the function that computes minors from the momentum seen from the tip."""
     rows, free = _rows_and_free_directions(arm, mode)
     columns = np.array([[*free, *joints] for joints in 6 + minors])
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (32, arm.n))
+    fitting = columns.shape[1] == len(rows)  # else the task has rows that a planar arm cannot do
+    if fitting:
+        values, sizes = compiled.sizes_of_minors(arm, Q.T.copy(), mode, rows, columns)
+    if not fitting or (np.abs(values) <= ROUNDING_OF_MINORS * sizes).all():
+        raise _impossible(arm)
     return lambda Q: compiled.minors(arm, Q.T.copy(), mode, rows, columns)
+
+
+def _impossible(arm: SpaceArm) -> UnsupportedError:
+    return UnsupportedError(
+        f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose rows "
+        "that the arm can move along"
+    )
 
 
 def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
     """Return the function that computes minors as det(D) det(J*), one by one."""
     D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes(arm))
-    J_unit = max(np.abs(task_jacobian(cfg, mode=mode)).max() for cfg in probes(arm))
+    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in probes(arm)])
+    J_unit = np.abs(at_probes).max()
+    sigma = np.linalg.svd(at_probes, compute_uv=False)
+    if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
+        raise _impossible(arm)
 
     def sampler(Q: Array) -> Array:
         cfgs = [arm.at(q) for q in Q]
@@ -129,17 +147,6 @@ def _rows_and_free_directions(arm: SpaceArm, mode: BaseMode) -> tuple[Indices, l
     normal = plane_of_motion(arm, probes(arm)) if arm.tree.plane_normal() is not None else None
     rows = list(range(6)) if normal is None else [*{0, 1, 2} - {normal}, 3 + normal]
     return np.array(rows), [i for i in rows if i not in task]
-
-
-def _check_possible(arm: SpaceArm, mode: BaseMode) -> None:
-    """Refuse a task that is singular at every configuration."""
-    J = np.array([task_jacobian(cfg, mode=mode) for cfg in probes(arm)])
-    sigma = np.linalg.svd(J, compute_uv=False)
-    if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
-        raise UnsupportedError(
-            f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose "
-            "rows that the arm can move along"
-        )
 
 
 def probes(arm: SpaceArm) -> list[Configuration]:
