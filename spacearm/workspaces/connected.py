@@ -32,11 +32,13 @@ NEIGHBOURS = 12
 """Nearest nodes that each is joined to."""
 STEPS = 24
 """Points at which a straight way between nodes is looked at before it is proven."""
-MOST_POINTS = 400_000
+MOST_POINTS = 40_000
 """Largest number of boxes of a tube."""
 HALVINGS = 40
 """How often the distance between boxes is halved."""
-TRIES = 12
+ABOVE_NOISE = 100.0
+"""How much larger than rounding values on the smallest boxes are."""
+TRIES = 8
 """Paths that are tried."""
 
 Branch = tuple[int, ...]
@@ -200,7 +202,7 @@ def _tube(triangle: Triangle, branch: Branch, corners: Array) -> tuple[Tube | No
         if not open_.any():
             return Tube(points, half), None
         worst = int(s[:-1][open_][0])
-        if len(s) + open_.sum() > MOST_POINTS or np.diff(s)[open_].min() < 1e-12:
+        if len(s) + open_.sum() > MOST_POINTS or np.diff(s)[open_].min() < 1e-9:
             return None, worst
         new = 0.5 * (s[:-1] + s[1:])[open_]
         order = np.argsort(np.concatenate((s, new)))
@@ -227,13 +229,16 @@ def _boxes(
     centre = triangle.solve(Q, branch)
     sound = np.where(np.isnan(centre), 0.0, centre)
     to_end = np.minimum(s, len(corners) - 1 - s)
-    widest = np.clip(0.25 * to_end, 1e-9, 0.1)
-    slopes = np.abs(triangle.slopes(sound))
+    slopes = triangle.slopes(sound)
+    signs, slopes = np.sign(slopes), np.abs(slopes)
+    noise = max(S.noise(2.0 * np.pi) / S.scale for S, _ in triangle.equations)
+    least = ABOVE_NOISE * noise / np.maximum(slopes.min(axis=1), ABOVE_NOISE * noise)
+    widest = np.clip(0.25 * to_end, least, 0.1)
     half = np.empty_like(slopes)
     best = np.full(slopes.shape, -np.inf)
-    for width in np.geomspace(1.0, 1e-6, 13):
+    for width in np.geomspace(1.0, 1e-4, 7):
         tried = _widths(triangle, sound, slopes, width * widest)
-        values = _faces(triangle, sound, tried, np.sign(triangle.slopes(sound)))
+        values = _faces(triangle, sound, tried, signs)
         better = (values > best).all(axis=1) | ((best <= 0.0).any(axis=1) & (values > 0).all(axis=1))
         half[better], best[better] = tried[better], values[better]
     return centre, half, best
