@@ -28,6 +28,7 @@ def pytest_configure(config):
         sa.evaluate(arm, Q)
         sa.generalized_jacobians(arm, Q)
         reactions(arm, Q.T.copy())
+        sa.singularity_polynomial(arm)
 
 
 @pytest.fixture(scope="session")

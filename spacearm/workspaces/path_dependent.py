@@ -211,6 +211,7 @@ def workspace(
         reach, reach_gap = prove(arm, mode, None, reach, box, TOLERANCE)
         shells, gap = prove(arm, mode, found.S, exact_shells(found, box), box, TOLERANCE)
         gap = max(gap, reach_gap)
+        certified = bool(np.isfinite(gap))
     else:
         shells, gap = found_shells(found, box, effort, rng), float("nan")
     reachable = merged([shell.radius for shell in reach])
@@ -225,8 +226,8 @@ def workspace(
         shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
         reachable_at=reach[0].at,
         kind="certified" if certified else "found",
-        gap=gap,
-        effort=0 if certified else effort,
+        gap=gap if certified else float("nan"),
+        effort=0 if arm.n <= MOST_CERTIFIED else effort,
     )
 
 
