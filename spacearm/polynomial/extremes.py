@@ -52,7 +52,7 @@ def enclose(
         high: (n,) opposite corner.
         tolerance: In the unit of F.
     """
-    matters = [j for j in range(F.n) if F.degrees[j] or (S is not None and S.degrees[j])]
+    matters = [j for j in range(F.n) if F.degrees[j] or (S is not None and S.degrees[j])] or [0]
     others = {j: 0.0 for j in range(F.n) if j not in matters}
     if others:
         F, S = F.fix(others), None if S is None else S.fix(others)

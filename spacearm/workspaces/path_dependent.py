@@ -103,8 +103,10 @@ class Workspace(Result):
 
     @property
     def fraction(self) -> float:
-        """Share of the reachable workspace that is path independent."""
+        """Share of the reachable workspace that is path independent; 0 or 1 of a mere sphere."""
         volumes = self.volumes
+        if volumes["reachable"] == 0.0:
+            return float(not len(self.pdw))
         return volumes["piw"] / volumes["reachable"]
 
     def _volume(self, radii: Array) -> float:

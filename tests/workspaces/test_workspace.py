@@ -307,6 +307,25 @@ def test_limits_without_singularities_leave_all_path_independent():
     assert result.fraction == 1.0
 
 
+def test_a_wrist_keeps_its_tip_at_one_distance():
+    """All axes and all centres of mass in one point, the tip beside it: R is a constant."""
+    axes = {"yaw": (0, 0, 1), "pitch": (0, 1, 0), "roll": (1, 0, 0)}
+    bodies = ["bus", *axes]
+    wrist = [link(name, 10.0 if name == "bus" else 1.0, (0, 0, 0)) for name in bodies]
+    wrist += [
+        joint(f"turn {name}", inner, name, xyz=(0, 0, 0), axis=axes[name])
+        for inner, name in itertools.pairwise(bodies)
+    ]
+    tip = (frame("tip"), joint("jt", "roll", "tip", "fixed", (0.3, 0, 0)))
+    arm = load_text(robot(*wrist, *tip), tip="tip", task="orientation")
+    for limits in (False, True):
+        result = sa.workspace(arm, limits=limits)
+        np.testing.assert_allclose(result.reachable, [[0.3, 0.3]], atol=1e-9)
+        np.testing.assert_allclose(result.pdw, [[0.3, 0.3]], atol=1e-9)
+        assert len(result.piw) == 0
+        assert result.fraction == 0.0
+
+
 # --- points ---------------------------------------------------------------------------------
 
 
