@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.polynomial.trig import NOISE, TrigPolynomial
+from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import orders
 
 BLOCK = 1 << 20
@@ -89,10 +89,15 @@ class Jets:
         """Bound of all values at positions in range."""
         return self.polynomial.scale
 
-    @property
-    def noise(self) -> float:
-        """Values below this are rounding."""
-        return NOISE * self.polynomial.scale
+    @classmethod
+    def of(cls, f: TrigPolynomial, chart: Chart) -> Jets:
+        """Return a polynomial divided by its scale."""
+        size = f.scale or 1.0
+        return cls(TrigPolynomial(f.coefficients / size, f.error / size), chart)
+
+    def noise(self, largest: float = np.pi) -> float:
+        """Bound the difference of a computed value from the true one, at angles up to `largest`."""
+        return self.polynomial.noise(largest)
 
     @cached_property
     def _axes(self) -> list[int]:

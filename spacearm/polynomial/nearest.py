@@ -20,7 +20,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.polynomial.jets import Chart, Jet, Jets
 from spacearm.polynomial.newton import shortened
-from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
 GAP = 1e-4
 """Branch and bound proves that no root is nearer than the one found by more than this [rad]; the
@@ -112,7 +112,9 @@ def _values(jets: Sequence[Jet]) -> tuple[Array, Array]:
 def _sound(minors: Sequence[Jets], X: Array, low: Array, high: Array) -> Array:
     """Return which points are common roots to rounding, in the box."""
     inside = ((X >= low) & (X <= high)).all(axis=1)
-    return np.logical_and.reduce([np.abs(m(X).value) <= m.noise for m in minors] + [inside])
+    largest = float(np.abs(X).max(initial=0.0))
+    zero = [np.abs(m(X).value) <= max(m.noise(largest), NOISE * m.scale) for m in minors]
+    return np.logical_and.reduce([*zero, inside])
 
 
 def _projected(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Array) -> Array:

@@ -62,7 +62,9 @@ class Restriction(NamedTuple):
         values = f(X.reshape(-1, start.shape[1])).value.reshape(len(start), N)
         series = values @ np.cos(np.outer(theta, np.arange(N))) * (2.0 / N)
         series[:, 0] /= 2.0
-        return cls(series, B, 2.0 * f.noise, f.scale)
+        largest = float(np.abs(np.stack((start, start + step))).max())
+        noise = f.noise(largest) + 2.0 * INTERPOLATED * f.scale
+        return cls(series, B, noise, f.scale)
 
     def __call__(self, number: npt.NDArray[np.intp], x: Array) -> tuple[Array, Array]:
         """Compute values and slopes at x (m,) on the segments of these numbers, (m,) each."""
@@ -147,7 +149,7 @@ def _look(
         value, slope = line(number[rows], x[rows])
         size, B = np.abs(value), line.curvature[number[rows]]
         free[rows] = size > np.abs(slope) * h + 0.5 * B * h * h + line.noise
-        zero[rows] &= size <= 0.5 * line.noise
+        zero[rows] &= size <= line.noise
         largest[rows] = np.maximum(largest[rows], size / line.scale)
     return free, zero & ~free, largest
 

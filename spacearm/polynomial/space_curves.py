@@ -7,9 +7,10 @@ Loops of the curve smaller than a triangle may be missed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.polynomial.jets import Chart, Jets
@@ -18,14 +19,22 @@ from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import wrap
 
+Booleans = npt.NDArray[np.bool_]
+
 STEPS = 30
 """Largest number of Gauss-Newton steps onto the curve."""
 STRIDE = 0.05
 """Longest of them [rad]."""
 
 
-def curves(polynomials: Sequence[TrigPolynomial]) -> list[Array]:
+def curves(
+    polynomials: Sequence[TrigPolynomial], counts: Callable[[Array], Booleans]
+) -> list[Array]:
     """Trace the common roots.
+
+    Args:
+        polynomials: One or two.
+        counts: Says which of the common roots (m, 3) of two polynomials count, (m,).
 
     Returns:
         Polylines (m, 2) or (m, 3), angles continuous along each.
@@ -45,13 +54,15 @@ def curves(polynomials: Sequence[TrigPolynomial]) -> list[Array]:
     ends = mesh.vertices[unique]
     middle = ends[:, 0] + 0.5 * wrap(ends[:, 1] - ends[:, 0])
     points = onto(polynomials, middle)
-    return [_continuous(points[chain]) for chain in _chains(number.reshape(-1, 2))]
+    links = number.reshape(-1, 2)
+    links = links[counts(points)[links].all(axis=1)]
+    return [_continuous(points[chain]) for chain in _chains(links)]
 
 
 def onto(polynomials: Sequence[TrigPolynomial], points: Array) -> Array:
     """Move points (m, n) onto the common roots by the Gauss-Newton method."""
     turning = Chart.turning(points.shape[1])
-    scaled = [Jets(TrigPolynomial(f.coefficients / f.scale), turning) for f in polynomials]
+    scaled = [Jets.of(f, turning) for f in polynomials]
     for _ in range(STEPS):
         jets = [f(points, 1) for f in scaled]
         values = np.stack([jet.value for jet in jets], axis=1)

@@ -6,6 +6,10 @@ on, each along one line (`line_roots`), so that nothing is iterated and nothing 
 
 - sheets on which f_1 does not depend on j_1 at all. They are found along other joints (`sheets`);
 - roots of f_1, ..., f_(i-1) at which f_i vanishes whatever j_i is, i > 1. `escapes` looks for them.
+
+Two polynomials a cos q + b sin q + c of degree 1 in the same joint are two linear equations in
+(cos q, sin q). That cos^2 + sin^2 = 1 leaves one polynomial without that joint, their resultant,
+and with it a triangle (`eliminate`).
 """
 
 from __future__ import annotations
@@ -17,7 +21,9 @@ from itertools import permutations
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.newton import iterate
+from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.newton import shortened
+from spacearm.polynomial.space_curves import onto
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Complex, line_roots
 
@@ -27,12 +33,17 @@ FEW = 16
 """Number of those that come nearest to being such roots, which are followed up."""
 VANISHES = 1e-9
 """Coefficients along a line below this share of the scale are zero."""
-STRIDE, NEAR = 0.1, 0.5
-"""Longest step towards such roots, and how far they may be [rad]."""
+STEPS, STRIDE, NEAR = 20, 0.1, 0.5
+"""Number of Gauss-Newton steps and longest step towards such roots, and how far these may be [rad]."""
 RANK = 1e-5
 """Singular values of the derivatives below this share of the largest are zero."""
+ALMOST = 1e-5
+"""Share of the scale below which another polynomial vanishes at roots of a resultant, which Newton's
+method then moves onto both."""
 COMMON = 1e-6
 """Values of polynomials at a common root are below this share of their size."""
+HIGHEST = 24
+"""Highest degree of a resultant."""
 MOST_ORDERS = 5
 """Up to this many polynomials all orders are tried."""
 
@@ -44,20 +55,29 @@ class Triangle:
     Attributes:
         polynomials: f_1, ..., f_c, of n angles each.
         joints: j_1, ..., j_c.
+        other: The other one of a pair with f_c, where f_1 is their resultant.
+        checks: Polynomials that vanish at the common roots that are meant; others are left out.
     """
 
     polynomials: tuple[TrigPolynomial, ...]
     joints: tuple[int, ...]
+    other: TrigPolynomial | None = None
+    checks: tuple[TrigPolynomial, ...] = ()
 
     @property
     def n(self) -> int:
         """Number of angles."""
         return self.polynomials[0].n
 
+    @property
+    def equations(self) -> tuple[TrigPolynomial, ...]:
+        """The polynomials whose common roots are meant, without resultants."""
+        return self.polynomials if self.other is None else (self.polynomials[-1], self.other)
+
     @cached_property
     def relevant(self) -> tuple[int, ...]:
         """The joints that matter."""
-        degrees = [f.degrees for f in self.polynomials]
+        degrees = [f.degrees for f in self.equations]
         return tuple(j for j in range(self.n) if any(d[j] for d in degrees))
 
     def solve(self, Q: Array, *, sheet: int | None = None) -> Array:
@@ -81,6 +101,10 @@ class Triangle:
             Q = np.concatenate((found, Q[everywhere]))
             if along != j and len(Q):
                 Q = Q[np.abs(f.along(Q, (j,))).max(axis=1) <= VANISHES * f.scale]
+        if self.other is not None:
+            for f in (self.other, *self.checks):
+                Q = Q[np.abs(f(Q)) <= ALMOST * f.scale]
+            Q = onto(self.equations, Q)
         return Q
 
     @cached_property
@@ -114,36 +138,41 @@ class Triangle:
             ])  # fmt: skip
             f, j = self.polynomials[i], self.joints[i]
             size = np.abs(f.along(Q, (j,))).max(axis=1)
-            for q in Q[np.argsort(size)[:FEW]]:
-                root = _root_where_lost(part.polynomials, f, j, q)
-                if root is not None:
-                    found.append(rest.solve(root[None]))
+            near = Q[np.argsort(size)[:FEW]]
+            found.append(rest.solve(_roots_where_lost(part.polynomials, f, j, near)))
         return np.concatenate(found)
 
 
-def _root_where_lost(
-    others: tuple[TrigPolynomial, ...], f: TrigPolynomial, j: int, q: Array
-) -> Array | None:
-    """Find a root of `others` near q (n,) at which f vanishes whatever q_j is.
+def _roots_where_lost(
+    others: tuple[TrigPolynomial, ...], f: TrigPolynomial, j: int, Q: Array
+) -> Array:
+    """Find roots of `others` near those of Q (m, n) at which f vanishes whatever q_j is.
 
-    None if there is none, or if it takes more equations than the roots of `others` and f.
+    Left out are those that take more equations than the roots of `others` and f.
     """
-    slopes = [f.derivative(i) for i in range(f.n)]
+    turning = Chart.turning(f.n)
+    jets, line = [Jets.of(g, turning) for g in others], Jets.of(f, turning)
+    turns = 2.0 * np.pi * np.arange(2 * f.degrees[j] + 1) / (2 * f.degrees[j] + 1)
 
-    def equations(x: Array) -> tuple[Array, Array]:
-        point = x[None]
-        lost = np.array([g.along(point, (j,))[0] for g in (f, *slopes)]) / f.scale
-        split = np.concatenate((lost.real, lost.imag), axis=1)
-        values = np.array([g(x) / g.scale for g in others])
-        gradients = np.array([g.gradient(x) / g.scale for g in others])
-        return np.append(values, split[0]), np.vstack((gradients, split[1:].T))
+    def equations(X: Array) -> tuple[Array, Array]:
+        lines = X.repeat(len(turns), axis=0)
+        lines[:, j] = np.tile(turns, len(X))
+        along = line(lines, 1)
+        slopes = along.gradient.reshape(len(X), -1, f.n).copy()
+        slopes[:, :, j] = 0.0
+        parts = [g(X, 1) for g in jets]
+        values = np.column_stack([*(p.value for p in parts), along.value.reshape(len(X), -1)])
+        return values, np.concatenate([*(p.gradient[:, None] for p in parts), slopes], axis=1)
 
-    x = iterate(equations, q, len(q), STRIDE, rcond=1e-6)
-    residual, derivatives = equations(x)
-    if np.abs(residual).max() > VANISHES or np.linalg.norm(x - q) > NEAR:
-        return None
-    rank = np.linalg.matrix_rank(derivatives, tol=RANK * np.linalg.norm(derivatives, 2))
-    return x if rank <= len(others) + 1 else None
+    X = Q
+    for _ in range(STEPS):
+        values, slopes = equations(X)
+        X = X - shortened((np.linalg.pinv(slopes, rcond=1e-6) @ values[:, :, None])[..., 0], STRIDE)
+    values, slopes = equations(X)
+    sigma = np.linalg.svd(slopes, compute_uv=False)
+    rank = (sigma > RANK * sigma[:, :1]).sum(axis=1)
+    solved = (np.abs(values).max(axis=1) < VANISHES) & (np.linalg.norm(X - Q, axis=1) < NEAR)
+    return X[solved & (rank <= len(others) + 1)]
 
 
 def share_root(polynomials: Complex) -> bool:
@@ -164,6 +193,23 @@ def share_root(polynomials: Complex) -> bool:
     waves = z[:, None] ** (power - np.where(np.abs(z)[:, None] > 1.0, power[-1], 0))
     values = np.abs(waves @ columns) / (np.abs(waves) @ np.abs(columns))
     return bool((values.max(axis=1) < COMMON).any())
+
+
+def eliminate(
+    f: TrigPolynomial, g: TrigPolynomial, j: int, checks: tuple[TrigPolynomial, ...]
+) -> Triangle | None:
+    """Eliminate joint j, in which f and g have degree 1; None if nothing is left."""
+
+    def resultant(Q: Array) -> Array:
+        lines = [h.along(Q, (j,)) / h.scale for h in (f, g)]
+        (a, b, c), (d, e, k) = ((2.0 * x[:, 2].real, -2.0 * x[:, 2].imag, x[:, 1].real) for x in lines)
+        return np.asarray((b * k - e * c) ** 2 + (d * c - a * k) ** 2 - (a * e - b * d) ** 2)
+
+    F = TrigPolynomial.fit(resultant, f.n, highest=HIGHEST)
+    left = [i for i, d in enumerate(F.degrees) if d]
+    if not left or F.scale < VANISHES:
+        return None
+    return Triangle((F, f), (min(reversed(left), key=lambda i: F.degrees[i]), j), g, checks)
 
 
 def find_triangle(

@@ -73,7 +73,7 @@ class ExactSet(SingularSet):
     @property
     def codimension(self) -> int:
         """Number of minors: equations that singular configurations fulfil."""
-        return len(self.triangle.polynomials)
+        return len(self.triangle.equations)
 
     @property
     def S(self) -> TrigPolynomial:
@@ -99,18 +99,17 @@ class ExactSet(SingularSet):
     @cached_property
     def _jets(self) -> list[Jets]:
         """The minors with their derivatives, functions of the joint positions, of scale 1."""
-        scaled = (TrigPolynomial(f.coefficients / f.scale) for f in self.triangle.polynomials)
-        return [Jets(f, self.chart) for f in scaled]
+        return [Jets.of(f, self.chart) for f in self.triangle.equations]
 
     def __repr__(self) -> str:
-        degrees = ", ".join(str(f.degrees) for f in self.triangle.polynomials)
+        degrees = ", ".join(str(f.degrees) for f in self.triangle.equations)
         return f"ExactSet({self.arm.name}, degrees {degrees})"
 
     def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint; see `SingularSet.roots`."""
         j = self._joint(joint)
         point = self._angles(joint_vector(self.arm, q, "q"), j)[None]
-        lines = [(f, f.along(point, (j,))) for f in self.triangle.polynomials]
+        lines = [(f, f.along(point, (j,))) for f in self.triangle.equations]
         moving = [(f, line) for f, line in lines if np.abs(line).max() > NOISE * f.scale]
         if not moving:
             return Roots(np.empty(0), np.empty(0, dtype=int), True)
@@ -119,7 +118,7 @@ class ExactSet(SingularSet):
         at[:, j] = angles
         common = [np.abs(f(at)) <= VANISHES * f.scale for f, _ in moving[1:]]
         kept = np.logical_and.reduce([~self.chart.slides[j] | (angles >= 0.0), *common])
-        kept[kept] = self._are_singular(at[kept])
+        kept[kept] = self._are_singular(self.chart.positions(at[kept]))
         at, multiplicity = self.chart.positions(at[kept]), multiplicity[kept]
         order = np.argsort(at[:, j])
         return Roots(at[order, j], multiplicity[order], False)
@@ -182,10 +181,12 @@ class ExactSet(SingularSet):
     ) -> list[Array]:
         """Trace the set over some joints; see `SingularSet.curves`."""
         chosen, centre = self._slice(joints, q, 1)
-        return [
-            self._embed(piece, chosen, centre)
-            for piece in space_curves.curves(self._reduced(chosen, centre))
-        ]
+
+        def singular(points: Array) -> npt.NDArray[np.bool_]:
+            return self._are_singular(self._embed(points, chosen, centre))
+
+        pieces = space_curves.curves(self._reduced(chosen, centre), singular)
+        return [self._embed(piece, chosen, centre) for piece in pieces]
 
     def surface(
         self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
@@ -262,12 +263,11 @@ class ExactSet(SingularSet):
                 found.append(self.chart.positions(self._proper(other.solve(angles[:FEW_STARTS]))))
         return np.concatenate(found)
 
-    def _are_singular(self, angles: Array) -> npt.NDArray[np.bool_]:
+    def _are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
         """Return which common roots of the minors (m, n) are singular: of one minor all are."""
         if self.codimension == 1:
-            return np.ones(len(angles), dtype=bool)
-        rows = self.chart.positions(angles)
-        return np.array([is_singular(self.arm, q, self.mode) for q in rows], dtype=bool)
+            return np.ones(len(Q), dtype=bool)
+        return np.array([is_singular(self.arm, q, self.mode) for q in Q], dtype=bool)
 
     def _slice(
         self, joints: Sequence[int | str] | None, q: npt.ArrayLike | None, dimension: int
@@ -289,7 +289,7 @@ class ExactSet(SingularSet):
         """Return the minors as functions of the chosen joints, the others as in `centre`."""
         held = self._angles(centre, *chosen)
         others = {j: float(held[j]) for j in range(self.arm.n) if j not in chosen}
-        return [f.fix(others) if others else f for f in self.triangle.polynomials]
+        return [f.fix(others) if others else f for f in self.triangle.equations]
 
     def _embed(self, points: Array, chosen: tuple[int, ...], centre: Array) -> Array:
         """Return points of the chosen joints as configurations, the others as in `centre`."""

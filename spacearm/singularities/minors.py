@@ -13,7 +13,7 @@ A sliding joint d = centre + half cos(angle) enters by its angle, see `Chart`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import combinations
@@ -23,23 +23,23 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
+from spacearm.polynomial.fit import Sampler, degrees_of
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.trig import Sampler, TrigPolynomial
-from spacearm.polynomial.triangle import Triangle, find_triangle, share_root
-from spacearm.singularities.polynomial import NEVER, plane_of_motion
+from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
+from spacearm.singularities.polynomial import minor_sampler
 from spacearm.singularities.rank_loss import is_singular, lose_rank
 
 ANYWHERE = 1.0
 """A sliding joint without limits is covered this far to both sides of zero [m]."""
-LINES = 4
-"""Lines along each joint on which degrees are found."""
+PROBES = 256
+"""Random configurations at which minors that vanish everywhere are told from others."""
 HIGHEST = 12
 """Highest degree looked for in one joint."""
 ABSENT = 1e-11
-"""Share of the largest coefficient or minor below which it counts as zero."""
+"""Share of the largest minor below which one vanishes everywhere."""
 MOST_MINORS = 500
 """Largest number of maximal minors."""
 MOST_COEFFICIENTS = 1_000_000
@@ -88,9 +88,9 @@ class Minors:
     def __getitem__(self, columns: Columns) -> Jets:
         """Return one minor, of scale 1; fitted when it is first asked for."""
         if columns not in self._fitted:
-            sampler = _sampler(self.arm, self.mode, self.chart, [columns])
-            f = TrigPolynomial.fit(lambda A: sampler(A)[:, 0], self.arm.n)
-            self._fitted[columns] = Jets(TrigPolynomial(f.coefficients / f.scale), self.chart)
+            sampler = _of_angles(self.arm, self.mode, self.chart, [columns])
+            (f,) = TrigPolynomial.fit_each(sampler, self.arm.n, highest=HIGHEST)
+            self._fitted[columns] = Jets.of(f, self.chart)
         return self._fitted[columns]
 
     def every(self) -> list[Jets]:
@@ -99,8 +99,12 @@ class Minors:
 
     def with_columns(self, B: Columns) -> list[Jets]:
         """Return the minors with columns B and one more; they decide where B is independent."""
-        own = (tuple(sorted((*B, j))) for j in range(self.arm.n) if j not in B)
-        return [self[C] for C in own if C in self.degrees]
+        return [self[C] for C in self._minors_with(B)]
+
+    def _minors_with(self, B: Columns) -> list[Columns]:
+        """Return the columns B with one more, where that minor does not vanish identically."""
+        every = (tuple(sorted((*B, j))) for j in range(self.arm.n) if j not in B)
+        return [C for C in every if C in self.degrees]
 
     @property
     def codimension(self) -> int:
@@ -117,13 +121,15 @@ class Minors:
         - give all singular configurations where B is independent (`Triangle.escapes`);
         - configurations at which B is dependent are singular only in a set of fewer dimensions.
 
+        Where no minors form a triangle, a resultant of two may make one, as for "x y" with n = 3.
+
         Checked is the first on a random line along each joint, in complex numbers; the others near
         thousands of roots, and by a search for singular configurations and for dependent columns.
         """
         k, n = self.arm.task.k, self.arm.n
         choices = []
         for B in combinations(range(n), k - 1):
-            own = [C for j in range(n) if j not in B and (C := tuple(sorted((*B, j)))) in self.degrees]
+            own = self._minors_with(B)
             found = find_triangle([self.degrees[C] for C in own]) if own else None
             size = sum(np.prod([2.0 * d + 1.0 for d in self.degrees[C]]) for C in own)
             if found is not None and size <= MOST_COEFFICIENTS:
@@ -134,6 +140,19 @@ class Minors:
             triangle = Triangle(tuple(self[C].polynomial for C in order), joints)
             if self._is_whole(triangle, B):
                 return triangle
+        return self._eliminated() if not choices and self.codimension == 2 else None
+
+    def _eliminated(self) -> Triangle | None:
+        """Return a triangle made with the resultant of two minors of degree 1 in one joint."""
+        for B in combinations(range(self.arm.n), self.arm.task.k - 1):
+            own = self._minors_with(B)
+            for j in range(self.arm.n):
+                if len(own) == 2 and all(self.degrees[C][j] == 1 for C in own):
+                    f, g = (self[C].polynomial for C in own)
+                    checks = tuple(self[C].polynomial for C in self.degrees if C not in own)
+                    triangle = eliminate(f, g, j, checks)
+                    if triangle is not None and self._is_whole(triangle, B):
+                        return triangle
         return None
 
     def _is_whole(self, triangle: Triangle, B: Columns) -> bool:
@@ -141,7 +160,7 @@ class Minors:
         if self.codimension == 1:
             return True
         rng = np.random.default_rng(0)
-        if _share_factor(triangle.polynomials, rng):
+        if _share_factor(triangle.equations, rng):
             return False
         escaped = self.chart.positions(triangle.escapes(rng))
         if any(is_singular(self.arm, q, self.mode) for q in escaped):
@@ -185,56 +204,22 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
             f"{arm.name}: J* has no minors that are polynomials of the joint positions, because "
             f"joints mimic others, or too many of them ({comb(n, k)}, at most {MOST_MINORS})"
         )
-    own, every = chart_of(arm), list(combinations(range(n), k))
-    sampler = _sampler(arm, mode, own, every)
-    rng, N = np.random.default_rng(0), 2 * HIGHEST + 3
-    largest, spectra = np.zeros(len(every)), []
-    for j in range(n):
-        lines = rng.uniform(-np.pi, np.pi, (LINES, 1, n)).repeat(N, axis=1)
-        lines[:, :, j] = 2.0 * np.pi * np.arange(N) / N
-        values = sampler(lines.reshape(-1, n)).reshape(LINES, N, -1)
-        largest = np.maximum(largest, np.abs(values).max(axis=(0, 1)))
-        spectra.append(np.abs(np.fft.rfft(values, axis=1)).max(axis=0) / N)
-    degrees = {}
-    for i in np.flatnonzero(largest > ABSENT * largest.max()):
-        above = [np.flatnonzero(s[:, i] > ABSENT * largest[i]) for s in spectra]
-        degrees[every[i]] = tuple(int(a.max(initial=0)) for a in above)
-        if max(degrees[every[i]]) > HIGHEST:
-            raise UnsupportedError(f"{arm.name}: minors of J* have a degree above {HIGHEST}")
-    return Minors(arm, mode, own, degrees)
-
-
-def _sampler(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Sequence[Columns]) -> Sampler:
-    """Return the function that computes minors (m, len(columns)) at angles (m, n).
-
-    Raises:
-        UnsupportedError: The arm can never do its task.
-    """
+    own, every = chart_of(arm), np.array(list(combinations(range(n), k)))
     rng = np.random.default_rng(0)
-    probes = [arm.at(q) for q in own.positions(rng.uniform(-np.pi, np.pi, (32, arm.n)))]
-    normal = plane_of_motion(arm, probes)
-    jacobians = np.array([task_jacobian(cfg, mode=mode) for cfg in probes])
-    sigma = np.linalg.svd(jacobians, compute_uv=False)
-    if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
-        raise UnsupportedError(
-            f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose "
-            "rows that the arm can move along"
-        )
-    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes)  # neither tiny nor huge arms
-    J_unit = np.abs(jacobians).max()  # may leave the range of floating-point numbers
-    index = np.array(columns)
+    probes = own.positions(rng.uniform(-np.pi, np.pi, (PROBES, n)))
+    size = np.abs(minor_sampler(arm, every, mode)(probes)).max(axis=0)
+    some = every[size > ABSENT * size.max()]
+    degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)
+    by_columns = {
+        tuple(map(int, C)): tuple(map(int, d)) for C, d in zip(some, degrees.T, strict=True)
+    }
+    return Minors(arm, mode, own, by_columns)
 
-    def determinants(angles: Array) -> Array:
-        cfgs = [arm.at(q) for q in own.positions(angles)]
-        J = np.array([task_jacobian(cfg, mode=mode) for cfg in cfgs]) / J_unit
-        det = np.linalg.det(J[:, :, index].transpose(0, 2, 1, 3))
-        if mode != "free-floating":
-            return det
-        D = np.array([cfg.A[3:, 3:6] for cfg in cfgs]) / D_unit
-        factor = np.linalg.det(D) if normal is None else D[:, normal, normal]
-        return np.asarray(det * factor[:, None])
 
-    return determinants
+def _of_angles(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Iterable[Columns]) -> Sampler:
+    """Return the function that computes minors (m, len(columns)) at angles (m, n)."""
+    sampler = minor_sampler(arm, columns, mode)
+    return lambda angles: sampler(own.positions(angles))
 
 
 def _share_factor(polynomials: Sequence[TrigPolynomial], rng: np.random.Generator) -> bool:
