@@ -10,14 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, plain
-from spacearm.errors import UnsupportedError
-from spacearm.model.arm import SpaceArm
+from spacearm.arrays import plain
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.polynomial.certificate import Certificate
-from spacearm.singularities.sets import singular_set
+from spacearm.singularities.sets import prove_regular
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ class Plan(Motion):
 
     @cached_property
     def certificate(self) -> Certificate | None:
-        """For square tasks of revolute joints the proof that no singularity is met, else None."""
+        """The proof that no singularity is met; None for arms with mimic joints."""
         return prove_regular(self.arm, self.q)
 
     @property
@@ -120,15 +118,3 @@ class Plan(Motion):
             f"{self.t[-1]:.4g} s, sigma_min at least {self.sigma_min.min():.3g}, "
             f"{len(self)} rows)"
         )
-
-
-def prove_regular(arm: SpaceArm, q: Array) -> Certificate | None:
-    """Return the proof that straight segments through rows (m, n) meet no singularity.
-
-    None where there is none, because the singular set of the arm is not known exactly.
-    """
-    try:
-        found = singular_set(arm)
-    except UnsupportedError:
-        return None
-    return found.clearance(q) if found.complete else None

@@ -217,7 +217,9 @@ class Jets:
                 z = (reach[j] + half_step[j] * (rho + 1.0 / rho)) / self.chart.half[j]
                 weights.append((z + np.hypot(z, 1.0)) ** k)
             else:
-                weights.append(np.exp(np.minimum(k * half_step[j] * (rho - 1.0 / rho) / 2.0, 700.0)))
+                weights.append(
+                    np.exp(np.minimum(k * half_step[j] * (rho - 1.0 / rho) / 2.0, 700.0))
+                )
         return self._weighted(weights)
 
     def _weighted(self, weights: Sequence[Array]) -> float:

@@ -22,6 +22,8 @@ from spacearm.polynomial.jets import Chart, Jet, Jets
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
+Booleans = npt.NDArray[np.bool_]
+
 GAP = 1e-4
 """Branch and bound proves that no root is nearer than the one found by more than this [rad]; the
 one found is exact to rounding."""
@@ -77,13 +79,14 @@ def nearest_root(
 
 def _polished(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Array) -> Array:
     """Take Newton steps on the Lagrange equations, each row until it has converged."""
-    X, multipliers = X.copy(), np.zeros((len(X), len(minors)))
+    X = X.copy()
+    multipliers: Array = np.zeros((len(X), len(minors)))
     moving = np.arange(len(X))
     for i in range(STEPS):
         x, lagrange = X[moving], multipliers[moving]
         jets = [minor(x, 2) for minor in minors]
         if i == 0:
-            lagrange = _multipliers(jets, x - q, np.zeros(x.shape, dtype=bool))
+            lagrange = _multipliers(jets, x - q)
         held = _held(jets, x, q, low, high, lagrange)
         step, multipliers[moving] = _newton(jets, x - q, lagrange, held)
         X[moving] = np.clip(x + shortened(step, STRIDE), low, high)
@@ -98,10 +101,10 @@ def _polished(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Arra
 
 def _held(
     jets: Sequence[Jet], X: Array, q: Array, low: Array, high: Array, multipliers: Array
-) -> npt.NDArray[np.bool_]:
+) -> Booleans:
     """Return which coordinates (m, n) stay at a bound: to move inside would not bring X nearer."""
     slope = X - q + (multipliers[:, None] @ _values(jets)[1])[:, 0]
-    return ((X <= low) & (slope >= 0.0)) | ((X >= high) & (slope <= 0.0))
+    return ((low >= X) & (slope >= 0.0)) | ((high <= X) & (slope <= 0.0))
 
 
 def _values(jets: Sequence[Jet]) -> tuple[Array, Array]:
@@ -109,9 +112,9 @@ def _values(jets: Sequence[Jet]) -> tuple[Array, Array]:
     return np.stack([j.value for j in jets], 1), np.stack([j.gradient for j in jets], 1)
 
 
-def _sound(minors: Sequence[Jets], X: Array, low: Array, high: Array) -> Array:
+def _sound(minors: Sequence[Jets], X: Array, low: Array, high: Array) -> Booleans:
     """Return which points are common roots to rounding, in the box."""
-    inside = ((X >= low) & (X <= high)).all(axis=1)
+    inside = ((low <= X) & (high >= X)).all(axis=1)
     largest = float(np.abs(X).max(initial=0.0))
     zero = [np.abs(m(X).value) <= max(m.noise(largest), NOISE * m.scale) for m in minors]
     return np.logical_and.reduce([*zero, inside])
@@ -150,14 +153,14 @@ def _distinct(X: Array, q: Array) -> Array:
     return np.array(chosen).reshape(-1, X.shape[1])
 
 
-def _multipliers(jets: Sequence[Jet], offset: Array, held: Array) -> Array:
+def _multipliers(jets: Sequence[Jet], offset: Array) -> Array:
     """Estimate the multipliers by least squares."""
-    G = _values(jets)[1] * ~held[:, None]
-    return -(np.linalg.pinv(G.swapaxes(1, 2), rcond=1e-12) @ (offset * ~held)[:, :, None])[:, :, 0]
+    G = _values(jets)[1]
+    return np.asarray(-(np.linalg.pinv(G.swapaxes(1, 2), rcond=1e-12) @ offset[:, :, None])[..., 0])
 
 
 def _newton(
-    jets: Sequence[Jet], offset: Array, multipliers: Array, held: Array
+    jets: Sequence[Jet], offset: Array, multipliers: Array, held: Booleans
 ) -> tuple[Array, Array]:
     """Take a Newton step on the Lagrange equations; held coordinates stay."""
     value, G = _values(jets)

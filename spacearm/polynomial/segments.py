@@ -108,6 +108,7 @@ def certify(
     h, margin = 1.0 / pieces, np.inf
     length = np.abs(step).max(axis=1) / 2.0
     first: tuple[int, float] | None = None
+    noise = max(line.noise / line.scale for line in lines)
     while len(x):
         free, zero, largest = _look(lines, number, x, h)
         margin = min(margin, float(largest[free].min(initial=np.inf)))
@@ -119,7 +120,7 @@ def certify(
         if len(waiting) > MOST_INTERVALS:
             i, x0 = int(number[waiting[0]]), float(x[waiting[0]])
             at = start[i] + 0.5 * (1.0 + x0) * step[i]
-            return Certificate(False, at, i, 0.0, undecided=True)
+            return Certificate(False, at, i, 0.0, "undecided", noise)
         waiting = waiting[~shortest[waiting]]
         number, x, h = number[waiting].repeat(2), x[waiting].repeat(2), h / 2.0
         x = x + np.tile([-h, h], len(waiting))
@@ -127,10 +128,11 @@ def certify(
             before = (number < first[0]) | ((number == first[0]) & (x < first[1]))
             number, x = number[before], x[before]
     if first is None:
-        return Certificate(True, None, None, margin)
+        return Certificate(True, None, None, margin, "free", noise)
     i, x0 = first
     at = start[i] + 0.5 * (1.0 + _refined(lines, i, x0)) * step[i]
-    return Certificate(False, at, i, 0.0, undecided=not (singular is None or singular(at)))
+    sure = singular is None or singular(at)
+    return Certificate(False, at, i, 0.0, "singular" if sure else "undecided", noise)
 
 
 def _look(

@@ -74,7 +74,7 @@ def onto(polynomials: Sequence[TrigPolynomial], points: Array) -> Array:
     return points
 
 
-def _chains(links: Array) -> list[list[int]]:
+def _chains(links: npt.NDArray[np.intp]) -> list[list[int]]:
     """Join pairs of numbers to chains; a closed one ends where it begins."""
     neighbours: dict[int, list[int]] = {}
     for a, b in links.tolist():

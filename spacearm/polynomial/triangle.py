@@ -14,6 +14,7 @@ and with it a triangle (`eliminate`).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
@@ -34,12 +35,12 @@ FEW = 16
 VANISHES = 1e-9
 """Coefficients along a line below this share of the scale are zero."""
 STEPS, STRIDE, NEAR = 20, 0.1, 0.5
-"""Number of Gauss-Newton steps and longest step towards such roots, and how far these may be [rad]."""
+"""Number of Gauss-Newton steps towards such roots, longest step, how far they may be [rad]."""
 RANK = 1e-5
 """Singular values of the derivatives below this share of the largest are zero."""
 ALMOST = 1e-5
-"""Share of the scale below which another polynomial vanishes at roots of a resultant, which Newton's
-method then moves onto both."""
+"""Share of the scale below which another polynomial vanishes at roots of a resultant, to which
+Newton's method then moves them."""
 COMMON = 1e-6
 """Values of polynomials at a common root are below this share of their size."""
 HIGHEST = 24
@@ -122,13 +123,13 @@ class Triangle:
         return tuple(found)
 
     def escapes(self, rng: np.random.Generator) -> Array:
-        """Look for roots, as many as the triangle gives, that it does not give; returns some, (r, n).
+        """Look for roots that the triangle does not give, though as many; returns some, (r, n).
 
         Such are roots of f_1, ..., f_(i-1) at which f_i, i > 1, vanishes whatever j_i is. They are
         sought from those of `LINES` roots of f_1, ..., f_(i-1) at which f_i comes nearest to that.
         They are as many if they are given by no more equations: the rank of the derivatives tells.
         """
-        found = [np.empty((0, self.n))]
+        found: list[Array] = [np.empty((0, self.n))]
         for i in range(1, len(self.polynomials)):
             part = Triangle(self.polynomials[:i], self.joints[:i])
             rest = Triangle(self.polynomials[i + 1 :], self.joints[i + 1 :])
@@ -167,7 +168,8 @@ def _roots_where_lost(
     X = Q
     for _ in range(STEPS):
         values, slopes = equations(X)
-        X = X - shortened((np.linalg.pinv(slopes, rcond=1e-6) @ values[:, :, None])[..., 0], STRIDE)
+        step = (np.linalg.pinv(slopes, rcond=1e-6) @ values[:, :, None])[..., 0]
+        X = X - shortened(step, STRIDE)
     values, slopes = equations(X)
     sigma = np.linalg.svd(slopes, compute_uv=False)
     rank = (sigma > RANK * sigma[:, :1]).sum(axis=1)
@@ -202,7 +204,9 @@ def eliminate(
 
     def resultant(Q: Array) -> Array:
         lines = [h.along(Q, (j,)) / h.scale for h in (f, g)]
-        (a, b, c), (d, e, k) = ((2.0 * x[:, 2].real, -2.0 * x[:, 2].imag, x[:, 1].real) for x in lines)
+        (a, b, c), (d, e, k) = (
+            (2.0 * x[:, 2].real, -2.0 * x[:, 2].imag, x[:, 1].real) for x in lines
+        )
         return np.asarray((b * k - e * c) ** 2 + (d * c - a * k) ** 2 - (a * e - b * d) ** 2)
 
     F = TrigPolynomial.fit(resultant, f.n, highest=HIGHEST)
@@ -225,7 +229,7 @@ def find_triangle(
     """
     numbers = range(len(supports))
     by_size = tuple(sorted(numbers, key=lambda i: sum(d > 0 for d in supports[i])))
-    best, least = None, np.inf
+    best, least = None, math.inf
     for order in permutations(numbers) if len(supports) <= MOST_ORDERS else [by_size]:
         used: set[int] = set()
         joints: list[int] = []
@@ -235,7 +239,7 @@ def find_triangle(
                 break
             joints.append(min(reversed(new), key=lambda j: supports[i][j]))
             used |= {j for j, d in enumerate(supports[i]) if d}
-        work = np.prod([supports[i][j] for i, j in zip(order, joints, strict=False)])
+        work = math.prod(supports[i][j] for i, j in zip(order, joints, strict=False))
         if len(joints) == len(supports) and work < least:
             best, least = (order, tuple(joints)), work
     return best

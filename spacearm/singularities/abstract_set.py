@@ -142,9 +142,7 @@ class SingularSet(ABC):
         """
 
     @abstractmethod
-    def is_free(
-        self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False
-    ) -> Certificate:
+    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that the straight segment from q0 to q1 in joint space meets no singularity.
 
         An interval is free as soon as one of the minors is certified not to vanish on it.

@@ -49,7 +49,8 @@ def nearest_singular(
     Raises:
         NoSolutionError: None was found.
     """
-    low, high = (arm.lower, arm.upper) if limits else (np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
+    low = arm.lower if limits else np.full(arm.n, -np.inf)
+    high = arm.upper if limits else np.full(arm.n, np.inf)
     idle = [j for j in range(arm.n) if j not in relevant]
     rng = np.random.default_rng(1)
     spread = np.append(0.0, np.geomspace(0.05, 2.0, AROUND - 1))[:, None]

@@ -24,8 +24,8 @@ from spacearm.polynomial import level_set, space_curves
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.newton import extreme
-from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.triangle import Triangle
+from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots
 from spacearm.singularities.abstract_set import Component, SingularSet
 from spacearm.singularities.closest import nearest_singular
@@ -150,9 +150,7 @@ class ExactSet(SingularSet):
                 )
         return np.concatenate([np.empty((0, self.arm.n)), *found])[:m]
 
-    def is_free(
-        self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False
-    ) -> Certificate:
+    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that a straight segment meets no singularity; see `SingularSet.is_free`."""
         ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
         return self.clearance(ends, limits=limits)
@@ -160,7 +158,9 @@ class ExactSet(SingularSet):
     def clearance(self, path: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that a path of straight segments (m, n) meets no singularity."""
         proof = prove_free(self.arm, self.mode, self._jets, path, limits)
-        if self.codimension > 1 and proof.undecided:  # all minors tell more than those of the set
+        if (
+            self.codimension > 1 and proof.verdict == "undecided"
+        ):  # all minors tell more than those of the set
             every = minors_of(self.arm, self.mode).every()
             return prove_free(self.arm, self.mode, every, path, limits)
         return proof
@@ -256,7 +256,9 @@ class ExactSet(SingularSet):
         low, high = self.chart.centre - self.chart.half, self.chart.centre + self.chart.half
         angles = self.chart.angles(np.where(self.chart.slides, np.clip(Q, low, high), Q))
         found = [self._solved(angles)]
-        if self.codimension == 1:  # other joints may be nearer to a root than the one of the triangle
+        if (
+            self.codimension == 1
+        ):  # other joints may be nearer to a root than the one of the triangle
             f = self.triangle.polynomials[0]
             for j in (j for j in self.relevant if j != self.triangle.joints[0]):
                 other = Triangle((f,), (j,))
@@ -282,7 +284,9 @@ class ExactSet(SingularSet):
                 f"joints, not {len(chosen)}; name {wanted} with joints=, or use .sample and .roots"
             )
         if sliding := [self.arm.joint_names[j] for j in chosen if self.arm.slides[j]]:
-            raise UnsupportedError(f"joint {sliding[0]!r} slides; pictures are over revolute joints")
+            raise UnsupportedError(
+                f"joint {sliding[0]!r} slides; pictures are over revolute joints"
+            )
         return chosen, centre
 
     def _reduced(self, chosen: tuple[int, ...], centre: Array) -> list[TrigPolynomial]:

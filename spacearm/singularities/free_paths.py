@@ -51,7 +51,8 @@ def prove_free(
         if not proof:
             return proof._replace(segment=number)
         margin = min(margin, proof.margin)
-    return Certificate(True, None, None, margin)
+    noise = max(minor.noise() / minor.scale for minor in minors)
+    return Certificate(True, None, None, margin, "free", noise)
 
 
 def _within(arm: SpaceArm, path: Array) -> list[tuple[int, Array]]:

@@ -1,7 +1,8 @@
 """The maximal minors of the task Jacobian: polynomials whose common roots are the singular set.
 
 For columns C of J*, as many as the task has rows k, det [A_b A_q; J_b J_q] of these columns is
-det(A_b) det(J*[:, C]), a trigonometric polynomial like S of a square arm (`singularity_polynomial`).
+det(A_b) det(J*[:, C]), a trigonometric polynomial like S of a square arm
+(`singularity_polynomial`).
 J* has rank k - 1 or less exactly where all of them vanish. Let k - 1 columns B be independent: then
 those with B and one column more suffice. Seen from the tip held still, column j is the momentum of
 all on the spacecraft's side of joint j, so that those minors of the full pose with B the first five
@@ -13,11 +14,11 @@ A sliding joint d = centre + half cos(angle) enters by its angle, see `Chart`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import combinations
-from math import comb
 
 import numpy as np
 
@@ -27,8 +28,8 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.polynomial.fit import Sampler, degrees_of
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
+from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.polynomial import minor_sampler
 from spacearm.singularities.rank_loss import is_singular, lose_rank
 
@@ -43,7 +44,7 @@ ABSENT = 1e-11
 MOST_MINORS = 500
 """Largest number of maximal minors."""
 MOST_COEFFICIENTS = 1_000_000
-"""Largest number of coefficients of the minors of a triangle."""
+"""Largest number of coefficients of minors that are used together."""
 BASES = 3
 """Number of choices of the columns B that are tried."""
 SEARCHES = 8
@@ -95,11 +96,28 @@ class Minors:
 
     def every(self) -> list[Jets]:
         """Return all minors that do not vanish identically."""
-        return [self[C] for C in self.degrees]
+        return self._together(list(self.degrees))
 
     def with_columns(self, B: Columns) -> list[Jets]:
         """Return the minors with columns B and one more; they decide where B is independent."""
-        return [self[C] for C in self._minors_with(B)]
+        return self._together(self._minors_with(B))
+
+    def _together(self, columns: list[Columns]) -> list[Jets]:
+        """Return several minors.
+
+        Raises:
+            UnsupportedError: They have too many coefficients.
+        """
+        if (size := self._size(columns)) > MOST_COEFFICIENTS:
+            raise UnsupportedError(
+                f"{self.arm.name}: {len(columns)} minors of J* have {size:.3g} coefficients, of "
+                f"which {MOST_COEFFICIENTS:.0e} at most are kept; lock joints"
+            )
+        return [self[C] for C in columns]
+
+    def _size(self, columns: list[Columns]) -> int:
+        """Return how many coefficients minors have."""
+        return sum(math.prod(2 * d + 1 for d in self.degrees[C]) for C in columns)
 
     def _minors_with(self, B: Columns) -> list[Columns]:
         """Return the columns B with one more, where that minor does not vanish identically."""
@@ -131,13 +149,14 @@ class Minors:
         for B in combinations(range(n), k - 1):
             own = self._minors_with(B)
             found = find_triangle([self.degrees[C] for C in own]) if own else None
-            size = sum(np.prod([2.0 * d + 1.0 for d in self.degrees[C]]) for C in own)
+            size = self._size(own)
             if found is not None and size <= MOST_COEFFICIENTS:
                 order, joints = found
-                work = np.prod([self.degrees[own[i]][j] for i, j in zip(order, joints, strict=True)])
+                pairs = zip(order, joints, strict=True)
+                work = math.prod(self.degrees[own[i]][j] for i, j in pairs)
                 choices.append((work, size, B, [own[i] for i in order], joints))
-        for _, _, B, order, joints in sorted(choices)[:BASES]:
-            triangle = Triangle(tuple(self[C].polynomial for C in order), joints)
+        for _, _, B, columns, solved in sorted(choices)[:BASES]:
+            triangle = Triangle(tuple(self[C].polynomial for C in columns), solved)
             if self._is_whole(triangle, B):
                 return triangle
         return self._eliminated() if not choices and self.codimension == 2 else None
@@ -146,7 +165,8 @@ class Minors:
         """Return a triangle made with the resultant of two minors of degree 1 in one joint."""
         for B in combinations(range(self.arm.n), self.arm.task.k - 1):
             own = self._minors_with(B)
-            for j in range(self.arm.n):
+            small = self._size(own) <= MOST_COEFFICIENTS
+            for j in range(self.arm.n) if small else ():
                 if len(own) == 2 and all(self.degrees[C][j] == 1 for C in own):
                     f, g = (self[C].polynomial for C in own)
                     checks = tuple(self[C].polynomial for C in self.degrees if C not in own)
@@ -183,7 +203,7 @@ class Minors:
 
 def has_minors(arm: SpaceArm) -> bool:
     """Check whether an arm has maximal minors, and not too many."""
-    return arm.coupling is None and 0 < comb(arm.n, arm.task.k) <= MOST_MINORS
+    return arm.coupling is None and 0 < math.comb(arm.n, arm.task.k) <= MOST_MINORS
 
 
 @lru_cache(maxsize=16)
@@ -202,7 +222,7 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
     if not has_minors(arm):
         raise UnsupportedError(
             f"{arm.name}: J* has no minors that are polynomials of the joint positions, because "
-            f"joints mimic others, or too many of them ({comb(n, k)}, at most {MOST_MINORS})"
+            f"joints mimic others, or too many of them ({math.comb(n, k)}, at most {MOST_MINORS})"
         )
     own, every = chart_of(arm), np.array(list(combinations(range(n), k)))
     rng = np.random.default_rng(0)
@@ -235,7 +255,7 @@ def _share_factor(polynomials: Sequence[TrigPolynomial], rng: np.random.Generato
 
 
 def _given(triangle: Triangle, angles: Array) -> bool:
-    """Check whether a triangle gives a root: no polynomial after the first vanishes along a line."""
+    """Check whether a triangle gives a root: only the first polynomial may vanish on a line."""
     return all(
         np.abs(f.along(angles[None], (j,))).max() > VANISHES * f.scale
         for f, j in zip(triangle.polynomials[1:], triangle.joints[1:], strict=True)

@@ -118,9 +118,7 @@ class FoundSet(SingularSet):
             )
         return np.array(found).reshape(m, self.arm.n)
 
-    def is_free(
-        self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False
-    ) -> Certificate:
+    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that a straight segment meets no singularity; see `SingularSet.is_free`."""
         ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
         return self.clearance(ends, limits=limits)
@@ -158,23 +156,21 @@ class FoundSet(SingularSet):
     def _moved(self, q: Array, ends: Array, limits: bool) -> list[tuple[Array, float]]:
         """Move singular configurations (m, n) to those nearest to q about them."""
         arm, mode = self.arm, self.mode
+        whole_turns = limits or arm.coupling is not None
+        offsets = ends - q if whole_turns else self._offsets(q, ends)
+        if limits:
+            offsets = offsets[((ends >= arm.lower) & (ends <= arm.upper)).all(axis=1)]
+        found = [(q + offset, float(np.linalg.norm(offset))) for offset in offsets]
         if not has_minors(arm):
-            offsets = ends - q if limits or arm.coupling is not None else self._offsets(q, ends)
-            if limits:
-                inside = ((ends >= arm.lower) & (ends <= arm.upper)).all(axis=1)
-                offsets = offsets[inside]
-            return [(q + offset, float(np.linalg.norm(offset))) for offset in offsets]
+            return found
         minors, groups = minors_of(arm, mode), dict[tuple[int, ...], list[Array]]()
         for end in ends:
             groups.setdefault(independent_columns(arm, end, mode), []).append(end)
-        found = []
         for B, members in groups.items():
-            equations = minors.with_columns(B)
-            with suppress(NoSolutionError):
-                every = range(arm.n)
-                found.append(
-                    nearest_singular(arm, mode, equations, q, np.array(members), every, limits)
-                )
+            with suppress(NoSolutionError, UnsupportedError):  # too large, or none in the limits
+                every, near = range(arm.n), np.array(members)
+                equations = minors.with_columns(B)
+                found.append(nearest_singular(arm, mode, equations, q, near, every, limits))
         return found
 
     def _offsets(self, q: Array, ends: Array) -> Array:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from spacearm.arrays import Array
+from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
+from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart
 from spacearm.polynomial.triangle import Triangle
 from spacearm.singularities.abstract_set import SingularSet
@@ -42,3 +45,16 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
         if minors.triangle is not None:
             return ExactSet(arm, mode, minors.triangle, minors.chart)
     return FoundSet(arm, mode)
+
+
+def prove_regular(
+    arm: SpaceArm, q: Array, *, mode: BaseMode = "free-floating"
+) -> Certificate | None:
+    """Return the proof that straight segments through rows q (m, n) meet no singularity.
+
+    None where the minors of J* are no polynomials, as for mimic joints, or too large.
+    """
+    try:
+        return singular_set(arm, mode=mode).clearance(q)
+    except UnsupportedError:
+        return None
