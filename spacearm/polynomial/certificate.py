@@ -11,13 +11,15 @@ and of the evaluation, has no sign.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import Array, named
-from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.segments import Restriction, curvature
 
 PIECES = 8
 """Intervals that a segment is first divided into."""
@@ -25,6 +27,10 @@ NARROW = 1e-12
 """Width below which an interval is not halved [rad]."""
 MOST = 50_000
 """Largest number of intervals at a time: of paths that go along the set for long."""
+
+REFINEMENTS, CLOSE = 20, 1e-6
+"""Steps to the best place where several polynomials are rounding; the longest, as a share of the
+segment."""
 
 Verdict = Literal["free", "singular", "undecided"]
 
@@ -57,30 +63,35 @@ class Certificate(NamedTuple):
         return named(self)
 
 
-def certify(S: TrigPolynomial | Sequence[TrigPolynomial], path: Array) -> Certificate:
+def certify(
+    polynomials: Sequence[Jets], path: Array, singular: Callable[[Array], bool] | None = None
+) -> Certificate:
     """Follow a path until the first point that is not proven to be free of common roots.
 
     Args:
-        S: A polynomial, or several whose common roots count.
+        polynomials: One, or several whose common roots count.
         path: (m, n) configurations, joined by straight segments.
+        singular: Decides whether a point (n,) at which several polynomials are rounding is a common
+            root; undecided if None.
     """
-    return _Path([S] if isinstance(S, TrigPolynomial) else list(S), path).certificate()
+    return _Path(list(polynomials), path, singular).certificate()
 
 
 class _Path:
     """A path and the polynomials along it; position s = i + t is at t on segment i."""
 
-    def __init__(self, polynomials: list[TrigPolynomial], path: Array) -> None:
+    def __init__(
+        self, polynomials: list[Jets], path: Array, singular: Callable[[Array], bool] | None
+    ) -> None:
         self.path = path if len(path) > 1 else path.repeat(2, axis=0)
         self.step = np.diff(self.path, axis=0)
-        self.polynomials = polynomials
+        self.polynomials, self.singular = polynomials, singular
         self.scale = np.array([S.scale or 1.0 for S in polynomials])
         largest = float(np.abs(path).max(initial=0.0))
         self.noise = np.array([S.noise(largest) for S in polynomials])
-        self.curvature = np.array([
-            np.einsum("mi,ij,mj->m", np.abs(self.step), S.curvature, np.abs(self.step))
-            for S in polynomials
-        ])  # fmt: skip
+        self.curvature = np.array([curvature(S, self.path[:-1], self.step) for S in polynomials])
+        self.lines: list[Restriction] = []
+        self.row = np.zeros(len(self.step), dtype=np.intp)
         self.margin = np.inf
 
     def certificate(self) -> Certificate:
@@ -91,6 +102,7 @@ class _Path:
         left, right = values[:, :-1], values[:, 1:]
         open_ = ~self.is_free(low, high, left, right)
         if open_.any():
+            self.restrict(np.flatnonzero(open_))
             parts = np.linspace(0.0, 1.0, PIECES + 1)
             low = (low[open_, None] + parts[:-1]).ravel()
             high = np.concatenate((low[1:], [0.0]))
@@ -138,10 +150,21 @@ class _Path:
         """Return the largest joint motion along the segments at positions (m,) [rad]."""
         return np.abs(self.step).max(axis=1)[np.minimum(s.astype(np.int_), len(self.step) - 1)]
 
+    def restrict(self, segments: npt.NDArray[np.intp]) -> None:
+        """Evaluate by series from now on, along these segments."""
+        self.row[segments] = np.arange(len(segments))
+        start, step = self.path[segments], self.step[segments]
+        self.lines = [Restriction.of(S, start, step) for S in self.polynomials]
+        self.noise = np.maximum(self.noise, [line.noise for line in self.lines])
+
     def values(self, s: Array) -> Array:
         """Evaluate the polynomials (p, m) at positions (m,)."""
-        Q = self.point(s)
-        values = np.array([S(Q) for S in self.polynomials])
+        if self.lines:
+            i = s.astype(np.intp)
+            values = np.array([line(self.row[i], 2.0 * (s - i) - 1.0) for line in self.lines])
+        else:
+            Q = self.point(s)
+            values = np.array([S(Q).value for S in self.polynomials])
         largest = (np.abs(values) / self.scale[:, None]).max(axis=0)
         self.margin = min(self.margin, float(largest.min()))
         return values
@@ -165,8 +188,8 @@ class _Path:
     def is_monotone(self, low: float, high: float) -> bool:
         """Check whether the one polynomial is proven to be monotone on an interval."""
         i = int(low)
-        (S,), middle = self.polynomials, self.point(np.array([0.5 * (low + high)]))[0]
-        slope = float(S.gradient(middle) @ self.step[i])
+        (S,), middle = self.polynomials, self.point(np.array([0.5 * (low + high)]))
+        slope = float(S(middle, 1).gradient[0] @ self.step[i])
         return abs(slope) > self.curvature[0, i] * (high - low) + self.noise[0]
 
     def root(self, low: float, high: float) -> float:
@@ -176,20 +199,41 @@ class _Path:
         (S,), i = self.polynomials, int(low)
 
         def g(t: float) -> float:
-            return float(S(self.path[i] + t * self.step[i]))
+            return float(S((self.path[i] + t * self.step[i])[None]).value[0])
 
         return i + float(brentq(g, low - i, high - i, xtol=1e-15, rtol=1e-15))
+
+    def best(self, s: float) -> float:
+        """Return the position near s at which the polynomials are least, by Gauss-Newton steps."""
+        i = min(int(s), len(self.step) - 1)
+
+        def at(t: float) -> tuple[Array, Array]:
+            jets = [S((self.path[i] + t * self.step[i])[None], 1) for S in self.polynomials]
+            g = np.array([jet.value[0] for jet in jets]) / self.scale
+            return g, np.array([jet.gradient[0] @ self.step[i] for jet in jets]) / self.scale
+
+        t = s - i
+        g, slope = at(t)
+        for _ in range(REFINEMENTS):
+            change = float(g @ slope) / max(float(slope @ slope), 1e-300)
+            better = float(np.clip(t - np.clip(change, -CLOSE, CLOSE), 0.0, 1.0))
+            new, new_slope = at(better)
+            if new @ new >= g @ g:
+                break
+            t, g, slope = better, new, new_slope
+        return i + t
 
     def verdict(self, low: float, high: float) -> Verdict:
         """Say whether a root is proven about an interval that is not free."""
         if len(self.polynomials) > 1:
-            return "undecided"
+            at = self.point(np.array([self.best(0.5 * (low + high))]))[0]
+            return "singular" if self.singular is not None and self.singular(at) else "undecided"
         i = min(int(low), len(self.step) - 1)
         for away in np.geomspace(1e-12, 1e-4, 9) / max(
             float(self.length(np.array([low]))[0]), 1e-4
         ):
             ends = np.clip((low - away, high + away), i, i + 1.0)
-            signs = self.signs(np.array([self.polynomials[0](self.point(ends))]))[0]
+            signs = self.signs(np.array([self.polynomials[0](self.point(ends)).value]))[0]
             if signs[0] * signs[1] < 0:
                 return "singular"
         return "undecided"

@@ -13,9 +13,8 @@ from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode
-from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.certificate import Certificate, certify
 from spacearm.polynomial.jets import Jets
-from spacearm.polynomial.segments import certify
 from spacearm.singularities.rounding import error_bars
 
 

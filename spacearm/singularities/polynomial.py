@@ -90,8 +90,6 @@ def minor_polynomials(
         UnsupportedError: They have too many coefficients, or the task is one that the arm can
             never do.
     """
-<<<<<<< HEAD
-=======
     return TrigPolynomial.fit_each(minor_sampler(arm, minors, mode), arm.n)
 
 
@@ -103,8 +101,6 @@ def minor_sampler(arm: SpaceArm, minors: Iterable[Sequence[int]], mode: BaseMode
     Raises:
         UnsupportedError: The task is one that the arm can never do.
     """
-    _check_possible(arm, mode)
->>>>>>> 5dd8835 (Triangles by resultants, curves of two equations, kernels for the minors)
     sampler = _compiled_sampler if len(arm.tips) == 1 else _sampler_of_several_tips
     return sampler(arm, np.array([*minors]), mode)
 

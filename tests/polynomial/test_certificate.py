@@ -9,10 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.polynomial.certificate import certify
+from spacearm.polynomial import certificate as certificates
+from spacearm.polynomial.jets import Chart, Jets
 from spacearm.singularities.polynomial import minor_polynomials
 
 degrees = st.lists(st.integers(0, 3), min_size=1, max_size=3)
+
+
+def certify(f, path):
+    """The certificate of one polynomial of angles, or of several."""
+    several = [f] if isinstance(f, sa.TrigPolynomial) else f
+    return certificates.certify([Jets(g, Chart.turning(g.n)) for g in several], path)
 
 
 def random_polynomial(rng, degrees, spread) -> sa.TrigPolynomial:

@@ -366,8 +366,9 @@ def test_clearance_of_a_path_names_the_segment():
 def test_a_segment_that_only_touches_is_blocked():
     c = np.array([-0.5, 1, -0.5], complex)  # 1 - cos q: touches zero at 0
     from spacearm.polynomial.certificate import certify
+    from spacearm.polynomial.jets import Chart, Jets
 
-    touch = certify(sa.TrigPolynomial(c), np.array([[-1.0], [1.0]]))
+    touch = certify([Jets(sa.TrigPolynomial(c), Chart.turning(1))], np.array([[-1.0], [1.0]]))
     assert not touch
     assert abs(touch.at[0]) < 1e-5
 
