@@ -29,19 +29,21 @@ GAP = 1e-4
 one found is exact to rounding."""
 PROJECTIONS = 6
 """Steps on the linearised equations."""
-POLISHED = 12
+POLISHED = 24
 """Number of candidates that Newton's method polishes."""
 STEPS = 12
 """Newton steps."""
 CONVERGED = 1e-13
 """Length of the step after which a candidate is finished [rad, m]."""
-PRUNED_AFTER, PRUNED = 3, 5
+PRUNED_AFTER, PRUNED = 3, 6
 """Steps after which only the nearest candidates are polished further, and how many."""
+EXACT, ROUGH = 1e-8, 1e-2
+"""How close a point is to a root: one that is found, and one after these steps [rad, m]."""
 STRIDE = 0.5
 """Longest step [rad, m]."""
 TINY = 1e-300
 """Keeps matrices of zeros solvable."""
-APART = 0.02
+APART = 0.05
 """Candidates nearer to each other than this are one [rad, m]."""
 
 
@@ -51,7 +53,7 @@ def nearest_root(
     starts: Array,
     low: Array,
     high: Array,
-    counts: Callable[[Array], bool] = lambda _: True,
+    counts: Callable[[Array, float], bool] | None = None,
 ) -> Array | None:
     """Find the common root in the box that is nearest to q, among those reached from starts.
 
@@ -61,23 +63,34 @@ def nearest_root(
         starts: (m, n) starts; (0, n) if there are none.
         low: (n,) lower corner of the box, -inf without limits.
         high: (n,) upper corner.
-        counts: Decides whether a common root counts.
+        counts: Decides whether a common root counts, from a point (n,) this close to it; all do if
+            None.
 
     Returns:
         (n,) offset of the root from q; None if none was found.
     """
     candidates = starts[_sound(minors, starts, low, high)] - q
     X = starts
-    for _ in range(PROJECTIONS):
+    bounded = bool(
+        (np.isfinite(low) | np.isfinite(high)).any()
+    )  # which bounds hold is a search too
+    for _ in range(PROJECTIONS * (3 if bounded else 1)):
         X = np.clip(X + shortened(_projected(minors, X, q, low, high) - X, STRIDE), low, high)
-    X = _polished(minors, _distinct(X, q), q, low, high)
+    X = _polished(minors, _distinct(X, q, POLISHED * (2 if bounded else 1)), q, low, high, counts)
     polished = X[_sound(minors, X, low, high)] - q
     both = np.concatenate((candidates, polished))
     order = np.argsort(np.linalg.norm(both, axis=1))
-    return next((both[i] for i in order if counts(q + both[i])), None)
+    return next((both[i] for i in order if not counts or counts(q + both[i], EXACT)), None)
 
 
-def _polished(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Array) -> Array:
+def _polished(
+    minors: Sequence[Jets],
+    X: Array,
+    q: Array,
+    low: Array,
+    high: Array,
+    counts: Callable[[Array, float], bool] | None,
+) -> Array:
     """Take Newton steps on the Lagrange equations, each row until it has converged."""
     X = X.copy()
     multipliers: Array = np.zeros((len(X), len(minors)))
@@ -92,8 +105,11 @@ def _polished(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Arra
         X[moving] = np.clip(x + shortened(step, STRIDE), low, high)
         moving = moving[np.linalg.norm(step, axis=1) > CONVERGED]
         if i == PRUNED_AFTER:
-            distance = np.linalg.norm(X - q, axis=1)
-            moving = moving[distance[moving] <= np.sort(distance)[:PRUNED][-1]]
+            best = [j for j in moving if not counts or counts(X[j], ROUGH)]
+            distance = np.linalg.norm(X[best] - q, axis=1)
+            moving = np.array(best, dtype=np.intp)[
+                np.argsort(distance)[: PRUNED * (2 if len(X) > POLISHED else 1)]
+            ]
         if not len(moving):
             break
     return X
@@ -142,13 +158,13 @@ def _projected(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Arr
     return q + offset
 
 
-def _distinct(X: Array, q: Array) -> Array:
+def _distinct(X: Array, q: Array, most: int) -> Array:
     """Return the nearest points that lie apart."""
     chosen: list[Array] = []
     for x in X[np.argsort(np.linalg.norm(X - q, axis=1))]:
         if all(np.abs(x - other).max() > APART for other in chosen):
             chosen.append(x)
-        if len(chosen) == POLISHED:
+        if len(chosen) == most:
             break
     return np.array(chosen).reshape(-1, X.shape[1])
 

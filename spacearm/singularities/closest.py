@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from spacearm.singularities.rank_loss import is_singular
 
 KEPT = 40
 """Nearest members from which a nearer one is sought."""
-AROUND = 16
+AROUND = 12
 """Points about the configuration, members or not, from which one is sought too."""
 GLOBAL_DIMENSION = 3
 """Up to this many joints the nearest root of one polynomial is proven."""
@@ -28,18 +28,22 @@ def nearest_singular(
     mode: BaseMode,
     minors: Sequence[Jets],
     q: Array,
-    members: Array,
+    about: Callable[[float], Array],
     relevant: Sequence[int],
     limits: bool,
 ) -> tuple[Array, float]:
     """Find the singular configuration nearest to q.
+
+    Members with free joints anywhere bound the distance; others are then drawn within that
+    distance, since no other free joints belong to a nearer one. From the nearest of these, and from
+    points that are no members, roots of the minors are found whose distance is stationary.
 
     Args:
         arm: The arm.
         mode: What the spacecraft does.
         minors: Minors whose common roots are the set.
         q: (n,) configuration.
-        members: (m, n) members of the set from which the search starts.
+        about: Draws members of the set (m, n) with free joints up to a distance from q.
         relevant: Numbers of the joints that the set depends on.
         limits: Whether only configurations within the joint limits count.
 
@@ -51,31 +55,40 @@ def nearest_singular(
     """
     low = arm.lower if limits else np.full(arm.n, -np.inf)
     high = arm.upper if limits else np.full(arm.n, np.inf)
+    within = np.clip(q, low, high)
     idle = [j for j in range(arm.n) if j not in relevant]
+
+    def members(distance: float) -> Array:
+        found = np.where(arm.slides, M := about(distance), _turned(M, q, low, high))
+        found[:, idle] = within[idle]
+        return found[((found >= low) & (found <= high)).all(axis=1)]
+
+    far = members(np.inf)
+    bound = float(np.linalg.norm(far - q, axis=1).min(initial=np.pi))
+    every = np.concatenate((far, members(bound)))
+    nearest = np.argsort(np.linalg.norm(every - q, axis=1))[:KEPT]
     rng = np.random.default_rng(1)
-    spread = np.append(0.0, np.geomspace(0.05, 2.0, AROUND - 1))[:, None]
+    spread = bound * np.linspace(0.0, 1.0, AROUND)[:, None]
     around = np.clip(q + spread * rng.uniform(-1.0, 1.0, (AROUND, arm.n)), low, high)
-    if limits:
-        turns = np.ceil((low - members) / (2.0 * np.pi))
-        turned = ~arm.slides & np.isfinite(turns)
-        members = np.where(turned, members + 2.0 * np.pi * np.where(turned, turns, 0.0), members)
-        members[:, idle] = np.clip(q, low, high)[idle]
-        members = members[((members >= low) & (members <= high)).all(axis=1)]
-    else:
-        members = np.where(arm.slides, members, q + wrap(members - q))
-        members[:, idle] = q[idle]
-    nearest = np.argsort(np.linalg.norm(members - q, axis=1))[:KEPT]
-    starts = np.concatenate((members[nearest], around))
 
-    def singular(at: Array) -> bool:
-        return len(minors) == 1 or is_singular(arm, at, mode)
+    def singular(at: Array, closeness: float) -> bool:
+        return is_singular(arm, at, mode, tolerance=closeness)
 
-    best = nearest_root(minors, q, starts, low, high, singular)
+    starts = np.concatenate((every[nearest], around))
+    best = nearest_root(minors, q, starts, low, high, singular if len(minors) > 1 else None)
     if len(minors) == 1 and not (limits or arm.slides.any()):
         best = _proven(minors[0], q, relevant, best)
     if best is None:
         raise NoSolutionError(f"{arm.name}: no singular configuration was found")
     return q + best, float(np.linalg.norm(best))
+
+
+def _turned(members: Array, q: Array, low: Array, high: Array) -> Array:
+    """Move angles (m, n) by whole turns next to q, and then into the limits if they can be."""
+    near = q + wrap(members - q)
+    up = np.maximum(np.ceil((low - near) / (2.0 * np.pi)), 0.0)
+    down = np.maximum(np.ceil((near - high) / (2.0 * np.pi)), 0.0)
+    return near + 2.0 * np.pi * (up - down)
 
 
 def _proven(minor: Jets, q: Array, relevant: Sequence[int], best: Array | None) -> Array | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from numbers import Integral
 
 import numpy as np
@@ -36,7 +36,7 @@ from spacearm.singularities.rank_loss import is_singular
 
 TURNS = 24
 """Values of a joint that S does not depend on, from which extremes of R are searched."""
-STARTS, FEW_STARTS = 256, 64
+STARTS, FEW_STARTS = 384, 32
 """Lines about a configuration on which the nearest member is sought: along the joint of the
 triangle and along other joints."""
 MOST_LINES = 1 << 17
@@ -173,7 +173,13 @@ class ExactSet(SingularSet):
         """
         centre = joint_vector(self.arm, q, "q")
         return nearest_singular(
-            self.arm, self.mode, self._jets, centre, self._near(centre), self.relevant, limits
+            self.arm,
+            self.mode,
+            self._jets,
+            centre,
+            partial(self._about, centre),
+            self.relevant,
+            limits,
         )
 
     def curves(
@@ -248,17 +254,19 @@ class ExactSet(SingularSet):
         """Leave out the second of the two angles of a position of a sliding joint."""
         return angles[(angles[:, self.chart.slides] >= 0.0).all(axis=1)]
 
-    def _near(self, q: Array) -> Array:
-        """Return members whose free joints lie about q (n,), (r, n)."""
+    def _about(self, q: Array, distance: float) -> Array:
+        """Return members whose free joints are up to a distance from q (n,), (r, n)."""
         rng = np.random.default_rng(0)
-        spread = np.append(0.0, np.geomspace(0.01, np.pi, STARTS - 1))[:, None]
-        Q = q + spread * rng.uniform(-1.0, 1.0, (STARTS, len(q)))
         low, high = self.chart.centre - self.chart.half, self.chart.centre + self.chart.half
+        free = [j for j in self.relevant if j not in self.triangle.joints]
+        ways = rng.normal(size=(STARTS, len(free)))
+        ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
+        lengths = rng.uniform(0.0, 1.0, (STARTS, 1)) ** (1.0 / max(len(free), 1))
+        Q = np.tile(q, (STARTS, 1))
+        Q[:, free] += min(distance, np.pi) * lengths * ways
         angles = self.chart.angles(np.where(self.chart.slides, np.clip(Q, low, high), Q))
         found = [self._solved(angles)]
-        if (
-            self.codimension == 1
-        ):  # other joints may be nearer to a root than the one of the triangle
+        if self.codimension == 1 and distance < np.inf:  # along other joints a root may be nearer
             f = self.triangle.polynomials[0]
             for j in (j for j in self.relevant if j != self.triangle.joints[0]):
                 other = Triangle((f,), (j,))

@@ -56,15 +56,25 @@ def lose_rank(
 
 
 def is_singular(
-    arm: SpaceArm, q: Array, mode: BaseMode, columns: tuple[int, ...] | None = None
+    arm: SpaceArm,
+    q: Array,
+    mode: BaseMode,
+    columns: tuple[int, ...] | None = None,
+    *,
+    tolerance: float = AT_A_ROOT,
 ) -> bool:
     """Check whether J*, or some of its columns, have lost rank at a root of the minors q (n,).
 
-    Roots are accurate to some ten digits at least, so that others are told apart from them.
+    Args:
+        arm: The arm.
+        q: (n,) a root of minors, accurate to some ten digits as a rule.
+        mode: What the spacecraft does.
+        columns: The columns of J* that count; all if None.
+        tolerance: Share of the largest singular value below which the least one counts as zero.
     """
     J = task_jacobian(arm.at(q), mode=mode)
     sigma = np.linalg.svd(J if columns is None else J[:, list(columns)], compute_uv=False)
-    return bool(sigma[-1] <= AT_A_ROOT * sigma[0])
+    return bool(sigma[-1] <= tolerance * sigma[0])
 
 
 def independent_columns(arm: SpaceArm, q: Array, mode: BaseMode) -> tuple[int, ...]:

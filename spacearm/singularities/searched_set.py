@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import NoReturn
 
 import numpy as np
@@ -168,9 +169,8 @@ class FoundSet(SingularSet):
             groups.setdefault(independent_columns(arm, end, mode), []).append(end)
         for B, members in groups.items():
             with suppress(NoSolutionError, UnsupportedError):  # too large, or none in the limits
-                every, near = range(arm.n), np.array(members)
-                equations = minors.with_columns(B)
-                found.append(nearest_singular(arm, mode, equations, q, near, every, limits))
+                equations, near = minors.with_columns(B), partial(_whatever, np.array(members))
+                found.append(nearest_singular(arm, mode, equations, q, near, range(arm.n), limits))
         return found
 
     def _offsets(self, q: Array, ends: Array) -> Array:
@@ -180,3 +180,8 @@ class FoundSet(SingularSet):
     def _random(self, rng: np.random.Generator) -> Array:
         """Draw a start: revolute joints anywhere, prismatic ones in their range."""
         return chart_of(self.arm).positions(rng.uniform(-np.pi, np.pi, self.arm.n))
+
+
+def _whatever(members: Array, _: float) -> Array:
+    """Return members at whatever distance."""
+    return members
