@@ -38,14 +38,15 @@ def lose_rank(
         columns: The columns of J* that count; all if None.
     """
     chosen = slice(None) if columns is None else list(columns)
-    most = 0.0
+    most, found, before = 0.0, False, q
     for _ in range(STEPS):
         cfg = arm.at(q)
         U, sigma, VT = np.linalg.svd(task_jacobian(cfg, mode=mode)[:, chosen])
         r = len(sigma)
         most = max(most, sigma[0])
-        if sigma[-1] <= LOST * most:
-            return q
+        if found:  # a step further, to all digits
+            return q if sigma[-1] <= LOST * most else before
+        found, before = bool(sigma[-1] <= LOST * most), q
         left, right = U[:, r - 1 :], VT[r - 1 :].T
         slopes = task_jacobian_derivative(cfg, mode=mode)[:, :, chosen]
         slope = np.einsum("al,jan,nr->lrj", left, slopes, right).reshape(-1, arm.n)
