@@ -80,11 +80,7 @@ class Followed(Motion):
 
     @cached_property
     def certificate(self) -> Certificate | None:
-        """The proof that the straight segments between its rows meet no singularity.
-
-        None for arms with mimic joints. Of a motion that a singularity ended it names this one, if
-        the last row is singular to rounding.
-        """
+        """The proof that no singularity is met between its rows; None for mimic joints."""
         return prove_regular(self.arm, self.q, mode=self.mode)
 
     @property

@@ -82,13 +82,13 @@ def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
             "nothing to draw"
         )
     names = [arm.joint_names[j] for j in relevant]
-    if result.dimension == 2:
+    if result.dimension == 2 and len(relevant) == 3:
         axes = axes_for(ax, 6.8, 6.0, spatial=True)
         with style():
             _draw_surface(axes, result)
             _angle_axes(axes, names)
     elif result.dimension == 1:
-        axes = axes_for(ax, 6.4, 6.0)
+        axes = axes_for(ax, 6.4, 6.0, spatial=len(relevant) == 3)
         with style():
             _draw_curves(axes, [curve[:, relevant] for curve in result.curves()])
             _angle_axes(axes, names)

@@ -27,8 +27,8 @@ Booleans = npt.NDArray[np.bool_]
 GAP = 1e-4
 """Branch and bound proves that no root is nearer than the one found by more than this [rad]; the
 one found is exact to rounding."""
-PROJECTIONS = 6
-"""Steps on the linearised equations."""
+DESCENT = 12
+"""Steps towards the point on the linearised equations."""
 POLISHED = 24
 """Number of candidates that Newton's method polishes."""
 STEPS = 12
@@ -70,13 +70,8 @@ def nearest_root(
         (n,) offset of the root from q; None if none was found.
     """
     candidates = starts[_sound(minors, starts, low, high)] - q
-    X = starts
-    bounded = bool(
-        (np.isfinite(low) | np.isfinite(high)).any()
-    )  # which bounds hold is a search too
-    for _ in range(PROJECTIONS * (3 if bounded else 1)):
-        X = np.clip(X + shortened(_projected(minors, X, q, low, high) - X, STRIDE), low, high)
-    X = _polished(minors, _distinct(X, q, POLISHED * (2 if bounded else 1)), q, low, high, counts)
+    X = _distinct(_descended(minors, starts, q, low, high), q)
+    X = _polished(minors, X, q, low, high, counts)
     polished = X[_sound(minors, X, low, high)] - q
     both = np.concatenate((candidates, polished))
     order = np.argsort(np.linalg.norm(both, axis=1))
@@ -107,9 +102,7 @@ def _polished(
         if i == PRUNED_AFTER:
             best = [j for j in moving if not counts or counts(X[j], ROUGH)]
             distance = np.linalg.norm(X[best] - q, axis=1)
-            moving = np.array(best, dtype=np.intp)[
-                np.argsort(distance)[: PRUNED * (2 if len(X) > POLISHED else 1)]
-            ]
+            moving = np.array(best, dtype=np.intp)[np.argsort(distance)[:PRUNED]]
         if not len(moving):
             break
     return X
@@ -136,35 +129,64 @@ def _sound(minors: Sequence[Jets], X: Array, low: Array, high: Array) -> Boolean
     return np.logical_and.reduce([*zero, inside])
 
 
-def _projected(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Array) -> Array:
-    """Compute the points nearest to q on the equations linearised at X, within the box."""
+def _descended(minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Array) -> Array:
+    """Move points (m, n) along the roots towards q; steps are kept if they bring them nearer.
+
+    What must fall is the distance from q and twice that from the roots, to first order.
+    """
+    aim, merit = _aims(minors, X, q, low, high)
+    share = np.ones(len(X))
+    for _ in range(DESCENT):
+        tried = np.clip(X + share[:, None] * shortened(aim - X, STRIDE), low, high)
+        new_aim, new_merit = _aims(minors, tried, q, low, high)
+        better = new_merit < merit
+        X = np.where(better[:, None], tried, X)
+        aim = np.where(better[:, None], new_aim, aim)
+        merit = np.where(better, new_merit, merit)
+        share = np.where(better, np.minimum(2.0 * share, 1.0), share / 4.0)
+    return X
+
+
+def _aims(
+    minors: Sequence[Jets], X: Array, q: Array, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """Compute the points nearest to q on the equations linearised at X, within the box.
+
+    Returns:
+        The points (m, n), and the merit (m,) of X itself: its distance from q and twice that from
+        the linearised equations.
+    """
     value, G = _values([minor(X, 1) for minor in minors])
+    off = np.linalg.norm(_least(G, value), axis=1)
     wanted = (G @ (X - q)[:, :, None])[:, :, 0] - value
     free = np.ones_like(X)
     offset = np.zeros_like(X)
     for _ in range(3):
-        H = G * free[:, None]
         rest = wanted - (G @ (offset * (1.0 - free))[:, :, None])[:, :, 0]
-        gram = H @ H.swapaxes(1, 2)
-        gram += 1e-14 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(len(minors))
-        gram += TINY * np.eye(len(minors))
-        moved = (H.swapaxes(1, 2) @ np.linalg.solve(gram, rest[:, :, None]))[:, :, 0]
-        offset = np.where(free > 0.0, moved, offset)
+        offset = np.where(free > 0.0, _least(G * free[:, None], rest), offset)
         over = (q + offset < low) | (q + offset > high)
         if not over.any():
             break
         offset = np.clip(q + offset, low, high) - q
         free[over] = 0.0
-    return q + offset
+    return q + offset, np.linalg.norm(X - q, axis=1) + 2.0 * off
 
 
-def _distinct(X: Array, q: Array, most: int) -> Array:
+def _least(G: Array, wanted: Array) -> Array:
+    """Return the shortest x (m, n) with G x = wanted, G (m, c, n) and wanted (m, c)."""
+    gram = G @ G.swapaxes(1, 2)
+    size = 1e-14 * np.trace(gram, axis1=1, axis2=2) + TINY
+    gram += size[:, None, None] * np.eye(G.shape[1])
+    return np.asarray((G.swapaxes(1, 2) @ np.linalg.solve(gram, wanted[:, :, None]))[:, :, 0])
+
+
+def _distinct(X: Array, q: Array) -> Array:
     """Return the nearest points that lie apart."""
     chosen: list[Array] = []
     for x in X[np.argsort(np.linalg.norm(X - q, axis=1))]:
         if all(np.abs(x - other).max() > APART for other in chosen):
             chosen.append(x)
-        if len(chosen) == most:
+        if len(chosen) == POLISHED:
             break
     return np.array(chosen).reshape(-1, X.shape[1])
 

@@ -1,4 +1,4 @@
-"""The singular configuration nearest to a given one."""
+"""The singular configuration nearest to a given one, and members of a set about it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.nearest import branch_and_bound, nearest_root
+from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.univariate import wrap
 from spacearm.singularities.rank_loss import is_singular
 
@@ -21,12 +22,15 @@ AROUND = 12
 """Points about the configuration, members or not, from which one is sought too."""
 GLOBAL_DIMENSION = 3
 """Up to this many joints the nearest root of one polynomial is proven."""
+STARTS, FEW_STARTS = 384, 32
+"""Lines about a configuration on which the nearest member is sought: along the joint of the
+triangle and along other joints."""
 
 
 def nearest_singular(
     arm: SpaceArm,
     mode: BaseMode,
-    minors: Sequence[Jets],
+    families: Sequence[Sequence[Jets]],
     q: Array,
     about: Callable[[float], Array],
     relevant: Sequence[int],
@@ -41,7 +45,9 @@ def nearest_singular(
     Args:
         arm: The arm.
         mode: What the spacecraft does.
-        minors: Minors whose common roots are the set.
+        families: Minors whose common roots hold the set. Where the columns that the minors of one
+            family share are dependent, they have common roots that are no members, and members are
+            better found by another family.
         q: (n,) configuration.
         about: Draws members of the set (m, n) with free joints up to a distance from q.
         relevant: Numbers of the joints that the set depends on.
@@ -75,9 +81,13 @@ def nearest_singular(
         return is_singular(arm, at, mode, tolerance=closeness)
 
     starts = np.concatenate((every[nearest], around))
-    best = nearest_root(minors, q, starts, low, high, singular if len(minors) > 1 else None)
-    if len(minors) == 1 and not (limits or arm.slides.any()):
-        best = _proven(minors[0], q, relevant, best)
+    one = len(families[0]) == 1
+    found = [
+        nearest_root(minors, q, starts, low, high, None if one else singular) for minors in families
+    ]
+    best = min((x for x in found if x is not None), key=np.linalg.norm, default=None)
+    if one and not (limits or arm.slides.any()):
+        best = _proven(families[0][0], q, relevant, best)
     if best is None:
         raise NoSolutionError(f"{arm.name}: no singular configuration was found")
     return q + best, float(np.linalg.norm(best))
@@ -104,3 +114,33 @@ def _proven(minor: Jets, q: Array, relevant: Sequence[int], best: Array | None) 
     offset = np.zeros(S.n)
     offset[chosen] = found
     return offset
+
+
+def members(triangle: Triangle, chart: Chart, angles: Array) -> Array:
+    """Return the members (r, n) that have the free angles of rows (m, n), of all sheets."""
+    sheets = [triangle.solve(angles, sheet=sheet) for sheet in (None, *triangle.sheets)]
+    return proper(chart, np.concatenate(sheets))
+
+
+def proper(chart: Chart, angles: Array) -> Array:
+    """Return the positions of angles (m, n), without the second angle of a sliding joint."""
+    return chart.positions(angles[(angles[:, chart.slides] >= 0.0).all(axis=1)])
+
+
+def members_about(triangle: Triangle, chart: Chart, q: Array, distance: float) -> Array:
+    """Return members (r, n) whose free joints are up to a distance from q (n,)."""
+    rng = np.random.default_rng(0)
+    low, high = chart.centre - chart.half, chart.centre + chart.half
+    free = [j for j in triangle.relevant if j not in triangle.joints]
+    ways = rng.normal(size=(STARTS, len(free)))
+    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
+    lengths = rng.uniform(0.0, 1.0, (STARTS, 1)) ** (1.0 / max(len(free), 1))
+    Q = np.tile(q, (STARTS, 1))
+    Q[:, free] += min(distance, np.pi) * lengths * ways
+    angles = chart.angles(np.where(chart.slides, np.clip(Q, low, high), Q))
+    found = [members(triangle, chart, angles)]
+    if len(triangle.equations) == 1 and distance < np.inf:  # along other joints one may be nearer
+        f = triangle.polynomials[0]
+        for j in (j for j in triangle.relevant if j != triangle.joints[0]):
+            found.append(proper(chart, Triangle((f,), (j,)).solve(angles[:FEW_STARTS])))
+    return np.concatenate(found)

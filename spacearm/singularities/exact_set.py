@@ -8,8 +8,8 @@ member nearest to a configuration.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from numbers import Integral
@@ -23,22 +23,16 @@ from spacearm.model.joints import joint_name, joint_vector
 from spacearm.polynomial import level_set, space_curves
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.newton import extreme
 from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots
 from spacearm.singularities.abstract_set import Component, SingularSet
-from spacearm.singularities.closest import nearest_singular
+from spacearm.singularities.closest import members, members_about, nearest_singular, proper
+from spacearm.singularities.components import component, connected
 from spacearm.singularities.free_paths import prove_free
 from spacearm.singularities.minors import minors_of
-from spacearm.singularities.polynomial import distances, radius_squared
 from spacearm.singularities.rank_loss import is_singular
 
-TURNS = 24
-"""Values of a joint that S does not depend on, from which extremes of R are searched."""
-STARTS, FEW_STARTS = 384, 32
-"""Lines about a configuration on which the nearest member is sought: along the joint of the
-triangle and along other joints."""
 MOST_LINES = 1 << 17
 """Lines without any root after which a set counts as empty."""
 VANISHES = 1e-9
@@ -101,6 +95,17 @@ class ExactSet(SingularSet):
         """The minors with their derivatives, functions of the joint positions, of scale 1."""
         return [Jets.of(f, self.chart) for f in self.triangle.equations]
 
+    @cached_property
+    def _families(self) -> list[list[Jets]]:
+        """The minors, and of a redundant arm those that share the last columns, to search with."""
+        if self.codimension == 1:
+            return [self._jets]
+        n = self.arm.n
+        minors, last = minors_of(self.arm, self.mode), tuple(range(n - self.arm.task.k + 1, n))
+        with suppress(UnsupportedError):  # too large
+            return [self._jets, minors.with_columns(last)]
+        return [self._jets]
+
     def __repr__(self) -> str:
         degrees = ", ".join(str(f.degrees) for f in self.triangle.equations)
         return f"ExactSet({self.arm.name}, degrees {degrees})"
@@ -126,7 +131,7 @@ class ExactSet(SingularSet):
     def solve(self, q: npt.ArrayLike) -> Array:
         """Find all singular configurations that have the free joints of q; see `SingularSet`."""
         point = self._angles(joint_vector(self.arm, q, "q"), *self.triangle.joints)
-        return self.chart.positions(self._proper(self.triangle.solve(point[None])))
+        return proper(self.chart, self.triangle.solve(point[None]))
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
         """Sample m singular configurations that cover the set, angles in (-pi, pi].
@@ -140,7 +145,7 @@ class ExactSet(SingularSet):
         while count < m:
             draws = max(256, int((m - count) * (lines + 1) / (count + 1) * 1.1))
             draws = min(draws, m, 1 << 16) if lines else min(256, m)
-            batch = self._solved(self._draw(draws, rng))
+            batch = members(self.triangle, self.chart, self._draw(draws, rng))
             found.append(rng.permutation(batch))
             count, lines = count + len(batch), lines + draws
             if not count and (lines > MOST_LINES or not self.relevant):
@@ -175,9 +180,9 @@ class ExactSet(SingularSet):
         return nearest_singular(
             self.arm,
             self.mode,
-            self._jets,
+            self._families,
             centre,
-            partial(self._about, centre),
+            partial(members_about, self.triangle, self.chart, centre),
             self.relevant,
             limits,
         )
@@ -204,26 +209,23 @@ class ExactSet(SingularSet):
 
     def components(self) -> list[Component]:
         """Find the connected components; see `SingularSet.components`."""
-        if self.dimension == 0:
-            points = self.triangle.solve(np.zeros((1, self.arm.n)))
-            pieces = [point[None] for point in points]
-        elif self.dimension == 1:
-            pieces = self.curves()
-        else:
-            from scipy.sparse import csr_array  # slow to import
-            from scipy.sparse.csgraph import connected_components
+        if self.codimension > 1:
+            raise UnsupportedError(
+                f"{self.arm.name}: the set has {self.codimension} equations; components are those "
+                "of sets with one. Use .curves and .sample"
+            )
+        return [component(self.arm, self.mode, self.S, piece) for piece in self._pieces()]
 
-            mesh = self.surface()
-            edges = (mesh.triangles[:, [0, 1, 2]].ravel(), mesh.triangles[:, [1, 2, 0]].ravel())
-            m = len(mesh.vertices)
-            graph = csr_array((np.ones(len(edges[0])), edges), shape=(m, m))
-            number, labels = connected_components(graph, directed=False)
-            centre = np.zeros(self.arm.n)
-            pieces = [
-                self._embed(mesh.vertices[labels == i], self.relevant, centre)
-                for i in range(number)
-            ]
-        return [self._component(piece) for piece in pieces]
+    def _pieces(self) -> list[Array]:
+        """Return points (m, n) on each connected piece of a set of up to two dimensions."""
+        if self.dimension == 0:
+            return [point[None] for point in self.triangle.solve(np.zeros((1, self.arm.n)))]
+        if self.dimension == 1:
+            return self.curves()
+        return [
+            self._embed(piece, self.relevant, np.zeros(self.arm.n))
+            for piece in connected(self.surface())
+        ]
 
     # --- parts ------------------------------------------------------------------------------
 
@@ -244,34 +246,6 @@ class ExactSet(SingularSet):
         """Draw angles (m, n), such that positions are uniform."""
         turns = rng.uniform(-np.pi, np.pi, (m, self.arm.n))
         return np.where(self.chart.slides, np.arccos(turns / np.pi), turns)
-
-    def _solved(self, angles: Array) -> Array:
-        """Return the members that have the free angles of rows (m, n), of all sheets."""
-        sheets = [self.triangle.solve(angles, sheet=s) for s in (None, *self.triangle.sheets)]
-        return self.chart.positions(self._proper(np.concatenate(sheets)))
-
-    def _proper(self, angles: Array) -> Array:
-        """Leave out the second of the two angles of a position of a sliding joint."""
-        return angles[(angles[:, self.chart.slides] >= 0.0).all(axis=1)]
-
-    def _about(self, q: Array, distance: float) -> Array:
-        """Return members whose free joints are up to a distance from q (n,), (r, n)."""
-        rng = np.random.default_rng(0)
-        low, high = self.chart.centre - self.chart.half, self.chart.centre + self.chart.half
-        free = [j for j in self.relevant if j not in self.triangle.joints]
-        ways = rng.normal(size=(STARTS, len(free)))
-        ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
-        lengths = rng.uniform(0.0, 1.0, (STARTS, 1)) ** (1.0 / max(len(free), 1))
-        Q = np.tile(q, (STARTS, 1))
-        Q[:, free] += min(distance, np.pi) * lengths * ways
-        angles = self.chart.angles(np.where(self.chart.slides, np.clip(Q, low, high), Q))
-        found = [self._solved(angles)]
-        if self.codimension == 1 and distance < np.inf:  # along other joints a root may be nearer
-            f = self.triangle.polynomials[0]
-            for j in (j for j in self.relevant if j != self.triangle.joints[0]):
-                other = Triangle((f,), (j,))
-                found.append(self.chart.positions(self._proper(other.solve(angles[:FEW_STARTS]))))
-        return np.concatenate(found)
 
     def _are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
         """Return which common roots of the minors (m, n) are singular: of one minor all are."""
@@ -308,21 +282,6 @@ class ExactSet(SingularSet):
         full = np.tile(centre, (len(points), 1))
         full[:, list(chosen)] = points
         return full
-
-    def _component(self, points: Array) -> Component:
-        """Find the range of R over a component and over the joints that do not matter to it."""
-        R2 = radius_squared(self.arm, mode=self.mode)
-        starts = points
-        for j in (j for j in range(self.arm.n) if j not in self.relevant):
-            starts = starts.repeat(TURNS, axis=0)
-            starts[:, j] = np.tile(2.0 * np.pi * np.arange(TURNS) / TURNS, len(starts) // TURNS)
-        values = R2(starts)
-        low, high = (
-            extreme(R2, self.S, starts[pick(values)], better)
-            for pick, better in ((np.argmin, operator.lt), (np.argmax, operator.gt))
-        )
-        at = np.array([low, high])
-        return Component(points, distances(self.arm, at, self.mode), at)
 
     def _joint(self, joint: int | str | None) -> int:
         """Return the number of a joint given by number or name; the last one solved for if None."""

@@ -170,7 +170,9 @@ class FoundSet(SingularSet):
         for B, members in groups.items():
             with suppress(NoSolutionError, UnsupportedError):  # too large, or none in the limits
                 equations, near = minors.with_columns(B), partial(_whatever, np.array(members))
-                found.append(nearest_singular(arm, mode, equations, q, near, range(arm.n), limits))
+                found.append(
+                    nearest_singular(arm, mode, [equations], q, near, range(arm.n), limits)
+                )
         return found
 
     def _offsets(self, q: Array, ends: Array) -> Array:
