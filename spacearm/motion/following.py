@@ -30,9 +30,7 @@ from spacearm.motion.goal import goal_axes, goal_rows, twist_between
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.motion.tip_path import Path, Segment, segments
-from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.report import NO_INVERSE, singular_values
-from spacearm.singularities.sets import prove_regular
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -77,11 +75,6 @@ class Followed(Motion):
         These are the task axes, or inertial ones where the task axes turn on the way.
         """
         return self._each(lambda cfg: singular_values(cfg, mode=self.mode, axes=goal_axes(cfg))[-1])
-
-    @cached_property
-    def certificate(self) -> Certificate | None:
-        """The proof that no singularity is met between its rows; None for mimic joints."""
-        return prove_regular(self.arm, self.q, mode=self.mode)
 
     @property
     def story(self) -> str:

@@ -19,7 +19,9 @@ from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode, free_components
 from spacearm.motion import motion_file
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
+from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.report import singular_values
+from spacearm.singularities.sets import prove_regular
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -168,6 +170,14 @@ class Motion(Result):
     def sigma_min(self) -> Array:
         """(m,) least singular value of the task Jacobian, as in `sa.singularity`."""
         return self._each(lambda cfg: singular_values(cfg, mode=self.mode)[-1])
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """The proof that straight segments between the rows meet no singularity.
+
+        None where the minors of J* are no polynomials, as with mimic joints, or too large.
+        """
+        return prove_regular(self.arm, self.q, mode=self.mode)
 
     @property
     def story(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +13,6 @@ from spacearm.arrays import plain
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.polynomial.certificate import Certificate
-from spacearm.singularities.sets import prove_regular
 
 
 @dataclass(frozen=True)
@@ -95,11 +92,6 @@ class Plan(Motion):
     def length(self) -> float:
         """Joint travel, the sum over all joints [rad] or [m]."""
         return float(np.abs(np.diff(self.q, axis=0)).sum())
-
-    @cached_property
-    def certificate(self) -> Certificate | None:
-        """The proof that no singularity is met; None for arms with mimic joints."""
-        return prove_regular(self.arm, self.q)
 
     @property
     def story(self) -> str:
