@@ -3,10 +3,11 @@
     python benchmarks/singular_map.py
 
 Prints: the complete map of planar3 beside published maps of a planar 3-joint arm (225 s by Taylor
-models, 3,300 s by intervals; those ran on other machines); 100,000 explicit singular
-configurations of mda6 and ets7; values of S a second on a dense grid beside a loop over Pinocchio's
-determinant; time and memory as n grows; and how often the search for the nearest singular
-configuration of a 6-joint arm is beaten by one from 200,000 points of the set.
+models, 3,300 s by intervals; those ran on other machines); the fits of S and of minors; 100,000
+explicit singular configurations of mda6 and ets7; values of S a second on dense grids, in blocks
+and written to memory, beside a loop over Pinocchio's determinant; the roots along a million lines;
+time and memory as n grows; and how often the search for the nearest singular configuration of a
+6-joint arm is beaten by one from 200,000 points of the set.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import sys
 import time
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,20 +23,52 @@ import pinocchio as pin
 
 import spacearm as sa
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.polynomial import singularity_polynomial
+from spacearm.singularities.exact_set import ExactSet
+from spacearm.singularities.polynomial import minor_polynomials
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from helpers.arms import load_text, random_chain  # random spatial arms
 
 
 def fresh(arm: sa.SpaceArm) -> TrigPolynomial:
-    return singularity_polynomial.__wrapped__(arm)
+    (S,) = minor_polynomials(arm, [range(arm.n)])
+    return S
+
+
+def least_time(do: Callable[[], object], repeats: int = 5) -> float:
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        do()
+        seconds.append(time.perf_counter() - start)
+    return min(seconds)
+
+
+def fits() -> None:
+    for name in ("planar2", "mda6", "ets7"):
+        arm = sa.load(name)
+        S = fresh(arm)
+        print(
+            f"fit of {name}: {1e3 * least_time(lambda arm=arm: fresh(arm)):.1f} ms, degrees "
+            f"{S.degrees}, rounding up to {S.noise() / S.scale:.1e} of the scale"
+        )
+    arm = sa.load("chaser7")
+    two = [(0, 1, 2, 3, 4, j) for j in (5, 6)]
+    print(f"two minors of chaser7: {1e3 * least_time(lambda: minor_polynomials(arm, two)):.1f} ms")
+
+
+def million_lines() -> None:
+    for name in ("mda6", "ets7"):
+        S = fresh(sa.load(name))
+        Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (1_000_000, 6))
+        seconds = least_time(lambda S=S, Q=Q: S.roots_along(Q, 4), 3)
+        print(f"roots of {name} along a million lines: {seconds:.2f} s")
 
 
 def planar3() -> None:
     arm = sa.load("planar3")
     start = time.perf_counter()
-    curves = sa.SingularSet(arm, fresh(arm)).curves()
+    curves = ExactSet(arm, "free-floating", fresh(arm)).curves()
     seconds = time.perf_counter() - start
     print(f"complete map of planar3: {seconds:.3f} s, {len(curves)} closed curves")
     for published in (225, 3300):
@@ -46,7 +80,7 @@ def explicit() -> None:
         arm = sa.load(name)
         rng = np.random.default_rng(0)
         start = time.perf_counter()
-        found = sa.SingularSet(arm, fresh(arm))
+        found = ExactSet(arm, "free-floating", fresh(arm))
         fitted = time.perf_counter() - start
         Q = found.sample(100_000, rng)
         seconds = time.perf_counter() - start
@@ -62,11 +96,25 @@ def explicit() -> None:
 
 def dense_grid() -> None:
     arm = sa.load("mda6")
-    S = sa.singularity_polynomial(arm)
-    shape = (48, 48, 48, 16, 8, 1)
-    start = time.perf_counter()
-    S.grid(shape)
-    a_value = (time.perf_counter() - start) / np.prod(shape)
+    S = fresh(arm)
+    shape = (40, 40, 40, 40, 40, 1)
+    values = int(np.prod(shape))
+    for what, do in (
+        ("computed", lambda *_: None),
+        ("computed and negative ones counted", lambda block, _: np.count_nonzero(block < 0.0)),
+        ("computed and their least found", lambda block, _: block.min()),
+    ):
+        for threads in (1, 2):
+            seconds = least_time(
+                lambda do=do, threads=threads: S.on_grid(shape, do, threads=threads)
+            )
+            print(
+                f"S of mda6 on a grid of {values:,}, {what}, {threads} thread(s): "
+                f"{1e-9 * values / seconds:.2f} billion values a second"
+            )
+    out = np.zeros(shape, dtype=np.float32)
+    seconds = least_time(lambda: S.grid(shape, out=out), 3)
+    print(f"  written to memory as float32: {1e-9 * values / seconds:.2f} billion")
     model, data, base = arm.model, arm.model.createData(), np.array([0, 0, 0, 0, 0, 0, 1.0])
     Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (5000, arm.n))
     start = time.perf_counter()
@@ -76,10 +124,7 @@ def dense_grid() -> None:
         J = pin.computeFrameJacobian(model, data, full, arm.tip_frame, pin.LOCAL_WORLD_ALIGNED)
         np.linalg.det(J[:, 6:] - J[:, :6] @ np.linalg.solve(A[:, :6], A[:, 6:]))
     a_loop = (time.perf_counter() - start) / len(Q)
-    print(
-        f"S of mda6 on a grid of {np.prod(shape):,}: {1e-6 / a_value:.1f} million values a second; "
-        f"a loop over Pinocchio: {1e-6 / a_loop:.3f} million; ratio {a_loop / a_value:.0f}"
-    )
+    print(f"  a loop over Pinocchio: {1e-6 / a_loop:.3f} million a second")
 
 
 def growth() -> None:
@@ -126,7 +171,9 @@ def refined(found: sa.SingularSet, q: np.ndarray, start: np.ndarray) -> float:
 
 if __name__ == "__main__":
     planar3()
+    fits()
     explicit()
     dense_grid()
+    million_lines()
     growth()
     nearest()

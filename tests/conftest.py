@@ -29,6 +29,7 @@ def pytest_configure(config):
         sa.evaluate(arm, Q, ("distance",))
         sa.generalized_jacobians(arm, Q)
         reactions(arm, Q.T.copy())
+        sa.singularity_polynomial(arm)
 
 
 @pytest.fixture(scope="session")

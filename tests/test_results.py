@@ -72,7 +72,7 @@ RESULTS = {
     "ErrorBars": lambda: sa.error_bars(configuration()),
     "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
     "Followed": lambda: sa.follow(arm(), [0.3, 1.2], [(1.5, 1.2)]),
-    "FoundSet": lambda: sa.singular_set(sa.load("planar3", task="x y")),
+    "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
     "Joints": lambda: sa.Joints([0.1, 0.2]),
     "ModelInfo": lambda: sa.catalogue()[0],

@@ -10,10 +10,12 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.kernels import cpu
-from spacearm.kernels.floating import BODY, Bodies
+from spacearm.kernels import minors as determinants
+from spacearm.kernels.floating import BODY, Bodies, Indices
 from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.quantities import QUANTITIES
 from spacearm.model.arm import SpaceArm
+from spacearm.model.mode import FREE_TWIST, BaseMode
 from spacearm.model.scale import radians
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -90,6 +92,74 @@ def reactions(arm: SpaceArm, q: Array) -> Reactions:
     model, frame = arm.model, arm.model.frames[arm.tip_frame]
     own = arm.tree.joints[model.names[frame.parentJoint]].axis if frame.parentJoint > 1 else Z
     return at._replace(R=at.R @ (_z_to(own).T @ frame.placement.rotation))
+
+
+def minors(arm: SpaceArm, q: Array, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
+    """Compute determinants (m, c) at q (n, m), up to one positive factor; see `kernels.minors`.
+
+    Args:
+        arm: The arm.
+        q: (n, m) joint positions.
+        mode: What the spacecraft does.
+        rows: (k,) rows of momentum, or of the twist of the tip if the spacecraft is held.
+        columns: (c, k) columns of each minor: 0 to 5 the tip's twist, 6 + j joint j.
+    """
+    return _minors(arm, q, mode, rows, columns, np.empty((0, len(columns))))
+
+
+def sizes_of_minors(
+    arm: SpaceArm, q: Array, mode: BaseMode, rows: Indices, columns: Indices
+) -> tuple[Array, Array]:
+    """Compute `minors` and the products of the lengths of their columns, which bound them."""
+    sizes = np.empty((q.shape[1], len(columns)))
+    return _minors(arm, q, mode, rows, columns, sizes), sizes
+
+
+def _minors(
+    arm: SpaceArm, q: Array, mode: BaseMode, rows: Indices, columns: Indices, sizes: Array
+) -> Array:
+    row, column = _units(arm, mode == "free-floating")
+    values = np.empty((q.shape[1], len(columns)))
+    determinants.minors(
+        *bodies(arm), arm.n, list(FREE_TWIST).index(mode), rows, columns, row, column,
+        _all_joints(arm, q), values, sizes,
+    )  # fmt: skip
+    return values
+
+
+def _units(arm: SpaceArm, floating: bool) -> tuple[Array, Array]:
+    """Return factors of rows (6,) and columns (6 + n,) that make them of order one.
+
+    They are made of the arm's size and of the mass that each joint moves, so that neither tiny nor
+    huge arms, nor very light spacecraft, leave the range of floating-point numbers.
+    """
+    b, _, E = bodies(arm)
+    reach = np.linalg.norm(b["t"], axis=1).sum() + np.linalg.norm(E)
+    M = float(b[0]["carried"])
+    gyration = float(np.sqrt(np.trace(b["I"], axis1=1, axis2=2).sum() / M))
+    L = float(reach + np.linalg.norm(b["c"], axis=1).max() + gyration) or 1.0
+    row = np.repeat((1.0 / M, 1.0 / (M * L)) if floating else (1.0, L), 3)
+    column = np.ones(6 + arm.n)
+    column[3:6] = 1.0 / L
+    share = b["m"] / M
+    for i in range(len(b) - 1, 0, -1):
+        if not b[i]["on_chain"]:
+            share[b[i]["parent"]] += share[i]
+    for i in range(1, len(b)):
+        inner = share[b[i]["parent"]] if b[i]["on_chain"] else share[i]
+        column[6 + b[i]["column"]] = (1.0 if b[i]["slides"] else 1.0 / L) / (
+            inner if floating and inner > 0.0 else 1.0
+        )
+        if b[i]["on_chain"]:
+            share[i] += share[b[i]["parent"]]
+    return row, column
+
+
+def tips(arm: SpaceArm, q: Array, mode: BaseMode) -> Array:
+    """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at q (n, m) [m]."""
+    r = np.empty((q.shape[1], 3))
+    determinants.tips(*bodies(arm), mode == "fixed", _all_joints(arm, q), r)
+    return r
 
 
 @lru_cache(maxsize=64)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, plain
+from spacearm.arrays import Array, Result, finite, plain, shape_of
 from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
@@ -20,7 +20,9 @@ from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode, free_components
 from spacearm.motion import motion_file
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
+from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.report import singular_values, singularity
+from spacearm.singularities.sets import prove_regular
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,7 +87,7 @@ class Motion(Result):
     """All that is known at each time, stored or computed."""
 
     def __post_init__(self) -> None:
-        m, n = _length(self.t), self.arm.n
+        m, n = max((*shape_of(self.t), 1)[0], 1), self.arm.n
         shapes = {"t": (m,), "q": (m, n), "base": (m, 7)}
         for name, shape in shapes.items():
             array = finite(getattr(self, name), shape, f"motion: {name}")
@@ -176,6 +178,14 @@ class Motion(Result):
         if self.mode == "free-floating" and len(self.arm.tips) == 1:
             return _kept(evaluate(self.arm, self.q, ("distance",))["distance"])
         return self._each(lambda cfg: singularity(cfg, mode=self.mode).distance)
+
+    @cached_property
+    def certificate(self) -> Certificate | None:
+        """The proof that straight segments between the rows meet no singularity.
+
+        None where the minors of J* are no polynomials, as with mimic joints, or too large.
+        """
+        return prove_regular(self.arm, self.q, mode=self.mode)
 
     @property
     def story(self) -> str:
@@ -271,14 +281,6 @@ def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
     """Return q (m, n) and base (m, 7) of configurations, as `Motion` has them."""
     base = [pin.SE3ToXYZQUAT(cfg.base) for cfg in cfgs]
     return {"q": np.array([cfg.q for cfg in cfgs]), "base": np.array(base)}
-
-
-def _length(t: Any) -> int:
-    """Return the number of times, 1 for what is no sequence of them."""
-    try:
-        return max(len(t), 1)
-    except TypeError:
-        return 1
 
 
 def _pose(row: Array) -> pin.SE3:

@@ -26,8 +26,9 @@ from spacearm.planning.free_space import FAR
 from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
-from spacearm.planning.result import Joints, prove_regular
+from spacearm.planning.result import Joints
 from spacearm.singularities.report import NO_INVERSE, angle, singular_values, singularity
+from spacearm.singularities.sets import prove_regular
 
 Rows: TypeAlias = list[Configuration]
 """The configurations along a motion, which is straight in joint space between them."""
@@ -84,7 +85,10 @@ class Problem:
             raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
         proof = prove_regular(self.start.arm, q)
         if proof is not None and proof.at is not None:
-            raise NoSolutionError(f"a singularity is met at q = {_numbers(proof.at)}")
+            what = (
+                "a singularity is met" if proof.verdict == "singular" else "a singularity is near"
+            )
+            raise NoSolutionError(f"{what} at q = {_numbers(proof.at)}")
         if (contact := self.contact(q)) is not None:
             raise NoSolutionError(str(contact))
         return rows

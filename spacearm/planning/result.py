@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, plain
-from spacearm.errors import UnsupportedError
-from spacearm.model.arm import SpaceArm
+from spacearm.arrays import plain
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.report import FAR, angle
-from spacearm.singularities.sets import singular_set
 
 
 @dataclass(frozen=True)
@@ -100,11 +95,6 @@ class Plan(Motion):
         """Joint travel, the sum over all joints [rad] or [m]."""
         return float(np.abs(np.diff(self.q, axis=0)).sum())
 
-    @cached_property
-    def certificate(self) -> Certificate | None:
-        """For square tasks of revolute joints the proof that no singularity is met, else None."""
-        return prove_regular(self.arm, self.q)
-
     @property
     def nearest(self) -> str:
         """How near to a singularity the motion comes, in words."""
@@ -128,15 +118,3 @@ class Plan(Motion):
             f"Plan({self.arm.name}, {self.method}: joint travel {self.length:.4g}, "
             f"{self.t[-1]:.4g} s, {self.nearest}, {len(self)} rows)"
         )
-
-
-def prove_regular(arm: SpaceArm, q: Array) -> Certificate | None:
-    """Return the proof that straight segments through rows (m, n) meet no singularity.
-
-    None where there is none, because the singular set of the arm is not known exactly.
-    """
-    try:
-        found = singular_set(arm)
-    except UnsupportedError:
-        return None
-    return found.clearance(q) if found.complete else None

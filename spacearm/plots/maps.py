@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.errors import UnsupportedError
+from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.plots.style import RED, TITLE, axes_for, style
 from spacearm.singularities.abstract_set import SingularSet
@@ -21,8 +21,6 @@ FAR = 45.0
 """Distance beyond which the colours of a map do not change [deg]."""
 BINS = 18
 """Bins along each joint in which samples are counted to find the joints that show structure."""
-LINES = 10_000
-"""Lines along which an empty set is searched for roots."""
 MOST_SAMPLED, MOST_FOUND = 4000, 200
 """Samples drawn of an exact set, and of one whose every sample takes a search."""
 
@@ -84,13 +82,13 @@ def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
             "nothing to draw"
         )
     names = [arm.joint_names[j] for j in relevant]
-    if result.dimension == 2:
+    if result.dimension == 2 and len(relevant) == 3:
         axes = axes_for(ax, 6.8, 6.0, spatial=True)
         with style():
             _draw_surface(axes, result)
             _angle_axes(axes, names)
     elif result.dimension == 1:
-        axes = axes_for(ax, 6.4, 6.0)
+        axes = axes_for(ax, 6.4, 6.0, spatial=len(relevant) == 3)
         with style():
             _draw_curves(axes, [curve[:, relevant] for curve in result.curves()])
             _angle_axes(axes, names)
@@ -113,9 +111,12 @@ def _draw_found(result: SingularSet, ax: Any) -> Figure:
 
 
 def _rootless(result: SingularSet) -> bool:
-    """Return whether no line along a joint that matters, of many, meets the set."""
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (LINES, result.S.n))
-    return bool(np.isnan(result.S.roots_along(Q, result.relevant[-1])).all())
+    """Return whether no line of many meets the set."""
+    try:
+        result.sample(1, np.random.default_rng(0))
+    except NoSolutionError:
+        return True
+    return False
 
 
 def _draw_curves(axes: Any, curves: list[Array]) -> None:

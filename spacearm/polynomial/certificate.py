@@ -1,41 +1,59 @@
-"""Certificate that a trigonometric polynomial keeps its sign along a straight segment.
+"""Certificate that trigonometric polynomials have no common root on a path of straight segments.
 
-Along q0 + t (q1 - q0) the function g(t) has |g''| <= B, the bound of the curvature in that
-direction, everywhere. An interval of half width h about t is free of roots if
-|g(t)| > |g'(t)| h + B h^2 / 2; other intervals are halved until they are, or until the sign changes
-between two points (a root lies between, found by bisection), or until |g| is rounding.
+Along a segment of a path let |g''| <= B, the bound of the curvature in its direction. On an
+interval of width w at whose ends g has the same sign, |g| is at least the smaller of its values
+there less B w^2 / 8. An interval is free as soon as this is more than rounding for one of the
+polynomials; others are halved. With one polynomial a change of sign proves a root.
+
+Rounding is counted: a value less than `TrigPolynomial.noise`, which bounds the errors of the fit
+and of the evaluation, has no sign.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import Array, named
-from spacearm.polynomial.trig import NOISE, TrigPolynomial
+from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.segments import Restriction, curvature
 
-PIECES = 32
+PIECES = 8
 """Intervals that a segment is first divided into."""
-NARROW = 1e-3
-"""Width down to which intervals with a sign change are halved to find the first root."""
+NARROW = 1e-12
+"""Width below which an interval is not halved [rad]."""
+MOST = 50_000
+"""Largest number of intervals at a time: of paths that go along the set for long."""
+
+REFINEMENTS, CLOSE = 20, 1e-6
+"""Steps to the best place where several polynomials are rounding; the longest, as a share of the
+segment."""
+
+Verdict = Literal["free", "singular", "undecided"]
 
 
 class Certificate(NamedTuple):
     """Proof that a path of straight segments in joint space is free of singularities, or a root.
 
     Attributes:
-        free: Whether no singular configuration lies on it: proven, up to rounding.
-        at: (n,) the first singular configuration on it; None if it is free.
+        free: Whether no singular configuration lies on it: proven, rounding included.
+        at: (n,) the first configuration on it that is not free; None if the path is free.
         segment: Number of the segment that holds it; None if the path is free.
-        margin: Least |S| met on the path, over the scale of S.
+        margin: Least |S| met on the path, over the scale of S; of several minors the largest.
+        verdict: "free"; "singular": S changes sign at `at`, which is proven; "undecided": at `at`
+            S, or every minor, is less than its rounding.
+        noise: Bound of the rounding of S that the proof counts with, over the scale of S.
     """
 
     free: bool
     at: Array | None
     segment: int | None
     margin: float
+    verdict: Verdict
+    noise: float
 
     def __bool__(self) -> bool:
         return self.free
@@ -45,57 +63,184 @@ class Certificate(NamedTuple):
         return named(self)
 
 
-def certify(S: TrigPolynomial, path: Array) -> Certificate:
-    """Follow the segments between the rows of `path` (m, n) until one meets a root of S."""
-    values, step = np.asarray(S(path)), np.abs(np.diff(path, axis=0))
-    least = np.minimum(values[:-1] * np.sign(values[1:]), values[1:] * np.sign(values[:-1]))
-    safe = least - np.einsum("mi,ij,mj->m", step, S.curvature, step) / 8.0  # off the chord
-    margin = float(np.append(safe[safe > NOISE * S.scale], np.inf).min()) / S.scale
-    for number, (start, end) in enumerate(pairwise(path)):
-        if safe[number] > NOISE * S.scale:
-            continue
-        root, least = _first_root(S, start, end)
-        margin = min(margin, least)
-        if root is not None:
-            return Certificate(False, start + root * (end - start), number, 0.0)
-    if len(path) == 1:
-        root, margin = _first_root(S, path[0], path[0])
-        if root is not None:
-            return Certificate(False, path[0], 0, 0.0)
-    return Certificate(True, None, None, float(margin))
+def certify(
+    polynomials: Sequence[Jets], path: Array, singular: Callable[[Array], bool] | None = None
+) -> Certificate:
+    """Follow a path until the first point that is not proven to be free of common roots.
+
+    Args:
+        polynomials: One, or several whose common roots count.
+        path: (m, n) configurations, joined by straight segments.
+        singular: Decides whether a point (n,) at which several polynomials are rounding is a common
+            root; undecided if None.
+    """
+    return _Path(list(polynomials), path, singular).certificate()
 
 
-def _first_root(S: TrigPolynomial, start: Array, end: Array) -> tuple[float | None, float]:
-    """Find the first t in [0, 1] at which S vanishes, or None, and the least |S| / scale met."""
-    from scipy.optimize import brentq  # slow to import
+class _Path:
+    """A path and the polynomials along it; position s = i + t is at t on segment i."""
 
-    step = end - start
-    B = float(np.abs(step) @ S.curvature @ np.abs(step))
-    zero = NOISE * S.scale
+    def __init__(
+        self, polynomials: list[Jets], path: Array, singular: Callable[[Array], bool] | None
+    ) -> None:
+        self.path = path if len(path) > 1 else path.repeat(2, axis=0)
+        self.step = np.diff(self.path, axis=0)
+        self.polynomials, self.singular = polynomials, singular
+        self.scale = np.array([S.scale or 1.0 for S in polynomials])
+        largest = float(np.abs(path).max(initial=0.0))
+        self.noise = np.array([S.noise(largest) for S in polynomials])
+        self.curvature = np.array([curvature(S, self.path[:-1], self.step) for S in polynomials])
+        self.lines: list[Restriction] = []
+        self.row = np.zeros(len(self.step), dtype=np.intp)
+        self.margin = np.inf
 
-    def g(t: float) -> float:
-        return float(S(start + t * step))
+    def certificate(self) -> Certificate:
+        """Halve intervals until all are free or the first one that is not has been found."""
+        m = len(self.step)
+        values = self.values(np.arange(m + 1.0))
+        low, high = np.arange(m + 0.0), np.arange(m + 0.0) + 1.0
+        left, right = values[:, :-1], values[:, 1:]
+        open_ = ~self.is_free(low, high, left, right)
+        if open_.any():
+            self.restrict(np.flatnonzero(open_))
+            parts = np.linspace(0.0, 1.0, PIECES + 1)
+            low = (low[open_, None] + parts[:-1]).ravel()
+            high = np.concatenate((low[1:], [0.0]))
+            high[PIECES - 1 :: PIECES] = np.arange(m + 0.0)[open_] + 1.0
+            left = self.values(low)
+            right = np.concatenate((left[:, 1:], np.zeros((len(left), 1))), axis=1)
+            right[:, PIECES - 1 :: PIECES] = values[:, 1:][:, open_]
+        else:
+            low = low[:0]
+        blocked = self.blocked(values, np.arange(m + 1.0))
+        while len(low):
+            open_ = ~self.is_free(low, high, left, right) & (low <= blocked)
+            low, high, left, right = low[open_], high[open_], left[:, open_], right[:, open_]
+            if not len(low):
+                break
+            if len(self.polynomials) == 1:  # nothing after a proven root matters
+                crossing = self.signs(left)[0] * self.signs(right)[0] < 0
+                if crossing.any():
+                    first = int(np.argmax(crossing))
+                    low, high = low[: first + 1], high[: first + 1]
+                    left, right = left[:, : first + 1], right[:, : first + 1]
+                    if first == 0 and self.is_monotone(low[0], high[0]):
+                        return self.refusal(self.root(low[0], high[0]), "singular")
+            middle = 0.5 * (low + high)
+            narrow = (high - low) * self.length(low) <= NARROW
+            if narrow[0] or len(low) > MOST:
+                return self.refusal(middle[0], self.verdict(low[0], high[0]))
+            values = self.values(middle)
+            blocked = min(blocked, self.blocked(values, middle))
+            order = np.argsort(np.concatenate((low, middle)), kind="stable")
+            low, high = np.concatenate((low, middle))[order], np.concatenate((middle, high))[order]
+            left = np.concatenate((left, values), axis=1)[:, order]
+            right = np.concatenate((values, right), axis=1)[:, order]
+        if np.isfinite(blocked):
+            return self.refusal(blocked, self.verdict(blocked, blocked))
+        noise = float((self.noise / self.scale).max())
+        return Certificate(True, None, None, float(self.margin), "free", noise)
 
-    edges = np.linspace(0.0, 1.0, PIECES + 1) if step.any() else np.array([0.0, 0.0])
-    at_edges = S(start + edges[:, None] * step)
-    margin = float(np.abs(at_edges).min()) / S.scale
-    waiting = [
-        (edges[i], edges[i + 1], at_edges[i], at_edges[i + 1]) for i in range(len(edges) - 1)
-    ][::-1]
-    while waiting:
-        low, high, left, right = waiting.pop()
-        if abs(left) <= zero:
-            return float(low), margin
-        if left * right < 0.0 and high - low < NARROW:
-            return float(brentq(g, low, high, xtol=1e-15, rtol=1e-15)), margin
-        t, h = (low + high) / 2.0, (high - low) / 2.0
-        point = start + t * step
-        value, slope = float(S(point)), float(S.gradient(point) @ step)
-        margin = min(margin, abs(value) / S.scale)
-        if abs(value) <= zero:
-            return float(t), margin
-        if abs(value) <= abs(slope) * h + 0.5 * B * h * h + zero / 2.0:
-            waiting += [(t, high, value, right), (low, t, left, value)]
-    if abs(at_edges[-1]) <= zero:
-        return 1.0, margin
-    return None, margin
+    def point(self, s: Array) -> Array:
+        """Return the configurations (m, n) at positions (m,)."""
+        i = np.minimum(s.astype(np.int_), len(self.step) - 1)
+        return self.path[i] + (s - i)[:, None] * self.step[i]
+
+    def length(self, s: Array) -> Array:
+        """Return the largest joint motion along the segments at positions (m,) [rad]."""
+        return np.abs(self.step).max(axis=1)[np.minimum(s.astype(np.int_), len(self.step) - 1)]
+
+    def restrict(self, segments: npt.NDArray[np.intp]) -> None:
+        """Evaluate by series from now on, along these segments."""
+        self.row[segments] = np.arange(len(segments))
+        start, step = self.path[segments], self.step[segments]
+        self.lines = [Restriction.of(S, start, step) for S in self.polynomials]
+        self.noise = np.maximum(self.noise, [line.noise for line in self.lines])
+
+    def values(self, s: Array) -> Array:
+        """Evaluate the polynomials (p, m) at positions (m,)."""
+        if self.lines:
+            i = s.astype(np.intp)
+            values = np.array([line(self.row[i], 2.0 * (s - i) - 1.0) for line in self.lines])
+        else:
+            Q = self.point(s)
+            values = np.array([S(Q).value for S in self.polynomials])
+        largest = (np.abs(values) / self.scale[:, None]).max(axis=0)
+        self.margin = min(self.margin, float(largest.min()))
+        return values
+
+    def signs(self, values: Array) -> Array:
+        """Return signs (p, m) of values; 0 where they may be rounding."""
+        return np.where(np.abs(values) > self.noise[:, None], np.sign(values), 0.0)
+
+    def is_free(self, low: Array, high: Array, left: Array, right: Array) -> Any:
+        """Check which intervals (m,) hold no common root, from the values (p, m) at their ends."""
+        i = low.astype(np.int_)
+        sag = self.curvature[:, i] * ((high - low) ** 2 / 8.0)
+        least = np.minimum(np.abs(left), np.abs(right)) - sag * (1.0 + 1e-12)
+        return ((left * right > 0.0) & (least > self.noise[:, None])).any(axis=0)
+
+    def blocked(self, values: Array, s: Array) -> float:
+        """Return the first of the positions at which all values are rounding, or infinity."""
+        nothing = (self.signs(values) == 0.0).all(axis=0)
+        return float(s[nothing].min(initial=np.inf))
+
+    def is_monotone(self, low: float, high: float) -> bool:
+        """Check whether the one polynomial is proven to be monotone on an interval."""
+        i = int(low)
+        (S,), middle = self.polynomials, self.point(np.array([0.5 * (low + high)]))
+        slope = float(S(middle, 1).gradient[0] @ self.step[i])
+        return abs(slope) > self.curvature[0, i] * (high - low) + self.noise[0]
+
+    def root(self, low: float, high: float) -> float:
+        """Find the one root between positions where the one polynomial has different signs."""
+        from scipy.optimize import brentq  # slow to import
+
+        (S,), i = self.polynomials, int(low)
+
+        def g(t: float) -> float:
+            return float(S((self.path[i] + t * self.step[i])[None]).value[0])
+
+        return i + float(brentq(g, low - i, high - i, xtol=1e-15, rtol=1e-15))
+
+    def best(self, s: float) -> float:
+        """Return the position near s at which the polynomials are least, by Gauss-Newton steps."""
+        i = min(int(s), len(self.step) - 1)
+
+        def at(t: float) -> tuple[Array, Array]:
+            jets = [S((self.path[i] + t * self.step[i])[None], 1) for S in self.polynomials]
+            g = np.array([jet.value[0] for jet in jets]) / self.scale
+            return g, np.array([jet.gradient[0] @ self.step[i] for jet in jets]) / self.scale
+
+        t = s - i
+        g, slope = at(t)
+        for _ in range(REFINEMENTS):
+            change = float(g @ slope) / max(float(slope @ slope), 1e-300)
+            better = float(np.clip(t - np.clip(change, -CLOSE, CLOSE), 0.0, 1.0))
+            new, new_slope = at(better)
+            if new @ new >= g @ g:
+                break
+            t, g, slope = better, new, new_slope
+        return i + t
+
+    def verdict(self, low: float, high: float) -> Verdict:
+        """Say whether a root is proven about an interval that is not free."""
+        if len(self.polynomials) > 1:
+            at = self.point(np.array([self.best(0.5 * (low + high))]))[0]
+            return "singular" if self.singular is not None and self.singular(at) else "undecided"
+        i = min(int(low), len(self.step) - 1)
+        for away in np.geomspace(1e-12, 1e-4, 9) / max(
+            float(self.length(np.array([low]))[0]), 1e-4
+        ):
+            ends = np.clip((low - away, high + away), i, i + 1.0)
+            signs = self.signs(np.array([self.polynomials[0](self.point(ends)).value]))[0]
+            if signs[0] * signs[1] < 0:
+                return "singular"
+        return "undecided"
+
+    def refusal(self, s: float, verdict: Verdict) -> Certificate:
+        """Return the certificate of a path that is not free from position s on."""
+        segment = min(int(s), len(self.step) - 1)
+        at = self.point(np.array([s]))[0]
+        noise = float((self.noise / self.scale).max())
+        return Certificate(False, at, segment, 0.0, verdict, noise)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.trig import NOISE, TrigPolynomial
+from spacearm.polynomial.trig import TrigPolynomial
 
 MOST_BOXES = 400_000
 """Largest number of boxes at a time; only extremes that are no isolated points need more."""
@@ -52,7 +52,7 @@ def enclose(
         high: (n,) opposite corner.
         tolerance: In the unit of F.
     """
-    matters = [j for j in range(F.n) if F.degrees[j] or (S is not None and S.degrees[j])]
+    matters = [j for j in range(F.n) if F.degrees[j] or (S is not None and S.degrees[j])] or [0]
     others = {j: 0.0 for j in range(F.n) if j not in matters}
     if others:
         F, S = F.fix(others), None if S is None else S.fix(others)
@@ -96,8 +96,8 @@ def _range(
         value = value + multiplier * S(centres)
         gradient = gradient + multiplier[:, None] * g
         second = second + np.abs(multiplier) * of_S
-        second = second + np.abs(multiplier) * NOISE * S.scale
-    reach = np.abs(gradient) @ half + second
+        second = second + np.abs(multiplier) * S.noise()
+    reach = np.abs(gradient) @ half + second + F.noise()
     return value - reach, value + reach
 
 

@@ -24,17 +24,15 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, plain
-from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders
+from spacearm.errors import ConfigurationError
+from spacearm.polynomial.contraction import contract, to_complex, to_real
+from spacearm.polynomial.fit import CHECKS, Sampler, degrees_of, error_bound, interpolants
+from spacearm.polynomial.grid import Index, T, over_blocks
+from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
 
-Sampler = Callable[[Array], Array]
-
-MOST_SAMPLES = 10_000_000
-"""Largest number of samples of a fit, to bound its memory."""
 NOISE = 1e-12
-"""Share of the scale below which coefficients and values are rounding."""
-BLOCK = 1 << 21
-"""Largest number of complex numbers that an evaluation holds at once."""
+"""Share of the scale to which Newton's method brings values on a root."""
+EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,9 +41,11 @@ class TrigPolynomial:
 
     Attributes:
         coefficients: (2 d_1 + 1, ..., 2 d_n + 1) complex, c_k at index k + d.
+        error: Bound of its distance, anywhere, from the function that it was fitted to.
     """
 
     coefficients: Complex
+    error: float = 0.0
 
     # --- what it is -------------------------------------------------------------------------
 
@@ -78,23 +78,25 @@ class TrigPolynomial:
         n: int,
         *,
         highest: int = 8,
-        noise: float = 1e-11,
         rng: np.random.Generator | None = None,
     ) -> TrigPolynomial:
-        """Fit a function that is a trigonometric polynomial, exactly.
+        """Fit a function that is a trigonometric polynomial, exactly but for rounding.
 
         Args:
             sampler: Takes (m, n) angles, returns (m,) real values.
             n: Number of angles.
             highest: Highest degree looked for in one angle.
-            noise: Share of the largest value that counts as rounding.
             rng: For the lines along which degrees are found and the points of the final check.
+
+        Returns:
+            The polynomial; its `error` is bounded by the misses at the points of the check, eight
+            times the largest of which every sample may be off, times the Lebesgue constants.
 
         Raises:
             UnsupportedError: The function is no trigonometric polynomial up to that degree, gives
                 values that are not finite, or has too many coefficients.
         """
-        each = cls.fit_each(lambda Q: sampler(Q)[:, None], n, highest=highest, noise=noise, rng=rng)
+        each = cls.fit_each(lambda Q: sampler(Q)[:, None], n, highest=highest, rng=rng)
         return each[0]
 
     @classmethod
@@ -104,40 +106,27 @@ class TrigPolynomial:
         n: int,
         *,
         highest: int = 8,
-        noise: float = 1e-11,
         rng: np.random.Generator | None = None,
     ) -> list[TrigPolynomial]:
-        """Fit the components of a vector, as `fit`; the sampler returns (m, components) values."""
+        """Fit the components of a vector, as `fit`; the sampler returns (m, components) values.
+
+        Each has its own degrees; all are sampled on the grid of the highest.
+        """
         rng = rng or np.random.default_rng(0)
-        degrees = [_degree(sampler, n, j, highest, noise, rng) for j in range(n)]
-        shape = [2 * d + 1 for d in degrees]
-        if math.prod(shape) > MOST_SAMPLES:
-            raise UnsupportedError(
-                f"a trigonometric polynomial of degrees {tuple(degrees)} has "
-                f"{math.prod(shape):.3g} coefficients, of which {MOST_SAMPLES:.0e} at most are "
-                "kept; lock joints"
-            )
-        axes = np.meshgrid(*(2.0 * np.pi * np.arange(s) / s for s in shape), indexing="ij")
-        values = sampler(np.stack([axis.ravel() for axis in axes], axis=1))
-        spectra = np.fft.fftn(values.reshape(*shape, -1), axes=range(n)) / math.prod(shape)
-        fitted = [cls(c) for c in np.moveaxis(np.fft.fftshift(spectra, axes=range(n)), -1, 0)]
-        Q = rng.uniform(-np.pi, np.pi, (16, n))
-        wanted = sampler(Q)
-        error = float(np.abs(np.stack([f(Q) for f in fitted], axis=1) - wanted).max())
-        size = max(float(np.abs(wanted).max()), float(np.abs(values).max()))
-        if not error <= 100.0 * noise * size:
-            raise UnsupportedError(
-                f"the function is not band-limited: a trigonometric polynomial of degrees "
-                f"{tuple(degrees)} misses it by {error:.3g} (its size is {size:.3g})"
-            )
-        return fitted
+        degrees = degrees_of(sampler, n, highest, rng)
+        fitted = [cls(c) for c in interpolants(sampler, degrees)]
+        Q = rng.uniform(-np.pi, np.pi, (CHECKS, n))
+        return [
+            cls(f.coefficients, error_bound(f(Q), wanted, f.degrees))
+            for f, wanted in zip(fitted, sampler(Q).T, strict=True)
+        ]
 
     # --- values -----------------------------------------------------------------------------
 
     def __call__(self, Q: npt.ArrayLike) -> Any:
         """Evaluate at (n,) or (m, n) angles: a float or (m,)."""
         points = np.asarray(Q, dtype=np.float64)
-        values = self.along(np.atleast_2d(points), ()).real
+        values = self._along(np.atleast_2d(points), ())
         return float(values[0]) if points.ndim == 1 else values
 
     def along(self, Q: Array, keep: tuple[int, ...]) -> Complex:
@@ -150,24 +139,21 @@ class TrigPolynomial:
         Returns:
             (m, 2 d_j + 1 for j in keep) complex coefficients; (m,) if `keep` is empty.
         """
+        lines = to_complex(self._along(Q, keep), range(len(keep)))
+        return np.ascontiguousarray(np.moveaxis(lines, -1, 0))
+
+    def _along(
+        self, Q: Array, keep: tuple[int, ...], last: Callable[[Array], Array] | None = None
+    ) -> Array:
+        """Compute `along` in real waves, the points last; `last` is applied to blocks of it."""
         if Q.ndim != 2 or Q.shape[1] != self.n:
             raise ConfigurationError(f"angles have shape {Q.shape}; give (m, {self.n})")
-        rest = sorted(set(range(self.n)) - set(keep), key=lambda j: self.degrees[j])
-        C = np.transpose(self.coefficients, (*keep, *rest))
-        shape = C.shape[: len(keep)]
-        if not rest:
-            return np.broadcast_to(C, (len(Q), *shape))
-        values = np.empty((len(Q), *shape), dtype=complex)
-        block = max(1, BLOCK * C.shape[-1] // C.size)
-        for start in range(0, len(Q), block):
-            q = Q[start : start + block]
-            waves = [np.exp(1j * np.outer(q[:, j], orders(self.degrees[j]))) for j in rest]
-            partial = waves.pop() @ C.reshape(-1, C.shape[-1]).T
-            while waves:
-                E = waves.pop()
-                partial = (partial.reshape(len(q), -1, E.shape[1]) @ E[:, :, None])[..., 0]
-            values[start : start + block] = partial.reshape(len(q), *shape)
-        return values
+        return contract(self.real, Q, keep, last)
+
+    @cached_property
+    def real(self) -> Array:
+        """The coefficients of 1, cos q, ..., cos d q, sin q, ..., sin d q in each angle."""
+        return to_real(self.coefficients)
 
     def fix(self, angles: Mapping[int, float]) -> TrigPolynomial:
         """Return the polynomial of the other angles with some fixed."""
@@ -175,47 +161,80 @@ class TrigPolynomial:
         for j, angle in angles.items():
             point[0, j] = angle
         keep = tuple(j for j in range(self.n) if j not in angles)
-        return TrigPolynomial(self.along(point, keep)[0])
+        return TrigPolynomial(
+            self.along(point, keep)[0], self.noise(np.abs(point).max(initial=0.0))
+        )
 
     def shifted(self, offset: Array) -> TrigPolynomial:
         """Return the polynomial q -> f(q + offset)."""
         waves = [np.exp(1j * self._k(j) * offset[j]) for j in range(self.n)]
-        return TrigPolynomial(math.prod(waves, start=self.coefficients))
+        shifted = math.prod(waves, start=self.coefficients)
+        return TrigPolynomial(shifted, self.noise(np.abs(offset).max(initial=0.0)))
 
-    def grid(self, shape: tuple[int, ...]) -> Array:
-        """Evaluate on a tensor grid, by one zero-padded inverse FFT.
+    def grid(
+        self, shape: tuple[int, ...], *, out: Array | None = None, threads: int | None = None
+    ) -> Array:
+        """Evaluate on a tensor grid; memory is the bound, see `on_grid`.
 
         Args:
             shape: Points N_j in each angle; point i stands at 2 pi i / N_j.
+            out: (N_1, ..., N_n) array of floats to write to, of any precision.
+            threads: Number of threads; one per available processor if None.
 
         Returns:
             (N_1, ..., N_n) values.
         """
-        if any(2 * d >= N for N, d in zip(shape, self.degrees, strict=True)):
-            raise ConfigurationError(
-                f"a grid of {shape} is too coarse for degrees {self.degrees}; take more than "
-                "twice the degree in each angle"
-            )
-        padded = np.zeros(shape, dtype=complex)
-        wrapped = [orders(d).astype(int) % N for d, N in zip(self.degrees, shape, strict=True)]
-        padded[np.ix_(*wrapped)] = self.coefficients
-        return np.fft.ifftn(padded, norm="forward").real
+        values = np.empty(shape) if out is None else out
+        if values.shape != tuple(shape):
+            raise ConfigurationError(f"out has shape {values.shape}; give {tuple(shape)}")
+
+        def keep(block: Array, index: Index) -> None:
+            values[index] = block
+
+        self.on_grid(shape, keep, threads=threads)
+        return values
+
+    def on_grid(
+        self, shape: tuple[int, ...], do: Callable[[Array, Index], T], *, threads: int | None = None
+    ) -> list[T]:
+        """Evaluate on a tensor grid block by block, without keeping the values.
+
+        Writing a value to memory takes longer than computing it. What is done with the values of a
+        block, some 260,000 of them, happens in the processor cache.
+
+        Args:
+            shape: Points N_j in each angle; point i stands at 2 pi i / N_j.
+            do: Takes the values of a block, (b_1, ..., b_n), and its slices of the grid. The array
+                is used again: `do` may change it, not keep it. It runs on several threads.
+            threads: Number of threads; one per available processor if None.
+
+        Returns:
+            What `do` returns for each block.
+
+        Example:
+            The share where S < 0: `np.mean(S.on_grid(shape, lambda v, _: (v < 0.0).mean()))`.
+        """
+        if len(shape) != self.n or min(shape, default=1) < 1:
+            raise ConfigurationError(f"a grid has shape {shape}; give {self.n} numbers of points")
+        return over_blocks(self.real, tuple(shape), do, threads)
 
     # --- derivatives ------------------------------------------------------------------------
 
-    def derivative(self, j: int) -> TrigPolynomial:
-        """Return the partial derivative with respect to angle j."""
-        return TrigPolynomial(self.coefficients * (1j * self._k(j)))
+    @cached_property
+    def derivatives(self) -> tuple[TrigPolynomial, ...]:
+        """The n partial derivatives."""
+        return tuple(
+            TrigPolynomial(self.coefficients * (1j * self._k(j)), d * self.error)
+            for j, d in enumerate(self.degrees)
+        )
 
     def gradient(self, Q: npt.ArrayLike) -> Array:
         """Compute the gradient at (n,) or (m, n) angles, of the same shape."""
-        parts = [self.derivative(j)(Q) for j in range(self.n)]
-        return np.stack(parts, axis=-1)
+        return np.stack([f(Q) for f in self.derivatives], axis=-1)
 
     def hessian(self, Q: npt.ArrayLike) -> Array:
         """Compute the second derivatives (n, n) or (m, n, n)."""
-        rows = [self.derivative(j).gradient(Q) for j in range(self.n)]
-        return np.stack(rows, axis=-1)
+        return np.stack([f.gradient(Q) for f in self.derivatives], axis=-1)
 
     def _k(self, j: int) -> Array:
         """Return the orders k_j, shaped to multiply the coefficients."""
@@ -235,9 +254,21 @@ class TrigPolynomial:
 
     def roots_along(self, Q: Array, j: int) -> Array:
         """Find the real roots (m, 2 d_j) along angle j for Q (m, n); NaN where there are fewer."""
-        return line_roots(self.along(Q, (j,)))
+        return self._along(Q, (j,), real_roots).T
 
     # --- bounds -----------------------------------------------------------------------------
+
+    def noise(self, largest: float = np.pi) -> float:
+        """Bound the difference of a computed value from that of the fitted function.
+
+        It is `error` and the rounding of the evaluation: each angle's sums of 2 d + 1 terms and
+        waves whose phase, up to d times the `largest` angle, is rounded.
+
+        Args:
+            largest: Largest |q_j| [rad].
+        """
+        steps = sum(2 * d + 6 + 2.0 * d * max(float(largest), np.pi) for d in self.degrees)
+        return self.error + EPS * steps * self.scale
 
     @cached_property
     def lipschitz(self) -> Array:
@@ -261,26 +292,8 @@ class TrigPolynomial:
         c, h = np.atleast_2d(np.asarray(centre, float)), np.atleast_2d(np.asarray(half, float))
         second = 0.5 * np.einsum("mi,ij,mj->m", h, self.curvature, h)
         first = np.einsum("mj,mj->m", np.abs(self.gradient(c)), h)
-        change = np.minimum(first + second, h @ self.lipschitz) + NOISE * self.scale
+        change = np.minimum(first + second, h @ self.lipschitz) + self.noise(
+            np.abs(c).max(initial=0.0)
+        )
         values = self(c)
         return np.where(np.abs(values) > change, np.sign(values), 0.0).astype(int)
-
-
-def _degree(
-    sampler: Sampler, n: int, j: int, highest: int, noise: float, rng: np.random.Generator
-) -> int:
-    """Find the degree in angle j: where the spectra along a few random lines end."""
-    N = 2 * highest + 3
-    lines = rng.uniform(-np.pi, np.pi, (4, 1, n)).repeat(N, axis=1)
-    lines[:, :, j] = 2.0 * np.pi * np.arange(N) / N
-    values = sampler(lines.reshape(-1, n)).reshape(4, N, -1)
-    if not np.isfinite(values).all():
-        raise UnsupportedError("the function gives values that are not finite")
-    spectrum = np.abs(np.fft.rfft(values, axis=1)).max(axis=(0, 2))
-    above = np.flatnonzero(spectrum > noise * spectrum.max())
-    degree = int(above[-1]) if len(above) else 0
-    if degree > highest:
-        raise UnsupportedError(
-            f"the function is not band-limited in angle {j}: its degree is above {highest}"
-        )
-    return degree

@@ -68,7 +68,8 @@ def line_roots(lines: Complex) -> Array:
     if d == 0 or m == 0:
         return np.full((m, 2 * d), np.nan)
     if d == 1:
-        return _first_degree_roots(lines)
+        c, z = lines[:, 1].real, 2.0 * lines[:, 2]
+        return _first_degree_roots(c, z.real, -z.imag).T
     found = np.full((m, 2 * d), np.nan)
     scale = np.abs(lines).max(axis=1)
     usable = np.abs(lines[:, -1]) > 1e-13 * scale
@@ -81,7 +82,7 @@ def line_roots(lines: Complex) -> Array:
     companion = np.zeros((len(monic), 2 * d, 2 * d), dtype=complex)
     companion[:, np.arange(1, 2 * d), np.arange(2 * d - 1)] = 1.0
     companion[:, :, -1] = -monic
-    z = np.linalg.eigvals(companion)
+    z = np.linalg.eigvals(companion).astype(complex)
     angles = _polish(lines[usable], np.angle(z))
     values, _ = line_values(lines[usable], angles)
     near = np.abs(np.log(np.maximum(np.abs(z), 1e-300))) < NEAR_CIRCLE
@@ -90,16 +91,29 @@ def line_roots(lines: Complex) -> Array:
     return found
 
 
-def _first_degree_roots(lines: Complex) -> Array:
+def real_roots(rows: Array) -> Array:
+    """Find the real roots (2 d, m), as `line_roots`, of sums of real waves (2 d + 1, m).
+
+    The rows are the factors of 1, cos q, ..., cos d q, sin q, ..., sin d q.
+    """
+    d = len(rows) // 2
+    if d == 1:
+        return _first_degree_roots(*rows)
+    lines = np.empty((rows.shape[1], 2 * d + 1), dtype=complex)
+    lines[:, d] = rows[0]
+    lines[:, d + 1 :] = 0.5 * (rows[1 : d + 1] - 1j * rows[d + 1 :]).T
+    lines[:, :d] = np.conj(lines[:, :d:-1])
+    return line_roots(lines).T
+
+
+def _first_degree_roots(c: Array, a: Array, b: Array) -> Array:
     """Solve a cos q + b sin q + c = 0."""
-    a, b, c = 2.0 * lines[:, 2].real, -2.0 * lines[:, 2].imag, lines[:, 1].real
-    r = np.hypot(a, b)
     with np.errstate(invalid="ignore", divide="ignore"):
-        cosine = -c / r
+        cosine = -c / np.hypot(a, b)
         touching = np.abs(np.abs(cosine) - 1.0) < 4e-16
         spread = np.arccos(np.where(touching, np.sign(cosine), cosine))
     middle = np.arctan2(b, a)
-    return wrap(np.stack((middle - spread, middle + spread), axis=1))
+    return wrap(np.stack((middle - spread, middle + spread)))
 
 
 def _polish(lines: Complex, angles: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -44,7 +45,8 @@ class Component(NamedTuple):
 class SingularSet(ABC):
     """The configurations at which the task Jacobian of an arm is singular; see `singular_set`.
 
-    `sample` and `nearest` work for every arm. The other methods raise `UnsupportedError` where the
+    `sample` and `nearest` work for every arm, `is_free` and `clearance` unless joints mimic others.
+    The other methods raise `UnsupportedError` where the
     set of this arm does not have what they return; the message says why.
 
     Attributes:
@@ -75,22 +77,40 @@ class SingularSet(ABC):
     def dimension(self) -> int:
         """Dimension of the set in the space of the relevant joints."""
 
+    @property
+    @abstractmethod
+    def codimension(self) -> int:
+        """Number of equations that singular configurations fulfil: n - k + 1 as a rule."""
+
     @abstractmethod
     def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint with the others as in q.
 
+        There are none as a rule where the set has more than one dimension less than joint space;
+        `solve` lets several joints follow.
+
         Args:
-            q: (n,) joint angles; that of the joint itself does not matter.
-            joint: Number from 0 on, or name, or q1, q2, ...; the one of least degree if None.
+            q: (n,) joint positions; that of the joint itself does not matter.
+            joint: Number from 0 on, or name, or q1, q2, ...; the last one that follows from others
+                if None: of a square arm the one of least degree.
+        """
+
+    @abstractmethod
+    def solve(self, q: npt.ArrayLike) -> Array:
+        """Find all singular configurations with the free joints as in q, (r, n).
+
+        All joints but `codimension` of them are free: the others follow one after the other. For
+        the full pose of n revolute joints these are joints 5 to n - 1, or others of less degree.
         """
 
     @abstractmethod
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
         """Sample m singular configurations, (m, n).
 
-        A complete set is covered: all joints but the one of least degree are uniform on the torus,
-        given that a root exists, and each root has the same probability. For a searched set no
-        measure is promised.
+        A complete set is covered: all joints but those that follow (see `solve`) are uniform, given
+        that they can follow, and each solution has the same probability. Sheets that do not depend
+        on the joint that follows first are sampled likewise along other joints. For a searched set
+        no measure is promised.
 
         Args:
             m: How many.
@@ -98,16 +118,21 @@ class SingularSet(ABC):
 
         Raises:
             ConfigurationError: m is no whole number from 0 on.
-            NoSolutionError: The search of a set that is not complete found too few; carries those
-                found.
+            NoSolutionError: The set is empty, or the search of a set that is not complete found too
+                few; carries those found.
         """
 
     @abstractmethod
-    def nearest(self, q: npt.ArrayLike) -> tuple[Array, float]:
+    def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
         """Find the singular configuration nearest to q (n,) in joint space.
 
-        A complete set with up to three relevant joints: the global one, proven by branch and bound
-        to 1e-4 rad. Others: the best of a search from many starts about q.
+        A set with one equation and up to three relevant joints: the global one, proven by branch
+        and bound to 1e-4 rad. Others: the best of a search from many starts about q.
+
+        Args:
+            q: (n,) joint positions.
+            limits: Whether only configurations within the joint limits count. The distance is then
+                the motion of the joints; otherwise whole turns do not count.
 
         Returns:
             (n,) configuration and its distance [rad], or [rad, m] with sliding joints.
@@ -117,39 +142,61 @@ class SingularSet(ABC):
         """
 
     @abstractmethod
-    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike) -> Certificate:
+    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that the straight segment from q0 to q1 in joint space meets no singularity.
 
+        An interval is free as soon as one of the minors is certified not to vanish on it.
+
+        Args:
+            q0: (n,) joint positions at its start.
+            q1: (n,) joint positions at its end.
+            limits: Whether only the part within the joint limits counts.
+
         Returns:
-            A certificate, true if it is free; else it names the first singular configuration.
+            A certificate, true if it is free; else it names the first singular configuration, or
+            the first at which it could not be decided.
         """
 
     @abstractmethod
-    def clearance(self, path: npt.ArrayLike) -> Certificate:
+    def clearance(self, path: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove the same for a path of straight segments.
 
         Args:
             path: (m, n) joint positions, at least one.
+            limits: As in `is_free`.
         """
 
     @abstractmethod
-    def curves(self) -> list[Array]:
-        """Trace the whole set of an arm with two relevant joints, such as planar2 (figure 4).
+    def curves(
+        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+    ) -> list[Array]:
+        """Trace the set over two revolute joints, or over three where it has two equations.
+
+        Args:
+            joints: The joints; those that matter if None, such as the two of planar2 (figure 4).
+            q: (n,) positions of the other joints; zeros if None.
 
         Returns:
             Closed polylines (m, n), every point on the set to rounding, angles continuous along
-            each; joints that do not matter stand at zero.
+            each; joints that are not named stand as in q. Where the set has two equations, loops
+            smaller than about 2 degrees may be missed.
 
         Raises:
-            UnsupportedError: The set is no set of curves.
+            UnsupportedError: The set over these joints is no set of curves.
         """
 
     @abstractmethod
-    def surface(self) -> Mesh:
-        """Triangulate the whole set of an arm with three relevant joints, on the 3-torus.
+    def surface(
+        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+    ) -> Mesh:
+        """Triangulate the set over three revolute joints, on the 3-torus.
+
+        Args:
+            joints: The joints; those that matter if None.
+            q: (n,) positions of the other joints; zeros if None.
 
         Raises:
-            UnsupportedError: The set is no surface.
+            UnsupportedError: The set over these joints is no surface.
         """
 
     @abstractmethod
@@ -161,11 +208,10 @@ class SingularSet(ABC):
         """
 
     def to_dict(self) -> dict[str, Any]:
-        """Describe the set as plain JSON data: arm, mode, complete and the degrees of S or None."""
-        degrees = list(self.S.degrees) if self.complete else None
+        """Describe the set as plain JSON data: arm, mode, complete, codimension."""
         return {
             "arm": self.arm.name,
             "mode": self.mode,
             "complete": self.complete,
-            "degrees": degrees,
+            "codimension": self.codimension,
         }

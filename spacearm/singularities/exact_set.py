@@ -1,46 +1,63 @@
-"""The exact singular set of an arm: the roots of its singularity polynomial.
+"""The exact singular set of an arm: the common roots of minors that form a triangle.
 
-S(q) vanishes exactly where the task Jacobian is singular (see `singularity_polynomial`), so that
-its roots are the whole set. Newton's method only polishes their last digits.
+A square arm has one minor, the singularity polynomial S, whose roots along any joint are the whole
+set. The minors of a redundant arm form a triangle (`Minors.triangle`): all joints but a few are
+free, and these follow one after the other in closed form. Newton's method is used only to find the
+member nearest to a configuration.
 """
 
 from __future__ import annotations
 
-import operator
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from numbers import Integral
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, whole
-from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.model.joints import joint_name, joint_vector
-from spacearm.polynomial import level_set
-from spacearm.polynomial.certificate import Certificate, certify
-from spacearm.polynomial.nearest import nearest_root
-from spacearm.polynomial.newton import extreme
-from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.polynomial.univariate import Roots
+from spacearm.polynomial import level_set, space_curves
+from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.triangle import Triangle
+from spacearm.polynomial.trig import NOISE, TrigPolynomial
+from spacearm.polynomial.univariate import Roots, distinct, line_roots
 from spacearm.singularities.abstract_set import Component, SingularSet
-from spacearm.singularities.polynomial import distances, radius_squared
+from spacearm.singularities.closest import members, members_about, nearest_singular, proper
+from spacearm.singularities.components import component, connected
+from spacearm.singularities.free_paths import prove_free
+from spacearm.singularities.minors import minors_of
+from spacearm.singularities.rank_loss import is_singular
 
-TURNS = 24
-"""Values of a joint that S does not depend on, from which extremes of R are searched."""
+MOST_LINES = 1 << 17
+"""Lines without any root after which a set counts as empty."""
+VANISHES = 1e-9
+"""Share of the scale below which a polynomial vanishes at a root of another."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExactSet(SingularSet):
-    """The whole singular set of an arm with as many revolute joints as task rows.
+    """The whole singular set of an arm whose minors form a triangle.
+
+    It lacks nothing but, of redundant arms, configurations in a set of fewer dimensions at which
+    the first k - 1 columns that the minors share are dependent and the others do not make up for
+    it. They are limits of members as a rule. `is_free` proves paths free of them too.
+
+    A sliding joint counts within its limits, or 1 m to both sides of zero where it has none.
 
     Attributes:
         arm: The arm.
         mode: What the spacecraft does.
-        polynomial: The singularity polynomial.
+        triangle: The minors, polynomials of the angles in `chart`, and the joints they give.
+        chart: The angles of the joints: those of revolute joints themselves.
     """
 
-    polynomial: TrigPolynomial
+    triangle: Triangle
+    chart: Chart
 
     @property
     def complete(self) -> bool:
@@ -48,134 +65,228 @@ class ExactSet(SingularSet):
         return True
 
     @property
-    def S(self) -> TrigPolynomial:
-        """The singularity polynomial."""
-        return self.polynomial
+    def codimension(self) -> int:
+        """Number of minors: equations that singular configurations fulfil."""
+        return len(self.triangle.equations)
 
-    @cached_property
+    @property
+    def S(self) -> TrigPolynomial:
+        """The singularity polynomial of an arm with as many revolute joints as task rows."""
+        if self.codimension > 1 or self.chart.slides.any():
+            raise UnsupportedError(
+                f"{self.arm.name}: only arms with as many revolute joints as task rows have a "
+                f"singularity polynomial; this set is given by {self.codimension} of the angles "
+                "in .triangle.polynomials"
+            )
+        return self.triangle.polynomials[0]
+
+    @property
     def relevant(self) -> tuple[int, ...]:
-        """Numbers of the joints that S depends on."""
-        return tuple(j for j, degree in enumerate(self.S.degrees) if degree > 0)
+        """Numbers of the joints that the set depends on."""
+        return self.triangle.relevant
 
     @property
     def dimension(self) -> int:
         """Dimension of the set in the space of the relevant joints."""
-        return len(self.relevant) - 1
+        return len(self.relevant) - self.codimension
 
     @cached_property
-    def eliminated(self) -> int:
-        """The joint of least nonzero degree: the roots along it give the set."""
-        return min(reversed(self.relevant), key=lambda j: self.S.degrees[j])
+    def _jets(self) -> list[Jets]:
+        """The minors with their derivatives, functions of the joint positions, of scale 1."""
+        return [Jets.of(f, self.chart) for f in self.triangle.equations]
+
+    @cached_property
+    def _families(self) -> list[list[Jets]]:
+        """The minors, and of a redundant arm those that share the last columns, to search with."""
+        if self.codimension == 1:
+            return [self._jets]
+        n = self.arm.n
+        minors, last = minors_of(self.arm, self.mode), tuple(range(n - self.arm.task.k + 1, n))
+        with suppress(UnsupportedError):  # too large
+            return [self._jets, minors.with_columns(last)]
+        return [self._jets]
 
     def __repr__(self) -> str:
-        return f"ExactSet({self.arm.name}, degrees {self.S.degrees})"
+        degrees = ", ".join(str(f.degrees) for f in self.triangle.equations)
+        return f"ExactSet({self.arm.name}, degrees {degrees})"
 
     def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint; see `SingularSet.roots`."""
-        return self.S.roots(joint_vector(self.arm, q, "q"), self._joint(joint))
+        j = self._joint(joint)
+        point = self._angles(joint_vector(self.arm, q, "q"), j)[None]
+        lines = [(f, f.along(point, (j,))) for f in self.triangle.equations]
+        moving = [(f, line) for f, line in lines if np.abs(line).max() > NOISE * f.scale]
+        if not moving:
+            return Roots(np.empty(0), np.empty(0, dtype=int), True)
+        angles, multiplicity = distinct(line_roots(moving[0][1])[0])
+        at = point.repeat(len(angles), axis=0)
+        at[:, j] = angles
+        common = [np.abs(f(at)) <= VANISHES * f.scale for f, _ in moving[1:]]
+        kept = np.logical_and.reduce([~self.chart.slides[j] | (angles >= 0.0), *common])
+        kept[kept] = self._are_singular(self.chart.positions(at[kept]))
+        at, multiplicity = self.chart.positions(at[kept]), multiplicity[kept]
+        order = np.argsort(at[:, j])
+        return Roots(at[order, j], multiplicity[order], False)
+
+    def solve(self, q: npt.ArrayLike) -> Array:
+        """Find all singular configurations that have the free joints of q; see `SingularSet`."""
+        point = self._angles(joint_vector(self.arm, q, "q"), *self.triangle.joints)
+        return proper(self.chart, self.triangle.solve(point[None]))
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
-        """Sample m singular configurations that cover the set, angles in (-pi, pi]."""
+        """Sample m singular configurations that cover the set, angles in (-pi, pi].
+
+        Raises:
+            ConfigurationError: m is no whole number from 0 on.
+            NoSolutionError: The set is empty, or so small that none of many lines meets it.
+        """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
-        found, count = [], 0
+        found, count, lines = [], 0, 0
         while count < m:
-            Q = rng.uniform(-np.pi, np.pi, (max(1024, m - count), self.arm.n))
-            roots = self.S.roots_along(Q, self.eliminated)
-            row, column = np.nonzero(~np.isnan(roots))
-            batch = Q[row]
-            batch[:, self.eliminated] = roots[row, column]
+            draws = max(256, int((m - count) * (lines + 1) / (count + 1) * 1.1))
+            draws = min(draws, m, 1 << 16) if lines else min(256, m)
+            batch = members(self.triangle, self.chart, self._draw(draws, rng))
             found.append(rng.permutation(batch))
-            count += len(batch)
+            count, lines = count + len(batch), lines + draws
+            if not count and (lines > MOST_LINES or not self.relevant):
+                raise NoSolutionError(
+                    f"{self.arm.name}, {self.mode}: none of {lines} lines meets the singular set; "
+                    "it is empty or very small"
+                )
         return np.concatenate([np.empty((0, self.arm.n)), *found])[:m]
 
-    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike) -> Certificate:
+    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that a straight segment meets no singularity; see `SingularSet.is_free`."""
         ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
-        return certify(self.S, np.array(ends))
+        return self.clearance(ends, limits=limits)
 
-    def clearance(self, path: npt.ArrayLike) -> Certificate:
+    def clearance(self, path: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that a path of straight segments (m, n) meets no singularity."""
-        rows = [joint_vector(self.arm, q, "path") for q in np.atleast_2d(np.asarray(path))]
-        if not rows:
-            raise ConfigurationError("path has no rows; give at least one configuration")
-        return certify(self.S, np.array(rows))
+        proof = prove_free(self.arm, self.mode, self._jets, path, limits)
+        if (
+            self.codimension > 1 and proof.verdict == "undecided"
+        ):  # all minors tell more than those of the set
+            every = minors_of(self.arm, self.mode).every()
+            return prove_free(self.arm, self.mode, every, path, limits)
+        return proof
 
-    def nearest(self, q: npt.ArrayLike) -> tuple[Array, float]:
+    def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
         """Find the singular configuration nearest to q; see `SingularSet.nearest`.
 
-        The search for arms with more than three relevant joints starts from roots along all joints
-        of many configurations about q, each polished to a stationary point of the distance.
+        The search for arms with more than three relevant joints starts from members that the
+        triangle gives for free joints about q, each moved to the nearest one about it.
         """
-        return nearest_root(self.S, joint_vector(self.arm, q, "q"), self.relevant)
+        centre = joint_vector(self.arm, q, "q")
+        return nearest_singular(
+            self.arm,
+            self.mode,
+            self._families,
+            centre,
+            partial(members_about, self.triangle, self.chart, centre),
+            self.relevant,
+            limits,
+        )
 
-    def curves(self) -> list[Array]:
-        """Trace the set of an arm with two relevant joints; see `SingularSet.curves`."""
-        self._needs_dimension(1)
-        return [self._embed(piece) for piece in level_set.lines(self._reduced)]
+    def curves(
+        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+    ) -> list[Array]:
+        """Trace the set over some joints; see `SingularSet.curves`."""
+        chosen, centre = self._slice(joints, q, 1)
 
-    def surface(self) -> level_set.Mesh:
-        """Triangulate the set of an arm with three relevant joints."""
-        self._needs_dimension(2)
-        return level_set.surface(self._reduced)
+        def singular(points: Array) -> npt.NDArray[np.bool_]:
+            return self._are_singular(self._embed(points, chosen, centre))
+
+        pieces = space_curves.curves(self._reduced(chosen, centre), singular)
+        return [self._embed(piece, chosen, centre) for piece in pieces]
+
+    def surface(
+        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+    ) -> level_set.Mesh:
+        """Triangulate the set over some joints; see `SingularSet.surface`."""
+        chosen, centre = self._slice(joints, q, 2)
+        (S,) = self._reduced(chosen, centre)
+        return level_set.surface(S)
 
     def components(self) -> list[Component]:
         """Find the connected components; see `SingularSet.components`."""
+        if self.codimension > 1:
+            raise UnsupportedError(
+                f"{self.arm.name}: the set has {self.codimension} equations; components are those "
+                "of sets with one. Use .curves and .sample"
+            )
+        return [component(self.arm, self.mode, self.S, piece) for piece in self._pieces()]
+
+    def _pieces(self) -> list[Array]:
+        """Return points (m, n) on each connected piece of a set of up to two dimensions."""
         if self.dimension == 0:
-            angles = self.roots(np.zeros(self.S.n)).angles
-            pieces = [self._embed(np.array([[angle]])) for angle in angles]
-        elif self.dimension == 1:
-            pieces = self.curves()
-        else:
-            from scipy.sparse import csr_array  # slow to import
-            from scipy.sparse.csgraph import connected_components
+            return [point[None] for point in self.triangle.solve(np.zeros((1, self.arm.n)))]
+        if self.dimension == 1:
+            return self.curves()
+        return [
+            self._embed(piece, self.relevant, np.zeros(self.arm.n))
+            for piece in connected(self.surface())
+        ]
 
-            mesh = self.surface()
-            edges = (mesh.triangles[:, [0, 1, 2]].ravel(), mesh.triangles[:, [1, 2, 0]].ravel())
-            m = len(mesh.vertices)
-            graph = csr_array((np.ones(len(edges[0])), edges), shape=(m, m))
-            number, labels = connected_components(graph, directed=False)
-            pieces = [self._embed(mesh.vertices[labels == i]) for i in range(number)]
-        return [self._component(piece) for piece in pieces]
+    # --- parts ------------------------------------------------------------------------------
 
-    @cached_property
-    def _reduced(self) -> TrigPolynomial:
-        """S as a function of the relevant joints."""
-        return self.S.fix({j: 0.0 for j in range(self.S.n) if j not in self.relevant})
+    def _angles(self, q: Array, *solved: int) -> Array:
+        """Return the angles of a configuration; those of joints to solve for do not matter."""
+        angles = self.chart.angles(q).copy()
+        angles[list(solved)] = 0.0
+        if (beyond := np.flatnonzero(np.isnan(angles))).size:
+            j = int(beyond[0])
+            middle, half = self.chart.centre[j], self.chart.half[j]
+            raise ConfigurationError(
+                f"q of joint {self.arm.joint_names[j]!r} is {q[j]:.6g}; the set is known from "
+                f"{middle - half:.6g} to {middle + half:.6g}"
+            )
+        return angles
 
-    def _embed(self, points: Array) -> Array:
-        """Return points of the relevant joints as configurations, the other joints at zero."""
-        full = np.zeros((len(points), self.S.n))
-        full[:, list(self.relevant)] = points
+    def _draw(self, m: int, rng: np.random.Generator) -> Array:
+        """Draw angles (m, n), such that positions are uniform."""
+        turns = rng.uniform(-np.pi, np.pi, (m, self.arm.n))
+        return np.where(self.chart.slides, np.arccos(turns / np.pi), turns)
+
+    def _are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
+        """Return which common roots of the minors (m, n) are singular: of one minor all are."""
+        if self.codimension == 1:
+            return np.ones(len(Q), dtype=bool)
+        return np.array([is_singular(self.arm, q, self.mode) for q in Q], dtype=bool)
+
+    def _slice(
+        self, joints: Sequence[int | str] | None, q: npt.ArrayLike | None, dimension: int
+    ) -> tuple[tuple[int, ...], Array]:
+        """Return the joints over which a picture of a dimension is taken, and all positions."""
+        centre = joint_vector(self.arm, np.zeros(self.arm.n) if q is None else q, "q")
+        named = self.relevant if joints is None else [self._joint(j) for j in joints]
+        chosen, wanted = tuple(sorted(set(named))), dimension + self.codimension
+        if len(chosen) != wanted:
+            raise UnsupportedError(
+                f"{self.arm.name}: a singular set of dimension {dimension} is one over {wanted} "
+                f"joints, not {len(chosen)}; name {wanted} with joints=, or use .sample and .roots"
+            )
+        if sliding := [self.arm.joint_names[j] for j in chosen if self.arm.slides[j]]:
+            raise UnsupportedError(
+                f"joint {sliding[0]!r} slides; pictures are over revolute joints"
+            )
+        return chosen, centre
+
+    def _reduced(self, chosen: tuple[int, ...], centre: Array) -> list[TrigPolynomial]:
+        """Return the minors as functions of the chosen joints, the others as in `centre`."""
+        held = self._angles(centre, *chosen)
+        others = {j: float(held[j]) for j in range(self.arm.n) if j not in chosen}
+        return [f.fix(others) if others else f for f in self.triangle.equations]
+
+    def _embed(self, points: Array, chosen: tuple[int, ...], centre: Array) -> Array:
+        """Return points of the chosen joints as configurations, the others as in `centre`."""
+        full = np.tile(centre, (len(points), 1))
+        full[:, list(chosen)] = points
         return full
 
-    def _component(self, points: Array) -> Component:
-        """Find the range of R over a component and over the joints that S does not depend on."""
-        R2 = radius_squared(self.arm, mode=self.mode)
-        free = [j for j in range(self.S.n) if j not in self.relevant]
-        starts = points
-        for j in free:
-            starts = starts.repeat(TURNS, axis=0)
-            starts[:, j] = np.tile(2.0 * np.pi * np.arange(TURNS) / TURNS, len(starts) // TURNS)
-        values = R2(starts)
-        low, high = (
-            extreme(R2, self.S, starts[pick(values)], better)
-            for pick, better in ((np.argmin, operator.lt), (np.argmax, operator.gt))
-        )
-        at = np.array([low, high])
-        return Component(points, distances(self.arm, at, self.mode), at)
-
-    def _needs_dimension(self, dimension: int) -> None:
-        """Refuse a set of another dimension."""
-        if self.dimension != dimension:
-            raise UnsupportedError(
-                f"{self.arm.name}: the singular set has dimension {self.dimension} in the joints "
-                f"that matter, not {dimension}; lock joints, or use .sample and .roots"
-            )
-
     def _joint(self, joint: int | str | None) -> int:
-        """Return the number of a joint given by number or name; the eliminated one if None."""
+        """Return the number of a joint given by number or name; the last one solved for if None."""
         if joint is None:
-            return self.eliminated
+            return self.triangle.joints[-1]
         if isinstance(joint, str):
             return self.arm.joint_names.index(joint_name(self.arm, joint))
         if not isinstance(joint, Integral) or not 0 <= joint < self.arm.n:

@@ -12,7 +12,6 @@ from spacearm.errors import ConfigurationError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
-from spacearm.polynomial import level_set
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.sets import singular_set
 
@@ -80,7 +79,7 @@ def singular_map(
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)
     at = evaluate(arm, Q, ("distance", "sigma_min"))
     distance, sigma = (at[name].reshape(points, points) for name in ("distance", "sigma_min"))
-    curves = _curves(found, centre, a, b) if found.complete else None
+    curves = _curves(found, centre, a, b) if found.complete and found.codimension == 1 else None
     held = {n: float(x) for n, x in zip(arm.joint_names, centre, strict=True) if n not in names}
     return SingularMap(
         arm=arm.name,
@@ -96,9 +95,7 @@ def singular_map(
 
 def _curves(found: SingularSet, q: Array, a: int, b: int) -> list[Array]:
     """Trace the singular curves over joints a and b, the others as in q."""
-    slice_ = found.S.fix({j: q[j] for j in range(found.S.n) if j not in (a, b)})
-    curves = level_set.lines(slice_)
-    return curves if a < b else [curve[:, ::-1] for curve in curves]
+    return [curve[:, [a, b]] for curve in found.curves((a, b), q)]
 
 
 def _default_joints(found: SingularSet) -> tuple[str, str]:

@@ -9,20 +9,28 @@ with the tip as root body: for the full pose of six joints degree_j <= 6 - j, so
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
+from spacearm.mechanics import compiled
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
+from spacearm.polynomial.fit import Sampler
 from spacearm.polynomial.trig import TrigPolynomial
+
+Indices = npt.NDArray[np.int_]
 
 ROUNDING = 1e-14
 """Share of the arm's size below which distances are zero."""
+ROUNDING_OF_MINORS = 1e-13
+"""Share of the product of the lengths of its columns below which a determinant is zero."""
 NEVER = 1e-9
 """A task whose sigma_min / sigma_max is below this everywhere is one that the arm can never do."""
 
@@ -57,30 +65,105 @@ def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -
 def _fitted(arm: SpaceArm, mode: BaseMode) -> TrigPolynomial:
     """Fit S(q); arguments in one spelling, so that the cache knows them again."""
     check_square(arm)
-    rng = np.random.default_rng(0)
-    probes = [arm.at(q) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))]
-    normal = plane_of_motion(arm, probes)
-    jacobians = np.array([task_jacobian(cfg, mode=mode) for cfg in probes])
-    sigma = np.linalg.svd(jacobians, compute_uv=False)
+    (S,) = minor_polynomials(arm, [range(arm.n)], mode=mode)
+    return S
+
+
+def minor_polynomials(
+    arm: SpaceArm, minors: Iterable[Sequence[int]], *, mode: BaseMode = "free-floating"
+) -> list[TrigPolynomial]:
+    """Compute maximal minors of the task Jacobian, times det(A_b), as trigonometric polynomials.
+
+    m_C(q) = det [A_b A_C; J_b J_C] (task rows) = det(A_b) det(columns C of J*_task), up to one
+    positive factor for all; `singularity_polynomial` has the details.
+
+    Args:
+        arm: An arm of revolute joints.
+        minors: For each minor the numbers of the joints whose columns it takes, from 0 on, as many
+            as the task has rows.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+
+    Returns:
+        A polynomial of all n joint angles for each minor, with the degrees that it has itself.
+
+    Raises:
+        UnsupportedError: They have too many coefficients, or the task is one that the arm can
+            never do.
+    """
+    return TrigPolynomial.fit_each(minor_sampler(arm, minors, mode), arm.n)
+
+
+def minor_sampler(arm: SpaceArm, minors: Iterable[Sequence[int]], mode: BaseMode) -> Sampler:
+    """Return the function that computes minors at positions (m, n), see `minor_polynomials`.
+
+    Joints may slide.
+
+    Raises:
+        UnsupportedError: The task is one that the arm can never do.
+    """
+    sampler = _compiled_sampler if len(arm.tips) == 1 else _sampler_of_several_tips
+    return sampler(arm, np.array([*minors]), mode)
+
+
+def _compiled_sampler(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
+    """Return the function that computes minors from the momentum seen from the tip."""
+    rows, free = _rows_and_free_directions(arm, mode)
+    columns = np.array([[*free, *joints] for joints in 6 + minors])
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (32, arm.n))
+    fitting = columns.shape[1] == len(rows)  # else the task has rows that a planar arm cannot do
+    if fitting:
+        values, sizes = compiled.sizes_of_minors(arm, Q.T.copy(), mode, rows, columns)
+    if not fitting or (np.abs(values) <= ROUNDING_OF_MINORS * sizes).all():
+        raise _impossible(arm)
+    return lambda Q: compiled.minors(arm, Q.T.copy(), mode, rows, columns)
+
+
+def _impossible(arm: SpaceArm) -> UnsupportedError:
+    return UnsupportedError(
+        f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose rows "
+        "that the arm can move along"
+    )
+
+
+def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
+    """Return the function that computes minors as det(D) det(J*), one by one."""
+    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes(arm))
+    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in probes(arm)])
+    J_unit = np.abs(at_probes).max()
+    sigma = np.linalg.svd(at_probes, compute_uv=False)
     if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
-        raise UnsupportedError(
-            f"{arm.name}: the task {arm.task.names!r} is singular at every configuration; choose "
-            "rows that the arm can move along"
-        )
+        raise _impossible(arm)
 
-    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes)  # neither tiny nor huge arms
-    J_unit = np.abs(jacobians).max()  # may leave the range of floating-point numbers
-
-    def S(Q: Array) -> Array:
+    def sampler(Q: Array) -> Array:
         cfgs = [arm.at(q) for q in Q]
         J = np.array([task_jacobian(cfg, mode=mode) for cfg in cfgs]) / J_unit
-        det = np.linalg.det(J)
+        values = np.linalg.det(np.moveaxis(J[:, :, minors], 2, 1))
         if mode != "free-floating":
-            return det
+            return values
         D = np.array([cfg.A[3:, 3:6] for cfg in cfgs]) / D_unit
-        return det * (np.linalg.det(D) if normal is None else D[:, normal, normal])
+        return values * np.linalg.det(D)[:, None]
 
-    return TrigPolynomial.fit(S, arm.n, rng=rng)
+    return sampler
+
+
+def _rows_and_free_directions(arm: SpaceArm, mode: BaseMode) -> tuple[Indices, list[int]]:
+    """Return the rows that count, and the directions of the tip's twist that the task leaves free.
+
+    For a floating spacecraft the rows are those of momentum: six, or three in the plane of a
+    planar arm; else those of the task, without free directions.
+    """
+    task = [int(i) for i in arm.task.indices]
+    if mode != "free-floating":
+        return np.array(task), []
+    normal = plane_of_motion(arm, probes(arm)) if arm.tree.plane_normal() is not None else None
+    rows = list(range(6)) if normal is None else [*{0, 1, 2} - {normal}, 3 + normal]
+    return np.array(rows), [i for i in rows if i not in task]
+
+
+def probes(arm: SpaceArm) -> list[Configuration]:
+    """Return a few random configurations."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
+    return [arm.at(q) for q in Q]
 
 
 def radius_squared(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPolynomial:
@@ -114,9 +197,8 @@ def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
 
     In spacecraft axes [m]; relative to the spacecraft's own CM if it is fixed.
     """
-    cfgs = [arm.at(q) for q in Q]
-    centres = [arm.model.inertias[1].lever if mode == "fixed" else cfg.com for cfg in cfgs]
-    return np.array([cfg.tip.translation for cfg in cfgs]) - centres
+    arm.require_one_tip()
+    return compiled.tips(arm, np.array(Q, dtype=np.float64).T.copy(), mode)
 
 
 def check_square(arm: SpaceArm, so: str = "") -> None:

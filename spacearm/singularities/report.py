@@ -18,8 +18,8 @@ from spacearm.mechanics.nearness import nearness_of
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.model.scale import radians
-from spacearm.singularities.closest import nearest_singular
 from spacearm.singularities.rounding import error_bars
+from spacearm.singularities.sets import nearest_posture
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
@@ -211,7 +211,7 @@ def singularity(
     nearest = None
     distance, away = float(found.distances[-1]), found.away
     if exact:
-        nearest, found_at = nearest_singular(cfg, mode)
+        nearest, found_at = nearest_posture(cfg, mode)
         if nearest is not None or distance > tolerance:
             distance = found_at
         if nearest is not None and distance > tolerance:

@@ -1,13 +1,15 @@
-"""Singular configurations found by a search, for arms that have no singularity polynomial.
+"""Singular configurations found by a search, for arms whose singular set is not explicit.
 
-A redundant arm loses rank where n - k + 1 equations hold, u^T J*(q) V = 0, with u the left and V
-the n - k + 1 right singular vectors of the least singular value. They are solved by the
-Gauss-Newton method from many starts. The search may miss singular configurations.
+A redundant arm loses rank where n - k + 1 equations hold (`lose_rank`). They are solved from many
+starts, so that singular configurations may be missed. That a path is free of them can be proven all
+the same, as long as the arm has minors (`Minors`).
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import NoReturn
 
 import numpy as np
@@ -15,33 +17,29 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode
-from spacearm.polynomial.newton import shortened
+from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import wrap
 from spacearm.singularities.abstract_set import SingularSet
-from spacearm.singularities.polynomial import check_square
+from spacearm.singularities.closest import nearest_singular
+from spacearm.singularities.free_paths import prove_free
+from spacearm.singularities.minors import chart_of, has_minors, minors_of
+from spacearm.singularities.rank_loss import independent_columns, lose_rank
 
-LOST = 1e-10
-"""A configuration is singular if its least singular value is below this share of the largest one
-met during the iteration."""
-STEPS = 60
-"""Largest number of Gauss-Newton steps."""
-STRIDE = 0.3
-"""Longest step [rad, m]."""
 STARTS = 24
 """Starts about a configuration from which the nearest singular one is searched."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundSet(SingularSet):
-    """Singular configurations found by a search, of an arm without a singularity polynomial.
+    """Singular configurations found by a search: of arms whose minors form no triangle.
 
-    Such arms are redundant or have prismatic or mimic joints. `sample` and `nearest` return what
-    the search finds; all other methods raise `UnsupportedError`.
+    Such are arms with mimic joints, redundant arms with other tasks than the full pose as a rule,
+    and redundant arms of special build that are not free-floating. `sample` and `nearest` return
+    what the search finds. `is_free` and `clearance` prove paths free of all singular
+    configurations, found or not, unless joints mimic others. All other methods raise
+    `UnsupportedError`.
 
     Attributes:
         arm: The arm.
@@ -54,11 +52,27 @@ class FoundSet(SingularSet):
         return False
 
     def _unsupported(self, *_: object, **__: object) -> NoReturn:
-        """Raise UnsupportedError: the arm has no singularity polynomial, and why."""
-        check_square(self.arm, "a FoundSet has only .sample and .nearest")
-        raise UnsupportedError(f"{self.arm.name} has an exact set; take it from sa.singular_set")
+        """Raise UnsupportedError: the set is not known as a whole, and why."""
+        raise UnsupportedError(
+            f"{self.arm.name}: {self._why()}; a FoundSet has only .sample, .nearest, .is_free and "
+            ".clearance"
+        )
 
-    roots = is_free = clearance = curves = surface = components = _unsupported
+    def _why(self) -> str:
+        """Say why the set is not known as a whole."""
+        k, n = self.arm.task.k, self.arm.n
+        if self.arm.coupling is not None:
+            return (
+                "joints that mimic others make S a polynomial of multiples of the angles; lock "
+                "their leaders with locked={...}"
+            )
+        return (
+            f"{n} joints for {k} task rows ({self.arm.task.names}): the minors of J* do not give "
+            f"the singular set joint by joint; lock {n - k} joint(s), for instance "
+            f"locked={{{self.arm.joint_names[-1]!r}: 0.0}}, or take a task with {n} rows"
+        )
+
+    roots = solve = curves = surface = components = _unsupported
 
     @property
     def S(self) -> TrigPolynomial:
@@ -74,6 +88,11 @@ class FoundSet(SingularSet):
     def dimension(self) -> int:
         """Unsupported: there is no singularity polynomial."""
         self._unsupported()
+
+    @property
+    def codimension(self) -> int:
+        """Number of equations that singular configurations fulfil, as a rule."""
+        return self.arm.n - self.arm.task.k + 1
 
     def __repr__(self) -> str:
         return f"FoundSet({self.arm.name}, {self.mode}: by search, may miss configurations)"
@@ -100,8 +119,20 @@ class FoundSet(SingularSet):
             )
         return np.array(found).reshape(m, self.arm.n)
 
-    def nearest(self, q: npt.ArrayLike) -> tuple[Array, float]:
+    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
+        """Prove that a straight segment meets no singularity; see `SingularSet.is_free`."""
+        ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
+        return self.clearance(ends, limits=limits)
+
+    def clearance(self, path: npt.ArrayLike, *, limits: bool = False) -> Certificate:
+        """Prove that a path of straight segments (m, n) meets no singularity."""
+        every = minors_of(self.arm, self.mode).every()
+        return prove_free(self.arm, self.mode, every, path, limits)
+
+    def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
         """Find the nearest of the singular configurations found from starts about q.
+
+        Each found is moved to the nearest one about it, unless joints mimic others.
 
         Returns:
             (n,) configuration and its distance in joint space [rad, m].
@@ -118,35 +149,41 @@ class FoundSet(SingularSet):
         ]
         if not ends:
             raise NoSolutionError(f"{self.arm.name}: no singular configuration found")
-        offsets = np.array([self._offset(end - centre) for end in ends])
-        best = offsets[np.argmin(np.linalg.norm(offsets, axis=1))]
-        return centre + best, float(np.linalg.norm(best))
+        found = self._moved(centre, np.array(ends), limits)
+        if not found:
+            raise NoSolutionError(f"{self.arm.name}: none was found within the joint limits")
+        return min(found, key=lambda result: result[1])
 
-    def _offset(self, offset: Array) -> Array:
-        """Remove whole turns from an offset, unless mimic joints make them matter."""
-        whole = ~self.arm.slides & (self.arm.coupling is None)
-        return np.where(whole, wrap(offset), offset)
+    def _moved(self, q: Array, ends: Array, limits: bool) -> list[tuple[Array, float]]:
+        """Move singular configurations (m, n) to those nearest to q about them."""
+        arm, mode = self.arm, self.mode
+        whole_turns = limits or arm.coupling is not None
+        offsets = ends - q if whole_turns else self._offsets(q, ends)
+        if limits:
+            offsets = offsets[((ends >= arm.lower) & (ends <= arm.upper)).all(axis=1)]
+        found = [(q + offset, float(np.linalg.norm(offset))) for offset in offsets]
+        if not has_minors(arm):
+            return found
+        minors, groups = minors_of(arm, mode), dict[tuple[int, ...], list[Array]]()
+        for end in ends:
+            groups.setdefault(independent_columns(arm, end, mode), []).append(end)
+        for B, members in groups.items():
+            with suppress(NoSolutionError, UnsupportedError):  # too large, or none in the limits
+                equations, near = minors.with_columns(B), partial(_whatever, np.array(members))
+                found.append(
+                    nearest_singular(arm, mode, [equations], q, near, range(arm.n), limits)
+                )
+        return found
+
+    def _offsets(self, q: Array, ends: Array) -> Array:
+        """Return the offsets from q (m, n), whole turns removed."""
+        return np.where(self.arm.slides, ends - q, wrap(ends - q))
 
     def _random(self, rng: np.random.Generator) -> Array:
-        """Draw a start: revolute joints anywhere, prismatic ones within their limits or 1 m."""
-        low = np.where(~self.arm.slides, -np.pi, np.clip(self.arm.lower, -1.0, None))
-        high = np.where(~self.arm.slides, np.pi, np.clip(self.arm.upper, None, 1.0))
-        return rng.uniform(low, np.maximum(low, high))
+        """Draw a start: revolute joints anywhere, prismatic ones in their range."""
+        return chart_of(self.arm).positions(rng.uniform(-np.pi, np.pi, self.arm.n))
 
 
-def lose_rank(arm: SpaceArm, q: Array, mode: BaseMode) -> Array | None:
-    """Find a singular configuration near q (n,) by the Gauss-Newton method, or None."""
-    most = 0.0
-    for _ in range(STEPS):
-        cfg = arm.at(q)
-        U, sigma, VT = np.linalg.svd(task_jacobian(cfg, mode=mode))
-        k = len(U)
-        most = max(most, sigma[0])
-        if sigma[-1] <= LOST * most:
-            return q
-        u, V = U[:, -1], VT[k - 1 :].T
-        residual = np.zeros(V.shape[1])
-        residual[0] = sigma[-1]
-        slope = np.einsum("a,jan,nr->rj", u, task_jacobian_derivative(cfg, mode=mode), V)
-        q = q + shortened(-np.linalg.lstsq(slope, residual, rcond=1e-9)[0], STRIDE)
-    return None
+def _whatever(members: Array, _: float) -> Array:
+    """Return members at whatever distance."""
+    return members

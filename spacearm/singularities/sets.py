@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from spacearm.arrays import Array
+from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.mechanics.descents import descents
 from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
+from spacearm.model.scale import radians
+from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.jets import Chart
+from spacearm.polynomial.triangle import Triangle
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.exact_set import ExactSet
+from spacearm.singularities.minors import has_minors, minors_of
 from spacearm.singularities.polynomial import singularity_polynomial
 from spacearm.singularities.searched_set import FoundSet
 
@@ -16,17 +27,67 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
     Args:
         arm: The arm.
         mode: What the spacecraft does; see `generalized_jacobian`. Attitude-controlled and fixed
-            spacecraft leave the kinematic singularities only.
+            spacecraft have singular sets of their own.
 
     Returns:
-        The whole set, exactly (`complete` is true), for an arm with as many revolute joints as
-        task rows. For redundant arms and arms with prismatic or mimic joints a `FoundSet`: its
-        `sample` and `nearest` return what a search finds.
+        The whole set, exactly (`complete` is true), for arms with as many joints as task rows, for
+        redundant arms with six rows of the full pose or "x y rz" in the plane, and for others whose
+        minors form a triangle, as `Minors.triangle` checks. For other redundant arms and for mimic
+        joints a `FoundSet`: its `sample` and `nearest` return what a search finds; its `is_free`
+        proves paths free of all.
 
     Raises:
         UnsupportedError: The arm can never do its task.
     """
+    k, n = arm.task.k, arm.n
     turns = not arm.slides.any() and arm.coupling is None
-    if arm.n >= arm.task.k and not (arm.n == arm.task.k and turns):
-        return FoundSet(arm, mode)
-    return ExactSet(arm, mode, singularity_polynomial(arm, mode=mode))
+    if n < k or (n == k and turns):
+        S = singularity_polynomial(arm, mode=mode)
+        joint = min(reversed(range(n)), key=lambda j: S.degrees[j] or S.coefficients.size)
+        return ExactSet(arm, mode, Triangle((S,), (joint,)), Chart.turning(n))
+    if has_minors(arm):
+        minors = minors_of(arm, mode)
+        if minors.triangle is not None:
+            return ExactSet(arm, mode, minors.triangle, minors.chart)
+    return FoundSet(arm, mode)
+
+
+def prove_regular(
+    arm: SpaceArm, q: Array, *, mode: BaseMode = "free-floating"
+) -> Certificate | None:
+    """Return the proof that straight segments through rows q (m, n) meet no singularity.
+
+    None where the minors of J* are no polynomials, as for mimic joints, or too large.
+    """
+    try:
+        return singular_set(arm, mode=mode).clearance(q)
+    except UnsupportedError:
+        return None
+
+
+def nearest_posture(cfg: Configuration, mode: BaseMode) -> tuple[Array | None, float]:
+    """Find the singular configuration nearest to cfg, and its distance as `radians` measures it.
+
+    The better of `SingularSet.nearest`, where the set is complete, and of descents from cfg and
+    from random starts about it. Nothing that they find is wrong, but a nearer one could be missed
+    unless the set proves that there is none.
+
+    Returns:
+        (n,) the configuration and its distance [rad]; None and inf if none was found. An arm that
+        can never do its task is singular where it is.
+    """
+    arm, q = cfg.arm, cfg.q
+    if arm.n < arm.task.k:
+        return q.copy(), 0.0
+    ends = descents(arm, q, mode)
+    try:
+        found = singular_set(arm, mode=mode)
+        if found.complete:
+            ends.append(found.nearest(q)[0])
+    except (NoSolutionError, UnsupportedError):  # no member, or no such set
+        pass
+    distances = [float(np.linalg.norm((end - q) / radians(arm))) for end in ends]
+    if not ends:
+        return None, np.inf
+    best = int(np.argmin(distances))
+    return ends[best], distances[best]

@@ -103,8 +103,10 @@ class Workspace(Result):
 
     @property
     def fraction(self) -> float:
-        """Share of the reachable workspace that is path independent."""
+        """Share of the reachable workspace that is path independent; 0 or 1 of a mere sphere."""
         volumes = self.volumes
+        if volumes["reachable"] == 0.0:
+            return float(not len(self.pdw))
         return volumes["piw"] / volumes["reachable"]
 
     def _volume(self, radii: Array) -> float:
@@ -211,6 +213,7 @@ def workspace(
         reach, reach_gap = prove(arm, mode, None, reach, box, TOLERANCE)
         shells, gap = prove(arm, mode, found.S, exact_shells(found, box), box, TOLERANCE)
         gap = max(gap, reach_gap)
+        certified = bool(np.isfinite(gap))
     else:
         shells, gap = found_shells(found, box, effort, rng), float("nan")
     reachable = merged([shell.radius for shell in reach])
@@ -225,8 +228,8 @@ def workspace(
         shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
         reachable_at=reach[0].at,
         kind="certified" if certified else "found",
-        gap=gap,
-        effort=0 if certified else effort,
+        gap=gap if certified else float("nan"),
+        effort=0 if arm.n <= MOST_CERTIFIED else effort,
     )
 
 

@@ -96,6 +96,7 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
     pieces = [
         piece for points, edges in _pieces(found, box) for piece in _clipped(points, edges, box)
     ]
+    pieces += [end[None] for end in _ends_on_faces(found, box)]
     arm, mode = found.arm, found.mode
     return [shell_about(arm, mode, found.S, piece, box, i) for i, piece in enumerate(pieces)]
 
@@ -247,6 +248,24 @@ def _pieces(found: SingularSet, box: Box) -> list[tuple[Array, Pairs]]:
         for j in set(range(found.S.n)) - set(found.relevant):
             points[:, j] = rng.uniform(box.low[j], box.high[j], len(points))
     return pieces
+
+
+def _ends_on_faces(found: SingularSet, box: Box) -> list[Array]:
+    """Return where curves meet the faces of the box: short pieces lie between points of a curve."""
+    if found.dimension != 1:
+        return []
+    middle = 0.5 * (box.low + box.high)
+    ends: list[Array] = []
+    for j, other in (found.relevant, found.relevant[::-1]):
+        for limit in (box.low[j], box.high[j]):
+            q = middle.copy()
+            q[j] = limit
+            for angle in found.roots(q, other).angles:
+                end = q.copy()
+                end[other] = box.fold(np.where(np.arange(len(q)) == other, angle, q))[other]
+                if box.holds(end):
+                    ends.append(end)
+    return ends
 
 
 def _clipped(points: Array, edges: Pairs, box: Box) -> list[Array]:

@@ -80,8 +80,8 @@ def coupled(tree) -> tuple[dict, dict]:
     return rates, offsets
 
 
-def generalized_jacobian(cfg, mode="free-floating", tree=None) -> mp.matrix:
-    """J* of an arm with one tip, the spacecraft's frame the inertial one, all sums link by link.
+def momentum_and_jacobian(cfg, tree=None) -> tuple[mp.matrix, mp.matrix]:
+    """[A_b A_q] and [J_b J_q] of an arm with one tip, all sums link by link, inertial axes.
 
     Momentum about the system CM is that of links that move as joint k, or the spacecraft along
     or about an axis, moves them: h = sum m v, and sum R I R^T w + m (p - c) x v. No sums
@@ -131,9 +131,24 @@ def generalized_jacobian(cfg, mode="free-floating", tree=None) -> mp.matrix:
         v_E = v + cross(w, p[tip])
         for x in range(3):
             J[x, column], J[3 + x, column] = v_E[x], w[x]
-    A, J = A * mp.matrix(C), J * mp.matrix(C)
+    return A * mp.matrix(C), J * mp.matrix(C)
+
+
+def generalized_jacobian(cfg, mode="free-floating", tree=None) -> mp.matrix:
+    """J* of an arm with one tip, the spacecraft's frame the inertial one."""
+    A, J = momentum_and_jacobian(cfg, tree)
     f = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}[mode]
     return J[:, 6:] - (J[:, :f] * A[:f, :f] ** -1 * A[:f, 6:] if f else mp.zeros(6, cfg.arm.n))
+
+
+def minor(cfg, joints, mode="free-floating") -> mp.mpf:
+    """det [A_b A_q; J_b J_q] with the columns of some joints and the task's rows."""
+    A, J = momentum_and_jacobian(cfg)
+    f = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}[mode]
+    taken = [*range(f), *(6 + j for j in joints)]
+    rows = [[A[i, j] for j in taken] for i in range(f)]
+    rows += [[J[i, j] for j in taken] for i in cfg.arm.task.indices]
+    return mp.det(mp.matrix(rows))
 
 
 def columns(a) -> list[mp.matrix]:

@@ -148,9 +148,54 @@ def test_bounds_and_signs_hold(seed, degrees, width):
             assert (np.sign(f(inside)) == sign).all()
 
 
+@given(seeds, st.lists(st.integers(0, 3), min_size=1, max_size=4), st.data())
+@settings(max_examples=40)
+def test_blocks_of_a_grid_are_its_values(seed, degrees, data):
+    """Whatever the shape and the threads; also where a block holds part of an axis."""
+    f = random_polynomial(seed, degrees)
+    shape = tuple(data.draw(st.integers(1, 9 if f.n > 2 else 40)) for _ in degrees)
+    axes = np.meshgrid(*(2 * np.pi * np.arange(N) / N for N in shape), indexing="ij")
+    wanted = f(np.stack([axis.ravel() for axis in axes], axis=1)).reshape(shape)
+    assert f.grid(shape, threads=1) == pytest.approx(wanted, abs=1e-12 * f.scale)
+    with pytest.MonkeyPatch.context() as small:
+        small.setattr("spacearm.polynomial.grid.BLOCK", 16)
+        covered = np.zeros(shape, dtype=int)
+
+        def count(values, index):
+            assert values == pytest.approx(wanted[index], abs=1e-12 * f.scale)
+            covered[index] += 1
+            return values.size
+
+        assert sum(f.on_grid(shape, count, threads=2)) == covered.size
+        assert (covered == 1).all()
+    single = f.grid(shape, out=np.empty(shape, dtype=np.float32))
+    assert single.dtype == np.float32
+    assert single == pytest.approx(wanted, abs=1e-6 * f.scale)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_roots_along_many_lines_are_those_along_each(degree):
+    """More lines than a block holds."""
+    f = random_polynomial(3, [2, degree])
+    Q = np.random.default_rng(0).uniform(-4, 4, (20_000 if degree == 1 else 9000, 2))
+    many = f.roots_along(Q, 1)
+    assert many.shape == (len(Q), 2 * degree)
+    for i in range(0, len(Q), 997):
+        assert np.sort(many[i]) == pytest.approx(
+            np.sort(f.roots_along(Q[i : i + 1], 1)[0]), nan_ok=True
+        )
+    there = ~np.isnan(many)
+    points = np.stack((Q[:, 0].repeat(2 * degree)[there.ravel()], many[there]), axis=1)
+    assert np.abs(f(points)).max() < 1e-12 * f.scale
+    assert f(np.empty((0, 2))).shape == (0,)
+    assert f.roots_along(np.empty((0, 2)), 1).shape == (0, 2 * degree)
+
+
 def test_bad_shapes_are_named():
     f = random_polynomial(0, [1, 2])
     with pytest.raises(sa.ConfigurationError, match=r"give \(m, 2\)"):
         f(np.zeros((4, 3)))
-    with pytest.raises(sa.ConfigurationError, match="too coarse"):
-        f.grid((4, 4))
+    with pytest.raises(sa.ConfigurationError, match="give 2 numbers of points"):
+        f.grid((4,))
+    with pytest.raises(sa.ConfigurationError, match=r"give \(4, 5\)"):
+        f.grid((4, 5), out=np.empty((5, 4)))

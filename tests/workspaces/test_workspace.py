@@ -268,11 +268,62 @@ def test_joint_limits_leave_fewer_singular_configurations(planar2):
         assert (shell.at <= arm.upper + 1e-9).all()
 
 
+def test_short_pieces_within_the_limits_are_not_missed():
+    """Limits cut a corner of a singular curve off, shorter than the step of its points."""
+    arm = limited((-1.695, -0.495), (-0.131, 1.369))
+    result = sa.workspace(arm, limits=True)
+    q1 = np.linspace(-1.695, -0.131, 200_001)
+    Q = np.stack((q1, np.zeros_like(q1)), axis=1)
+    Q = Q.repeat(2, axis=0)
+    Q[:, 1] = sa.singularity_polynomial(arm).roots_along(Q[::2], 1).ravel()
+    R = np.sqrt(radius_squared(arm)(Q[(Q[:, 1] >= -0.495) & (Q[:, 1] <= 1.369)]))
+    assert len(R)
+    np.testing.assert_allclose(result.pdw, [[R.min(), R.max()]], atol=1e-6)
+    assert result.kind == "certified"
+
+
+@pytest.mark.slow
+@given(seeds)
+@settings(max_examples=20)
+def test_no_singular_configuration_outside_certified_shells_within_limits(seed):
+    rng = np.random.default_rng(seed)
+    low = rng.uniform(-3.0, 2.0, 2)
+    arm = limited(low, np.minimum(low + 10.0 ** rng.uniform(-1.0, 0.4, 2), 3.1))
+    result = sa.workspace(arm, limits=True)
+    assert result.kind == "found" or math.isfinite(result.gap)
+    q1 = np.linspace(arm.lower[0], arm.upper[0], 20_001).repeat(2)
+    Q = np.stack((q1, np.zeros_like(q1)), axis=1)
+    Q[:, 1] = sa.singularity_polynomial(arm).roots_along(Q[::2], 1).ravel()
+    Q = Q[(Q[:, 1] >= arm.lower[1]) & (Q[:, 1] <= arm.upper[1])]
+    R = np.sqrt(radius_squared(arm)(Q))
+    if result.kind == "certified":
+        assert inside(np.stack((R, R), axis=1), result.pdw, 1e-6)
+
+
 def test_limits_without_singularities_leave_all_path_independent():
     arm = limited((-0.3, 1.0), (0.3, 1.5))
     result = sa.workspace(arm, limits=True)
     assert result.pdw.shape == (0, 2)
     assert result.fraction == 1.0
+
+
+def test_a_wrist_keeps_its_tip_at_one_distance():
+    """All axes and all centres of mass in one point, the tip beside it: R is a constant."""
+    axes = {"yaw": (0, 0, 1), "pitch": (0, 1, 0), "roll": (1, 0, 0)}
+    bodies = ["bus", *axes]
+    wrist = [link(name, 10.0 if name == "bus" else 1.0, (0, 0, 0)) for name in bodies]
+    wrist += [
+        joint(f"turn {name}", inner, name, xyz=(0, 0, 0), axis=axes[name])
+        for inner, name in itertools.pairwise(bodies)
+    ]
+    tip = (frame("tip"), joint("jt", "roll", "tip", "fixed", (0.3, 0, 0)))
+    arm = load_text(robot(*wrist, *tip), tip="tip", task="orientation")
+    for limits in (False, True):
+        result = sa.workspace(arm, limits=limits)
+        np.testing.assert_allclose(result.reachable, [[0.3, 0.3]], atol=1e-9)
+        np.testing.assert_allclose(result.pdw, [[0.3, 0.3]], atol=1e-9)
+        assert len(result.piw) == 0
+        assert result.fraction == 0.0
 
 
 # --- points ---------------------------------------------------------------------------------

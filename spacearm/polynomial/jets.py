@@ -1,0 +1,246 @@
+"""Values, gradients and second derivatives of a polynomial at many points, by nested contraction.
+
+Each coordinate is an angle q, with the basis 1, cos q, sin q, cos 2q, ..., or the position of a
+sliding joint, d = centre + half cos(angle): cos(k angle) = T_k((d - centre) / half), a Chebyshev
+polynomial, so that a polynomial in d is one in its angle. One coordinate after the other is
+contracted, the largest first; derivatives up to an order are carried along.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array
+from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.univariate import orders
+
+BLOCK = 1 << 20
+"""Largest number of partial sums that an evaluation holds at once."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """The positions q of joints as angles: revolute joints as they are, sliding ones by a cosine.
+
+    Attributes:
+        slides: (n,) which joints slide.
+        centre: (n,) middle of the range of a sliding joint [m]; 0 of others.
+        half: (n,) half of that range [m]; 1 of others.
+    """
+
+    slides: npt.NDArray[np.bool_]
+    centre: Array
+    half: Array
+
+    @classmethod
+    def turning(cls, n: int) -> Chart:
+        """Return the chart of n revolute joints."""
+        return cls(np.zeros(n, dtype=bool), np.zeros(n), np.ones(n))
+
+    def angles(self, Q: Array) -> Array:
+        """Return the angles of positions (..., n); NaN for a sliding joint out of its range."""
+        if not self.slides.any():
+            return Q
+        x = (Q - self.centre) / self.half
+        x = np.where(np.abs(np.abs(x) - 1.0) < 1e-12, np.sign(x), x)
+        with np.errstate(invalid="ignore"):
+            return np.where(self.slides, np.arccos(x), Q)
+
+    def positions(self, angles: Array) -> Array:
+        """Return the positions of angles (..., n)."""
+        return np.where(self.slides, self.centre + self.half * np.cos(angles), angles)
+
+
+class Jet(NamedTuple):
+    """Value and derivatives at m points.
+
+    Attributes:
+        value: (m,).
+        gradient: (m, n); empty if not asked for.
+        hessian: (m, n, n); empty if not asked for.
+    """
+
+    value: Array
+    gradient: Array
+    hessian: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Jets:
+    """A polynomial of n joint positions, ready to be evaluated with its derivatives.
+
+    Attributes:
+        polynomial: The polynomial of the angles.
+        chart: What the angles are.
+    """
+
+    polynomial: TrigPolynomial
+    chart: Chart
+
+    @property
+    def scale(self) -> float:
+        """Bound of all values at positions in range."""
+        return self.polynomial.scale
+
+    @classmethod
+    def of(cls, f: TrigPolynomial, chart: Chart) -> Jets:
+        """Return a polynomial divided by its scale."""
+        size = f.scale or 1.0
+        return cls(TrigPolynomial(f.coefficients / size, f.error / size), chart)
+
+    def noise(self, largest: float = np.pi) -> float:
+        """Bound the difference of a computed value from the true one, at angles up to `largest`."""
+        return self.polynomial.noise(largest)
+
+    @cached_property
+    def _axes(self) -> list[int]:
+        """Coordinates that matter, those of highest degree last."""
+        degrees = self.polynomial.degrees
+        return sorted((j for j, d in enumerate(degrees) if d), key=lambda j: degrees[j])
+
+    @cached_property
+    def _tensor(self) -> Array:
+        """Real coefficients in the bases of the coordinates, axes as in `_axes`."""
+        C = self.polynomial.coefficients
+        for j, d in enumerate(self.polynomial.degrees):
+            T = np.zeros((2 * d + 1, 2 * d + 1), dtype=complex)
+            T[0, d] = 1.0
+            for k in range(1, d + 1):
+                T[2 * k - 1, [d + k, d - k]] = 1.0
+                T[2 * k, [d + k, d - k]] = 1j, -1j
+            if self.chart.slides[j]:
+                T = T[[0, *range(1, 2 * d, 2)]]
+            C = np.moveaxis(np.tensordot(T, C, axes=(1, j)), 0, j)
+        kept = np.ascontiguousarray(C.real.transpose(*self._axes, *self._idle))
+        return kept.reshape([kept.shape[i] for i in range(len(self._axes))])
+
+    @property
+    def _idle(self) -> list[int]:
+        return [j for j, d in enumerate(self.polynomial.degrees) if not d]
+
+    def __call__(self, Q: Array, order: int = 0) -> Jet:
+        """Evaluate at Q (m, n), with derivatives up to an order of 0, 1 or 2."""
+        m, n = Q.shape
+        value, gradient = np.empty(m), np.zeros((m, n) if order else (0, 0))
+        hessian = np.zeros((m, n, n) if order > 1 else (0, 0, 0))
+        step = max(1, BLOCK // max(1, self._tensor.size))
+        for first in range(0, m, step):
+            rows = slice(first, first + step)
+            for of, values in self._partials(Q[rows], order).items():
+                if not of:
+                    value[rows] = values
+                elif len(of) == 1:
+                    gradient[rows, of[0]] = values
+                else:
+                    hessian[rows, of[0], of[1]] = hessian[rows, of[1], of[0]] = values
+        return Jet(value, gradient, hessian)
+
+    def _partials(self, Q: Array, order: int) -> dict[tuple[int, ...], Array]:
+        """Compute the partial derivatives (m,) by the coordinates they are taken in."""
+        m = len(Q)
+        if not self._axes:
+            return {(): np.full(m, float(self._tensor))}
+        axes = list(self._axes)
+        j = axes.pop()
+        waves = self._waves(Q[:, j], j, order)  # (m, size, order + 1)
+        size = waves.shape[1]
+        first = self._tensor.reshape(-1, size) @ waves.transpose(1, 0, 2).reshape(size, -1)
+        first = first.reshape(-1, m, order + 1).transpose(2, 1, 0)
+        partial = {(j,) * e: first[e] for e in range(order + 1)}
+        while axes:
+            j = axes.pop()
+            waves = self._waves(Q[:, j], j, order)
+            size, after = waves.shape[1], {}
+            for of, values in partial.items():
+                left = order - len(of)
+                product = values.reshape(m, -1, size) @ waves[:, :, : left + 1]
+                for e in range(left + 1):
+                    after[(*of, *(j,) * e)] = product[:, :, e]
+            partial = after
+        return {of: values.reshape(m) for of, values in partial.items()}
+
+    def _waves(self, q: Array, j: int, order: int) -> Array:
+        """Compute the basis of coordinate j and its derivatives, (m, size, order + 1)."""
+        d = self.polynomial.degrees[j]
+        if self.chart.slides[j]:
+            x = (q - self.chart.centre[j]) / self.chart.half[j]
+            T = chebyshev(x, d, order)
+            return T / self.chart.half[j] ** np.arange(order + 1)
+        k = np.arange(1, d + 1)
+        angle = q[:, None] * k
+        cosine, sine = np.cos(angle), np.sin(angle)
+        waves = np.zeros((len(q), 2 * d + 1, order + 1))
+        waves[:, 0, 0] = 1.0
+        waves[:, 1::2, 0], waves[:, 2::2, 0] = cosine, sine
+        if order > 0:
+            waves[:, 1::2, 1], waves[:, 2::2, 1] = -k * sine, k * cosine
+        if order > 1:
+            waves[:, 1:, 2] = -waves[:, 1:, 0] * np.repeat(k * k, 2)
+        return waves
+
+    def curvature(self, reach: Array) -> Array:
+        """Bound the second derivatives, (n, n), wherever |(d - centre) / half| <= reach (n,)."""
+        weights = []
+        for j, d in enumerate(self.polynomial.degrees):
+            k = np.abs(orders(d)).astype(int)
+            if self.chart.slides[j]:
+                T = chebyshev(np.array([max(1.0, float(reach[j]))]), d, 2)[0]
+                weights.append((T / self.chart.half[j] ** np.arange(3))[k])
+            else:
+                weights.append(k[:, None].astype(np.float64) ** np.arange(3))
+        n = len(weights)
+        bounds = np.zeros((n, n))
+        for i, j in combinations_with_replacement(range(n), 2):
+            columns = [w[:, (axis == i) + (axis == j)] for axis, w in enumerate(weights)]
+            bounds[i, j] = bounds[j, i] = self._weighted(columns)
+        return bounds
+
+    def bound(self, reach: Array, half_step: Array, rho: float) -> float:
+        """Bound the values along a segment, its variable in the Bernstein ellipse rho.
+
+        Args:
+            reach: (n,) largest |d - centre| on it, of sliding joints [m].
+            half_step: (n,) half of the change of each joint along it [rad, m].
+            rho: Sum of the half axes of the ellipse about [-1, 1].
+        """
+        weights = []
+        for j, d in enumerate(self.polynomial.degrees):
+            k = np.abs(orders(d))
+            if self.chart.slides[j]:  # |T_k(z)| <= (|z| + sqrt(|z|^2 + 1))^k
+                z = (reach[j] + half_step[j] * (rho + 1.0 / rho)) / self.chart.half[j]
+                weights.append((z + np.hypot(z, 1.0)) ** k)
+            else:
+                weights.append(
+                    np.exp(np.minimum(k * half_step[j] * (rho - 1.0 / rho) / 2.0, 700.0))
+                )
+        return self._weighted(weights)
+
+    def _weighted(self, weights: Sequence[Array]) -> float:
+        """Sum |c_k| times a weight for each order in each coordinate."""
+        total: Any = np.abs(self.polynomial.coefficients)
+        with np.errstate(over="ignore"):
+            for weight in reversed(weights):
+                total = total @ weight
+        return float(total)
+
+
+def chebyshev(x: Array, degree: int, order: int) -> Array:
+    """Compute T_0 ... T_degree at x (m,) and their derivatives, (m, degree + 1, order + 1)."""
+    T = np.zeros((len(x), degree + 1, order + 1))
+    T[:, 0, 0] = 1.0
+    if degree > 0:
+        T[:, 1, 0] = x
+        if order > 0:
+            T[:, 1, 1] = 1.0
+    for k in range(2, degree + 1):
+        T[:, k] = 2.0 * x[:, None] * T[:, k - 1] - T[:, k - 2]
+        for e in range(1, order + 1):
+            T[:, k, e] += 2.0 * e * T[:, k - 1, e - 1]
+    return T
