@@ -200,7 +200,7 @@ class TrigPolynomial:
         """Evaluate on a tensor grid block by block, without keeping the values.
 
         Writing a value to memory takes longer than computing it. What is done with the values of a
-        block, some 260,000 of them, happens in the processor cache.
+        block, some 65,000 of them, happens in the processor cache.
 
         Args:
             shape: Points N_j in each angle; point i stands at 2 pi i / N_j.

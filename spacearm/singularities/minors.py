@@ -255,7 +255,12 @@ def _share_factor(polynomials: Sequence[TrigPolynomial], rng: np.random.Generato
 
 
 def _given(triangle: Triangle, angles: Array) -> bool:
-    """Check whether a triangle gives a root: only the first polynomial may vanish on a line."""
+    """Check whether a triangle gives a root: only the first polynomial may vanish on a line.
+
+    Roots beyond the range of a sliding joint have no angles (NaN) and do not count.
+    """
+    if np.isnan(angles).any():
+        return True
     return all(
         np.abs(f.along(angles[None], (j,))).max() > VANISHES * f.scale
         for f, j in zip(triangle.polynomials[1:], triangle.joints[1:], strict=True)
