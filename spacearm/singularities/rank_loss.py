@@ -37,6 +37,8 @@ def lose_rank(
         mode: What the spacecraft does.
         columns: The columns of J* that count; all if None.
     """
+    if columns == ():
+        return None
     chosen = slice(None) if columns is None else list(columns)
     most, found, before = 0.0, False, q
     for _ in range(STEPS):
@@ -73,6 +75,8 @@ def is_singular(
         columns: The columns of J* that count; all if None.
         tolerance: Share of the largest singular value below which the least one counts as zero.
     """
+    if columns == ():  # of a task of one row: no columns are never dependent
+        return False
     J = task_jacobian(arm.at(q), mode=mode)
     sigma = np.linalg.svd(J if columns is None else J[:, list(columns)], compute_uv=False)
     return bool(sigma[-1] <= tolerance * sigma[0])

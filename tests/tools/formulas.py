@@ -227,7 +227,7 @@ MUTANTS = [
         "np.where(arm.slides, slide, 1.0)", "np.ones(arm.n)", "singularities/test_distance",
     ),
     Mutant(
-        "descent to the singular set", "singularities/closest.py",
+        "descent to the singular set", "mechanics/descents.py",
         "A @ x - b", "-b", "singularities/test_distance",
     ),
     Mutant(
@@ -239,20 +239,20 @@ MUTANTS = [
         "+ dot(f_v, moved)", "", "mechanics/test_batch",
     ),
     Mutant(
-        "S = det(A_b) det(J*), spatial", "singularities/polynomial.py",
-        "det * (np.linalg.det(D) if", "det / (np.linalg.det(D) if", "singularities/test_sets",
+        "S = det(A_b) det(J*), spatial", "kernels/minors.py",
+        "mass[b[i].parent], -1.0, i, C)", "mass[b[i].parent], 1.0, i, C)", "singularities/test_sets",
     ),
     Mutant(
         "(41) S of planar arms", "singularities/polynomial.py",
-        "else D[:, normal, normal]", "else 1.0", "singularities/test_sets",
+        "- {normal}, 3 + normal]", "- {normal}, 3 + (normal + 1) % 3]", "singularities/test_sets",
     ),
     Mutant(
         "(43) R^2", "singularities/polynomial.py",
-        "for cfg in cfgs]) - centres", "for cfg in cfgs]) + np.array(centres)",
+        "(tips_from_centre(arm, Q, mode) ** 2)", "(tips_from_centre(arm, Q, mode) ** 4)",
         "workspaces/test_workspace",
     ),
     Mutant(
-        "roots of degree one", "polynomial/univariate.py", "cosine = -c / r", "cosine = c / r", "polynomial/test_trig",
+        "roots of degree one", "polynomial/univariate.py", "cosine = -c / np.hypot", "cosine = c / np.hypot", "polynomial/test_trig",
     ),
     Mutant(
         "(44) shells: largest distance", "workspaces/shells.py",
@@ -272,16 +272,18 @@ MUTANTS = [
         "companion[:, :, -1] = -monic", "companion[:, :, -1] = monic", "polynomial/test_trig",
     ),
     Mutant(
-        "redundant arms: u^T J* V = 0", "singularities/searched_set.py",
-        "u, V = U[:, -1]", "u, V = U[:, 0]", "singularities/test_sets",
+        "redundant arms: U^T J* V = 0", "singularities/rank_loss.py",
+        "residual[0] = sigma[-1]", "residual[0] = sigma[0]", "singularities/test_sets",
     ),
     Mutant(
         "certificate: off the chord", "polynomial/certificate.py",
-        "step) / 8.0", "step) / 800.0", "singularities/test_sets polynomial/test_trig",
+        "(high - low) ** 2 / 8.0", "(high - low) ** 2 / 800.0",
+        "singularities/test_sets polynomial/test_certificate",
     ),
     Mutant(
-        "certificate: bound of the curvature", "polynomial/certificate.py",
-        "0.5 * B * h * h", "0.0005 * B * h * h", "singularities/test_sets polynomial/test_trig",
+        "certificate: bound of the curvature", "polynomial/segments.py",
+        '"mi,ij,mj->m", size, B, size))', '"mi,ij,mj->m", size, 1e-3 * B, size))',
+        "singularities/test_sets polynomial/test_certificate",
     ),
     Mutant(
         "derivative of a polynomial", "polynomial/trig.py",

@@ -135,6 +135,7 @@ def test_malformed_messages_are_refused_and_change_nothing(session, message, err
     [(-1e12, 1e12, (-25, 25)), (-1, 1e12, (-1, 25)), (1e3, 1e6, (1000, 1025)), (-2, 1, (-2, 1))],
 )
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.filterwarnings("ignore:.*look like degrees:spacearm.ModelWarning")
 def test_sliders_end_where_the_spacecraft_can_be_followed(tmp_path, kind, lower, upper, ends):
     limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
     path = tmp_path / "r.urdf"

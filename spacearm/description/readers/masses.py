@@ -124,7 +124,8 @@ def _thin(body: Inertial) -> bool:
     if body.mass <= 0.0:
         return False
     small, middle, large = np.linalg.eigvalsh(body.inertia)
-    rounding = TRIANGLE_TOLERANCE * (large + TRIANGLE_TOLERANCE * body.mass)
+    lever = float(body.origin.translation @ body.origin.translation)
+    rounding = TRIANGLE_TOLERANCE * (large + TRIANGLE_TOLERANCE * body.mass * lever)
     return abs(small) <= rounding and large - middle <= 2.0 * rounding
 
 
