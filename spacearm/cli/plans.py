@@ -109,7 +109,7 @@ def _shells(arm: SpaceArm) -> Workspace | None:
 
 
 def _print(found: Plan, deg: bool) -> None:
-    out.print(f"{found.arm.name}: planned by {found.method}")
+    out.print(f"{found.arm.name}: planned by {found.method}; {found.checked}")
     rows = table("method", "", "")
     for method, arrived, story in found.tried:
         rows.add_row(method, "arrives" if arrived else "fails", story)

@@ -62,13 +62,14 @@ class Plan(Motion):
     Attributes:
         method: The method that found it.
         clearance: Least sigma_min that was asked for.
-        apart: Whether it is proven that no bodies meet; None if the URDF has no collision geometry
-            or collisions did not count.
+        checked: What the check of collisions covers and what it does not, in one sentence.
+        apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
     """
 
     method: str
     clearance: float
+    checked: str
     apart: bool | None
     tried: tuple[Attempt, ...]
 
@@ -79,6 +80,7 @@ class Plan(Motion):
         rows: Sequence[Configuration],
         clearance: float,
         tried: Sequence[Attempt],
+        checked: str,
         apart: bool | None,
     ) -> Plan:
         """Return the plan that leads through some configurations."""
@@ -89,6 +91,7 @@ class Plan(Motion):
             **along,
             method=method,
             clearance=clearance,
+            checked=checked,
             apart=apart,
             tried=tuple(tried),
         )
@@ -106,7 +109,8 @@ class Plan(Motion):
     @property
     def story(self) -> str:
         """The method that found the plan, its joint travel and its duration, in one line."""
-        return f"{self.method}: joint travel {self.length:.3g}, {self.t[-1]:.3g} s"
+        way = f"{self.method}: joint travel {self.length:.3g}, {self.t[-1]:.3g} s"
+        return way if self.apart else f"{way}, collisions NOT checked"
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""

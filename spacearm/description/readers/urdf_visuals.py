@@ -56,7 +56,8 @@ class _Reader:
     def visuals(self, link: etree._Element) -> Visuals:
         """Return the shapes of a <link>."""
         visual, collision = (
-            tuple(self._shape(element) for element in link.findall(tag)) for tag in Visuals._fields
+            tuple(self._shape(element) for element in link.findall(tag))
+            for tag in ("visual", "collision")
         )
         return Visuals(visual, collision)
 
