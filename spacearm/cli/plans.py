@@ -23,6 +23,7 @@ from spacearm.cli.options import (
 from spacearm.cli.output import check_picture, out, print_json, table, vector, write_picture
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
+from spacearm.motion.motion_file import check_suffix
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
 from spacearm.workspaces.path_dependent import Workspace, workspace
@@ -67,6 +68,8 @@ def plan_motion(
 ) -> None:
     """Plan a motion of the arm that leads the tip to a goal; the system CM is the origin."""
     check_picture(output)
+    if save:
+        check_suffix(save)
     start = joint_values(arm, q0.split(), deg)
     target = goal_from(arm, "--goal", goal, deg)
     found = plan(

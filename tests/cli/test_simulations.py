@@ -92,3 +92,9 @@ def test_numbers_after_an_option_belong_to_it():
     assert join_numbers(words) == [
         "simulate", "planar2", "--q0", "-5.2 1e-3", "--deg", "--target", "1", "--tip", "2"
     ]  # fmt: skip
+
+
+def test_a_name_that_cannot_be_saved_is_refused_before_the_work(tmp_path):
+    done = run(*FIGURE_5, "--duration", 1e6, "--save", "run.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "saved whole as .npz" in done.stderr
