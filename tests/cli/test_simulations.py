@@ -27,8 +27,11 @@ def test_figures_5_and_6(tmp_path):
     np.testing.assert_allclose(kept.tip[0, :2], (2, 0), atol=1e-4)
     figure = sa.plot(kept, target=(1.5, 1.5))
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "sigma_min\n[m/rad]"]
-    assert {"start", "singular", "target"} <= {text.get_text() for text in figure.axes[0].texts}
+    assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "$\\sigma_{\\min}$\n[m/rad]"]
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert names[:3] == ["tip", "start", "end"]
+    assert names[3].startswith("singular (")
+    assert names[4] == "target"
 
 
 @pytest.mark.slow
