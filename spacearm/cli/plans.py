@@ -31,6 +31,7 @@ from spacearm.cli.output import (
 )
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
+from spacearm.motion.motion_file import check_suffix
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
 from spacearm.singularities.report import angle
@@ -80,6 +81,8 @@ def plan_motion(
 ) -> None:
     """Plan a motion of the arm that leads the tip to a goal; the system CM is the origin."""
     check_picture(output)
+    if save:
+        check_suffix(save)
     start = joint_values(arm, q0.split(), deg)
     target = goal_from(arm, "--goal", goal, deg)
     found = plan(
@@ -122,7 +125,7 @@ def _shells(arm: SpaceArm) -> Workspace | None:
 
 
 def _print(found: Plan, deg: bool) -> None:
-    out.print(f"{found.arm.name}: planned by {found.method}")
+    out.print(f"{found.arm.name}: planned by {found.method}; {found.checked}")
     rows = table("method", "", "")
     for method, arrived, story in found.tried:
         rows.add_row(method, "arrives" if arrived else "fails", story)

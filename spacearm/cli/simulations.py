@@ -46,6 +46,7 @@ from spacearm.motion.controllers import (
     TransposedJacobian,
 )
 from spacearm.motion.goal import Goal
+from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.simulation import simulate
 from spacearm.motion.trajectory import Trajectory
 
@@ -119,6 +120,8 @@ def simulate_motion(
     The system CM is the origin. Events: singularity, "joint limit", target.
     """
     check_picture(output)
+    if save:
+        check_suffix(save)
     start = joint_values(arm, q0.split(), deg)
     believed: BaseMode = "fixed" if earthbound else mode.value
     law, goal = _law(arm, controller, target, kp, kd, gain, believed, deg)

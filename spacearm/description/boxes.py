@@ -60,5 +60,6 @@ def body(name: str, rigid: Inertial, edges: Array | None, rgba: tuple[float, ...
     elif not rigid.point:
         axes, lengths = solid_box(rigid.mass, rigid.inertia)
         pose = pin.SE3(axes, rigid.origin.translation)
-        visuals[name] = Visuals((Shape(pose, Box(tuple(lengths.tolist())), rgba),))
+        box = Shape(pose, Box(tuple(lengths.tolist())), rgba)
+        visuals[name] = Visuals((box,), stands_in=True)
     return Tree(name, name, {name: rigid}, {}, visuals)

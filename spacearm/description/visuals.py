@@ -88,10 +88,12 @@ class Visuals(NamedTuple):
     Attributes:
         visual: The shapes that are drawn.
         collision: The shapes that stand for the link in collision checks.
+        stands_in: Whether the visuals only stand for a body of unknown shape.
     """
 
     visual: tuple[Shape, ...] = ()
     collision: tuple[Shape, ...] = ()
+    stands_in: bool = False
 
 
 def capsule(

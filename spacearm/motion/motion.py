@@ -203,22 +203,27 @@ class Motion(Result):
         return super().to_dict() | more
 
     def to_xarray(self) -> xr.Dataset:
-        """Return all quantities as labelled arrays, with units in their attributes."""
+        """Return all quantities as labelled arrays, with units in their attributes.
+
+        `motion.to_xarray().to_netcdf(path)` writes them for other programs.
+        """
         import xarray as xr
 
         layout, data = self._layout(self.arm), {}
         for name, quantity in layout.quantities.items():
             dims = ("t", quantity.columns) if quantity.columns else ("t",)
-            data[name] = (dims, getattr(self, name), {"unit": quantity.unit})
+            data[name] = (dims, getattr(self, name), {"units": quantity.unit})
         times = data.pop("t")
-        words = ["mode", *(name for name, kind in layout.details.items() if kind is str)]
-        attrs = {"arm": self.arm.name} | {name: getattr(self, name) for name in words}
+        words = [name for name, kind in layout.details.items() if kind is str]
+        attrs = {"arm": self.arm.name, "base_mode": self.mode}
+        attrs |= {name: getattr(self, name) for name in words}
         return xr.Dataset(data, {"t": times, "joint": list(self.arm.joint_names)}, attrs)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the motion to a NumPy file, .npz; the arm is not in it.
 
         Raises:
+            ConfigurationError: The path does not end in .npz.
             SpaceArmError: The file cannot be written.
         """
         motion_file.save(path, self, self._layout(self.arm))

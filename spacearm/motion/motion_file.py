@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeAlias, get_args, get_origin, get_type_hi
 import numpy as np
 import numpy.typing as npt
 
+from spacearm.errors import ConfigurationError
 from spacearm.files import opened, write
 
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
@@ -73,12 +74,27 @@ class Layout(NamedTuple):
         return cls(kind.__name__, quantities, details, lists)
 
 
+def check_suffix(path: str | os.PathLike[str]) -> None:
+    """Check the name of a file to write a motion to.
+
+    Raises:
+        ConfigurationError: It does not end in .npz.
+    """
+    if Path(path).suffix.lower() != ".npz":
+        raise ConfigurationError(
+            f"{path}: a motion is saved whole as .npz; give that suffix, or write its quantities "
+            "for other programs by to_xarray().to_netcdf(path)"
+        )
+
+
 def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
     """Write a motion to a file, whole or not at all.
 
     Raises:
+        ConfigurationError: The path does not end in .npz.
         SpaceArmError: The file cannot be written.
     """
+    check_suffix(path)
     joints = motion.arm.joint_names
     words = {"kind": layout.kind, "mode": motion.mode, "joints": joints}
     arrays: Arrays = {name: np.array(word) for name, word in words.items()}

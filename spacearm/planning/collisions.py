@@ -1,37 +1,29 @@
-"""Collisions of the arm with the spacecraft and itself, from the URDF's collision geometry.
+"""Collisions of the arm with the spacecraft and itself.
 
-Distances are those of coal, the library behind Pinocchio; meshes count as their convex hulls. A
-motion is proven free by conservative advancement: on a piece of it no body comes nearer to another
-than by the motion of the joints between the two. coal has that for two bodies on given paths, not
-for the bodies of a chain.
+Distances are those of coal, the library behind Pinocchio. A motion is proven free by conservative
+advancement: on a piece of it no body comes nearer to another than by the motion of the joints
+between the two. coal has that for two bodies on given paths, not for the bodies of a chain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from functools import lru_cache
 from itertools import combinations
-from pathlib import Path
 from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
 
-from spacearm.arrays import LARGEST, Array
-from spacearm.description.meshes import read_mesh
-from spacearm.description.visuals import Box, Cylinder, Geometry, Mesh, Sphere, Unusable
-from spacearm.errors import ModelError
+from spacearm.arrays import Array
 from spacearm.model.arm import SpaceArm
+from spacearm.planning.bodies import Bodies, Body
 
 POSTURES = 64
 """Random postures; bodies that touch in all of them are taken to be joined."""
 CLOSE = 1e-4
 """Distance below which bodies count as touching, as a share of the arm's reach."""
-FLAT = 1e-9
-"""Thickness below which a mesh counts as flat, as a share of its length."""
-WITHOUT = "correct that, or plan with collisions=False to do without"
 
 
 class Contact(NamedTuple):
@@ -50,43 +42,35 @@ class Contact(NamedTuple):
         return f"{self.links[0]!r} meets {self.links[1]!r} at q = ({values})"
 
 
-class _Body(NamedTuple):
-    """A geometry: its link, the joint that carries it, and its pose there.
-
-    Each joint between the spacecraft and the body moves its points by at most `reach` [m/rad], plus
-    the displacement of the sliding joints between, named in `slides`; a sliding joint itself by 1.
-    """
-
-    link: str
-    joint: int
-    pose: pin.SE3
-    shape: coal.CollisionGeometry
-    reach: dict[int, float]
-    slides: dict[int, list[int]]
-
-
 class Collisions:
-    """The collision geometry of an arm, and the pairs of bodies that must not meet.
+    """The bodies of an arm, and the pairs of them that must not meet.
 
-    Links that a joint of the URDF connects may touch, locked and fixed ones included, and bodies
-    that touch in every posture.
+    Links that a joint of the description connects may touch, locked and fixed ones included, and
+    bodies that touch in every posture.
+
+    Attributes:
+        bodies: All bodies.
+        account: What is checked and what is not, in one sentence.
 
     Args:
         arm: The arm.
 
     Raises:
-        ModelError: The URDF's collision geometry cannot be read.
+        ModelError: Collision geometry of a link is faulty.
     """
 
     def __init__(self, arm: SpaceArm) -> None:
-        self.arm, bodies = arm, list(_bodies(arm))
-        joined = _connected(arm, {body.link for body in bodies})
+        found = Bodies(arm)
+        self.arm, self.bodies, self.account = arm, found.all, found.account
+        joined = _connected(arm, {body.link for body in self.bodies})
         self._pairs = [
             (a, b)
-            for a, b in combinations(bodies, 2)
+            for a, b in combinations(self.bodies, 2)
             if a.joint != b.joint and frozenset((a.link, b.link)) not in joined
         ]
-        self._close = CLOSE * max((r for body in bodies for r in body.reach.values()), default=0.0)
+        self._close = CLOSE * max(
+            (r for body in self.bodies for r in body.reach.values()), default=0.0
+        )
         low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
         high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
         Q = np.random.default_rng(0).uniform(low, high, (POSTURES, arm.n))
@@ -135,7 +119,7 @@ class Collisions:
             waiting += [(u, high), (low, u)]
         return None
 
-    def _distance(self, a: _Body, at: pin.SE3, b: _Body, there: pin.SE3) -> float:
+    def _distance(self, a: Body, at: pin.SE3, b: Body, there: pin.SE3) -> float:
         poses = (at * a.pose, there * b.pose)
         A, B = (coal.Transform3s(pose.rotation, pose.translation) for pose in poses)
         request, result = coal.DistanceRequest(), coal.DistanceResult()
@@ -170,76 +154,6 @@ def _at(rows: Array, u: float) -> Array:
 def collision_geometry(arm: SpaceArm) -> Collisions:
     """Return the collision geometry of an arm, read once; errors as for `Collisions`."""
     return Collisions(arm)
-
-
-def _bodies(arm: SpaceArm) -> Iterator[_Body]:
-    """Yield the collision geometries of an arm."""
-    for link, shapes in arm.tree.visuals.items():
-        frame = arm.model.frames[arm.model.getFrameId(link, pin.BODY)]
-        for shape in shapes.collision:
-            solid, pose = _solid(arm, link, shape.geometry), frame.placement * shape.pose
-            yield _Body(link, frame.parentJoint, pose, solid, *_reach(arm, frame, pose, solid))
-
-
-def _solid(arm: SpaceArm, link: str, geometry: Geometry) -> coal.CollisionGeometry:
-    """Make a geometry of a link one of coal."""
-    match geometry:
-        case Box(size):
-            return coal.Box(*size)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Mesh(_, Path() as file, scale):
-            try:
-                return _hull(file.name, read_mesh(file).vertices * scale)
-            except ModelError as error:
-                where = f"{arm.path}: {error}, in a collision of link {link!r}"
-                raise ModelError(f"{where}; {WITHOUT}") from None
-        case Mesh(name):
-            raise ModelError(f"{arm.path}: mesh {name!r} of link {link!r} is not there; {WITHOUT}")
-        case Unusable(problem):
-            raise ModelError(f"{problem}, or plan with collisions=False to do without")
-
-
-def _hull(name: str, points: Array) -> coal.Convex:
-    """Return the convex hull of the points (m, 3) of a mesh."""
-    if not (np.abs(points) <= LARGEST).all():
-        raise ModelError(f"mesh {name!r} is larger than {LARGEST:g} m")
-    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if len(extents) < 3 or extents[2] <= FLAT * extents[0]:
-        raise ModelError(f"mesh {name!r} is flat")
-    try:
-        hull = ConvexHull(points)
-        corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-        for corner in points[hull.vertices]:
-            corners.append(corner)
-        for triangle in np.searchsorted(hull.vertices, hull.simplices):
-            triangles.append(coal.Triangle(*triangle.tolist()))
-        return coal.Convex(corners, triangles)
-    except QhullError as error:
-        raise ModelError(f"mesh {name!r} has no hull ({str(error).split(chr(10))[0]})") from None
-    except RuntimeError:
-        raise ModelError(f"the hull of mesh {name!r} is too fine for coal") from None
-
-
-def _reach(
-    arm: SpaceArm, frame: pin.Frame, pose: pin.SE3, shape: coal.CollisionGeometry
-) -> tuple[dict[int, float], dict[int, list[int]]]:
-    """Return reach and slides of a body, for each joint that carries it."""
-    shape.computeLocalAABB()
-    far = float(np.linalg.norm(pose.act(shape.aabb_center)) + shape.aabb_radius)
-    reach: dict[int, float] = {}
-    slides: dict[int, list[int]] = {}
-    between: list[int] = []
-    joint = frame.parentJoint
-    while joint > 1:
-        sliding = arm.tree.joints[arm.model.names[joint]].kind == "prismatic"
-        reach[joint], slides[joint] = (1.0, []) if sliding else (far, list(between))
-        between += [joint - 2] if sliding else []
-        far += float(np.linalg.norm(arm.model.jointPlacements[joint].translation))
-        joint = arm.model.parents[joint]
-    return reach, slides
 
 
 def _connected(arm: SpaceArm, links: Collection[str]) -> set[frozenset[str]]:

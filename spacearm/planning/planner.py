@@ -22,6 +22,9 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import Goal
 from spacearm.planning.result import Attempt, Joints, Plan
 
+IGNORED = "collisions NOT checked (collisions=False)"
+FAILED = "collisions NOT checked of this attempt"
+
 
 def plan(
     arm: SpaceArm,
@@ -59,8 +62,9 @@ def plan(
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
         limits: Whether the joint limits hold.
-        collisions: Whether the spacecraft and the links must not meet where the URDF has collision
-            geometry; bodies on both sides of one joint may touch, meshes count as convex hulls.
+        collisions: Whether the spacecraft and the links must not meet. Links count with their
+            collision geometry, or their visuals where they have none; meshes as convex hulls.
+            Bodies on both sides of one joint may touch. `Plan.checked` says what was checked.
         method: "auto", or one of the four.
         seed: Seed of the random first guesses; the same seed gives the same plan.
         timeout: Time after which the search is given up [s].
@@ -101,7 +105,9 @@ def plan(
             tried.append(Attempt(name, False, str(error)))
             problem.best = error.best if isinstance(error.best, list) else problem.best
             continue
-        found = Plan.of_rows(name, rows, target.clearance, tried, True if bodies else None)
+        checked = IGNORED if bodies is None else bodies.account
+        apart = True if bodies is not None and bodies.bodies else None
+        found = Plan.of_rows(name, rows, target.clearance, tried, checked, apart)
         story = f"joint travel {found.length:.4g}, {found.nearest}"
         tried.append(Attempt(name, True, "; ".join(filter(None, (story, problem.note)))))
         return replace(found, tried=tuple(tried))
@@ -113,4 +119,4 @@ def plan(
 def _best(cfg: Configuration, rows: object, tried: Sequence[Attempt]) -> Plan:
     """Return the best attempt: rows that do not solve the problem, or the start alone."""
     best = rows if isinstance(rows, list) else [cfg]
-    return Plan.of_rows("best attempt", best, 0.0, tried, None)
+    return Plan.of_rows("best attempt", best, 0.0, tried, FAILED, None)

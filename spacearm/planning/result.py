@@ -58,14 +58,15 @@ class Plan(Motion):
 
     Attributes:
         method: The method that found it.
-        clearance: Least distance to the singular set that was asked for [rad].
-        apart: Whether it is proven that no bodies meet; None if the URDF has no collision geometry
-            or collisions did not count.
+            clearance: Least distance to the singular set that was asked for [rad].
+        checked: What the check of collisions covers and what it does not, in one sentence.
+        apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
     """
 
     method: str
     clearance: float
+    checked: str
     apart: bool | None
     tried: tuple[Attempt, ...]
 
@@ -76,6 +77,7 @@ class Plan(Motion):
         rows: Sequence[Configuration],
         clearance: float,
         tried: Sequence[Attempt],
+        checked: str,
         apart: bool | None,
     ) -> Plan:
         """Return the plan that leads through some configurations."""
@@ -86,6 +88,7 @@ class Plan(Motion):
             **along,
             method=method,
             clearance=clearance,
+            checked=checked,
             apart=apart,
             tried=tuple(tried),
         )
@@ -105,7 +108,8 @@ class Plan(Motion):
     @property
     def story(self) -> str:
         """The method that found the plan, its joint travel and its duration, in one line."""
-        return f"{self.method}: joint travel {self.length:.3g}, {self.t[-1]:.3g} s"
+        way = f"{self.method}: joint travel {self.length:.3g}, {self.t[-1]:.3g} s"
+        return way if self.apart else f"{way}, collisions NOT checked"
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""

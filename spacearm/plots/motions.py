@@ -9,29 +9,19 @@ import numpy.typing as npt
 import pinocchio as pin
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
-from scipy.optimize import isotonic_regression
 
 from spacearm.arrays import Array, finite, shape_of
+from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    figure,
-    style,
-)
+from spacearm.plots.configurations import draw_stick_figure
+from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, style
 from spacearm.workspaces.path_dependent import Workspace
 
-CLOSE = 0.05
-"""Share of the tip path's extent within which its end needs no name beside the target's."""
-LABEL = 0.13
-"""Share of an axis that a label beside it takes."""
-MOST_MARKS = 12
-"""Events of a kind that are marked; the later ones of a chattering motion are left out."""
+FADES = (0.15, 0.25, 0.35, 0.55)
+"""Opacities of the postures that are drawn behind the tip path, from its start to its end."""
+LONG = 12
+"""Letters of a joint name from which on the common beginning of all names is left out."""
 FAR = 45.0
 """Largest distance to the singular set that is told apart [deg]."""
 
@@ -64,8 +54,8 @@ def draw_motion(
         nearness.set(ylabel="to a singular\nposture [deg]", xlabel="time [s]", ylim=(0.0, FAR))
         nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
         for axes in (attitude, joints, nearness):
-            for t in motion.singular_times[:MOST_MARKS]:
-                axes.axvline(t, color=GREY, lw=0.8, ls=":")
+            for t in motion.singular_times:
+                axes.axvline(t, color=RED, lw=0.8, ls=":", alpha=0.7)
         whole.align_ylabels()
         return whole
 
@@ -83,41 +73,57 @@ def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
 def _draw_path(
     figure: Any, motion: Motion, target: Array | None, workspace: Workspace | None
 ) -> None:
+    """Draw the tip path with a few postures of the arm, faint, and what happens on the way."""
     normal = motion.arm.tree.plane_normal()
-    start = motion[0]
-    x = motion.tip[:, :3] @ goal_axes(start)
-    if normal is None:
-        axes = figure.add_subplot(projection="3d")
-        axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    else:
-        axes = figure.add_subplot()
-        x = np.delete(x, normal, axis=1)
-        labels = [f"{name} [m]" for i, name in enumerate("xyz") if i != normal]
-        axes.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", adjustable="datalim")
+    along = goal_axes(motion[0])
+    x = motion.tip[:, :3] @ along
+    singular = _at_times(x, motion)
+    axes = figure.add_subplot(projection="3d" if normal is None else None)
+    for cfg, alpha in zip(_snapshots(motion, along), FADES, strict=False):
+        before = set(axes.get_children())
+        draw_stick_figure(axes, cfg, label=False)
+        for artist in set(axes.get_children()) - before:
+            artist.set_alpha(alpha)
+    if normal is not None:
+        x, singular = np.delete(x, normal, axis=1), np.delete(singular, normal, axis=1)
         axes.grid(alpha=0.3)
         if workspace is not None:
-            _draw_shells(axes, np.delete(start.com @ goal_axes(start), normal), workspace)
-    axes.plot(*x.T, color=BLUE, lw=2)
-    axes.plot(*x[:1].T, "o", color=BLUE)
-    marks = [("start", x[0], BLUE)]
-    if target is None or np.linalg.norm(x[-1] - target) > CLOSE * np.ptp(x, axis=0).max():
-        marks.append(("end", x[-1], BLUE))
-    first = motion.singular_times[:1]
-    if first:
-        at = np.array([np.interp(first[0], motion.t, column) for column in x.T])
-        axes.plot(*at[:, None], "x", color=RED, ms=10, mew=2.5)
-        marks.append(("singular", at, RED))
+            _draw_shells(axes, np.delete(motion[0].com @ along, normal), workspace)
+    axes.plot(*x.T, color=BLUE, lw=2, label="tip", zorder=5)
+    marks: list[tuple[str, Array, str, str]] = [
+        ("start", x[:1], "o", BLUE),
+        ("end", x[-1:], "s", BLUE),
+    ]
+    if len(singular):
+        times = f" ({len(singular)} times)" * (len(singular) > 1)
+        marks.append((f"singular{times}", singular, "x", RED))
     if target is not None:
-        axes.plot(*target[:, None], "*", color=GREEN, ms=13)
-        marks.append(("target", target, GREEN))
-    for label, at, color in marks:
-        if normal is None:
-            axes.text(*at, f"  {label}", color=color)
-        else:
-            axes.annotate(label, at, (8, 6), textcoords="offset points", color=color)
+        marks.append(("target", target[None], "*", GREEN))
+    for label, points, marker, color in marks:
+        size = 13 if marker == "*" else 7
+        axes.plot(*points.T, marker, color=color, ms=size, mew=2, label=label, zorder=6)
+    axes.legend(loc="best", fontsize=9)
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
+        axes.set_box_aspect(None, zoom=0.85)  # room for the label of the vertical axis
     figure.suptitle(f"{motion.arm.name}, {motion.story}", x=0.02, ha="left")
+
+
+def _at_times(x: Array, motion: Motion) -> Array:
+    """Return the points (k, 3) of a path (m, 3) at the times of singular postures."""
+    columns = [np.interp(motion.singular_times, motion.t, column) for column in x.T]
+    return np.stack(columns, axis=1)
+
+
+def _snapshots(motion: Motion, along: Array) -> list[Configuration]:
+    """Return a few postures, evenly spaced along the tip path, in the axes of the picture."""
+    if len(motion.arm.tips) > 1:
+        return []
+    steps = np.linalg.norm(np.diff(motion.tip[:, :3], axis=0), axis=1)
+    way = np.concatenate(([0.0], np.cumsum(steps)))
+    times = np.interp(np.linspace(0.0, way[-1], len(FADES)), way, motion.t)
+    turn = pin.SE3(along.T, np.zeros(3))
+    return [motion.arm.at(cfg.q, base=turn * cfg.base) for cfg in map(motion.at, times)]
 
 
 def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
@@ -150,8 +156,8 @@ def _draw_attitude(axes: Any, motion: Motion) -> None:
     normal = motion.arm.tree.plane_normal()
     if normal is None:
         for i, color in enumerate((BLUE, ORANGE, GREEN)):
-            axes.plot(motion.t, turns[:, i], color=color, lw=1.8)
-        _name(axes, motion.t[-1], turns[-1], list("xyz"))
+            axes.plot(motion.t, turns[:, i], color=color, lw=1.8, label="xyz"[i])
+        _legend(axes)
         axes.set_ylabel("rotation\nvector [deg]")
     else:
         axes.plot(motion.t, np.unwrap(turns[:, normal], period=360.0), color=BLUE, lw=1.8)
@@ -161,22 +167,26 @@ def _draw_attitude(axes: Any, motion: Motion) -> None:
 def _draw_joints(axes: Any, motion: Motion) -> None:
     arm = motion.arm
     q = motion.q * np.where(arm.slides, 100.0, 180.0 / np.pi)
-    for i in range(arm.n):
-        axes.plot(motion.t, q[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5)
-    _name(axes, motion.t[-1], q[-1], [f"q{i + 1}" for i in range(arm.n)])
+    for i, name in enumerate(_short(arm.joint_names)):
+        axes.plot(motion.t, q[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5, label=name)
+    _legend(axes)
     unit = "cm" if arm.slides.all() else "deg" if not arm.slides.any() else "deg, cm"
     axes.set_ylabel(f"joints\n[{unit}]")
 
 
-def _name(axes: Any, x: float, ends: Array, labels: list[str]) -> None:
-    """Write labels at the ends of curves, in their colours, apart from each other."""
-    low, high = axes.get_ylim()
-    apart = LABEL * (high - low)
-    order = np.argsort(ends)
-    steps = apart * np.arange(len(ends))
-    at = steps + isotonic_regression(ends[order] - steps).x
-    for i, y in zip(order, at, strict=True):
-        axes.annotate(
-            labels[i], (x, y), (4, 0), textcoords="offset points", va="center", fontsize=9,
-            color=axes.lines[i].get_color(), annotation_clip=False,
-        )  # fmt: skip
+def _legend(axes: Any) -> None:
+    """Name the curves to the right of the axes."""
+    axes.legend(
+        loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, handlelength=1.2, frameon=False
+    )
+
+
+def _short(names: tuple[str, ...]) -> list[str]:
+    """Return joint names without what they all begin with, where they are long."""
+    if max(map(len, names)) <= LONG or len(names) == 1:
+        return list(names)
+    words = [name.split("_") for name in names]
+    shared, least = 0, min(map(len, words))
+    while shared + 1 < least and len({word[shared] for word in words}) == 1:
+        shared += 1
+    return ["_".join(each[shared:]) for each in words]

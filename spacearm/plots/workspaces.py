@@ -103,14 +103,14 @@ def draw_design(result: xr.Dataset, *, ax: Any = None) -> Figure:
     Raises:
         ConfigurationError: The dataset holds no designs.
     """
-    if "fraction" not in result or not {"arm", "mode"} <= set(result.attrs):
+    if "fraction" not in result or not {"arm", "base_mode"} <= set(result.attrs):
         raise ConfigurationError(
             "the dataset has no path independent share; give one that spacearm.design returns"
         )
     names = [str(name) for name in result["fraction"].dims]
     varied = [name for name in names if result.sizes[name] > 1] or names[:1]
     share = result["fraction"].isel({name: 0 for name in names if name not in varied[:2]}) * 100.0
-    labels = [f"{name} [{result[name].attrs['unit']}]" for name in varied]
+    labels = [f"{name} [{result[name].attrs['units']}]" for name in varied]
     axes = axes_for(ax, 7.2, 4.8)
     with style():
         if len(varied) == 1:
@@ -126,7 +126,7 @@ def draw_design(result: xr.Dataset, *, ax: Any = None) -> Figure:
             )
             axes.figure.colorbar(image, ax=axes, label="path independent share [%]")
             axes.set(xlabel=labels[0], ylabel=labels[1])
-        axes.set_title(f"{result.attrs['arm']}, {result.attrs['mode']}")
+        axes.set_title(f"{result.attrs['arm']}, {result.attrs['base_mode']}")
     return axes.figure
 
 

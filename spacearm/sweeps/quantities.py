@@ -85,13 +85,13 @@ class Shells(Quantity):
             raise table.fail("mode", unknown("mode", wanted, modes))
         self.mode, self.limits = modes[wanted], table.take("limits", bool, False)
         self.effort, self.seed = table.positive("effort", int, EFFORT), seed
-        volume = {"unit": "m^3; m^2 for planar arms"}
+        volume = {"units": "m^3; m^2 for planar arms"}
         shell = ("shell", "bound"), (MOST_SHELLS, 2)
         self.variables = {
             "piw": Variable({**volume, "about": "path independent workspace"}),
             "reachable": Variable({**volume, "about": "reachable workspace"}),
-            "fraction": Variable({"unit": "1", "about": "path independent share"}),
-            "pdw": Variable({"unit": "m", "about": "path dependent shells"}, *shell),
+            "fraction": Variable({"units": "1", "about": "path independent share"}),
+            "pdw": Variable({"units": "m", "about": "path dependent shells"}, *shell),
         }
         self.coords = {"bound": (np.array(["least", "largest"], dtype=object), {})}
 
@@ -128,13 +128,13 @@ class Risk(Quantity):
             raise table.fail("radius", "give two or more growing edges of distance classes [m]")
         self.limits, self.chunk = table.take("limits", bool, False), chunk
         classes = ("radius",), (len(self.edges) - 1,)
-        attrs = {"unit": "1", self.measure: f"{self.bound}"}
+        attrs = {"units": "1", self.measure: f"{self.bound}"}
         self.variables = {
             "configurations": Variable({**attrs, "about": "drawn"}, *classes),
             "near": Variable({**attrs, "about": f"with {self.measure} up to this"}, *classes),
         }
         middles = 0.5 * (self.edges[:-1] + self.edges[1:])
-        self.coords = {"radius": (middles, {"unit": "m", "edges": self.edges.tolist()})}
+        self.coords = {"radius": (middles, {"units": "m", "edges": self.edges.tolist()})}
         self.dims, self.shape, self.tile = ("block",), (-(-self.samples // chunk),), (1,)
 
     def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
@@ -177,12 +177,12 @@ class JointMap(Quantity):
                     raise held.fail(text, f"give finite positions [rad], of joints not in {listed}")
         self.name, units = name, "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
         about = {
-            "sigma_min": {"unit": units, "about": "least singular value of the task Jacobian"},
-            "distance": {"unit": "rad", "about": "distance to the singular set, to first order"},
+            "sigma_min": {"units": units, "about": "least singular value of the task Jacobian"},
+            "distance": {"units": "rad", "about": "distance to the singular set, to first order"},
         }[name]
         self.dtype = "float32" if table.take("single", bool, False) else "float64"
         self.variables = {name: Variable(about, dtype=self.dtype)}
-        self.coords = {text: (values, {"unit": "rad or m"}) for text, values in self.axes.items()}
+        self.coords = {text: (values, {"units": "rad or m"}) for text, values in self.axes.items()}
         self.dims, self.shape = tuple(self.axes), tuple(map(len, self.axes.values()))
         self.tile = tile(self.shape, chunk)
 

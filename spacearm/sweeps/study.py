@@ -185,7 +185,7 @@ class Study:
     def coords(self) -> dict[str, tuple[Array, dict[str, Any]]]:
         """Labels of these axes, with their attributes."""
         names = np.array(list(self.arms), dtype=object)
-        units = {name: {"unit": PARAMETERS.get(name, "kg")} for name in self.axes}
+        units = {name: {"units": PARAMETERS.get(name, "kg")} for name in self.axes}
         return {"arm": (names, {})} | {name: (v, units[name]) for name, v in self.axes.items()}
 
     def count(self, quantity: str) -> int:

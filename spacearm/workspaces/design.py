@@ -182,12 +182,12 @@ def workspaces(
     if risk_bins:
         data["risk"] = ((*names, "class"), risk)
     result = xr.Dataset(data, coords={**axes, "bound": ["least", "largest"]})
-    result.attrs = {"arm": arm.name, "mode": mode, "limits": int(limits)}
+    result.attrs = {"arm": arm.name, "base_mode": mode, "limits": int(limits)}
     for name in axes:
-        result[name].attrs["unit"] = PARAMETERS.get(name, "kg")
+        result[name].attrs["units"] = PARAMETERS.get(name, "kg")
     volume = "m^2" if arm.tree.plane_normal() is not None else "m^3"
     for name, unit in (("piw", volume), ("reachable", volume), ("fraction", "1"), ("pdw", "m")):
-        result[name].attrs["unit"] = unit
+        result[name].attrs["units"] = unit
     return result
 
 

@@ -28,7 +28,10 @@ def test_figures_5_and_6(tmp_path):
     figure = sa.plot(kept, target=(1.5, 1.5))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == ["y [m]", "attitude\n[deg]", "joints\n[deg]", "to a singular\nposture [deg]"]
-    assert {"start", "singular", "target"} <= {text.get_text() for text in figure.axes[0].texts}
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert names[:3] == ["tip", "start", "end"]
+    assert names[3].startswith("singular (")
+    assert names[4] == "target"
 
 
 @pytest.mark.slow
@@ -92,3 +95,9 @@ def test_numbers_after_an_option_belong_to_it():
     assert join_numbers(words) == [
         "simulate", "planar2", "--q0", "-5.2 1e-3", "--deg", "--target", "1", "--tip", "2"
     ]  # fmt: skip
+
+
+def test_a_name_that_cannot_be_saved_is_refused_before_the_work(tmp_path):
+    done = run(*FIGURE_5, "--duration", 1e6, "--save", "run.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "saved whole as .npz" in done.stderr

@@ -135,7 +135,7 @@ def test_a_bus_is_drawn_as_its_box():
     assert visuals.visual[0].geometry == shape.geometry
     assert visuals.visual[0].pose == shape.pose
     assert sa.Bus(mass=9, inertia=np.eye(3)).tree().visuals["bus"].collision == ()
-    assert Visuals() == ((), ())
+    assert Visuals() == ((), (), False)
 
 
 def test_links_of_one_name_in_two_robots_keep_their_shapes():

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+import xarray as xr
 
 import spacearm as sa
 
@@ -198,11 +199,25 @@ def test_damaged_plans_are_refused(kinds, tmp_path, name, value, message):
 def test_every_kind_as_labelled_arrays(kinds, kind):
     motion = kinds[kind]
     data = motion.to_xarray()
-    assert data.attrs["mode"] == "free-floating"
+    assert data.attrs["base_mode"] == "free-floating"
     assert data["tip"].dims == ("t", "pose")
-    assert data["com"].attrs["unit"] == "m"
+    assert data["com"].attrs["units"] == "m"
     np.testing.assert_array_equal(data["t"], motion.t)
     np.testing.assert_array_equal(data["q"].sel(joint="joint_2"), motion.q[:, 1])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_labelled_arrays_go_to_netcdf_and_back(kinds, kind, tmp_path):
+    data = kinds[kind].to_xarray()
+    data.to_netcdf(tmp_path / "motion.nc")
+    xr.testing.assert_identical(xr.load_dataset(tmp_path / "motion.nc"), data)
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run", "run.json"])
+def test_a_motion_is_saved_as_npz_or_not_at_all(kinds, tmp_path, name):
+    with pytest.raises(sa.ConfigurationError, match=rf"{name}: .*saved whole as .npz"):
+        kinds["Motion"].save(tmp_path / name)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("kind", KINDS)

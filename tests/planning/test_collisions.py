@@ -60,10 +60,69 @@ def test_a_distance_in_closed_form(bodies):
     np.testing.assert_allclose(bodies.distances(np.zeros(2)), [0.95], atol=1e-6)
 
 
-def test_bodies_without_geometry_never_meet():
-    free = Collisions(sa.load("planar2"))
+def test_links_without_shapes_are_not_checked_and_the_plan_says_so(tmp_path):
+    path = tmp_path / "bare.urdf"
+    path.write_text(
+        robot(link("hull", 50.0), link("l1", 5.0), link("l2", 5.0), frame("tip"),
+              joint("j1", "hull", "l1"), joint("j2", "l1", "l2", xyz=(1, 0, 0)),
+              joint("jt", "l2", "tip", "fixed", (1, 0, 0)))
+    )  # fmt: skip
+    arm = sa.load(path)
+    free = Collisions(arm)
     assert not free
     assert free.contact(np.zeros((1, 2))) is None
+    plan = sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    assert plan.apart is None
+    assert plan.checked == "collisions NOT checked: the description gives the links no shapes"
+    assert "NOT checked" in plan.story
+
+
+def test_visuals_stand_in_for_missing_collision_geometry(arm, bodies, tmp_path):
+    """The same robot with <visual> in place of <collision> keeps the same distances."""
+    path = tmp_path / "drawn.urdf"
+    path.write_text(arm.path.read_text().replace("collision>", "visual>"))
+    drawn = sa.load(path)
+    for q in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
+        np.testing.assert_allclose(Collisions(drawn).distances(q), bodies.distances(q))
+    plan = sa.plan(drawn, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    assert plan.checked == "collisions checked: by their visuals hull, l1, l2"
+    assert plan.apart
+
+
+def test_a_flat_visual_counts_as_the_box_around_it(tmp_path):
+    (tmp_path / "flat.obj").write_text(MESHES["flat.obj"].replace("1 1 0", "0.5 1 0"))
+    text = boxy(tmp_path).path.read_text()
+    panel = '<visual><geometry><mesh filename="flat.obj"/></geometry></visual>'
+    first = text.index("<collision>")
+    last = text.index("</collision>") + len("</collision>")
+    (tmp_path / "panel.urdf").write_text(text[:first] + panel + text[last:])
+    drawn = Collisions(sa.load(tmp_path / "panel.urdf"))
+    assert "by their visuals hull" in drawn.account
+    # joint 1 at x = 0.6, the bar of the outer link from 0.6 + 0.8 + 0.05 on, the panel up to x = 1
+    np.testing.assert_allclose(drawn.distances(np.zeros(2)), [0.45], atol=2e-3)
+
+
+def test_a_bus_of_unknown_shape_is_not_checked():
+    bus = sa.Bus(100.0, inertia=20.0 * np.eye(3))
+    assert "NOT checked, without shapes: bus" in Collisions(sa.mount("vispa", bus)).account
+
+
+@pytest.mark.parametrize("name", [model.name for model in sa.catalogue()])
+def test_catalogue_robots_have_collision_bodies_and_a_posture_without_contact(name):
+    bodies = Collisions(sa.load(name))
+    assert "by their visuals" not in bodies.account
+    assert "NOT" not in bodies.account
+    low, high = (np.clip(x, -np.pi, np.pi) for x in (bodies.arm.lower, bodies.arm.upper))
+    Q = np.random.default_rng(0).uniform(low, high, (200, bodies.arm.n))
+    assert any(bodies.contact(q[None]) is None for q in Q)
+
+
+def test_mda6_does_not_reach_into_its_spacecraft():
+    """The tip 0.2 m above the middle of a box of 2.6 m: a plan without collisions gets there."""
+    arm, q0 = sa.load("mda6"), np.radians([0, 60, -100, -50, 30, 0])
+    inside = sa.plan(arm, q0, sa.Joints(np.radians([0, 100, -170, -50, 30, 0])), collisions=False)
+    assert Collisions(arm).contact(inside.q) is not None
+    assert inside.checked == "collisions NOT checked (collisions=False)"
 
 
 @given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=3))
@@ -299,5 +358,5 @@ def test_what_a_reader_of_meshes_grumbles_about_is_not_logged(tmp_path, caplog):
 def test_a_missing_mesh_is_no_proof(tmp_path):
     with pytest.warns(sa.ModelWarning, match="meshes not found"):
         arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
-    with pytest.raises(sa.ModelError, match=r"nowhere.stl.*collisions=False"):
-        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    plan = sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    assert plan.checked.endswith("NOT checked, without shapes: hull")

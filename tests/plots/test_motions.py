@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
-from spacearm.plots.motions import LABEL, draw_motion
+from spacearm.plots.motions import FADES, _short, draw_motion
 
 
 @pytest.fixture(scope="module")
@@ -18,15 +18,40 @@ def figure():
     return figure
 
 
-def test_labels_stand_apart_in_the_order_of_their_curves(figure):
+def test_joints_are_named_in_a_legend_in_the_order_of_their_curves(figure):
     joints = next(axes for axes in figure.axes if axes.get_ylabel().startswith("joints"))
-    labels = {text.get_text(): text.xy[1] for text in joints.texts}
-    assert sorted(labels) == [f"q{i}" for i in range(1, 7)]
-    at = np.sort(list(labels.values()))
-    assert np.diff(at).min() >= 0.999 * LABEL * np.ptp(joints.get_ylim())
-    ends = [line.get_ydata()[-1] for line in joints.lines]
-    names = [f"q{i + 1}" for i in np.argsort(ends)]
-    assert sorted(labels, key=labels.get) == names
+    names = [text.get_text() for text in joints.get_legend().get_texts()]
+    assert names == list(sa.load("mda6").joint_names)
+    assert [line.get_label() for line in joints.lines] == names
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [
+        (("joint_1", "joint_2"), ["joint_1", "joint_2"]),
+        (("panda_panda_joint1", "panda_panda_joint2"), ["joint1", "joint2"]),
+        (("left_shoulder_pan", "right_shoulder_pan"), ["left_shoulder_pan", "right_shoulder_pan"]),
+        (("a_very_long_name", "a_very_long_name_2"), ["name", "name_2"]),
+        (("a_very_long_name",), ["a_very_long_name"]),
+    ],
+)
+def test_long_joint_names_lose_their_common_beginning(names, short):
+    assert _short(names) == short
+
+
+def test_every_singular_posture_of_figure_5_is_marked_and_counted():
+    arm = sa.load("planar2")
+    base = pin.SE3(pin.utils.rotate("z", np.radians(21)), np.zeros(3))
+    law = sa.TransposedJacobian(target=(1.5, 1.5), kp=(5, 5), kd=(15, 15))
+    run = sa.simulate(arm, np.radians([-57.936, 60.337]), law, 30.0, base=base)
+    path, *others = draw_motion(run).axes
+    (crosses,) = (line for line in path.lines if line.get_marker() == "x")
+    count = len(run.singular_times)
+    assert count > 3
+    assert len(crosses.get_xdata()) == count
+    assert f"singular ({count} times)" in [t.get_text() for t in path.get_legend().get_texts()]
+    for axes in others:
+        assert sum(line.get_linestyle() == ":" for line in axes.lines) == count
 
 
 def test_the_tip_path_is_drawn_to_scale(figure):
@@ -89,3 +114,12 @@ def test_distances_are_in_degrees_up_to_where_they_tell_something(figure):
     axes = next(axes for axes in figure.axes if "singular" in axes.get_ylabel())
     assert axes.get_ylim() == (0.0, 45.0)
     assert [label.get_text() for label in axes.get_yticklabels()] == ["0", "15", "30", "over 45"]
+
+
+def test_a_few_postures_are_drawn_where_the_arm_was():
+    arm = sa.load("planar2")
+    followed = sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)])
+    sticks = [line for line in draw_motion(followed).axes[0].lines if len(line.get_xdata()) == 3]
+    assert len(sticks) == len(FADES)
+    for stick, at in ((sticks[0], 0), (sticks[-1], -1)):
+        np.testing.assert_allclose(stick.get_xydata()[-1], followed.tip[at, :2], atol=1e-9)

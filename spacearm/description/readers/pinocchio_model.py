@@ -213,17 +213,16 @@ class _Reader:
 
     def _shapes(self, i: int) -> Visuals:
         """Return the shapes that move with joint i."""
-        return Visuals(
-            *(
-                tuple(
-                    shape
-                    for thing in (geometry.geometryObjects if geometry else ())
-                    if thing.parentJoint == i
-                    for shape in _shape(thing)
-                )
-                for geometry in (self._visual, self._collision)
+        visual, collision = (
+            tuple(
+                shape
+                for thing in (geometry.geometryObjects if geometry else ())
+                if thing.parentJoint == i
+                for shape in _shape(thing)
             )
+            for geometry in (self._visual, self._collision)
         )
+        return Visuals(visual, collision)
 
 
 def _inertial(inertia: pin.Inertia) -> Inertial | None:

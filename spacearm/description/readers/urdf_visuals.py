@@ -58,7 +58,7 @@ class _Reader:
         """Return the shapes of a <link>."""
         visual, collision = (
             tuple(shape for element in link.findall(tag) for shape in self._shapes(element))
-            for tag in Visuals._fields
+            for tag in ("visual", "collision")
         )
         return Visuals(visual, collision)
 
