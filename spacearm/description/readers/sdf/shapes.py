@@ -52,7 +52,7 @@ class Shapes:
         """
         visual, collision = (
             tuple(s for e in link.findall(tag) for s in self._shapes(e, placed))
-            for tag in Visuals._fields
+            for tag in ("visual", "collision")
         )
         return Visuals(visual, collision)
 
