@@ -360,3 +360,16 @@ def test_errors_list_no_more_than_ten_names(tmp_path):
     path.write_text(robot(*(link(f"l{i}") for i in range(2000))))
     with pytest.raises(sa.ModelError, match=r"has 2000 root links \(l0, .* and 1,990 more\)"):
         sa.load(path)
+
+
+@pytest.mark.parametrize("name", ["mda6", "ets7", "chaser7", "tecsas"])
+def test_the_tip_is_where_another_reader_has_it(name):
+    """yourdfpy parses and moves the same file by itself."""
+    import yourdfpy
+
+    arm = sa.load(name)
+    other = yourdfpy.URDF.load(str(arm.path), load_meshes=False)
+    for q in np.random.default_rng(0).uniform(-2.0, 2.0, (5, arm.n)):
+        other.update_cfg(dict(zip(arm.joint_names, q, strict=True)))
+        pose = other.get_transform(arm.tip, arm.tree.root)
+        np.testing.assert_allclose(pose, arm.at(q).tip.homogeneous, atol=1e-12)
