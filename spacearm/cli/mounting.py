@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 import typer
 
 from spacearm.description.assembly import assembled
@@ -71,9 +70,7 @@ def described_arm(
     if bus is None:
         return load(model, tip=tip, joints=joints, locked=locked, **options)
     _require_arm(model)
-    assert bus.size is not None
-    top = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5 * np.asarray(bus.size)[2]]))
-    return mount(model, bus, top, tip=tip, joints=joints, locked=locked, **options)
+    return mount(model, bus, tip=tip, joints=joints, locked=locked, **options)
 
 
 def described_bus(mass: float | None, size: Edges | None) -> Bus | None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, plain
 from spacearm.description.bodies import Inertial
@@ -44,6 +45,14 @@ class Bus:
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+    @property
+    def top(self) -> pin.SE3:
+        """Pose of the middle of the top face (+z) in the bus frame; the identity without a size."""
+        if self.size is None:
+            return pin.SE3.Identity()
+        x, y, z = np.asarray(self.com, dtype=np.float64)
+        return pin.SE3(np.eye(3), np.array([x, y, z + 0.5 * _edges(self.size)[2]]))
 
     def tree(self) -> Tree:
         """Return the bus as a tree of one link."""

@@ -26,7 +26,7 @@ from spacearm.model.configuration import Configuration, configure
 from spacearm.model.coordinates import Coordinates
 from spacearm.model.defaults import check_count, check_movable, complete_task
 from spacearm.model.facts import facts
-from spacearm.model.frames import sound_pose
+from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.task import Task
 from spacearm.model.wheels import Wheel, wheels_of
 
@@ -154,7 +154,7 @@ class SpaceArm(Coordinates):
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
     def at(
-        self, q: npt.ArrayLike, *, base: pin.SE3 | None = None, wheels: npt.ArrayLike | None = None
+        self, q: npt.ArrayLike, *, base: PoseLike | None = None, wheels: npt.ArrayLike | None = None
     ) -> Configuration:
         """Return the configuration at joint positions q, inside the joint limits or not.
 

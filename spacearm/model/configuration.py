@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite
 from spacearm.errors import UnsupportedError, listed
-from spacearm.model.frames import LWA, sound_pose
+from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import joint_vector
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class Configuration:
 
 
 def configure(
-    arm: SpaceArm, q: npt.ArrayLike, base: pin.SE3 | None, wheels: npt.ArrayLike | None
+    arm: SpaceArm, q: npt.ArrayLike, base: PoseLike | None, wheels: npt.ArrayLike | None
 ) -> Configuration:
     """Return the configuration of an arm; arguments, checked, and errors as for `SpaceArm.at`."""
     base = pin.SE3.Identity() if base is None else sound_pose(base, "base")

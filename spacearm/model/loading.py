@@ -20,7 +20,7 @@ from spacearm.description.tips.held import Counting
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import sound_pose
+from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.task import Task
 
 
@@ -92,7 +92,7 @@ def load(
 def mount(
     arm: RobotSource,
     bus: Bus | SpaceArm | RobotSource,
-    at: pin.SE3 | None = None,
+    at: PoseLike | None = None,
     *,
     name: str | None = None,
     tip: str | None = None,
@@ -116,7 +116,8 @@ def mount(
         arm: An arm without a spacecraft: a name that `arms` lists, or what `load` takes.
         bus: A `Bus`, a spacecraft that has arms already, or what `load` takes, whose solar panels
             and wheels are kept.
-        at: Pose of the arm's root link in the frame of the bus; the identity if None.
+        at: Pose of the arm's root link in the frame of the bus, a pin.SE3 or a (4, 4) matrix. If
+            None, the middle of the top face (+z) of a `Bus` with a size, else the identity.
         name: Name of the arm. Default: the robot's name, numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
         joints: Which joints count besides; names are those of the result. See `load`.
@@ -130,7 +131,8 @@ def mount(
         ModelError: An arm is unknown, a URDF has a fault, or the name is taken.
         ConfigurationError: bus, at, tip, joints or locked is not valid.
     """
-    at = pin.SE3.Identity() if at is None else sound_pose(at, "at")
+    top = bus.top if isinstance(bus, Bus) else pin.SE3.Identity()
+    at = top if at is None else sound_pose(at, "at")
     reading = Reading.of(check, packages, xacro_args, density)
     base = _tree(bus, replace(reading, xacro_args={}))
     tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, reading=reading)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array, finite, shape_of
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.model.arm import SpaceArm
@@ -42,11 +42,13 @@ def goal_pose(cfg: Configuration, goal: Goal) -> pin.SE3:
     Raises:
         ConfigurationError: The goal is no pose, and no point in the task's rows.
     """
-    if isinstance(goal, pin.SE3):
+    if isinstance(goal, pin.SE3) or shape_of(goal) == (4, 4):
         return sound_pose(goal, "target")
     rows, names = cfg.arm.task.indices, cfg.arm.task.names
     if max(rows) > 2:
-        raise ConfigurationError(f"target is {goal!r}; the task {names!r} takes a pin.SE3")
+        raise ConfigurationError(
+            f"target is {goal!r}; the task {names!r} takes a pose, as pin.SE3 or as a (4, 4) matrix"
+        )
     meaning = f"[m], one for each row of the task {names!r}, or a pin.SE3"
     pose, axes = cfg.tip, goal_axes(cfg)
     place = axes.T @ pose.translation

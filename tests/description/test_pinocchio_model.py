@@ -177,7 +177,7 @@ def test_a_robot_wrapper_brings_its_shapes(tmp_path):
     robot = pin.RobotWrapper.BuildFromURDF(str(path), [], pin.JointModelFreeFlyer())
     arm = sa.load(robot)
     assert arm.name == "r"
-    for drawn in arm.tree.visuals["bus"]:
+    for drawn in arm.tree.visuals["bus"][:2]:
         found = {type(shape.geometry): shape for shape in drawn}
         assert found[Box].geometry == Box((1.0, 2.0, 3.0))
         np.testing.assert_allclose(found[Box].pose.translation, [0, 0, 1])

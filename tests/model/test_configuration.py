@@ -44,7 +44,7 @@ def test_bad_q_is_named(q, message):
 @pytest.mark.parametrize(
     ("base", "message"),
     [
-        (np.eye(4), "base is a ndarray; give it as pin.SE3"),
+        (np.eye(3), "base is a ndarray; give it as pin.SE3"),
         (pin.SE3(2 * np.eye(3), np.zeros(3)), "not a rotation matrix"),
         (pin.SE3(-np.eye(3), np.zeros(3)), "not a rotation matrix"),
         (pin.SE3(np.eye(3), np.array([np.nan, 0, 0])), "NaN, infinity"),

@@ -102,7 +102,8 @@ def test_the_written_urdf_is_for_everyone(name, tmp_path):
 
 
 def test_a_bus_is_a_solid_box_unless_its_inertia_is_given():
-    base = sa.mount("vispa", sa.Bus(mass=12, size=(0.1, 0.2, 0.3), com=(0, 0, 0.02)))
+    box = sa.Bus(mass=12, size=(0.1, 0.2, 0.3), com=(0, 0, 0.02))
+    base = sa.mount("vispa", box, pin.SE3.Identity())
     alone = sa.Bus(12, size=(0.1, 0.2, 0.3), com=(0, 0, 0.02)).tree().links["bus"]
     assert np.allclose(np.diag(alone.inertia), [0.13, 0.10, 0.05])
     assert np.allclose(alone.origin.translation, [0, 0, 0.02])
@@ -316,3 +317,27 @@ def test_point_masses_on_bodies_can_be_read(tmp_path):
     text = robot(link("bus", 50.0), link("arm", inertia=np.zeros((3, 3))), joint("e", "bus", "arm"))
     with pytest.raises(sa.ModelError, match="a motion of 'e' moves no mass"):
         urdf.read(saved(text, tmp_path))
+
+
+def test_an_arm_stands_on_the_top_face_of_a_bus_with_a_size():
+    bus = sa.Bus(mass=12, size=(0.1, 0.2, 0.3), com=(0.01, 0, 0.02))
+    at = pin.SE3(np.eye(3), np.array([0.01, 0.0, 0.17]))
+    on, same_place = sa.mount("vispa", bus), sa.mount("vispa", bus, at)
+    assert on.mount.isApprox(same_place.mount)
+    assert sa.mount("vispa", bus, at.homogeneous).mount.isApprox(on.mount)
+    inertia_only = sa.Bus(mass=12, inertia=np.eye(3))
+    inside = sa.mount("vispa", inertia_only)
+    assert inside.mount.isApprox(sa.mount("vispa", inertia_only, pin.SE3.Identity()).mount)
+
+
+def test_poses_are_matrices_too():
+    arm, q = sa.load("mda6"), np.full(6, 0.3)
+    base = pin.SE3(pin.utils.rotate("x", 0.4), np.array([1.0, 2.0, 3.0]))
+    assert arm.at(q, base=base.homogeneous).tip.isApprox(arm.at(q, base=base).tip)
+    goal = sa.move(arm.at(q), [0.05] * 6).tip
+    ends = [sa.follow(arm, q, [g])[-1].q for g in (goal, goal.homogeneous)]
+    np.testing.assert_array_equal(*ends)
+    with pytest.raises(sa.ConfigurationError, match="has the last row"):
+        arm.at(q, base=np.ones((4, 4)))
+    with pytest.raises(sa.ConfigurationError, match=r"give it as pin\.SE3.* or as a \(4, 4\)"):
+        arm.at(q, base=np.eye(3))
