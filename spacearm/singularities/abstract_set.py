@@ -127,7 +127,8 @@ class SingularSet(ABC):
         """Find the singular configuration nearest to q (n,) in joint space.
 
         A set with one equation and up to three relevant joints: the global one, proven by branch
-        and bound to 1e-4 rad. Others: the best of a search from many starts about q.
+        and bound to 1e-4 rad. Others: the best of a search from many starts about q, an upper bound
+        of the distance: of redundant arms another search may find a nearer one.
 
         Args:
             q: (n,) joint positions.

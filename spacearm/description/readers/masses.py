@@ -112,8 +112,8 @@ def _check_links(source: Source, tree: Tree) -> None:
             elif check == "warn":
                 source.warn(f"link {link!r} {fault}")
     root = whole[tree.root]
-    if source.reading.spacecraft and _thin(root):
-        problem = f"the spacecraft {tree.root!r} has no inertia about some axis ({root.fault()})"
+    if source.reading.spacecraft and _thin(root) and (fault := root.fault()):
+        problem = f"the spacecraft {tree.root!r} has no inertia about some axis ({fault})"
         if check == "error":
             source.fail(problem, 'correct it, or load with check="warn" to accept it')
         source.warn(problem)
