@@ -23,7 +23,6 @@ import pinocchio as pin
 
 import spacearm as sa
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomial import minor_polynomials
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
@@ -68,7 +67,7 @@ def million_lines() -> None:
 def planar3() -> None:
     arm = sa.load("planar3")
     start = time.perf_counter()
-    curves = ExactSet(arm, "free-floating", fresh(arm)).curves()
+    curves = sa.singular_set(arm).curves()
     seconds = time.perf_counter() - start
     print(f"complete map of planar3: {seconds:.3f} s, {len(curves)} closed curves")
     for published in (225, 3300):
@@ -80,7 +79,7 @@ def explicit() -> None:
         arm = sa.load(name)
         rng = np.random.default_rng(0)
         start = time.perf_counter()
-        found = ExactSet(arm, "free-floating", fresh(arm))
+        found = sa.singular_set(arm)
         fitted = time.perf_counter() - start
         Q = found.sample(100_000, rng)
         seconds = time.perf_counter() - start

@@ -215,7 +215,7 @@ def workspace(
         gap = max(gap, reach_gap)
         certified = bool(np.isfinite(gap))
     else:
-        shells, gap = found_shells(found, box, effort, rng), float("nan")
+        shells, gap = found_shells(found, box, effort, rng, reach[0].at), float("nan")
     reachable = merged([shell.radius for shell in reach])
     pdw = merged([shell.radius for shell in shells])
     return Workspace(

@@ -24,6 +24,8 @@ STARTS = 12
 """Number of best configurations of a sample from which each bound is searched."""
 GAP_SHARE = 1 / 300
 """Share of the range of R, empty of a large sample, that separates two shells."""
+AT_AN_END = 1e-7
+"""Share of the scale of S below which an end of the reachable workspace is singular."""
 SHORT = 0.4
 """Largest joint motion of one run of an optimisation [rad]."""
 MOST_WAYS = 60
@@ -102,10 +104,16 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
 
 
 def found_shells(
-    found: SingularSet, box: Box, effort: int, rng: np.random.Generator
+    found: SingularSet, box: Box, effort: int, rng: np.random.Generator, ends: Array
 ) -> list[Shell]:
-    """Find shells from a sample of `effort` singular configurations, each bound then optimised."""
+    """Find shells from a sample of `effort` singular configurations, each bound then optimised.
+
+    Where R is stationary the tip has lost the direction of R: the `ends` (2, n) of the reachable
+    workspace are singular, unless limits or R = 0 make them regular, and belong to the first and
+    the last piece of the sample.
+    """
     R2 = radius_squared(found.arm, mode=found.mode)
+    stationary = ends[np.abs(found.S(ends)) <= AT_AN_END * found.S.scale]
     Q = box.fold(found.sample(effort, rng))
     Q = Q[box.holds(Q)]
     if not len(Q):
@@ -115,6 +123,9 @@ def found_shells(
     R = np.sqrt(np.maximum(R2(Q), 0.0))
     parted = np.flatnonzero(np.diff(R) > GAP_SHARE * (R[-1] - R[0]) + 1e-9) + 1
     pieces = np.split(Q, parted)
+    for end in stationary:
+        i = 0 if R2(end[None])[0] < R2(Q[:1])[0] else -1
+        pieces[i] = np.vstack((pieces[i], end))
     arm, mode = found.arm, found.mode
     return [shell_about(arm, mode, found.S, piece, box, i) for i, piece in enumerate(pieces)]
 

@@ -167,7 +167,7 @@ def test_a_pose_of_a_planar_arm_and_a_place_of_a_spatial_one():
     place = spatial.at(q).tip.translation + np.array([0.3, -0.2, 0.1])
     plan = sa.plan(spatial, q, place)
     np.testing.assert_allclose(replay(plan).tip.translation, place, atol=1e-6)
-    assert plan.certificate is None  # redundant
+    assert plan.certificate is None  # its minors are too large
 
 
 # --- exactness of what the optimiser is told ------------------------------------------------
@@ -352,7 +352,7 @@ def test_the_spacecraft_turned_under_a_tip_that_stays(name):
     cfg = arm.at(np.linspace(0.3, 1.2, arm.n))
     turn = pin.exp3(np.array([0.0, 0.0, 0.1]))
     goal = cfg.tip if name == "mda6" else cfg.tip.translation[:2]
-    plan = sa.plan(arm, cfg.q, goal, final_attitude=turn)
+    plan = sa.plan(arm, cfg.q, goal, final_attitude=turn, collisions=False)
     end = replay(plan)
     np.testing.assert_allclose(end.base.rotation, turn, atol=1e-6)
     np.testing.assert_allclose(end.tip.translation, cfg.tip.translation, atol=1e-6)
