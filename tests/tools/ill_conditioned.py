@@ -113,7 +113,7 @@ def coaxial_rods(rng):
         placed = {"rpy": pin.rpy.matrixToRpy(R[i].T @ R[i + 1]), "axis": R[i + 1].T[:, 2]}
         turns = arms.joint(f"joint_{i}", f"link_{i}", f"link_{i + 1}", xyz=np.zeros(3), **placed)
         elements.append(turns)
-    return arms.load_text(arms.robot(*elements), tip="tip", task="orientation")
+    return arms.load_text(arms.robot(*elements), tip="tip", task="orientation", check="accept")
 
 
 FAMILIES = {
