@@ -14,11 +14,12 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.description.model_catalogue import catalogue
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.singularities.report import IN_WORDS, SingularityReport, singularity
+from spacearm.viewer.shapes import missing_meshes
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -156,6 +157,7 @@ class Session:
             "task": list(self.arm.task.rows),
             "unit": self.arm.sigma_unit,
             "meaning": IN_WORDS,
+            "missing": listed(missing_meshes(self.arm)),
             "joints": [
                 {"name": j.name, "angle": j.kind != "prismatic", "lower": lo, "upper": hi}
                 for j, lo, hi in zip(joints, lower.tolist(), upper.tolist(), strict=True)

@@ -286,6 +286,10 @@ def test_links_without_a_drawing_still_show_a_scene(browser, tmp_path, inside):
     page = Page(browser, viewer.serve()).ready()
     page.page.wait_for_timeout(300)
     assert page.colours() > 12
+    missing = page.page.locator("#missing")
+    assert missing.is_visible() is bool(inside)
+    if inside:
+        assert missing.text_content() == "Not drawn, files not found: no.stl"
     page.close()
     viewer.close()
 

@@ -68,11 +68,13 @@ function receive(message) {
 
 /* --- the panel's parts, once --- */
 
-function build({ model, task, unit, joints, layers, motion, meaning }) {
+function build({ model, task, unit, joints, layers, motion, meaning, missing }) {
   byId("model").textContent = model;
   document.title = `${model} - spacearm`;
   byId("unit").textContent = `[${unit}], task ${task.join(" ")}`;
   byId("meaning").textContent = meaning;
+  byId("missing").textContent = `Not drawn, files not found: ${missing}`;
+  byId("missing").hidden = !missing;
   joints.forEach(buildJoint);
   legend(byId("layers"), layers, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
