@@ -1,4 +1,4 @@
-"""Draws the pictures of README.md anew.
+"""Draws the pictures of README.md and docs/ anew.
 
     python notebooks/pictures.py                  # all of them
     python notebooks/pictures.py figure_7 plan    # some

@@ -78,9 +78,14 @@ def test_every_public_name_is_there_and_documented():
         assert name == "__version__" or thing.__doc__, name
 
 
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+
+
 def blocks(language):
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+    """The code blocks of README and of all pages in docs/."""
+    texts = (page.read_text(encoding="utf-8") for page in PAGES)
+    found = (re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL) for text in texts)
+    return [block for blocks in found for block in blocks]
 
 
 @pytest.mark.slow
@@ -92,7 +97,7 @@ def test_python_in_the_readme_runs(number, tmp_path):
 
 
 def test_commands_in_the_readme_exist():
-    """Every spacearm command of README is one, and its options are too."""
+    """Every spacearm command of README and docs/ is one, and its options are too."""
     lines = [line for block in blocks("sh") for line in block.splitlines()]
     commands = [line.split("#")[0].split() for line in lines if line.startswith("spacearm ")]
     assert len(commands) > 5
@@ -103,11 +108,12 @@ def test_commands_in_the_readme_exist():
 
 
 def test_what_the_readme_shows_and_links_is_there():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    inside = {path for path in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in path}
-    assert {path for path in inside if not (ROOT / path).is_file()} == set()
-    for path in (ROOT / "notebooks" / "pictures").iterdir():
-        assert f"notebooks/pictures/{path.name}" in inside
+    inside = set()
+    for page in PAGES:
+        links = re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8"))
+        inside |= {(page.parent / link).resolve() for link in links if "://" not in link}
+    assert {path for path in inside if not path.is_file()} == set()
+    assert set((ROOT / "notebooks" / "pictures").iterdir()) <= inside
 
 
 def test_what_the_readme_answers_is_what_the_command_says():

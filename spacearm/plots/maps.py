@@ -50,7 +50,7 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
         axes.figure.colorbar(image, ax=axes, label=label, shrink=0.9, extend="max")
         _draw_curves(axes, result.curves or [])
         _angle_axes(axes, result.joints)
-        what = "distance to the singular set" if result.curves is None else "singular set (red)"
+        what = "distance to the singular set" if result.curves is None else "singular set (curves)"
         held = ", ".join(
             f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
         )

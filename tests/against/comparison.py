@@ -1,6 +1,6 @@
 """spacearm beside the engines that are installed.
 
-python tests/against/comparison.py             # the table of README
+python tests/against/comparison.py             # the table of docs/validation.md
 python tests/against/comparison.py --engines   # which ones; 1 if one that should be is not
 """
 

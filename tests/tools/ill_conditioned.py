@@ -1,6 +1,6 @@
 """Arms that take digits away, and what is left of them, against 50-digit arithmetic.
 
-python tests/tools/ill_conditioned.py        # the table of README
+python tests/tools/ill_conditioned.py        # the table of docs/validation.md
 """
 
 from __future__ import annotations
