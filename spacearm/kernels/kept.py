@@ -28,7 +28,7 @@ def keep(kernel: Any) -> Any:
     return kernel
 
 
-class Kept(caching.FunctionCache):  # type: ignore[misc]
+class Kept(caching.FunctionCache):
     """The compiled forms of one kernel, by the types of its arguments."""
 
     def __init__(self, function: Any) -> None:

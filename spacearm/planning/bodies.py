@@ -19,15 +19,13 @@ from scipy.spatial import ConvexHull, QhullError
 from spacearm.arrays import LARGEST, Array
 from spacearm.description.meshes import read_mesh
 from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unusable, Visuals
-from spacearm.errors import ModelError
+from spacearm.errors import ModelError, listed
 from spacearm.model.arm import SpaceArm
 
 FLAT = 1e-9
 """Thickness below which a mesh counts as flat, as a share of its length."""
 THIN = 1e-3
 """Thickness given to the box around a flat visual, as a share of its length."""
-SHOWN = 5
-"""Links that the account of a check names."""
 WITHOUT = "correct that, or plan with collisions=False to do without"
 
 
@@ -95,16 +93,10 @@ class Bodies:
             return "collisions NOT checked: the description gives the links no shapes"
         ways = [
             f"{len(self.by_collision)} links by their collision geometry" * bool(self.by_collision),
-            f"by their visuals {_names(self.by_visual)}" * bool(self.by_visual),
+            f"by their visuals {listed(self.by_visual)}" * bool(self.by_visual),
         ]
-        missed = f"; NOT checked, without shapes: {_names(self.without)}" * bool(self.without)
+        missed = f"; NOT checked, without shapes: {listed(self.without)}" * bool(self.without)
         return f"collisions checked: {', '.join(filter(None, ways))}{missed}"
-
-
-def _names(links: list[str]) -> str:
-    """Return the first names of a list, with the number of the others."""
-    rest = len(links) - SHOWN
-    return ", ".join(links[:SHOWN]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def _collision_solids(
@@ -125,6 +117,9 @@ def _collision_solids(
                 except ModelError as error:
                     where = f"{arm.path}: {error}, in a collision of link {link!r}"
                     raise ModelError(f"{where}; {WITHOUT}") from None
+            case _ if min(_lengths(shape), default=1.0) <= 0.0:
+                lengths = f"link {link!r} has a collision of lengths {_lengths(shape)}"
+                raise ModelError(f"{arm.path}: {lengths}; give positive lengths: {WITHOUT}")
             case _:
                 yield from _primitive(shape)
 

@@ -103,7 +103,7 @@ def test_a_motion_of_several_tips_has_no_one_path():
     arm = arm.replace(tip=arm.tips if len(arm.tips) > 1 else ("left", "right"))
     motion = sa.Motion(arm, [0.0, 1.0], [np.full(12, 0.4)] * 2, np.tile(np.eye(7)[6], (2, 1)))
     with pytest.raises(sa.UnsupportedError):
-        motion.tip  # noqa: B018
+        _ = motion.tip
     assert motion.sigma_min.shape == (2,)
     assert "tip" not in motion.to_dict()
     assert "tip" not in motion.to_xarray()

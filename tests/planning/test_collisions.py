@@ -1,9 +1,11 @@
 """Collisions: contacts are found, freedom is proven, and plans keep bodies apart."""
 
 import zipfile
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import trimesh
 from helpers.arms import LIMIT, frame, joint, link, numbers, robot
@@ -12,6 +14,8 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.description.meshes import read_mesh
+from spacearm.description.visuals import Shape, Sphere, Visuals
+from spacearm.model.arm import SpaceArm
 from spacearm.planning.collisions import Collisions
 
 ALONG_X = 'rpy="0 1.5707963267948966 0"'
@@ -203,6 +207,16 @@ def test_sizes_that_no_body_has_are_no_proof(tmp_path, geometry):
     """coal takes them, and finds such bodies far from everything."""
     with pytest.raises(sa.ModelError, match=r"hull.* has .*; give positive lengths"):
         Collisions(boxy(tmp_path, geometry))
+
+
+@pytest.mark.parametrize("sphere", [-1.0, 0.0])
+def test_sizes_that_no_body_has_are_no_proof_in_any_format(arm, sphere):
+    """Readers of other formats take them as they are; the check does not."""
+    shape = Shape(pin.SE3.Identity(), Sphere(sphere))
+    visuals = {**arm.tree.visuals, "hull": Visuals(collision=(shape,))}
+    other = SpaceArm.of(replace(arm.tree, visuals=visuals), arm.path)
+    with pytest.raises(sa.ModelError, match=r"'hull' has a collision .*; give positive lengths"):
+        Collisions(other)
 
 
 MESHES = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from lxml import etree
@@ -185,12 +186,12 @@ def _matches(folder: Path, pattern: str, aliases: set[str]) -> Iterator[str]:
         else:
             regular += "[^/]*"
     regular += re.escape(pattern[end:])
-    try:
+    if not known or pattern.startswith("/"):
+        return
+    with suppress(ValueError):  # "**" within a word is no pattern; ".." leads out of the folder
         for path in sorted(folder.glob(wild + pattern[end:])):
             if match := re.fullmatch(regular, path.relative_to(folder).as_posix()):
                 yield match["value"]
-    except (ValueError, OSError, NotImplementedError, IndexError):
-        return  # no pattern of a path
 
 
 def _comparisons(text: str) -> list[ast.Compare]:

@@ -214,7 +214,7 @@ class Expansion:
 
         xacro = self._xacro
 
-        class Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml has no types
+        class Loader(yaml.SafeLoader):
             pass
 
         for unit in xacro.ConstructUnits:
