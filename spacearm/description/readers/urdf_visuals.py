@@ -6,8 +6,6 @@ becomes an `Unusable`, which whoever needs the shape reports.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pinocchio as pin
 from lxml import etree
 
@@ -38,7 +36,7 @@ def read_visuals(source: Source, robot: etree._Element) -> dict[str, Visuals]:
     """
     reader = _Reader(source, robot)
     shapes = {link.get("name", ""): reader.visuals(link) for link in robot.findall("link")}
-    source.warn_of_missing_meshes(reader.missing())
+    source.warn_of_missing_meshes()
     return {link: found for link, found in shapes.items() if any(found)}
 
 
@@ -48,11 +46,6 @@ class _Reader:
     def __init__(self, source: Source, robot: etree._Element) -> None:
         self._source = source
         self._materials = {m.get("name"): m for m in robot.findall("material")}
-        self._files: dict[str, Path | None] = {}
-
-    def missing(self) -> list[str]:
-        """Return the names of the mesh files that were not found."""
-        return [name for name, file in self._files.items() if file is None]
 
     def visuals(self, link: etree._Element) -> Visuals:
         """Return the shapes of a <link>."""
@@ -89,19 +82,13 @@ class _Reader:
         if element is not None and kind == "mesh":
             name = element.get("filename", "")
             scale = source.numbers(element, "scale", 3, "1 1 1")
-            return Mesh(name, self._file(name), tuple(scale.tolist()))
+            return Mesh(name, source.mesh(name), tuple(scale.tolist()))
         link = parent.getparent()
         owner = "" if link is None else link.get("name", "")
         source.fail(
             f"link {owner!r} has a {parent.tag!s} without a known geometry",
             "give it a box, sphere, cylinder, capsule or mesh",
         )
-
-    def _file(self, name: str) -> Path | None:
-        """Find a mesh file, once."""
-        if name not in self._files:
-            self._files[name] = self._source.packages.file(name)
-        return self._files[name]
 
     def _rgba(self, parent: etree._Element) -> tuple[float, ...] | None:
         """Read the colour of a <visual>: its own, or that of the robot's material it names."""

@@ -40,6 +40,7 @@ class Source:
         self.reading = reading or Reading()
         self.packages = Packages(path, self.reading.packages)
         self.notes: list[str] = []
+        self._meshes: dict[str, Path | None] = {}
 
     def fail(self, problem: str, remedy: str) -> NoReturn:
         """Raise the `ModelError` that names this file."""
@@ -54,8 +55,19 @@ class Source:
         """Note what was left out, without a warning: it makes no difference to the arm."""
         self.notes.append(message)
 
-    def warn_of_missing_meshes(self, names: Iterable[str]) -> None:
-        """Warn of mesh files that were not found, if any; one warning for all."""
+    def mesh(self, name: str) -> Path | None:
+        """Find a mesh file, once; None, to be warned of, if there is none."""
+        if name not in self._meshes:
+            self._meshes[name] = self.packages.file(name)
+        return self._meshes[name]
+
+    def warn_of_missing_meshes(self, others: Iterable[str] = ()) -> None:
+        """Warn of mesh files that were not found, if any; one warning for all.
+
+        Args:
+            others: Names of those that `mesh` was not asked for.
+        """
+        names = (*others, *(name for name, file in self._meshes.items() if file is None))
         if missing := sorted({name[:LONGEST] for name in names}):
             rest = len(missing) - SHOWN
             shown = ", ".join(name[:80] for name in missing[:SHOWN]) + (

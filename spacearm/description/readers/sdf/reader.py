@@ -86,7 +86,7 @@ class _Reader:
         forest.add(WORLD)
         for name, scope, element in self._contents.joints:
             self._join(forest, name, scope, element)
-        source.warn_of_missing_meshes(shapes.missing)
+        source.warn_of_missing_meshes()
         for name, mark in self._contents.marks:
             carrier = self._contents.frames.link_of(name, mark)
             forest.mark(name, carrier, self._contents.frames.pose(name, carrier, mark))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -25,20 +24,10 @@ from spacearm.errors import ModelError
 
 
 class Shapes:
-    """The shapes of the links of a file.
-
-    Attributes:
-        missing: Names of the mesh files that were not found.
-    """
+    """The shapes of the links of a file."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
-        self._files: dict[str, Path | None] = {}
-
-    @property
-    def missing(self) -> list[str]:
-        """Names of the mesh files that were not found."""
-        return [name for name, file in self._files.items() if file is None]
 
     def of(
         self, link: etree._Element, placed: Callable[[etree._Element], pin.SE3 | None]
@@ -89,19 +78,13 @@ class Shapes:
         if kind == "mesh":
             name = words(element, "uri")
             scale = vector(source, element, "scale", "1 1 1")
-            return (Shape(at, Mesh(name, self._file(name), tuple(scale.tolist())), rgba),)
+            return (Shape(at, Mesh(name, source.mesh(name), tuple(scale.tolist())), rgba),)
         link = parent.getparent()
         owner = "" if link is None else link.get("name", "")
         source.fail(
             f"link {owner!r} has a {parent.tag!s} of the geometry <{kind}>",
             "give it a box, sphere, cylinder, capsule, ellipsoid or mesh",
         )
-
-    def _file(self, name: str) -> Path | None:
-        """Find a mesh file, once."""
-        if name not in self._files:
-            self._files[name] = self._source.packages.file(name)
-        return self._files[name]
 
     def _rgba(self, parent: etree._Element) -> tuple[float, ...] | None:
         """Read the colour of a <visual>."""
