@@ -36,6 +36,30 @@ def work(N: int, n: int) -> Work:
 
 
 @step
+def nearness(bodies: int, n: int, rows: int) -> Nearness:
+    """Allocate the work arrays of `distance` for n rates and so many rows of the normal space."""
+    return Nearness(
+        vectors=Vectors(
+            z=np.empty((6, LANES)),
+            y=np.empty((n, LANES)),
+            plus=np.empty((6, LANES)),
+            minus=np.empty((6, LANES)),
+            along=np.empty((6, LANES)),
+            t=np.empty((2, LANES)),
+        ),
+        slopes=Slopes(
+            body=np.empty(bodies, TURNING),
+            F=np.empty((6, LANES)),
+            mu=np.empty((6, LANES)),
+            h=np.empty((6, LANES)),
+            I_mu=np.empty((6, LANES)),
+        ),
+        L=np.empty((rows, n, LANES)),
+        t=np.empty((4, LANES)),
+    )
+
+
+@step
 def fill(w: Work, q: Numbers, first: int) -> None:
     """Copy columns of q (N, m) into the lanes; lanes past its end repeat the first column."""
     there = min(LANES, q.shape[1] - first)
@@ -94,7 +118,7 @@ def distances(
     q: Numbers,
     values: Numbers,
 ) -> None:
-    """Compute the distance to the singular set and the way out.
+    """Compute the distance to the singular set and its normal space, to first order.
 
     Args:
         b: The arm.
@@ -104,35 +128,17 @@ def distances(
         scale: (k,) their factors.
         radian: (n,) what counts as a radian of each joint.
         q: (N, m) joint positions [rad] or [m].
-        values: (1 + n, m) receives distance and away.
+        values: (2 + r n, m) receives distance, sigma_min and r orthonormal rows; see `way_out`.
     """
     m, n = q.shape[1], len(radian)
     w = work(q.shape[0], n)
-    A, x, v = np.empty((n, 6, LANES)), np.empty(1, BIDIAGONAL), np.empty((1 + n, LANES))
-    d = Nearness(
-        vectors=Vectors(
-            z=np.empty((6, LANES)),
-            y=np.empty((n, LANES)),
-            plus=np.empty((6, LANES)),
-            minus=np.empty((6, LANES)),
-            along=np.empty((6, LANES)),
-            t=np.empty((2, LANES)),
-        ),
-        slopes=Slopes(
-            body=np.empty(len(b), TURNING),
-            F=np.empty((6, LANES)),
-            mu=np.empty((6, LANES)),
-            h=np.empty((6, LANES)),
-            I_mu=np.empty((6, LANES)),
-        ),
-        L=np.empty((n, n, LANES)),
-        t=np.empty((4, LANES)),
-    )
+    A, x, v = np.empty((n, 6, LANES)), np.empty(1, BIDIAGONAL), np.empty((len(values), LANES))
+    d = nearness(len(b), n, n - len(rows) + 1)
     for first in range(0, m, LANES):
         fill(w, q, first)
         generalized_jacobian(b, tip, E, w)
         distance(b, tip, rows, scale, radian, w, A, x[0], d, v)
-        for i in range(1 + n):
+        for i in range(len(values)):
             for l in range(min(LANES, m - first)):
                 values[i, first + l] = v[i, l]
 

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from spacearm.kernels.floating import Bodies, Indices, Numbers, Work
-from spacearm.kernels.lanes import Lanes, step
+from spacearm.kernels.lanes import Lanes, merged, step
 from spacearm.kernels.singular_values import Bidiagonal, bidiagonalise
 from spacearm.kernels.singular_vectors import (
     Vectors,
@@ -31,7 +31,7 @@ class Nearness(NamedTuple):
     Attributes:
         vectors: Singular vectors.
         slopes: Derivatives.
-        L: (n, n, lanes) rows of derivatives: of sigma_min, then of u^T J v_0, orthonormal at last.
+        L: (n - k + 1, n, lanes) derivatives of sigma_min, then of u^T J v_0, orthonormal at last.
         t: (4, lanes) scratch.
     """
 
@@ -41,7 +41,7 @@ class Nearness(NamedTuple):
     t: Lanes
 
 
-@step
+@merged
 def distance(
     b: Bodies,
     tip: int,
@@ -54,7 +54,7 @@ def distance(
     d: Nearness,
     values: Lanes,
 ) -> None:
-    """Compute the distance and the way out.
+    """Compute the distance and the normal space of the singular set.
 
     Args:
         b: The arm.
@@ -66,14 +66,9 @@ def distance(
         A: (n, 6, lanes) scratch.
         x: Scratch.
         d: Scratch.
-        values: (1 + n, lanes) receives distance and away.
+        values: (2 + r n, lanes) receives distance, sigma_min and r rows; see `way_out`.
     """
     n, k, lanes = w.J.shape[0], len(rows), values.shape[1]
-    if n < k:
-        for j in range(1 + n):
-            for l in range(lanes):
-                values[j, l] = 0.0 * w.J[0, 0, l]  # NaN stays NaN
-        return
     norm, sigma = d.t[2], d.t[3]
     for l in range(lanes):
         norm[l] = 0.0
@@ -108,7 +103,9 @@ def distance(
 def way_out(
     rows: int, radian: Numbers, d: Nearness, norm: Lanes, sigma: Lanes, values: Lanes
 ) -> None:
-    """Compute the distance and the way out from the rows L, by Gram and Schmidt's method.
+    """Compute the distance and orthonormal rows L, by Gram and Schmidt's method.
+
+    The first row leads away from the set; all of them span its normal space, to first order.
 
     Args:
         rows: Number of rows.
@@ -116,7 +113,7 @@ def way_out(
         d: Work arrays that hold L.
         norm: (lanes,) norm of J per radian.
         sigma: (lanes,) sigma_min.
-        values: (1 + n, lanes) receives distance and away.
+        values: (2 + r n, lanes) receives distance, sigma_min and the first r rows, per radian.
     """
     n, lanes = len(radian), norm.shape[0]
     for r in range(rows):
@@ -143,9 +140,11 @@ def way_out(
             if row == 0:
                 none = math.inf if sigma[l] > ZERO * norm[l] else 0.0 * sigma[l]
                 values[0, l] = sigma[l] / length[l] if sound and none > 0.0 else none
-    for j in range(n):
+                values[1, l] = sigma[l]
+    for x in range(2, values.shape[0]):
+        r, j = divmod(x - 2, n)
         for l in range(lanes):
-            values[1 + j, l] = radian[j] * d.L[0, j, l]
+            values[x, l] = d.L[r, j, l]
 
 
 @step

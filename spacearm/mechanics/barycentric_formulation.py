@@ -20,6 +20,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result
 from spacearm.errors import UnsupportedError, listed
+from spacearm.model.arguments import of_configuration
 from spacearm.model.configuration import Configuration
 
 
@@ -49,7 +50,7 @@ class VirtualManipulator(Result):
 
     @property
     def end(self) -> Array:
-        """(3,) the end, which is the tip, inertial frame [m]."""
+        """(3,) the end, which is the tip, inertial frame, equation (3) [m]."""
         return self.ground + self.links.sum(axis=0)
 
     def __repr__(self) -> str:
@@ -71,9 +72,10 @@ class Barycentric(Result):
         v_E: (N + 1, 3) v_iN,E: the links of the virtual manipulator [m].
         D_ij: (N + 1, N + 1, 3, 3) equations (21)-(23) [kg m^2].
         D_j: (N + 1, 3, 3) sums of D_ij over i, equation (34b).
-        D: (3, 3) sum of D_j: the inertia of the whole system about its CM, equation (34b).
+        D: (3, 3) sum of D_j: the inertia of the whole system about its CM, equation (34b). The
+            angular momentum is D w_0 + D_q dq, equation (20).
         Dq: (3, n) D_q, equation (34b).
-        F: (N + 1, 3, n) w_j = w_0 + F_j dq, equation (31).
+        F: (N + 1, 3, n) w_j = w_0 + F_j dq, equations (30) and (31).
         J11: (3, 3) equation (34a) [m].
         J12: (3, n) equation (34a) [m].
         J22: (3, n) equation (34a).
@@ -120,12 +122,28 @@ class Barycentric(Result):
         return VirtualManipulator(self.r_cm, self.v_E @ self.T0.T, jacobian)
 
 
+@of_configuration
 def barycentric(cfg: Configuration) -> Barycentric:
     """Compute the quantities of equations (2)-(35) at a configuration.
+
+    Args:
+        cfg: The configuration.
+
+    Returns:
+        All of these quantities, under the paper's symbols.
 
     Raises:
         UnsupportedError: The arm has a prismatic joint, or movable joints beside the chain that
             carries the tip. (Side branches with locked joints are part of the body they sit on.)
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> b = sa.barycentric(cfg)
+        >>> b.mu.round(4)  # equation (7)
+        array([0.    , 0.8511, 0.9362, 1.    ])
+        >>> bool(abs(b.generalized_jacobian() - sa.generalized_jacobian(cfg)).max() < 1e-12)
+        True
     """
     chain = _Chain(cfg)
     N, m, M = chain.N, chain.m, float(chain.m.sum())
@@ -178,7 +196,7 @@ def barycentric(cfg: Configuration) -> Barycentric:
         D=D_j.sum(axis=0),
         Dq=np.einsum("jab,jbn->an", D_j, F),
         F=F,
-        J11=-sum(cross, np.zeros((3, 3))),
+        J11=-sum(cross, np.zeros((3, 3))),  # (34a)
         J12=-sum((cross[i] @ F[i] for i in range(1, N + 1)), np.zeros(F[0].shape)),
         J22=F[tip],
         T0=chain.T0,

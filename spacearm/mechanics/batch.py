@@ -2,42 +2,34 @@
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array, whole
+from spacearm.arrays import NO_NUMBERS, Array
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
-from spacearm.kernels.processors import processors
 from spacearm.kernels.quantities import NEARNESS, QUANTITIES
+from spacearm.mechanics.blocks import Progress, checked_output, read_block, run_blocks
 from spacearm.mechanics.jacobian import (
     generalized_jacobian,
     singular_values_of,
     task_jacobian,
     task_jacobian_derivative,
 )
-from spacearm.mechanics.nearness import nearness_of
+from spacearm.mechanics.nearness import nearness_of, refined_at
+from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 
 FEW = 50
 """Batches smaller than this are computed without loading the compiler."""
 
-BLOCK = 16384
-"""Configurations per thread and block: their data fit the processor cache."""
-
 CARD_BLOCK = 2**20
 """Configurations per block on a graphics card."""
 
-BLOCKS_MAPPED = 32
-"""Number of blocks after which pages of memory maps are released."""
 
-Progress = Callable[[int, int], object]
-
-
+@of_arm
 def evaluate(
     arm: SpaceArm,
     Q: npt.ArrayLike,
@@ -62,10 +54,10 @@ def evaluate(
             (product of the singular values), "condition" (largest over least), "determinant"
             (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
             (R of equation (43), distance of the tip from the system CM [m]); and, not by default
-            because they take the derivative of J*, "distance" (to the singular set, to first order
-            [rad]) and "away" (its gradient: the joint motion per radian of distance that leads
-            away), as in `SingularityReport`. Together these two take two to three times as long as
-            sigma_min: `python benchmarks/distance.py` prints it.
+            because they take the derivative of J*, "distance" (to the singular set [rad], far from
+            it to first order) and "away" (its gradient: the joint motion per radian of distance
+            that leads away), as in `SingularityReport`. Together these two take two to four times
+            as long as sigma_min: `python benchmarks/distance.py` prints it.
         out: Arrays to write to, memory maps included, for some or all of the quantities.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.
@@ -77,8 +69,14 @@ def evaluate(
     Raises:
         ConfigurationError: Q or `out` has the wrong shape, or a quantity or device does
             not exist.
-        UnsupportedError: The arm has several tips; no graphics card can be used, or not for one of
-            the quantities.
+        UnsupportedError: The arm has several tips, or no graphics card can be used.
+
+    Example:
+        >>> import numpy as np
+        >>> import spacearm as sa
+        >>> Q = np.array([[0.3, 1.2], [0.0, 0.0]])
+        >>> sa.evaluate(sa.load("planar2"), Q, ["sigma_min"])["sigma_min"].round(4)
+        array([0.2865, 0.    ])
     """
     if isinstance(quantities, str):
         quantities = (quantities,)
@@ -94,7 +92,7 @@ def evaluate(
     m = len(Q)
     shapes = {name: (m, arm.n) if name == "away" else (m,) for name in quantities}
     results = {
-        name: _checked(out[name], shape, f"out[{name!r}]")
+        name: checked_output(out[name], shape, f"out[{name!r}]")
         if name in (out or {})
         else np.empty(shape)
         for name, shape in shapes.items()
@@ -102,16 +100,16 @@ def evaluate(
     kernels = _kernels(arm, device, m >= FEW, set(quantities))
 
     def do(block: slice) -> None:
-        q = _read(Q, block)
+        q = read_block(Q, block)
         for kernel in kernels:
             for name, values in kernel(q).items():
                 if name in results:
                     results[name][block] = values
 
     if device == "cuda":
-        _run(do, m, 1, progress, [Q, *results.values()], CARD_BLOCK)
+        run_blocks(do, m, 1, progress, [Q, *results.values()], CARD_BLOCK)
     else:
-        _run(do, m, threads, progress, [Q, *results.values()])
+        run_blocks(do, m, threads, progress, [Q, *results.values()])
     return results
 
 
@@ -120,19 +118,19 @@ def _kernels(
 ) -> list[Callable[[Array], dict[str, Array]]]:
     """Return the functions that compute quantities at q (n, m), those that are asked for."""
     kernels: list[Callable[[Array], dict[str, Array]]] = []
+    card = _card(device)
     if names & set(QUANTITIES) or not names:
-        measures = _on(device) if device != "cpu" else _compiled().measures if many else _measures
+        measures = card.measures_on_card if card else _compiled().measures if many else _measures
         kernels.append(lambda q: measures(arm, q, "condition" in names))
-    if near := names & set(NEARNESS):
-        if device != "cpu":
-            raise UnsupportedError(
-                f"device {device!r} does not compute {', '.join(sorted(near))}; take device='cpu'"
-            )
-        distances = _compiled().distances if many else _distances
+    if names & set(NEARNESS):
+        distances = (
+            card.distances_on_card if card else _compiled().distances if many else _distances
+        )
         kernels.append(lambda q: distances(arm, q))
     return kernels
 
 
+@of_arm
 def generalized_jacobians(
     arm: SpaceArm,
     Q: npt.ArrayLike,
@@ -157,17 +155,22 @@ def generalized_jacobians(
     Raises:
         ConfigurationError: Q or `out` has the wrong shape.
         UnsupportedError: The arm has several tips.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.generalized_jacobians(sa.load("planar2"), [[0.3, 1.2], [0.0, 0.0]]).shape
+        (2, 6, 2)
     """
     arm.require_one_tip()
     Q = _configurations(arm, Q)
     m = len(Q)
-    J = np.empty((m, 6, arm.n)) if out is None else _checked(out, (m, 6, arm.n), "out")
+    J = np.empty((m, 6, arm.n)) if out is None else checked_output(out, (m, 6, arm.n), "out")
     jacobians = _compiled().jacobians if m >= FEW else _jacobians
 
     def do(block: slice) -> None:
-        J[block] = jacobians(arm, _read(Q, block))
+        J[block] = jacobians(arm, read_block(Q, block))
 
-    _run(do, m, threads, progress, [Q, J])
+    run_blocks(do, m, threads, progress, [Q, J])
     return J
 
 
@@ -178,8 +181,10 @@ def _compiled() -> Any:
     return compiled
 
 
-def _on(device: str) -> Any:
-    """Return the function that computes the measures on another device."""
+def _card(device: str) -> Any:
+    """Return the compiled kernels of a graphics card, or None for the processor."""
+    if device == "cpu":
+        return None
     if device != "cuda":
         raise ConfigurationError(unknown("device", device, ("cpu", "cuda")))
     if fault := _compiled().no_card():
@@ -187,7 +192,7 @@ def _on(device: str) -> Any:
             f"device 'cuda' cannot be used: {fault}; it takes an NVIDIA graphics card and "
             "pip install 'spacearm[gpu]'; device='cpu' works everywhere"
         )
-    return _compiled().measures_on_card
+    return _compiled()
 
 
 def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
@@ -213,7 +218,7 @@ def _distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
     for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
         cfg = arm.at(q[:, i])
         near = nearness_of(arm, task_jacobian(cfg), task_jacobian_derivative(cfg))
-        distance[i], away[i] = near.distances[-1], near.away
+        distance[i], away[i] = refined_at(cfg, near, "free-floating")
     return {"distance": distance, "away": away}
 
 
@@ -227,7 +232,10 @@ def _jacobians(arm: SpaceArm, q: Array) -> Array:
 
 def _configurations(arm: SpaceArm, Q: npt.ArrayLike) -> Array:
     """Check Q and return it as an array (m, n), not copied if it is one."""
-    array: npt.NDArray[Any] = Q if isinstance(Q, np.ndarray) else np.asarray(Q)
+    try:
+        array: npt.NDArray[Any] = Q if isinstance(Q, np.ndarray) else np.asarray(Q)
+    except NO_NUMBERS as error:
+        raise ConfigurationError(f"Q holds no numbers: {error}") from None
     if array.size == 0 and array.ndim < 2:
         array = array.reshape(0, arm.n)
     if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != arm.n:
@@ -236,55 +244,3 @@ def _configurations(arm: SpaceArm, Q: npt.ArrayLike) -> Array:
             f"shape (m, {arm.n}), one column for each of: {listed(arm.joint_names)}"
         )
     return array
-
-
-def _checked(array: Array, shape: tuple[int, ...], what: str) -> Array:
-    """Check an array of floats that results are written to."""
-    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
-        raise ConfigurationError(
-            f"{what} is {getattr(array, 'dtype', type(array).__name__)} of shape "
-            f"{np.shape(array)}; give an array of floats of shape {shape}"
-        )
-    if not array.flags.writeable:
-        raise ConfigurationError(f"{what} is read-only; give one that can be written to")
-    return array
-
-
-def _read(Q: Array, block: slice) -> Array:
-    """Read one block of Q as (n, m), NaN where a value is no joint position."""
-    q = np.array(Q[block].T, dtype=np.float64, order="C")
-    q[~(np.abs(q) <= LARGEST)] = np.nan
-    return q
-
-
-def _run(
-    do: Callable[[slice], None],
-    m: int,
-    threads: int | None,
-    progress: Progress | None,
-    arrays: Sequence[Array],
-    largest: int = BLOCK,
-) -> None:
-    """Do all blocks of m configurations on several threads, with little memory."""
-    threads = processors() if threads is None else whole(threads, "threads", 1)
-    size = min(largest, -(-m // threads) or 1)
-    blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
-    maps = [found for array in arrays if (found := _memory_map(array)) is not None]
-    with ThreadPoolExecutor(threads) as pool:
-        done = pool.map(do, blocks) if len(blocks) > 1 else map(do, blocks)
-        for i, _ in enumerate(done):
-            if i % BLOCKS_MAPPED == 0:
-                for memory_map in maps:
-                    memory_map.madvise(mmap.MADV_DONTNEED)
-            if progress:
-                progress(blocks[i].stop, m)
-
-
-def _memory_map(array: Array) -> mmap.mmap | None:
-    """Return the memory map behind an array, if any: its pages can be released once used."""
-    owner: object = array
-    while isinstance(owner, np.ndarray):
-        if isinstance(owner, np.memmap) and owner.mode == "c":
-            return None  # changes to a private copy are in memory only
-        owner = owner.base
-    return owner if isinstance(owner, mmap.mmap) else None

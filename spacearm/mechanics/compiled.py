@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,43 +14,81 @@ from spacearm.kernels import cpu
 from spacearm.kernels import minors as determinants
 from spacearm.kernels.floating import BODY, Bodies, Indices
 from spacearm.kernels.lanes import LARGEST_ANGLE
-from spacearm.kernels.quantities import QUANTITIES
+from spacearm.kernels.quantities import NEARNESS, QUANTITIES
+from spacearm.mechanics.nearness import Tangent, refined
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import FREE_TWIST, BaseMode
 from spacearm.model.scale import radians
 
 Z = np.array([0.0, 0.0, 1.0])
+ENDLESS = 1e100
+"""Mass [kg] and inertia [kg m^2] beside which those of any arm are nothing."""
 
 
 def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
     """Compute the `QUANTITIES` at q (n, m), each (m,)."""
-    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
     values = np.empty((len(QUANTITIES), q.shape[1]))
-    cpu.measures(*bodies(arm), arm.n, rows, scale, _all_joints(arm, q), wants_condition, values)
+    q = _all_joints(arm, q)
+    cpu.measures(*bodies(arm), arm.n, *_task(arm), q, wants_condition, values)
     return dict(zip(QUANTITIES, values, strict=True))
+
+
+def tangent(arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating") -> Tangent:
+    """Compute how the singular set looks from configurations Q (m, n); see `nearness.tangent`."""
+    return _tangent(arm, Q, mode, arm.n - arm.task.k + 1, cpu.distances)
 
 
 def distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
     """Compute the quantities `NEARNESS` at q (n, m): (m,) and (m, n)."""
-    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
-    v = np.empty((1 + arm.n, q.shape[1]))
-    cpu.distances(*bodies(arm), rows, scale, radians(arm), _all_joints(arm, q), v)
-    return {"distance": v[0], "away": v[1:].T}
+    return _distances(arm, q, cpu.distances)
+
+
+def _distances(arm: SpaceArm, q: Array, kernel: Callable[..., None]) -> dict[str, Array]:
+    """Compute `distances` by a kernel with the arguments of `cpu.distances`."""
+    if arm.n < arm.task.k:  # singular everywhere; NaN stays NaN
+        zero = 0.0 * q.sum(axis=0)
+        return {"distance": zero, "away": np.repeat(zero[:, None], arm.n, axis=1)}
+
+    def look(Q: Array) -> Tangent:  # of the normal space one row is not enough for the second step
+        return _tangent(arm, Q, "free-floating", arm.n - arm.task.k + 1, kernel)
+
+    first = _tangent(arm, q.T, "free-floating", 1, kernel)
+    return dict(zip(NEARNESS, refined(arm, q.T, first, look), strict=True))
+
+
+def _tangent(
+    arm: SpaceArm, Q: Array, mode: BaseMode, rows: int, kernel: Callable[..., None]
+) -> Tangent:
+    """Compute `tangent`, some rows of it, by a kernel with the arguments of `cpu.distances`."""
+    m, n = Q.shape
+    v = np.empty((2 + rows * n, m))
+    kernel(*bodies(arm, mode), *_task(arm), radians(arm), _all_joints(arm, Q.T), v)
+    v[2:] = np.where((v[0] == 0.0) & np.isnan(v[2:]), 0.0, v[2:])  # singular all around
+    return Tangent(v[0], v[1], v[2:].reshape(rows, n, m).transpose(2, 0, 1))
+
+
+def _task(arm: SpaceArm) -> tuple[Indices, Array]:
+    """Return the rows of the twist that the task has, and their factors, (k,) each."""
+    return np.array(arm.task.indices), arm.task.scale[:, 0].copy()
 
 
 def measures_on_card(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
     """Compute `measures` on the graphics card."""
-    from spacearm.kernels.cuda import THREADS, cuda, kernel
+    from spacearm.kernels.cuda import launched, measures
 
     q = _all_joints(arm, q)
-    N, m = q.shape
-    values = cuda.device_array((len(QUANTITIES), m))
-    b, tip, E = bodies(arm)
-    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0].copy()
-    launch = kernel(N, arm.n)[-(-m // THREADS), THREADS]
-    b, E, rows, scale, q = map(cuda.to_device, (b, E, rows, scale, q))
-    launch(b, tip, E, rows, scale, q, wants_condition, values)
-    return dict(zip(QUANTITIES, values.copy_to_host(), strict=True))
+    values = np.empty((len(QUANTITIES), q.shape[1]))
+    kernel = measures(len(q), arm.n)
+    launched(kernel, *bodies(arm), *_task(arm), q, wants_condition, values)
+    return dict(zip(QUANTITIES, values, strict=True))
+
+
+def distances_on_card(arm: SpaceArm, q: Array, _: bool = False) -> dict[str, Array]:
+    """Compute `distances` on the graphics card."""
+    from spacearm.kernels.cuda import distances, launched
+
+    rows = arm.n - arm.task.k + 1
+    return _distances(arm, q, partial(launched, distances(len(bodies(arm)[0]) - 1, arm.n, rows)))
 
 
 def no_card() -> str | None:
@@ -88,10 +127,31 @@ def reactions(arm: SpaceArm, q: Array) -> Reactions:
     """Compute J*, the connection and the tip pose at q (n, m)."""
     m, n = q.shape[1], arm.n
     at = Reactions(np.empty((m, 6, n)), np.empty((m, 3, n)), np.empty((m, 3)), np.empty((m, 3, 3)))
-    cpu.reactions(*bodies(arm), _all_joints(arm, q), *at)
-    model, frame = arm.model, arm.model.frames[arm.tip_frame]
-    own = arm.tree.joints[model.names[frame.parentJoint]].axis if frame.parentJoint > 1 else Z
-    return at._replace(R=at.R @ (_z_to(own).T @ frame.placement.rotation))
+    q = np.ascontiguousarray(_all_joints(arm, q))  # one memory order, compiled once
+    cpu.reactions(*bodies(arm), q, *at)
+    return at._replace(R=at.R @ frame_on_body(arm, arm.tip_frame).rotation)
+
+
+class OnBody(NamedTuple):
+    """A frame of the arm, as the kernels want it.
+
+    Attributes:
+        body: Number of the body that it is fixed to.
+        p: (3,) its origin in the frame of that body [m].
+        rotation: (3, 3) its attitude in that frame.
+    """
+
+    body: int
+    p: Array
+    rotation: Array
+
+
+def frame_on_body(arm: SpaceArm, frame: int) -> OnBody:
+    """Return where a frame of the arm's model is fixed."""
+    model, at = arm.model, arm.model.frames[frame]
+    own = arm.tree.joints[model.names[at.parentJoint]].axis if at.parentJoint > 1 else Z
+    turn = _z_to(own).T
+    return OnBody(at.parentJoint - 1, turn @ at.placement.translation, turn @ at.placement.rotation)
 
 
 def minors(arm: SpaceArm, q: Array, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
@@ -113,6 +173,12 @@ def sizes_of_minors(
     """Compute `minors` and the products of the lengths of their columns, which bound them."""
     sizes = np.empty((q.shape[1], len(columns)))
     return _minors(arm, q, mode, rows, columns, sizes), sizes
+
+
+def unit_of_minors(arm: SpaceArm, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
+    """Return the positive factors (c,) by which `minors` of an arm are scaled."""
+    row, column = _units(arm, mode == "free-floating")
+    return np.asarray(row[rows].prod() * column[columns].prod(axis=1))
 
 
 def _minors(
@@ -163,13 +229,25 @@ def tips(arm: SpaceArm, q: Array, mode: BaseMode) -> Array:
 
 
 @lru_cache(maxsize=64)
-def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
-    """Return the constants of the bodies, the tip's body and the tip (3,) in its frame [m]."""
+def bodies(arm: SpaceArm, mode: BaseMode = "free-floating") -> tuple[Bodies, int, Array]:
+    """Return the constants of the bodies, the tip's body and the tip (3,) in its frame [m].
+
+    A spacecraft that does not turn has no end of inertia, one that is fixed no end of mass too.
+    """
+    tip = frame_on_body(arm, arm.tip_frame)
+    b = all_bodies(arm, mode).copy()
+    for i in arm.model.supports[arm.model.frames[arm.tip_frame].parentJoint]:
+        if i > 1:
+            b[int(i) - 1]["on_chain"] = True
+    return b, tip.body, tip.p
+
+
+@lru_cache(maxsize=64)
+def all_bodies(arm: SpaceArm, mode: BaseMode = "free-floating") -> Bodies:
+    """Return the constants of the bodies, no chain to a tip marked."""
     model, names = arm.model, list(arm.model.names)
     joints = [arm.tree.joints[name] for name in names[2:]]
     coupling = np.eye(arm.n) if arm.coupling is None else arm.coupling
-    frame = model.frames[arm.tip_frame]
-    chain = [int(i) for i in model.supports[frame.parentJoint]]
     turn = [np.eye(3), *(_z_to(joint.axis) for joint in joints)]
     b = np.zeros(model.njoints - 1, BODY)  # Pinocchio's joint 1 carries the spacecraft, body 0
     for i, S in enumerate(turn):
@@ -180,15 +258,17 @@ def bodies(arm: SpaceArm) -> tuple[Bodies, int, Array]:
             parent, placement = int(model.parents[i + 1]) - 1, model.jointPlacements[i + 1]
             b[i]["parent"] = parent
             b[i]["slides"] = joints[i - 1].kind == "prismatic"
-            b[i]["on_chain"] = i + 1 in chain
             b[i]["column"] = column = int(np.abs(coupling[i - 1]).argmax())
             b[i]["gain"] = coupling[i - 1, column]
             b[i]["E"] = turn[parent].T @ placement.rotation @ S
             b[i]["t"] = turn[parent].T @ placement.translation
+    if mode != "free-floating":
+        b[0]["I"] = ENDLESS * np.eye(3)
+    if mode == "fixed":
+        b[0]["m"] = b[0]["carried"] = ENDLESS
     for i in range(len(b) - 1, 0, -1):
         b[b[i]["parent"]]["carried"] += b[i]["carried"]
-    tip = frame.parentJoint - 1
-    return b, tip, turn[tip].T @ frame.placement.translation
+    return b
 
 
 def _z_to(axis: Array) -> Array:
@@ -198,6 +278,7 @@ def _z_to(axis: Array) -> Array:
 
 def _all_joints(arm: SpaceArm, q: Array) -> Array:
     """Return positions (N, m) of all joints, mimic joints too, large angles reduced to a turn."""
+    q = np.ascontiguousarray(q)
     if arm.coupling is not None:
         q = arm.coupling @ q + arm.offsets[:, None]
     turns = ~bodies(arm)[0]["slides"][1:]

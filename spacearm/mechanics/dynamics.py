@@ -20,8 +20,15 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named
-from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.mechanics.mass_matrix import (
+    mass_matrix,
+    not_positive_definite,
+    require_positive_definite,
+    solve,
+)
 from spacearm.mechanics.momentum import momentum_vector
+from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import LWA
@@ -61,6 +68,7 @@ class Dynamics(NamedTuple):
         return named(self)
 
 
+@of_configuration
 def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """Compute the generalized inertia H* = M_qq - M_qb M_bb^-1 M_bq.
 
@@ -75,14 +83,22 @@ def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating")
 
     Raises:
         ModelError: The mass matrix is not positive definite.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.generalized_inertia(cfg).round(3)
+        array([[2.349, 0.796],
+               [0.796, 0.83 ]])
     """
     f = free_components(mode)
     M = mass_matrix(cfg)
-    H = M[6:, 6:] - M[6:, :f] @ _solve(cfg.arm, M[:f, :f], M[:f, 6:], M_BB)
+    H = M[6:, 6:] - M[6:, :f] @ solve(cfg.arm, M[:f, :f], M[:f, 6:], M_BB)
     require_positive_definite(cfg.arm, H, H_STAR)
     return 0.5 * (H + H.T)
 
 
+@of_configuration
 def forward_dynamics(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -105,9 +121,18 @@ def forward_dynamics(
             the linear part counts for an attitude-controlled spacecraft, nothing for a fixed one.
         wrenches: External wrenches on links (contacts, thrusters).
 
+    Returns:
+        The accelerations, and what holds the spacecraft.
+
     Raises:
         ConfigurationError: An argument has the wrong shape, is not finite or names no link.
         ModelError: The mass matrix is not positive definite.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.forward_dynamics(cfg, dq=[0, 0], tau=[1, 0]).ddq.round(4)
+        array([ 0.6307, -0.6049])
     """
     f = free_components(mode)
     tau = joint_vector(cfg.arm, tau, "tau")
@@ -116,9 +141,10 @@ def forward_dynamics(
     X = _base_response(cfg.arm, M, c, f)
     H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
     c_star = c[6:] - M[6:, :f] @ X[:, -1]
-    return _dynamics(cfg, v, M, c, X, _solve(cfg.arm, H, tau - c_star, H_STAR))
+    return _dynamics(cfg, v, M, c, X, solve(cfg.arm, H, tau - c_star, H_STAR))
 
 
+@of_configuration
 def inverse_dynamics(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -140,9 +166,19 @@ def inverse_dynamics(
         momentum: As in `forward_dynamics`.
         wrenches: As in `forward_dynamics`.
 
+    Returns:
+        The torques, and what holds the spacecraft.
+
     Raises:
         ConfigurationError: An argument has the wrong shape, is not finite or names no link.
         ModelError: The mass matrix of the spacecraft's motion is not positive definite.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> held = sa.inverse_dynamics(cfg, [0, 0], [1, 0], mode="attitude-controlled")
+        >>> held.reaction[5].round(3)  # torque that holds the attitude [N m]
+        np.float64(7.802)
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
     v = generalized_velocity(cfg, dq, mode, momentum)
@@ -151,6 +187,7 @@ def inverse_dynamics(
     return _dynamics(cfg, v, M, c, X, ddq)
 
 
+@of_configuration
 def kinetic_energy(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -160,7 +197,23 @@ def kinetic_energy(
 ) -> float:
     """Compute the kinetic energy of all bodies [J], without the spin of wheels.
 
-    Arguments as in `forward_dynamics`.
+    Args:
+        cfg: The configuration.
+        dq: (n,) joint rates [rad/s] or [m/s].
+        mode: As in `forward_dynamics`.
+        momentum: As in `forward_dynamics`.
+
+    Returns:
+        The energy [J].
+
+    Raises:
+        ConfigurationError: An argument has the wrong shape or is not finite.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> round(sa.kinetic_energy(cfg, [0.1, 0.2]), 4)
+        0.0443
     """
     v = generalized_velocity(cfg, dq, mode, momentum)
     return float(0.5 * v @ mass_matrix(cfg) @ v)
@@ -199,19 +252,8 @@ def generalized_velocity(
         *_, v[:f], info = dgesv(cfg.A[:f, :f], h[:f])
         if info:
             D = cfg.A[3:, 3:6] @ cfg.base.rotation.T
-            raise _not_positive_definite(cfg.arm, D, D_LOCKED)
+            raise not_positive_definite(cfg.arm, D, D_LOCKED)
     return v
-
-
-def mass_matrix(cfg: Configuration) -> Array:
-    """Compute the mass matrix M (6 + n, 6 + n), the spacecraft's twist in its own axes."""
-    arm = cfg.arm
-    data = arm.borrow()
-    upper = np.triu(pin.crba(arm.model, data, cfg.full_at_origin))
-    arm.give_back(data)
-    M = upper + upper.T
-    np.fill_diagonal(M, upper.diagonal())
-    return M if arm.coupling is None else arm.project(arm.project(M).T)
 
 
 def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
@@ -238,42 +280,7 @@ def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
 
 def _base_response(arm: SpaceArm, M: Array, c: Array, f: int) -> Array:
     """Compute X = M_bb^-1 [M_bq, c_b] (f, n + 1), with which dv_b = -X (ddq, 1)."""
-    return _solve(arm, M[:f, :f], np.column_stack((M[:f, 6:], c[:f])), M_BB)
-
-
-def require_positive_definite(arm: SpaceArm, M: Array, name: str) -> None:
-    """Refuse a matrix of inertias that is not positive definite; M may be (0, 0).
-
-    Raises:
-        ModelError: It is not; says so of `name`, with its least eigenvalue.
-    """
-    _solve(arm, M, np.zeros(len(M)), name)
-
-
-def _solve(arm: SpaceArm, M: Array, b: Array, name: str) -> Array:
-    """Compute M^-1 b of a symmetric positive definite M by Cholesky factors.
-
-    Raises:
-        ModelError: M, which is called `name`, is not positive definite.
-    """
-    from scipy.linalg.lapack import dposv  # imports half of scipy
-
-    if not len(M):
-        return b
-    _, x, info = dposv(M, b)
-    if info:
-        raise _not_positive_definite(arm, M, name)
-    return x
-
-
-def _not_positive_definite(arm: SpaceArm, M: Array, name: str) -> ModelError:
-    """Return the error for a matrix of inertias that no rigid bodies can have."""
-    least = np.linalg.eigvalsh(0.5 * (M + M.T))[0]
-    return ModelError(
-        f"{arm.name}: {name} is not positive definite (least eigenvalue {least:.3g}): no rigid "
-        "bodies have such masses and inertias; correct those that loading with check='error' "
-        "names, or replace them"
-    )
+    return solve(arm, M[:f, :f], np.column_stack((M[:f, 6:], c[:f])), M_BB)
 
 
 def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: Array) -> Dynamics:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.model.arguments import of_configuration
 from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.model.joints import joint_vector
 
@@ -25,6 +26,7 @@ COMMUTATOR = math.sqrt(3.0) / 12.0
 """Weight of w1 x w2 in the fourth-order Magnus method with these nodes."""
 
 
+@of_configuration
 def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
     """Return the configuration after the joints have moved straight from cfg.q to q.
 
@@ -36,9 +38,18 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
         cfg: Where the motion starts.
         q: (n,) where the joints end [rad] or [m].
 
+    Returns:
+        The configuration at q, with the spacecraft where it then is.
+
     Raises:
         ConfigurationError: q has the wrong shape or is not finite.
         UnsupportedError: The wheels hold momentum.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.move(cfg, [0.5, 1.0]).base.translation.round(4)
+        array([ 0.0029, -0.0074,  0.    ])
     """
     still_wheels(cfg, "the spacecraft then turns with time, not with the joints alone")
     arm = cfg.arm

@@ -22,12 +22,9 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, finite
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.dynamics import (
-    generalized_velocity,
-    in_inertial_axes,
-    mass_matrix,
-    require_positive_definite,
-)
+from spacearm.mechanics.dynamics import generalized_velocity, in_inertial_axes
+from spacearm.mechanics.mass_matrix import mass_matrix, require_positive_definite
+from spacearm.model.arguments import of_configuration
 from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.model.frames import LWA
 
@@ -75,6 +72,7 @@ class Capture(Result):
         return f"Capture({name}: {self.energy_lost:.6g} J lost, w_0 = {self.twist[3:]} rad/s)"
 
 
+@of_configuration
 def capture(
     cfg: Configuration,
     target_twist: npt.ArrayLike,
@@ -108,11 +106,20 @@ def capture(
         joints: "free": the joints give way, as motor torques give no impulse in an instant;
             "braked": brakes hold them at rest from then on.
 
+    Returns:
+        What moves how just after the grasp, and the energy lost.
+
     Raises:
         ConfigurationError: An argument has the wrong shape or is not finite.
         ModelError: No rigid body can have this mass and inertia, or the mass matrix of the arm is
             not positive definite.
         UnsupportedError: The arm has several tips, or its wheels hold momentum.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.capture(cfg, [0.02, 0, 0, 0, 0, 0.03], mass=5.0)
+        Capture(planar2: 0.000164513 J lost, w_0 = [ 0.         0.        -0.0001994] rad/s)
     """
     if joints not in get_args(JointState):
         raise ConfigurationError(unknown("joints", joints, get_args(JointState)))

@@ -6,8 +6,8 @@ The tip moves with J_b v_b + J_q dq = J* dq, hence
     J* = J_q - J_b A_b^-1 A_q        (equations (1) and (35) by another route).
 
 Only the free components of v_b count, the first f of six: all six if the spacecraft floats, the
-three linear ones if its attitude is controlled, none if it is fixed. The formulas stand in
-`base_response`, `reduced_jacobian` and their derivatives, for one configuration or for stacks.
+three linear ones if its attitude is controlled, none if it is fixed. The formulas for arrays stand
+in `reduction`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,13 @@ import pinocchio as pin
 from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.momentum import base_velocity, momentum_vector
+from spacearm.mechanics.reduction import (
+    base_response,
+    base_response_derivative,
+    reduced_jacobian,
+    reduced_jacobian_derivative,
+)
+from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import LWA
@@ -29,6 +36,7 @@ from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode, free_components
 
 
+@of_configuration
 def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """Compute J* with [rdot_E; w_E] = J* dq at zero momentum, equation (35).
 
@@ -49,15 +57,33 @@ def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating"
 
     Raises:
         ConfigurationError: `mode` is none of the three.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.generalized_jacobian(cfg)[:2].round(3)
+        array([[-0.698, -0.865],
+               [ 0.339, -0.042]])
     """
     return reduced_jacobian(cfg.J, base_response(cfg.A, free_components(mode)))
 
 
+@of_configuration
 def fixed_base_jacobian(cfg: Configuration) -> Array:
     """Return J_q, the Jacobian of the same arm on a fixed base.
 
+    Args:
+        cfg: The configuration.
+
     Returns:
         (6, n) Jacobian, rows [linear; angular], inertial axes, for the tip frame's origin.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.fixed_base_jacobian(cfg)[:2].round(3)
+        array([[-1.293, -0.997],
+               [ 1.026,  0.071]])
     """
     return generalized_jacobian(cfg, mode="fixed")
 
@@ -81,6 +107,7 @@ class PrescribedMotion(NamedTuple):
         return named(self)
 
 
+@of_configuration
 def prescribed_motion(
     cfg: Configuration,
     rates: Mapping[str, float],
@@ -100,8 +127,18 @@ def prescribed_motion(
         momentum: (6,) momentum, zero if None; components that a held spacecraft takes up do not
             count.
 
+    Returns:
+        Columns of the free joints and the drift: twist = jacobian @ dq + drift.
+
     Raises:
         ConfigurationError: A joint does not exist, or a value is not finite.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> motion = sa.prescribed_motion(cfg, {"joint_1": 0.1})
+        >>> motion.joints, motion.drift[:2].round(4)
+        (('joint_2',), array([-0.0698,  0.0339]))
     """
     arm, f = cfg.arm, free_components(mode)
     for name in rates:
@@ -116,6 +153,7 @@ def prescribed_motion(
     return PrescribedMotion(names, J[:, free], drift)
 
 
+@of_configuration
 def generalized_jacobian_derivative(
     cfg: Configuration, *, mode: BaseMode = "free-floating"
 ) -> Array:
@@ -124,8 +162,21 @@ def generalized_jacobian_derivative(
     It follows from dA/dq_j and dJ/dq_j, which Pinocchio computes analytically, by differentiating
     J* = J_q - J_b X with A_b X = A_q.
 
+    Args:
+        cfg: The configuration.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+
     Returns:
         (n, 6, n): entry j is the partial derivative of J* with respect to q_j.
+
+    Raises:
+        ConfigurationError: `mode` is none of the three.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.generalized_jacobian_derivative(cfg).shape
+        (2, 6, 2)
     """
     f = free_components(mode)
     dA, dJ = partial_derivatives(cfg.arm, cfg.full_at_origin)
@@ -133,6 +184,7 @@ def generalized_jacobian_derivative(
     return reduced_jacobian_derivative(cfg.J, dJ, X, base_response_derivative(cfg.A, dA, X))
 
 
+@of_configuration
 def generalized_jacobian_rate(
     cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
 ) -> Array:
@@ -148,6 +200,16 @@ def generalized_jacobian_rate(
 
     Returns:
         (6, n) time derivative of J*, inertial axes.
+
+    Raises:
+        ConfigurationError: dq or momentum has the wrong shape or is not finite.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.generalized_jacobian_rate(cfg, [0.1, 0.2])[:2].round(3)
+        array([[-0.062, -0.039],
+               [-0.114, -0.185]])
     """
     dq = joint_vector(cfg.arm, dq, "dq")
     w_0 = pin.skew(base_velocity(cfg, dq, momentum)[3:])
@@ -179,67 +241,24 @@ def task_jacobian_derivative(
     return _task_rows(cfg, generalized_jacobian_derivative(cfg, mode=mode), axes)
 
 
+def singular_values(
+    cfg: Configuration, *, mode: BaseMode = "free-floating", axes: Array | None = None
+) -> Array:
+    """Compute the singular values (k,) of the task Jacobian, largest first.
+
+    Args:
+        cfg: The configuration.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        axes: (3, 3) columns: the axes along which the task's rows count, in inertial axes; the
+            task axes if None.
+    """
+    return singular_values_of(task_jacobian(cfg, mode=mode, axes=axes))
+
+
 def singular_values_of(J: Array) -> Array:
     """Return the k singular values of J (k, n), largest first; zeros at the end if n < k."""
     sigma = np.linalg.svd(J, compute_uv=False)
     return np.append(sigma, np.zeros(len(J) - len(sigma)))
-
-
-def base_response(A: Array, f: int = 6) -> Array:
-    """Compute X = A_b^-1 A_q: the spacecraft moves with v_b = -X dq at zero momentum.
-
-    Args:
-        A: (..., 6, 6 + n) momentum matrices [A_b A_q].
-        f: Number of free components of v_b.
-
-    Returns:
-        (..., f, n) X.
-    """
-    return np.linalg.solve(A[..., :f, :f], A[..., :f, 6:])
-
-
-def base_response_derivative(A: Array, dA: Array, X: Array) -> Array:
-    """Compute dX/dq_j from A_b X = A_q: dX = A_b^-1 (dA_q - dA_b X).
-
-    Args:
-        A: (..., 6, 6 + n) momentum matrices.
-        dA: (..., n, 6, 6 + n) their derivatives with respect to each joint.
-        X: (..., f, n) `base_response`.
-
-    Returns:
-        (..., n, f, n) its derivatives.
-    """
-    f, X = X.shape[-2], X[..., None, :, :]
-    return np.linalg.solve(A[..., None, :f, :f], dA[..., :f, 6:] - dA[..., :f, :f] @ X)
-
-
-def reduced_jacobian(J: Array, X: Array) -> Array:
-    """Compute J* = J_q - J_b X, the spacecraft's motion eliminated.
-
-    Args:
-        J: (..., 6, 6 + n) Jacobians [J_b J_q].
-        X: (..., f, n) `base_response`.
-
-    Returns:
-        (..., 6, n) J*.
-    """
-    return J[..., 6:] - J[..., : X.shape[-2]] @ X
-
-
-def reduced_jacobian_derivative(J: Array, dJ: Array, X: Array, dX: Array) -> Array:
-    """Compute dJ*/dq_j = dJ_q - dJ_b X - J_b dX.
-
-    Args:
-        J: (..., 6, 6 + n) Jacobians.
-        dJ: (..., n, 6, 6 + n) their derivatives with respect to each joint.
-        X: (..., f, n) `base_response`.
-        dX: (..., n, f, n) its derivatives.
-
-    Returns:
-        (..., n, 6, n) derivatives of J*.
-    """
-    f = X.shape[-2]
-    return dJ[..., 6:] - dJ[..., :f] @ X[..., None, :, :] - J[..., None, :, :f] @ dX
 
 
 def partial_derivatives(arm: SpaceArm, full: Array) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, finite, named
+from spacearm.model.arguments import of_configuration
 from spacearm.model.configuration import Configuration
 from spacearm.model.joints import joint_vector
 
@@ -31,6 +32,7 @@ class MomentumMatrix(NamedTuple):
         return named(self)
 
 
+@of_configuration
 def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     """Compute the centroidal momentum matrix, split into its base and joint blocks.
 
@@ -40,6 +42,19 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
 
     Source: theory of the centroidal momentum matrix in Orin, Goswami & Lee, Auton. Robots 35,
     161-176 (2013), DOI 10.1007/s10514-013-9341-4.
+
+    Args:
+        cfg: The configuration.
+
+    Returns:
+        Both blocks; `A_b, A_q = momentum_matrix(cfg)`.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> A_b, A_q = sa.momentum_matrix(cfg)
+        >>> A_b.shape, A_q.shape, A_b[0, 0].round(9)  # the total mass [kg]
+        ((6, 6), (6, 2), np.float64(47.0))
     """
     R = cfg.base.rotation
     A = cfg.A
@@ -48,6 +63,7 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     return MomentumMatrix(base, A[:, 6:])
 
 
+@of_configuration
 def base_velocity(
     cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
 ) -> Array:
@@ -68,6 +84,12 @@ def base_velocity(
 
     Raises:
         ConfigurationError: dq or momentum has the wrong shape or is not finite.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([0.3, 1.2])
+        >>> sa.base_velocity(cfg, [0.1, 0.2])[5].round(4)  # the spacecraft turns back [rad/s]
+        np.float64(-0.0597)
     """
     A_b, A_q = momentum_matrix(cfg)
     h = momentum_vector(momentum) - cfg.stored

@@ -14,12 +14,16 @@ for every v_0 of the null space, because its singular set has codimension n - k 
 about it like a cone, and only the part of g that these equations leave counts. The distance is
 sigma_min / |P g|, P the projection on their solutions; sigma_min / |g| would be too short.
 
-This is one step of Newton's method; compare the first-order reliability method (Hasofer & Lind,
-J. Eng. Mech. 100, 111-121, 1974), which measures the distance to a failure set alike.
+This is one step of Newton's method. Where it is short the set is bent too much for it now and
+then: it is followed by a second one, from where the first has led, to the point nearest to q on the
+set as it looks from there (`foot`). That is the iteration of the first-order reliability method,
+which measures the distance to a failure set alike: Hasofer & Lind, J. Eng. Mech. 100, 111-121
+(1974); Rackwitz & Fiessler, Comput. Struct. 9, 489-494 (1978).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +41,27 @@ NOTHING = 1e-12
 """Slopes below this share of the norm of J are rounding."""
 EXPLAINED = 0.1
 """More equations than joints have a solution if the residual is this share of the right side."""
+NEAR = np.radians(4.0)
+"""Distances below this take the second step: from half of this down all of it [rad]."""
+FINE = 1e-6
+"""Distances up to this take none: there is nothing left to correct [rad]."""
+CONTRACTING = 0.5
+"""The second step counts only if the first one came this much nearer, less and less up to that."""
+
+
+class Tangent(NamedTuple):
+    """The singular set as it looks from m configurations, to first order, lengths in radians.
+
+    Attributes:
+        distance: (m,) how far it is; inf where it is nowhere.
+        sigma: (m,) sigma_min of J per radian of each joint.
+        rows: (m, r, n) orthonormal rows that span its normal space, zeros where it has fewer
+            dimensions; the first leads away from the set.
+    """
+
+    distance: Array
+    sigma: Array
+    rows: Array
 
 
 class Nearness(NamedTuple):
@@ -48,10 +73,14 @@ class Nearness(NamedTuple):
             them vanish to first order; zero for those that a J with k > n never has.
         away: (n,) unit vector that leads away from the nearest singular configuration on the
             shortest way; zeros where there is none.
+        sigma: The least singular value.
+        rows: (1 + |n - k|, n) rows as in `Tangent`.
     """
 
     distances: Array
     away: Array
+    sigma: float
+    rows: Array
 
 
 def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
@@ -68,16 +97,16 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
     least = NOTHING * float(np.linalg.norm(J))
     slopes = np.einsum("ai,jan,rn->jir", U, dJ, VT)
     distances: Array = np.zeros(k)
-    away: Array = np.zeros(n)
+    rows: Array = np.zeros((1 + abs(n - k), len(dJ)))
     for r in range(1, p + 1):
-        A = slopes[:, p - r :, p - r :].reshape(n, -1).T
+        A = slopes[:, p - r :, p - r :].reshape(len(dJ), -1).T
         if r == 1 and k <= n:
-            distances[-1], away = _one(A, float(sigma[-1]), least)
+            distances[-1], rows = _one(A, float(sigma[-1]), least)
         elif sigma[p - r] > 0.0:
             b = np.zeros((k - p + r, n - p + r))
             b[:r, :r] = np.diag(sigma[p - r :])
             distances[p - r] = _several(A, b.ravel(), least)
-    return Nearness(np.maximum.accumulate(distances[::-1])[::-1], away)
+    return Nearness(np.maximum.accumulate(distances[::-1])[::-1], rows[0], float(sigma[-1]), rows)
 
 
 def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) -> Nearness:
@@ -90,7 +119,7 @@ def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) 
         error: Singular values of J up to this are zero; up to rounding if None.
 
     Returns:
-        The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance.
+        The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance; `rows` per radian.
     """
     unit = radians(arm)
     J = J * unit
@@ -99,21 +128,95 @@ def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) 
     return found._replace(away=unit * found.away)
 
 
+def foot(seen: Tangent, offset: Array) -> Array:
+    """Return the points nearest to the origin on the set as it is seen from `offset` (m, n)."""
+    along = (seen.rows @ offset[:, :, None])[..., 0]
+    along[:, 0] -= seen.distance
+    return np.asarray((along[:, None] @ seen.rows)[:, 0])
+
+
+def refined(
+    arm: SpaceArm, q: Array, seen: Tangent, look: Callable[[Array], Tangent]
+) -> tuple[Array, Array]:
+    """Take the second step where the first is short.
+
+    Args:
+        arm: The arm.
+        q: (m, n) configurations.
+        seen: The set as it looks from there.
+        look: Returns it as it looks from other configurations (p, n).
+
+    Returns:
+        (m,) distances [rad] and (m, n) ways out [rad] or [m] per radian of distance.
+    """
+    distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), radians(arm)
+    near = np.flatnonzero((distance > FINE) & (distance < NEAR))
+    if near.size:
+        first, way = distance[near, None], away[near]
+        there = look(q[near] - unit * first * way)
+        offset = foot(there, -first * way)
+        second = np.linalg.norm(offset, axis=1, keepdims=True)
+        share = _fading(first / NEAR) * _fading(there.distance[:, None] / first / CONTRACTING)
+        share, offset = np.where(second > 0.0, share, 0.0), np.where(second > 0.0, offset, 0.0)
+        second = np.where(second > 0.0, second, first)
+        mixed = (1.0 - share) * way - share * offset / second
+        away[near] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+        distance[near] = (first + share * (second - first))[:, 0]
+    return distance, unit * away
+
+
 def distance_at(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:
-    """Compute the distance to the singular set to first order [rad].
+    """Compute the distance to the singular set, as `singularity` does [rad].
 
     Args:
         cfg: The configuration.
         mode: What the spacecraft does.
         axes: As in `task_jacobian`.
     """
+    return refined_at(cfg, _near(cfg, mode, axes), mode, axes)[0]
+
+
+def refined_at(
+    cfg: Configuration, found: Nearness, mode: BaseMode, axes: Array | None = None
+) -> tuple[float, Array]:
+    """Take the second step from one configuration: distance [rad] and way out (n,)."""
+
+    def look(Q: Array) -> Tangent:
+        return _stacked([_near(cfg.arm.at(q, base=cfg.base), mode, axes) for q in Q])
+
+    distance, away = refined(cfg.arm, cfg.q[None], _stacked([found]), look)
+    return float(distance[0]), away[0]
+
+
+def tangent(arm: SpaceArm, Q: Array, mode: BaseMode) -> Tangent:
+    """Compute how the singular set looks from configurations Q (m, n), one by one."""
+    return _stacked([_near(arm.at(q), mode, None) for q in Q])
+
+
+def _near(cfg: Configuration, mode: BaseMode, axes: Array | None) -> Nearness:
+    """Compute the nearness of one configuration."""
     J = task_jacobian(cfg, mode=mode, axes=axes)
     dJ = task_jacobian_derivative(cfg, mode=mode, axes=axes)
-    return float(nearness_of(cfg.arm, J, dJ).distances[-1])
+    return nearness_of(cfg.arm, J, dJ)
+
+
+def _stacked(found: list[Nearness]) -> Tangent:
+    """Return the set as it looks from several configurations."""
+    return Tangent(
+        np.array([near.distances[-1] for near in found]),
+        np.array([near.sigma for near in found]),
+        np.array([near.rows for near in found]),
+    )
+
+
+def _fading(x: Array) -> Array:
+    """Return 1 up to x = 1/2, 0 from x = 1 on, and a smooth step between."""
+    t = np.clip(2.0 - 2.0 * x, 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
 def _one(A: Array, sigma: float, least: float) -> tuple[float, Array]:
-    """Return the distance at which sigma vanishes, and the unit direction in which it grows.
+    """Return the distance at which sigma vanishes, and orthonormal rows: where it grows first.
 
     Args:
         A: (1 + n - k, n) slopes: the gradient first, then those that a solution must not change.
@@ -124,9 +227,12 @@ def _one(A: Array, sigma: float, least: float) -> tuple[float, Array]:
     kept = kept[size > least]
     g = A[0] - kept.T @ (kept @ A[0])
     slope = float(np.linalg.norm(g))
+    rows = np.zeros_like(A)
+    rows[1 : 1 + len(kept)] = kept
     if slope <= least:
-        return (np.inf if sigma > 0.0 else 0.0), np.zeros(A.shape[1])
-    return sigma / slope, g / slope
+        return (np.inf if sigma > 0.0 else 0.0), rows
+    rows[0] = g / slope
+    return sigma / slope, rows
 
 
 def _several(A: Array, b: Array, least: float) -> float:

@@ -25,7 +25,7 @@ from spacearm.files import write
 from spacearm.model.configuration import Configuration, configure
 from spacearm.model.coordinates import Coordinates
 from spacearm.model.defaults import check_count, check_movable, complete_task
-from spacearm.model.facts import facts
+from spacearm.model.facts import facts, facts_shown
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.task import Task
 from spacearm.model.wheels import Wheel, wheels_of
@@ -166,6 +166,9 @@ class SpaceArm(Coordinates):
 
         Raises:
             ConfigurationError: q, base or wheels has the wrong shape or is not finite.
+
+        Warns:
+            ModelWarning: Joints are outside their limits or look like degrees; once a line.
         """
         return configure(self, q, base, wheels)
 
@@ -200,16 +203,14 @@ class SpaceArm(Coordinates):
             link_mass: Masses of links [kg]; their inertias grow in proportion.
             payload: A point mass held at the tip [kg]; `grasp` takes bodies.
             tip: Link whose frame is the tip, or several; the joints on the way to it count.
-            task: The twist rows that count. Default: those that were asked for; if none were, the
-                default of `load` for the new arm.
+            task: The twist rows. Default: those asked for; if none were, the default of `load`.
             joints: Which joints count besides; see `load`.
             locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.
             wheels: Joints to take as momentum wheels.
 
         Raises:
             ModelError: No rigid body can have this mass and inertia, or there is no such link.
-            ConfigurationError: An argument is of the wrong kind or names something that does not
-                exist.
+            ConfigurationError: An argument is of the wrong kind, or names what does not exist.
             UnsupportedError: The arm has several tips, and `mount` or `payload` need one.
         """
         tree = self.whole
@@ -220,7 +221,9 @@ class SpaceArm(Coordinates):
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
         tree = tree.locked({} if locked is None else locked).with_wheels(wheels)
-        tips = self._tips if tip is None else choose_tips(tree, self.path, tip)
+        tips = (
+            Tips(self.tips, self.tip_reason) if tip is None else choose_tips(tree, self.path, tip)
+        )
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
             tree = holding(tree, only_tip(tips.links, self.name), rigid)
@@ -233,10 +236,7 @@ class SpaceArm(Coordinates):
         )
 
     def grasp(
-        self,
-        mass: float,
-        inertia: npt.ArrayLike | None = None,
-        com: npt.ArrayLike = (0.0, 0.0, 0.0),
+        self, mass: float, inertia: npt.ArrayLike | None = None, com: npt.ArrayLike = (0, 0, 0)
     ) -> SpaceArm:
         """Return the arm holding a body at its tip, such as a captured satellite.
 
@@ -253,7 +253,12 @@ class SpaceArm(Coordinates):
         """
         I = np.zeros((3, 3)) if inertia is None else inertia
         tree = holding(self.whole, self.tip, Inertial.of(mass, I, com, body="the payload"))
-        return SpaceArm.of(tree, self.path, tip=self._tips, task=self._asked, joints=self.joints)
+        return self.on(tree)
+
+    def on(self, tree: Tree) -> SpaceArm:
+        """Return the arm with the same tips, task and joints on another tree of bodies."""
+        tips = Tips(self.tips, self.tip_reason)
+        return SpaceArm.of(tree, self.path, tip=tips, task=self._asked, joints=self.joints)
 
     def to_urdf(self, path: str | os.PathLike[str]) -> Path:
         """Write spacecraft and arm as one URDF, which `load` reads to the same numbers.
@@ -278,9 +283,7 @@ class SpaceArm(Coordinates):
         """Return bodies, joints, limits, tip, task, held joints, wheels and notes as plain data."""
         return facts(self)
 
-    @property
-    def _tips(self) -> Tips:
-        return Tips(self.tips, self.tip_reason)
+    _repr_html_ = facts_shown
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": [], "held": dict(self.held)}

@@ -10,9 +10,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite
-from spacearm.errors import UnsupportedError, listed
+from spacearm.errors import UnsupportedError, called_from_outside, listed
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import joint_vector
+from spacearm.model.limits import outside_limits, warn_outside
 
 if TYPE_CHECKING:
     from spacearm.model.arm import SpaceArm
@@ -77,6 +78,11 @@ class Configuration:
         return tuple(tip.copy() for tip in self._tips)
 
     @property
+    def outside_limits(self) -> tuple[str, ...]:
+        """Names of the joints that are outside their limits."""
+        return outside_limits(self.arm, self.q)
+
+    @property
     def full(self) -> Array:
         """(nq,) configuration of the Pinocchio model: [x y z, qx qy qz qw, joints]."""
         return np.concatenate((pin.SE3ToXYZQUAT(self._base), self.arm.all_joints(self.q)))
@@ -110,6 +116,7 @@ class Configuration:
             "tip": tips[0] if len(tips) == 1 else tips,
             "com": self.com.tolist(),
             "wheels": self.wheels.tolist(),
+            "outside_limits": list(self.outside_limits),
         }
 
     def __repr__(self) -> str:
@@ -121,9 +128,16 @@ class Configuration:
 def configure(
     arm: SpaceArm, q: npt.ArrayLike, base: PoseLike | None, wheels: npt.ArrayLike | None
 ) -> Configuration:
-    """Return the configuration of an arm; arguments, checked, and errors as for `SpaceArm.at`."""
+    """Return the configuration of an arm; arguments, checked, and errors as for `SpaceArm.at`.
+
+    Warns:
+        ModelWarning: `SpaceArm.at` was called from outside this package, with joints outside their
+            limits or that look like degrees.
+    """
     base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
     cfg = kinematics(arm, joint_vector(arm, q, "q"), base)
+    if called_from_outside(2):
+        warn_outside(arm, cfg.q)
     return cfg if wheels is None else _spinning(cfg, wheels)
 
 

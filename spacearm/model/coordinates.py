@@ -43,6 +43,19 @@ class Coordinates:
         row = "1" if self.task.mixed else "rad" if min(self.task.indices) >= 3 else "m"
         return f"{row}/{rate}"
 
+    @property
+    def travel_unit(self) -> str:
+        """Unit of sums over all joints: of angles, displacements or both."""
+        return "m" if self.slides.all() else "rad and m" if self.slides.any() else "rad"
+
+    def in_words(self, q: Array) -> str:
+        """Return joint positions (n,) for people: angles in degrees, displacements in metres."""
+        words = (
+            f"{x:.4g} m" if slides else f"{np.degrees(x):.4g}°"
+            for x, slides in zip(q, self.slides, strict=True)
+        )
+        return f"({', '.join(words)})"
+
     def all_joints(self, q: Array) -> Array:
         """Return the positions (nv - 6,) of all joints of the model at q (n,)."""
         return q if self.coupling is None else self.coupling @ q + self.offsets

@@ -11,6 +11,7 @@ import pinocchio as pin
 from spacearm.arrays import plain
 from spacearm.description.bodies import Joint
 from spacearm.description.tree import Tree
+from spacearm.notebook.tables import joint_table, joint_value, shown, table
 
 if TYPE_CHECKING:
     from spacearm.model.arm import SpaceArm
@@ -41,6 +42,24 @@ def facts(arm: SpaceArm) -> dict[str, Any]:
         "wheels": plain(arm.wheels),
         "notes": list(arm.notes),
     }
+
+
+def facts_shown(arm: SpaceArm) -> str:
+    """Return an arm as HTML tables: tips and task, joints with limits, bodies, what was assumed."""
+    held = [(name, arm.whole.joints[name].kind == "prismatic", at) for name, at in arm.held.items()]
+    rest = [("held", f"{name} at {joint_value(at, slides)}") for name, slides, at in held]
+    rest += [("wheel", wheel.name) for wheel in arm.wheels]
+    rest += [("note", note) for note in arm.notes]
+    chosen = [("tip", f"{', '.join(arm.tips)} ({arm.tip_reason})"), ("task", arm.task.names)]
+    return shown(
+        f"{arm.name}: {arm.n} joints, {arm.mass:g} kg",
+        table(("", ""), chosen + rest),
+        joint_table(arm.joint_names, arm.slides, {"lower": arm.lower, "upper": arm.upper}),
+        table(
+            ("body", "mass [kg]", "CM in its frame [m]"),
+            [(name, b.mass, b.lever) for name, b in bodies(arm.tree, arm.model).items()],
+        ),
+    )
 
 
 def bodies(tree: Tree, model: pin.Model) -> dict[str, pin.Inertia]:

@@ -1,4 +1,4 @@
-"""Frames: the frame in which twists are given, and the check of a pose."""
+"""Frames: the frame in which twists are given; poses, made and checked."""
 
 from __future__ import annotations
 
@@ -19,6 +19,30 @@ PoseLike: TypeAlias = pin.SE3 | npt.ArrayLike
 """A pose as a caller may give it: a pin.SE3 or a (4, 4) homogeneous matrix."""
 
 
+def pose(xyz: npt.ArrayLike = (0.0, 0.0, 0.0), rpy: npt.ArrayLike = (0.0, 0.0, 0.0)) -> pin.SE3:
+    """Make a pose of a position and of roll, pitch and yaw, as the origins of a URDF have them.
+
+    Args:
+        xyz: (3,) position [m].
+        rpy: (3,) turns about the fixed axes x, then y, then z [rad].
+
+    Returns:
+        The pose, which all arguments that are poses take.
+
+    Raises:
+        ConfigurationError: xyz or rpy is not three finite numbers.
+
+    Example:
+        >>> import spacearm as sa
+        >>> side = sa.pose(xyz=(0.5, 0, 0), rpy=(0, 1.5708, 0))
+        >>> arm = sa.mount("vispa", sa.Bus(mass=200, size=(1, 1, 1)), side)
+        >>> float(arm.mount.translation[0].round(3))
+        0.68
+    """
+    turns = finite(rpy, (3,), "rpy", "roll, pitch, yaw [rad]")
+    return pin.SE3(pin.rpy.rpyToMatrix(turns), finite(xyz, (3,), "xyz", "x, y, z [m]"))
+
+
 def sound_pose(pose: PoseLike, what: str) -> pin.SE3:
     """Return a checked copy of a pose, its rotation orthonormal to rounding.
 
@@ -32,7 +56,8 @@ def sound_pose(pose: PoseLike, what: str) -> pin.SE3:
     if not isinstance(pose, pin.SE3):
         if shape_of(pose) != (4, 4):
             raise ConfigurationError(
-                f"{what} is a {type(pose).__name__}; give it as pin.SE3(R, p) or as a (4, 4) matrix"
+                f"{what} is a {type(pose).__name__}; give it as "
+                "sa.pose(xyz=..., rpy=...), as pin.SE3(R, p) or as a (4, 4) matrix"
             )
         matrix = finite(pose, (4, 4), what, "[R, p; 0, 1]")
         if not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):

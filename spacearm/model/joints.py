@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array
 from spacearm.errors import ConfigurationError, listed, unknown
 
 
@@ -40,7 +40,7 @@ def joint_vector(arm: Jointed, values: npt.ArrayLike, what: str) -> Array:
     """
     try:
         vector = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except NO_NUMBERS as error:
         raise ConfigurationError(f"{what} must be {arm.n} numbers: {error}") from None
     if vector.shape != (arm.n,):
         raise ConfigurationError(

@@ -73,6 +73,9 @@ def load(
         density: Density [kg/m^3] of the links without inertial data, which then get one from their
             collision shapes, else from those that are drawn.
 
+    Returns:
+        The arm; what was assumed stands in its `notes`.
+
     Raises:
         ModelError: The model is unknown, cannot be read or has a fault; several links could be the
             tip.
@@ -80,6 +83,11 @@ def load(
 
     Warns:
         ModelWarning: Something was assumed or left out; `SpaceArm.notes` keeps it.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.load("mda6", locked={"joint_6": 0.0}, task="position")
+        SpaceArm(mda6: 5 joints, 807.26 kg, tip 'tip', task 'position')
     """
     info = find_model(model)
     path = info.path if info else formats.path_of(model)
@@ -127,9 +135,17 @@ def mount(
         xacro_args: Arguments of the xacro source of the arm; see `load`.
         density: Density of links without inertial data [kg/m^3]; see `load`.
 
+    Returns:
+        The spacecraft with its arms.
+
     Raises:
         ModelError: An arm is unknown, a URDF has a fault, or the name is taken.
         ConfigurationError: bus, at, tip, joints or locked is not valid.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.mount("vispa", sa.Bus(mass=200, size=(1, 1, 1)))
+        SpaceArm(bus_vispa: 6 joints, 216.054 kg, tip 'vispa', task 'pose')
     """
     top = bus.top if isinstance(bus, Bus) else pin.SE3.Identity()
     at = top if at is None else sound_pose(at, "at")

@@ -105,7 +105,7 @@ class TransposedJacobian(TipLaw):
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """Return the torques (n,) [N m] or forces [N]."""
         J = self.jacobian(cfg)
-        kp, kd = _gains(self.kp, len(J), "kp"), _gains(self.kd, len(J), "kd")
+        kp, kd = gains(self.kp, len(J), "kp"), gains(self.kd, len(J), "kd")
         return J.T @ (kp * self.error(t, cfg) + kd * (self.feed(t, cfg) - J @ dq))
 
 
@@ -127,7 +127,7 @@ class RateLaw(TipLaw):
 
     def wanted(self, t: float, cfg: Configuration) -> Array:
         """Return the tip velocity (k,) asked for in the task rows: xdot_des + gain (x_des - x)."""
-        gain = _gains(self.gain, cfg.arm.task.k, "gain")
+        gain = gains(self.gain, cfg.arm.task.k, "gain")
         return self.feed(t, cfg) + gain * self.error(t, cfg)
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
@@ -244,7 +244,7 @@ class JointPD(Law):
 
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """Return the torques (n,) [N m] or forces [N]."""
-        kp, kd = _gains(self.kp, len(dq), "kp"), _gains(self.kd, len(dq), "kd")
+        kp, kd = gains(self.kp, len(dq), "kp"), gains(self.kd, len(dq), "kd")
         return kp * self.error(t, cfg) - kd * dq
 
     def error(self, t: float, cfg: Configuration) -> Array:
@@ -253,7 +253,7 @@ class JointPD(Law):
         return joint_vector(cfg.arm, target, "target") - cfg.q
 
 
-def _gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
+def gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
     """Return a gain, or one for each of the rows."""
     if np.iterable(values):
         return finite(values, (rows,), name, "(gains, one for each row), or one for all rows")
@@ -267,6 +267,19 @@ def _parameter(value: Any) -> Any:
     if callable(value):
         return repr(value)
     return np.asarray(pin.SE3ToXYZQUAT(value) if isinstance(value, pin.SE3) else value).tolist()
+
+
+def check_controller(controller: object) -> None:
+    """Refuse what cannot be called as a controller.
+
+    Raises:
+        ConfigurationError: It is text, a class or something else.
+    """
+    if isinstance(controller, type) or not callable(controller):
+        raise ConfigurationError(
+            f"controller is {controller!r}; give a law, such as sa.JointPD(target=q, kp=5, kd=15) "
+            "or sa.TransposedJacobian(target=point, kp=5, kd=15), or a function of (t, cfg, dq)"
+        )
 
 
 def check_target(controller: Controller, cfg: Configuration) -> None:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from spacearm.arrays import Array, plain
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.mechanics.jacobian import singular_values
 from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
-from spacearm.singularities.polynomial import singularity_polynomial
+from spacearm.singularities.polynomial import NEVER
 
-EVENTS = ("singularity", "joint limit", "target")
+EVENTS = ("singularity", "joint limit", "target", "wheel full")
 LOOK = 0.05
 """Largest joint motion [rad] or [m] between two evaluations of the event functions."""
 NEAR = float(np.radians(0.5))
@@ -37,7 +38,7 @@ class Event(NamedTuple):
 
     Attributes:
         t: When [s].
-        kind: "singularity", "joint limit" or "target".
+        kind: "singularity", "joint limit", "target" or "wheel full".
         q: (n,) joint positions then.
         detail: More about it: the name of the joint, or the measure and its value.
     """
@@ -68,47 +69,16 @@ class EventFunction(NamedTuple):
     falling: bool
 
 
-def event_functions(
-    arm: SpaceArm, mode: BaseMode, kinds: Iterable[str], miss: Measure | None, reach: float
-) -> list[EventFunction]:
-    """Return the functions whose roots are the events of some kinds.
-
-    Args:
-        arm: The arm.
-        mode: What the spacecraft does.
-        kinds: Names in `EVENTS`.
-        miss: Distance to the target, if there is one.
-        reach: The distance at which the target counts as reached.
-
-    Raises:
-        ConfigurationError: A kind does not exist.
-    """
-    for kind in kinds:
-        if kind not in EVENTS:
-            raise ConfigurationError(unknown("event", kind, EVENTS))
-    found = []
-    if "singularity" in kinds:
-        found.append(singularity_function(arm, mode))
-    if "joint limit" in kinds:
-        found += limit_functions(arm)
-    if "target" in kinds and miss is not None:
-        found.append(
-            EventFunction("target", f"error {reach:g}", lambda t, y: miss(t, y) - reach, True)
-        )
-    return found
-
-
-def singularity_function(arm: SpaceArm, mode: BaseMode) -> EventFunction:
-    """Return the singularity polynomial where the arm has one, else the distance less `NEAR`."""
-
-    def nearness(_: float, y: Array) -> float:
-        return clear_of_singularities(arm.at(y[: arm.n]), mode)
-
-    try:
-        S = singularity_polynomial(arm, mode=mode)
-    except UnsupportedError:
-        return EventFunction("singularity", CLOSE, nearness, True)
-    return EventFunction("singularity", "S = 0", lambda _, y: float(S(y[: arm.n])) / S.scale, False)
+@lru_cache(maxsize=64)
+def has_determinant(arm: SpaceArm, mode: BaseMode) -> bool:
+    """Tell whether J* is square, and the task one that the arm can do somewhere."""
+    if arm.task.k != arm.n:
+        return False
+    rng = np.random.default_rng(0)
+    probes = [
+        singular_values(arm.at(q), mode=mode) for q in rng.uniform(-np.pi, np.pi, (32, arm.n))
+    ]
+    return any(sigma[-1] > NEVER * sigma[0] for sigma in probes)
 
 
 def clear_of_singularities(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:

@@ -15,45 +15,32 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from spacearm.arrays import Array, positive
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.dynamics import spacecraft_twist
-from spacearm.mechanics.floating import quaternion_rate
-from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.mechanics.jacobian import singular_values
+from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, kinematics
+from spacearm.model.configuration import Configuration
+from spacearm.model.frames import PoseLike
 from spacearm.model.mode import BaseMode
 from spacearm.motion.events import (
-    CLOSE,
     Event,
-    EventFinder,
-    EventFunction,
-    clear_of_singularities,
-    limit_functions,
 )
-from spacearm.motion.goal import goal_axes, goal_rows, twist_between
+from spacearm.motion.goal import Origin, goal_axes, started
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.motion.tip_path import Path, Segment, segments
-from spacearm.singularities.report import NO_INVERSE, singular_values
+from spacearm.motion.tip_curve import TipCurve, state_of
+from spacearm.motion.tip_path import Path, segments
+from spacearm.singularities.report import NO_INVERSE
 
 if TYPE_CHECKING:
-    from scipy.integrate import OdeSolver
-
-RETURN = 10.0
-"""Rate at which the tip returns to its path from rounding errors [1/m]."""
-RTOL, ATOL = 1e-10, 1e-11
-SPACING = 0.02
-"""Largest distance between outputs along the curve in (q, s) [rad], [m]."""
+    pass
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Followed(Motion):
-    """The motion of an arm whose tip follows a path, from `sa.follow`: a `Motion` with more to it.
-
-    The times are those of a tip that moves at constant speed.
+    """The motion of an arm whose tip follows a path at constant speed, from `sa.follow`.
 
     Attributes:
         s: (m,) length of path behind the tip [m]; turns count by the task's length, 1 m/rad where
@@ -97,21 +84,23 @@ class Followed(Motion):
         return f"Followed({self.arm.name}, {self.mode}: {self.reason})"
 
 
+@of_arm
 def follow(
     arm: SpaceArm,
     q0: npt.ArrayLike,
     path: Path,
     *,
-    base: pin.SE3 | None = None,
+    base: PoseLike | None = None,
+    origin: Origin = "spacecraft",
     mode: BaseMode = "free-floating",
     length: float | None = None,
     speed: float = 0.1,
     limits: bool = True,
+    progress: Callable[[float, float], object] | None = None,
 ) -> Followed:
     """Lead the tip along a path at zero momentum, until it arrives or cannot go on.
 
-    The tip first goes straight to the beginning of the path. Redundant arms move with the least
-    joint rates.
+    The tip goes straight to the beginning first. Redundant arms move with the least joint rates.
 
     Args:
         arm: The arm.
@@ -121,22 +110,32 @@ def follow(
             the task axes (see `Task.axes`), along inertial ones where these turn on the way.
             Turns count as in `Followed.s`.
         base: Pose of the spacecraft at the start; the identity if None.
+        origin: Where points are given from: "spacecraft" or "cm"; see `simulate`.
         mode: What the spacecraft does; see `generalized_jacobian`.
         length: Length of a path given as a function [m], or [rad] of a mere turn.
         speed: Speed of the tip along its path [m/s], or [rad/s] in a mere turn, for the times.
         limits: Whether joint limits stop the motion.
+        progress: Called after every step as progress(s, length), of the straight piece it is on.
+
+    Returns:
+        The motion up to where it ended, with the reason.
 
     Raises:
         ConfigurationError: An argument does not make sense, or the start is singular.
         UnsupportedError: The task has more rows than the arm has joints.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)]).reason
+        'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    cfg, speed = arm.at(q0, base=base), positive(speed, "speed", "speed [m/s]")
+    cfg, speed = started(arm.at(q0, base=base), origin), positive(speed, "speed", "speed [m/s]")
     _check_start(cfg, mode, limits)
     pieces = segments(cfg, path, length)
-    states, behind = [_state(cfg, 0.0)], 0.0
+    states, behind = [state_of(cfg, 0.0)], 0.0
     for piece in pieces:
-        curve = _Curve(cfg, piece, mode, limits)
-        y, end = curve.integrate()
+        curve = TipCurve(cfg, piece, mode, limits)
+        y, end = curve.integrate(progress)
         y[:, -1] += behind
         behind += piece.length
         states.append(y)
@@ -159,12 +158,7 @@ def follow(
 
 
 def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
-    """Refuse a start from which no path can be followed.
-
-    Raises:
-        ConfigurationError: It is singular, or beyond the joint limits where these count.
-        UnsupportedError: The task has more rows than the arm has joints.
-    """
+    """Refuse a start from which no path can be followed, by the errors of `follow`."""
     arm = cfg.arm
     if arm.task.k > arm.n:
         raise UnsupportedError(
@@ -173,10 +167,8 @@ def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         )
     sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
-        raise ConfigurationError(
-            f"q0 is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); start elsewhere, or "
-            "leave it first along sa.singularity(cfg).gradient"
-        )
+        near = f"q0 is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"
+        raise ConfigurationError(f"{near}; start elsewhere: sa.singularity(cfg).away leads away")
     beyond = np.flatnonzero((cfg.q < arm.lower) | (cfg.q > arm.upper))
     if limits and len(beyond):
         j = int(beyond[0])
@@ -186,115 +178,14 @@ def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         )
 
 
-class _Curve:
-    """The curve of states (q, attitude quaternion, s) along which the tip follows one segment.
-
-    Args:
-        cfg: Configuration at its start.
-        segment: The segment.
-        mode: What the spacecraft does.
-        limits: Whether joint limits end it.
-    """
-
-    def __init__(self, cfg: Configuration, segment: Segment, mode: BaseMode, limits: bool) -> None:
-        self.arm, self.start, self.segment = cfg.arm, cfg, segment
-        self.mode, self.limits = mode, limits
-        self.square = self.arm.task.k == self.arm.n
-        self.sense = np.sign(self.determinant(_state(cfg, 0.0))) if self.square else 1.0
-
-    def configuration(self, y: Array) -> Configuration:
-        """Return the configuration in a state; the system CM stays, or the spacecraft if fixed."""
-        n = self.arm.n
-        if self.mode == "fixed":
-            return self.arm.at(y[:n], base=self.start.base)
-        attitude = pin.Quaternion(y[n : n + 4] / np.linalg.norm(y[n : n + 4]))
-        turned = kinematics(self.arm, y[:n].copy(), pin.SE3(attitude, np.zeros(3)))
-        return turned.centred(self.start.com)
-
-    def jacobian(self, cfg: Configuration) -> Array:
-        """Return the rows (k, n) of J* that the task names."""
-        return goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
-
-    def determinant(self, y: Array) -> float:
-        """Return det J*, which has opposite signs on the two sides of a singularity."""
-        return float(np.linalg.det(self.jacobian(self.configuration(y))))
-
-    def room(self, y: Array) -> float:
-        """Return the distance to the singular set, less what counts as singular [rad]."""
-        cfg = self.configuration(y)
-        return clear_of_singularities(cfg, self.mode, goal_axes(cfg))
-
-    def tangent(self, cfg: Configuration, s: float) -> Array:
-        """Return the unit vector (dq, ds) along the curve.
-
-        Of a redundant arm the joint rates are the least; of others ds changes its sign with det J*,
-        so that the curve goes on beyond a singularity, back along the path.
-        """
-        J = self.jacobian(cfg)
-        back = RETURN * twist_between(cfg.tip, self.segment.pose(s))
-        x = goal_rows(cfg, self.segment.twist(s) + back)
-        if not self.square:
-            along = np.append(np.linalg.pinv(J) @ x, 1.0)
-            return along / np.linalg.norm(along)
-        along = np.linalg.svd(np.column_stack((J, -x)))[2][-1]
-        return along * self.sense * np.sign(np.linalg.det(J)) * np.sign(along[-1])
-
-    def rate(self, _: float, y: Array) -> Array:
-        """Return the derivative of the state with respect to the length of the curve."""
-        cfg = self.configuration(y)
-        along = self.tangent(cfg, float(y[-1]))
-        dq, ds = along[:-1], along[-1]
-        turning = quaternion_rate(y[-5:-1], spacecraft_twist(cfg, dq, self.mode)[3:])
-        return np.concatenate((dq, turning, [ds]))
-
-    def end_functions(self) -> list[EventFunction]:
-        """Return the functions whose roots end the segment."""
-        singular = EventFunction("singularity", f", {CLOSE}", lambda _, y: self.room(y), True)
-        if self.square:
-            singular = EventFunction("singularity", "", lambda _, y: self.determinant(y), False)
-        length = self.segment.length
-        arrived = EventFunction("arrived", "", lambda _, y: length - float(y[-1]), True)
-        return [singular, arrived, *(limit_functions(self.arm) if self.limits else [])]
-
-    def integrate(self) -> tuple[Array, Event]:
-        """Return the states (m, n + 5) up to the end, and the event that ends the segment.
-
-        Raises:
-            NoSolutionError: The integrator fails.
-        """
-        from scipy import integrate  # slow to import
-
-        y0 = _state(self.start, 0.0)
-        method: Callable[..., OdeSolver] = integrate.DOP853
-        solver = method(self.rate, 0.0, y0, np.inf, rtol=RTOL, atol=ATOL)
-        finder = EventFinder(self.end_functions(), self.arm.n, 0.0, y0)
-        states: list[Array] = []
-        while True:
-            if failure := solver.step():
-                raise NoSolutionError(f"{self.arm.name}: the path cannot be followed: {failure}")
-            piece, end = solver.dense_output(), solver.t
-            found = finder.in_step(piece, end)
-            if found:
-                end = found[0].t
-            steps = 1 + int((end - solver.t_old) / SPACING)
-            states.append(piece(np.linspace(solver.t_old, end, steps + 1)[1:]).T)
-            if found:
-                return np.vstack(states), found[0]
-
-
-def _state(cfg: Configuration, s: float) -> Array:
-    """Return the state (q, attitude quaternion, s)."""
-    return np.concatenate((cfg.q, pin.SE3ToXYZQUAT(cfg.base)[3:], [s]))
-
-
 def _reason(cfg: Configuration, s: float, length: float, end: Event) -> str:
     """Return where and why the motion ended."""
     place = ", ".join(f"{x:.4g}" for x in cfg.tip.translation)
     unit = "m" if min(cfg.arm.task.indices) < 3 else "rad"
     if end.kind == "arrived":
-        return f"arrived at ({place}) after {s:.4g} {unit}"
-    where = f"after {s:.4g} of {length:.4g} {unit}, tip at ({place})"
+        return f"arrived at ({place}) m after {s:.4g} {unit}"
+    where = f"after {s:.4g} of {length:.4g} {unit}, tip at ({place}) m"
     if end.kind == "joint limit":
         return f"joint {end.detail!r} reaches its limit {where}"
-    q = ", ".join(f"{x:.4g}" for x in cfg.q)
-    return f"singular {where}, q = ({q}){end.detail}: J* cannot lead the tip on along the path"
+    q = cfg.arm.in_words(cfg.q)
+    return f"singular {where}, q = {q}{end.detail}: J* cannot lead the tip on along the path"

@@ -3,21 +3,64 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, shape_of
-from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import sound_pose
+from spacearm.model.limits import warn_outside
 
 Goal: TypeAlias = npt.ArrayLike | pin.SE3
 """A point in the task's linear rows [m], along the goal axes, or a pose."""
+
+AT_ORIGIN = 1e-9
+"""Distance up to which something is at the origin [m]."""
+Origin = Literal["spacecraft", "cm"]
+"""Where the inertial frame has its origin; see `started`."""
+
+
+def started(cfg: Configuration, origin: Origin) -> Configuration:
+    """Return the start of a motion in the inertial frame in which its points and poses are given.
+
+    Args:
+        cfg: The start, as `SpaceArm.at` makes it of joint positions and `base`.
+        origin: "spacecraft": the frame of `base`, which is the identity where none is given, so
+            that the spacecraft starts at the origin and the poses of `SpaceArm.at` are goals as
+            they are. "cm": the frame whose origin is the system CM at the start, as for points of
+            a `Workspace`; `base` then gives the attitude.
+
+    Raises:
+        ConfigurationError: The origin is none of the two, or it is "cm" and the base has a
+            position.
+
+    Warns:
+        ModelWarning: Joints are outside their limits, or look like degrees.
+    """
+    if origin not in get_args(Origin):
+        raise ConfigurationError(unknown("origin", origin, get_args(Origin)))
+    warn_outside(cfg.arm, cfg.q, "q0")
+    if origin == "spacecraft":
+        return cfg
+    if cfg.base.translation.any():
+        raise ConfigurationError(
+            f"base has the position {cfg.base.translation.tolist()}, and origin='cm' puts the "
+            "system CM at the origin; give a base that only turns, or origin='spacecraft'"
+        )
+    return cfg.centred(np.zeros(3))
+
+
+def origin_of(cfg: Configuration) -> str:
+    """Return what is at the origin of the inertial frame at the start of a motion, in words."""
+    there = {"spacecraft": cfg.base.translation, "system CM": cfg.com}
+    names = [name for name, place in there.items() if np.linalg.norm(place) <= AT_ORIGIN]
+    return f"{' and '.join(names)} at the start" if names else "as base was given"
 
 
 def goal_axes(cfg: Configuration) -> Array:
@@ -28,6 +71,11 @@ def goal_axes(cfg: Configuration) -> Array:
     inertial axes.
     """
     return cfg.arm.task.axes(cfg.base.rotation) if _steady(cfg.arm) else np.eye(3)
+
+
+def goal_normal(arm: SpaceArm) -> int | None:
+    """Return the normal (0, 1, 2) that the goal axes tilt with; None if they are inertial."""
+    return next(iter(arm.task.singled_out), None) if _steady(arm) else None
 
 
 @lru_cache(maxsize=64)
@@ -109,3 +157,30 @@ def out_of_reach(cfg: Configuration, goal: pin.SE3) -> str:
         f"the goal is {distance:.6g} m from the system CM, the tip of {cfg.arm.name} comes no "
         f"farther than {reach:.6g} m; sa.workspace shows where it can be"
     )
+
+
+def goal_of(arm: SpaceArm, values: Array, name: str) -> Goal:
+    """Return the goal that numbers for the task's rows mean.
+
+    Args:
+        arm: The arm.
+        values: (k,) positions [m] and turns [rad] as roll, pitch, yaw.
+        name: What they are called in an error.
+
+    Returns:
+        A point for tasks of linear rows only, else a pose.
+
+    Raises:
+        ConfigurationError: Their number is another one.
+    """
+    rows = arm.task.indices
+    if len(values) != len(rows):
+        raise ConfigurationError(
+            f"{name} has {len(values)} numbers; the task of {arm.name} takes {len(rows)}: "
+            f"{' '.join(arm.task.rows)}"
+        )
+    if max(rows) < 3:
+        return values
+    full = np.zeros(6)
+    full[rows] = values
+    return pin.SE3(pin.rpy.rpyToMatrix(full[3:]), full[:3])

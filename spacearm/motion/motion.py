@@ -6,48 +6,31 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, plain, shape_of
+from spacearm.arrays import Array, Result, finite, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.jacobian import singular_values
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode, free_components
 from spacearm.motion import motion_file
+from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
+from spacearm.notebook.tables import joint_table, shown, table
 from spacearm.polynomial.certificate import Certificate
-from spacearm.singularities.report import singular_values, singularity
+from spacearm.singularities.report import singularity
 from spacearm.singularities.sets import prove_regular
 
 if TYPE_CHECKING:
     import xarray as xr
 
 AnyMotion = TypeVar("AnyMotion", bound="Motion")
-
-
-class Playable(Protocol):
-    """Any object that `Motion.of` and `sa.view` take."""
-
-    @property
-    def arm(self) -> SpaceArm:
-        """The arm."""
-
-    @property
-    def t(self) -> Any:
-        """(m,) times, growing [s]."""
-
-    @property
-    def q(self) -> Any:
-        """(m, n) joint positions [rad] or [m]."""
-
-    @property
-    def base(self) -> Any:
-        """(m, 7) or m pin.SE3: spacecraft poses."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,8 +137,8 @@ class Motion(Result):
     def dq(self) -> Array:
         """(m, n) joint rates [rad/s] or [m/s], by differences of second order."""
         if len(self) == 1:
-            return _kept(np.zeros_like(self.q))
-        return _kept(np.gradient(self.q, self.t, axis=0))
+            return read_only(np.zeros_like(self.q))
+        return read_only(np.gradient(self.q, self.t, axis=0))
 
     @cached_property
     def tip(self) -> Array:
@@ -176,7 +159,7 @@ class Motion(Result):
     def distance(self) -> Array:
         """(m,) distance to the singular set [rad], to first order; see `sa.singularity`."""
         if self.mode == "free-floating" and len(self.arm.tips) == 1:
-            return _kept(evaluate(self.arm, self.q, ("distance",))["distance"])
+            return read_only(evaluate(self.arm, self.q, ("distance",))["distance"])
         return self._each(lambda cfg: singularity(cfg, mode=self.mode).distance)
 
     @cached_property
@@ -186,6 +169,11 @@ class Motion(Result):
         None where the minors of J* are no polynomials, as with mimic joints, or too large.
         """
         return prove_regular(self.arm, self.q, mode=self.mode)
+
+    @property
+    def origin(self) -> str:
+        """What is at the origin of the inertial frame, from which all places are given."""
+        return origin_of(self[0])
 
     @property
     def story(self) -> str:
@@ -200,7 +188,7 @@ class Motion(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data; the arm by its name, arrays as lists."""
         more = {name: plain(getattr(self, name)) for name in self._layout(self.arm).quantities}
-        return super().to_dict() | more
+        return super().to_dict() | more | {"origin": self.origin}
 
     def to_xarray(self) -> xr.Dataset:
         """Return all quantities as labelled arrays, with units in their attributes.
@@ -212,7 +200,8 @@ class Motion(Result):
         layout, data = self._layout(self.arm), {}
         for name, quantity in layout.quantities.items():
             dims = ("t", quantity.columns) if quantity.columns else ("t",)
-            data[name] = (dims, getattr(self, name), {"units": quantity.unit})
+            if (values := getattr(self, name)).size:  # netCDF has no empty dimensions: no wheels
+                data[name] = (dims, values, {"units": quantity.unit})
         times = data.pop("t")
         words = [name for name, kind in layout.details.items() if kind is str]
         attrs = {"arm": self.arm.name, "base_mode": self.mode}
@@ -246,7 +235,7 @@ class Motion(Result):
             joints = motion_file.joint_names(arrays)
             values = motion_file.values(arrays, kind._layout(arm), len(joints))
             if joints == arm.joint_names:
-                stored = {f.name for f in fields(kind)} - {"arm"}
+                stored = {f.name for f in fields(kind) if f.metadata.get("in_file", True)} - {"arm"}
                 return kind(arm=arm, **{name: values[name] for name in stored})
         except ValueError as error:  # ConfigurationError too
             raise ConfigurationError(f"{path} is no saved {what}: {error}") from None
@@ -258,12 +247,22 @@ class Motion(Result):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.arm.name}, {self.story}, {len(self)} samples)"
 
+    def _repr_html_(self) -> str:
+        return shown(repr(self), *self._tables())
+
+    def _tables(self) -> tuple[str, ...]:
+        q, poses = self.q, self.base[[0, -1]]
+        columns = {"start": q[0], "end": q[-1], "least": q.min(axis=0), "largest": q.max(axis=0)}
+        ends = zip(("start", "end"), poses[:, :3], poses[:, 3:], strict=True)
+        joints = joint_table(self.arm.joint_names, self.arm.slides, columns)
+        return joints, table(("spacecraft", "position [m]", "quaternion xyzw"), ends)
+
     @classmethod
     def _layout(cls, arm: SpaceArm) -> Layout:
         """Return what a file holds of such a motion of an arm; several tips have no one path."""
         left_out = () if len(arm.tips) == 1 else ("tip",)
         kept = {name: q for name, q in cls.QUANTITIES.items() if name not in left_out}
-        return Layout.of(cls, kept)
+        return Layout.of(cls, kept, len(arm.wheels))
 
     @classmethod
     def _kind(cls: type[AnyMotion], name: str) -> type[AnyMotion]:
@@ -279,7 +278,7 @@ class Motion(Result):
 
     def _each(self, value: Callable[[Configuration], npt.ArrayLike]) -> Array:
         """Return the values of a function of the configuration at all samples."""
-        return _kept(np.array([value(cfg) for cfg in self]))
+        return read_only(np.array([value(cfg) for cfg in self]))
 
 
 def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
@@ -291,9 +290,3 @@ def samples(cfgs: Sequence[Configuration]) -> dict[str, Any]:
 def _pose(row: Array) -> pin.SE3:
     x, y, z, *quaternion = row
     return pin.SE3(pin.Quaternion(np.array(quaternion)).normalized(), np.array([x, y, z]))
-
-
-def _kept(array: Array) -> Array:
-    """Return the array, read-only."""
-    array.flags.writeable = False
-    return array

@@ -34,16 +34,16 @@ class Quantity(NamedTuple):
 
     Attributes:
         unit: Its unit.
-        columns: What its columns stand for: "joint", "pose", "component" (of a momentum) or "axis";
-            empty for a quantity with one number at each time.
+        columns: What its columns stand for: "joint", "pose", "component" (of a momentum), "wheel"
+            or "axis"; empty for a quantity with one number at each time.
     """
 
     unit: str
     columns: str = ""
 
-    def shape(self, m: int, n: int) -> tuple[int, ...]:
-        """Return the shape of its array for m times and n joints."""
-        sizes = {"joint": n, "pose": 7, "component": 6, "axis": 3}
+    def shape(self, m: int, n: int, wheels: int) -> tuple[int, ...]:
+        """Return the shape of its array for m times, n joints and so many wheels."""
+        sizes = {"joint": n, "pose": 7, "component": 6, "axis": 3, "wheel": wheels}
         return (m, sizes[self.columns]) if self.columns else (m,)
 
 
@@ -55,23 +55,29 @@ class Layout(NamedTuple):
         quantities: The quantities over time.
         details: The other fields and their types: `str`, `float` or `bool | None`.
         lists: The fields that are tuples of records, and the types of the records.
+        wheels: Number of wheels.
     """
 
     kind: str
     quantities: Mapping[str, Quantity]
     details: Mapping[str, Any]
     lists: Mapping[str, Any]
+    wheels: int
 
     @classmethod
-    def of(cls, kind: type, quantities: Mapping[str, Quantity]) -> Layout:
+    def of(cls, kind: type, quantities: Mapping[str, Quantity], wheels: int) -> Layout:
         """Read the layout off the types of the fields of a dataclass."""
         types = get_type_hints(kind)
-        names = [f.name for f in fields(kind) if f.name not in ("arm", "mode", *quantities)]
+        names = [
+            f.name
+            for f in fields(kind)
+            if f.name not in ("arm", "mode", *quantities) and f.metadata.get("in_file", True)
+        ]
         lists = {
             name: get_args(types[name])[0] for name in names if get_origin(types[name]) is tuple
         }
         details = {name: types[name] for name in names if name not in lists}
-        return cls(kind.__name__, quantities, details, lists)
+        return cls(kind.__name__, quantities, details, lists, wheels)
 
 
 def check_suffix(path: str | os.PathLike[str]) -> None:
@@ -162,7 +168,7 @@ def values(arrays: Arrays, layout: Layout, n: int) -> dict[str, Any]:
     m = arrays["t"].size if "t" in arrays else 0
     found: dict[str, Any] = {"mode": word(arrays, "mode")}
     for name, quantity in layout.quantities.items():
-        found[name] = _array(arrays, name, ("f", quantity.shape(m, n)))
+        found[name] = _array(arrays, name, ("f", quantity.shape(m, n, layout.wheels)))
     for name in {"tip", "base"} & found.keys():
         if not unit_quaternions(found[name]):
             raise ValueError(f"{name} holds quaternions that are not of length 1")

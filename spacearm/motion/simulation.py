@@ -1,106 +1,135 @@
 """Simulation: a floating arm under joint torques, in time.
 
-The state that is integrated is the reduced one: joint positions and rates, and the spacecraft's
-attitude as a unit quaternion. The work of the torques is integrated beside it, so that every
-trajectory has a balance of its energy.
-
-Controlled arms are stiff as a rule, because the inertia that a wrist moves is small; hence LSODA
-(Petzold, SIAM J. Sci. Stat. Comput. 4(1), 136-148 (1983)), which switches to an implicit method
-where that is faster.
+The state that is integrated is the reduced one: joint positions and rates, the spacecraft's
+attitude as a unit quaternion, and what changes under wrenches and wheels only: momentum and the
+system CM. The work of the torques is integrated beside it, so that every trajectory has a balance
+of its energy.
 """
 
 from __future__ import annotations
 
-import threading
-import warnings
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
-from spacearm.arrays import Array, positive
+from spacearm.arrays import finite, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
+from spacearm.mechanics.momentum import momentum_vector
+from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
+from spacearm.model.frames import PoseLike
 from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode
-from spacearm.motion.controlled_arm import ControlledArm
-from spacearm.motion.controllers import Controller, check_target
-from spacearm.motion.events import EVENTS, Event, EventFinder, EventFunction, event_functions
+from spacearm.motion.controllers import Controller, check_controller, check_target
+from spacearm.motion.events import EVENTS
+from spacearm.motion.goal import Origin, started
+from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench, described
 from spacearm.motion.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from scipy.integrate import DenseOutput, OdeSolver
-
-METHODS = ("LSODA", "DOP853", "BDF", "Radau")
+METHODS = ("auto", "DOP853", "Radau")
 FINEST = 100.0 * float(np.finfo(np.float64).eps)
-"""The least `rtol` that scipy's integrators take."""
+"""The least `rtol` that the integrators take."""
 AUDIT = 1e4
 """How many times `rtol` the balances of energy and momentum may be off."""
 STILL = 1e2
 """How many times `atol` [J] that of energy may be off besides: all there is near rest."""
-PACE, COLLAPSED = 1000, 1e-5
-"""The step has collapsed when so many go forward by less than so long each [s]."""
-REPORT = 50
-"""Steps between two reports of progress."""
 OUTPUTS = 1000
 
 
+@of_arm
 def simulate(
     arm: SpaceArm,
     q0: npt.ArrayLike,
-    controller: Controller,
+    controller: Controller | Mapping[str, Controller],
     duration: float,
     *,
-    base: pin.SE3 | None = None,
+    base: PoseLike | None = None,
+    origin: Origin = "spacecraft",
     dq0: npt.ArrayLike | None = None,
     momentum: npt.ArrayLike | None = None,
+    wheels0: npt.ArrayLike | None = None,
     mode: BaseMode = "free-floating",
+    wheels: WheelHold | None = None,
+    wrenches: Mapping[str, Wrench] | None = None,
+    thrusters: Mapping[str, Wrench] | None = None,
+    passive: Mapping[str, PassiveJoint] | Literal["described"] | None = None,
+    limits: Collection[str] = (),
+    period: float | None = None,
+    delay: float = 0.0,
     rtol: float = 1e-8,
     atol: float = 1e-10,
     events: Sequence[str] = EVENTS,
     stop: Sequence[str] = (),
     reach: float = 1e-3,
     dt: float | None = None,
-    method: str = "LSODA",
+    method: str = "auto",
     progress: Callable[[float, float], object] | None = None,
 ) -> Trajectory:
     """Simulate an arm under the torques of a controller.
+
+    The equations of motion, the laws of `sa` and the integrators are compiled by numba when they
+    are first used after the installation, once for all arms, which takes half a minute or more.
 
     Args:
         arm: The arm.
         q0: (n,) joint positions at the start [rad] or [m].
         controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]; at
-            times in any order, so that it must not remember.
+            times in any order, so that it must not remember. A function compiled by numba is
+            called from compiled code, with a cfg that has `q`, `attitude`, `tip`, `tip_attitude`
+            and `jacobian`. Of an arm with several tips a law for each, by the tip's name: it acts
+            on the joints that move that tip.
         duration: How long [s].
         base: Pose of the spacecraft at the start; the identity if None.
+        origin: Where the inertial frame has its origin: "spacecraft", as `base` says, so that
+            poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at the start, as
+            for points of a `Workspace`, `base` giving the attitude.
         dq0: (n,) joint rates at the start; zeros if None.
-        momentum: (6,) momentum [linear; angular about the system CM], inertial axes, kept; zero if
-            None. Where the spacecraft's attitude is controlled only the linear one counts.
+        momentum: (6,) momentum at the start [linear; angular about the system CM], inertial axes,
+            that of the wheels included; zero if None. Where the spacecraft's attitude is
+            controlled only the linear one counts.
+        wheels0: (w,) what each wheel holds at the start [N m s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
+        wheels: The law by which the wheels hold the attitude; they keep what they hold if None.
+        wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
+            link's frame along inertial axes, or functions of time that give them.
+        thrusters: The same along the axes of the link.
+        passive: Springs, damping and friction of joints by name; such a joint may have torques too;
+            "described" takes damping and dry friction of the robot's file (URDF, MJCF).
+        limits: "effort" cuts the torques to the largest of the description; "velocity" lets the
+            torque that drives a joint fall to zero between 90 % and 100 % of its largest rate.
+        period: Period of a controller of fixed rate, which holds its torques in between [s]; None
+            for one that acts at all times.
+        delay: Time after which these torques act, up to the period [s].
         rtol: Relative tolerance of each step.
         atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
-        events: What to note: "singularity" (a root of the singularity polynomial where the arm has
-            one, else half a degree from the singular set), "joint limit", "target" (the
-            controller's `error` falls to `reach`).
+        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
+            or where J* is not square the distance to the singular set falls to half a degree),
+            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
         stop: Which of them end the run.
         reach: How near the target is reached: norm of the error.
         dt: Spacing of the output [s]; a thousandth of the duration if None.
-        method: scipy's integrator: "LSODA"; "DOP853" (explicit, of order 8: exact for smooth
-            torques, slow for stiff ones), "BDF" or "Radau" (implicit). Of LSODA only one can run
-            at a time: a simulation inside a controller takes another.
+        method: "DOP853" (explicit, of order 8), "Radau" (implicit, of order 5, for stiff torques)
+            or "auto", which begins with the first and takes the second where that pays.
         progress: Called now and then as progress(t, duration), both simulated time [s].
+
+    Returns:
+        The trajectory; of a run that Ctrl-C interrupted what there is, `ended` "interrupted".
 
     Raises:
         ConfigurationError: An argument does not make sense, or the target is out of reach.
-        UnsupportedError: The arm has several tips.
+        UnsupportedError: The arm has several tips and one controller, or no wheels to hold.
         NoSolutionError: The controller gave no torques, the step collapsed, or the balance of
             energy or momentum is off: carries the trajectory so far, None before the first step.
+
+    Example:
+        >>> import spacearm as sa
+        >>> law = sa.JointPD(target=[0.5, 1.0], kp=5, kd=9)
+        >>> sa.simulate(sa.load("planar2"), [0.3, 1.2], law, 5.0)
+        Trajectory(planar2, free-floating: 5 s, 1001 times, ended by duration)
     """
-    from scipy import integrate  # slow to import
+    from spacearm.motion.runs.run import Run  # imports numba
 
     duration = positive(duration, "duration", "time [s]")
     dt = duration / OUTPUTS if dt is None else positive(dt, "dt", "time [s]")
@@ -111,146 +140,73 @@ def simulate(
         raise ConfigurationError(f"rtol is {rtol}; give a number from {FINEST:.2g} on")
     if method not in METHODS:
         raise ConfigurationError(unknown("method", method, METHODS))
-    arm.require_one_tip()  # whose path the trajectory holds
-    system = ControlledArm(arm, controller, mode, momentum, arm.at(q0, base=base))
-    if mode != "fixed" and not system.h[:3].any():
-        check_target(controller, system.start)
+    h = momentum_vector(momentum)
+    if mode == "fixed" and h.any():
+        raise ConfigurationError(f"momentum is {momentum!r}; a fixed spacecraft takes it up")
     dq = np.zeros(arm.n) if dq0 is None else joint_vector(arm, dq0, "dq0")
-    start = np.concatenate((system.start.q, dq, pin.SE3ToXYZQUAT(system.start.base)[3:], [0.0]))
-    functions = event_functions(arm, mode, {*events, *stop}, system.miss, reach)
-    run = _Run(arm.n, start, functions, stop)
-    with _alone(method):
-        try:
-            system.rate(0.0, start)  # what fails at once fails here: LSODA would print about it
-            solver = getattr(integrate, method)
-            run.integrate(solver(system.rate, 0.0, start, duration, rtol=rtol, atol=atol), progress)
-        except NoSolutionError as error:
-            run.fail("controller failed", str(error))
-    if run.fault and not run.pieces:
-        raise NoSolutionError(f"{arm.name}: {run.fault}", None)
-    t = np.unique(np.append(np.arange(0.0, run.times[-1], dt), run.times[-1]))
-    result = Trajectory(
-        **system.along(t, run.states(t)),
-        exchanged=run.exchanged,
-        events=tuple(run.events),
-        ended=run.ended,
+    if isinstance(passive, str):
+        if passive != "described":
+            raise ConfigurationError(unknown("passive", passive, ("described",)))
+        passive = described(arm)
+    plant = Plant(
+        arm,
+        mode,
+        started(arm.at(q0, base=base, wheels=wheels0), origin),
+        passive or {},
+        tuple(limits),
+        wheels,
+        wrenches or {},
+        thrusters or {},
     )
+    controllers = _by_tip(arm, controller)
+    if mode != "fixed" and not h[:3].any() and not plant.pushed and len(arm.tips) == 1:
+        for one in controllers.values():
+            check_target(one, plant.start)
+    run = Run(plant, controllers, np.arange(0.0, duration, dt), duration, events, stop, reach)
+    run.begin(dq, h, rtol, atol, method)
+    if period is None:
+        run.advance(duration, progress)
+    else:
+        period = positive(period, "period", "time [s]")
+        delay = float(finite(delay, (), "delay", "[s]"))
+        if not 0.0 <= delay <= period:
+            raise ConfigurationError(f"delay is {delay}; give a time from 0 to the period [s]")
+        run.advance_sampled(duration, period, delay, progress)
+    if run.fault and run.steps == 0:
+        raise NoSolutionError(f"{arm.name}: {run.fault}", None)
+    result = run.trajectory()
     if run.fault:
         raise NoSolutionError(f"{arm.name}: {run.fault}", result)
-    still = STILL * atol / result.turnover if result.turnover > 0.0 else 0.0
-    for what, off, more in (("energy", result.imbalance, still), ("momentum", result.drift, 0.0)):
-        if off > AUDIT * rtol + more:
-            raise NoSolutionError(
-                f"{arm.name}: the balance of {what} is off by {off:.1e} of what came and went; "
-                "take smaller rtol and atol",
-                result,
-            )
+    _audit(result, run.drift, rtol, atol)
     return result
 
 
-@dataclass
-class _Run:
-    """An integration on its way: its steps and events, and why it ended.
+def _audit(result: Trajectory, drift: float, rtol: float, atol: float) -> None:
+    """Check the balances of energy and momentum.
 
-    Attributes:
-        n: Number of joints.
-        start: The state at the start.
-        functions: The functions whose roots are events.
-        stop: Kinds of events that end the run.
-        times: Times at which the steps begin, and the end of the last one [s].
-        pieces: The state in each step, a function of time.
-        events: The events so far.
-        ended: Why the run ended, as `Trajectory.ended`.
-        fault: The message of the error that ended it, if there was one.
+    Raises:
+        NoSolutionError: One is off.
     """
-
-    n: int
-    start: Array
-    functions: Sequence[EventFunction]
-    stop: Collection[str]
-    times: list[float] = field(default_factory=lambda: [0.0])
-    pieces: list[DenseOutput] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
-    ended: str = "duration"
-    fault: str = ""
-
-    def integrate(
-        self, solver: OdeSolver, progress: Callable[[float, float], object] | None
-    ) -> None:
-        """Step to the end, or to the event that stops the run."""
-        finder = EventFinder(self.functions, self.n, 0.0, self.start)
-        self.note(finder.at_start())
-        while solver.status == "running" and self.ended == "duration":
-            if solver.step() or self.collapsed:
-                self.fail(
-                    "step collapsed",
-                    f"the step collapsed at t = {solver.t:.6g} s: the torques jump or are too "
-                    "stiff; smooth them or lower the gains (LSODA, BDF and Radau bear most)",
-                )
-                return
-            self.times.append(solver.t)
-            self.pieces.append(solver.dense_output())
-            self.note(finder.in_step(self.pieces[-1], solver.t))
-            if progress and len(self.times) % REPORT == 0:
-                progress(solver.t, solver.t_bound)
-
-    def fail(self, ended: str, fault: str) -> None:
-        """End the run for a reason that is an error."""
-        self.ended, self.fault = ended, fault
-
-    def note(self, events: list[Event]) -> None:
-        """Keep events, up to the first that stops the run."""
-        for event in events:
-            self.events.append(event)
-            if event.kind in self.stop:
-                self.ended = event.kind
-                self.cut(event.t)
-                return
-
-    def cut(self, t: float) -> None:
-        """End the run within its last step, or before it."""
-        if self.pieces and t <= self.times[-2]:
-            self.times.pop()
-            self.pieces.pop()
-        else:
-            self.times[-1] = t
-
-    @property
-    def collapsed(self) -> bool:
-        """Whether the last steps together went (nearly) nowhere."""
-        times = self.times
-        return len(times) > PACE and times[-1] - times[-1 - PACE] < PACE * COLLAPSED
-
-    @property
-    def exchanged(self) -> float:
-        """Work that the torques did and took back, all in all [J]."""
-        return float(np.abs(np.diff(self.states(np.array(self.times))[:, -1])).sum())
-
-    def states(self, t: Array) -> Array:
-        """Return the states (m, ...) at times t."""
-        from scipy.integrate import OdeSolution
-
-        return OdeSolution(self.times, self.pieces)(t).T if self.pieces else self.start[None]
+    still = STILL * atol / result.turnover if result.turnover > 0.0 else 0.0
+    for what, off, more in (("energy", result.imbalance, still), ("momentum", drift, 0.0)):
+        if off > AUDIT * rtol + more:
+            raise NoSolutionError(
+                f"{result.arm.name}: the balance of {what} is off by {off:.1e} of what came and "
+                "went; take smaller rtol and atol",
+                result,
+            )
 
 
-@contextmanager
-def _alone(method: str) -> Iterator[None]:
-    """Keep LSODA, which has global variables, to one run at a time, and its warnings to itself."""
-    if method != "LSODA":
-        with np.errstate(over="ignore"):  # in scipy's difference quotients
-            yield
-        return
-    if not LSODA_IS_FREE.acquire(blocking=False):
-        raise ConfigurationError(
-            "method is 'LSODA', with which another simulation is running; it can do one at a "
-            "time: give this one 'DOP853' or 'BDF'"
-        )
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "lsoda:")
-            yield
-    finally:
-        LSODA_IS_FREE.release()
-
-
-LSODA_IS_FREE = threading.Lock()
+def _by_tip(
+    arm: SpaceArm, controller: Controller | Mapping[str, Controller]
+) -> dict[int, Controller]:
+    """Return the controllers by the number of the tip that they lead, -1 for all joints."""
+    if not isinstance(controller, Mapping):
+        check_controller(controller)
+        arm.require_one_tip()  # whose path the trajectory holds
+        return {-1: controller}
+    for tip, law in controller.items():
+        check_controller(law)
+        if tip not in arm.tips:
+            raise ConfigurationError(unknown("tip", tip, arm.tips))
+    return {arm.tips.index(tip): law for tip, law in controller.items()}

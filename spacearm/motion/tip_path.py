@@ -28,27 +28,47 @@ class Segment(NamedTuple):
         length: Its length [m].
         pose: The tip pose at a length along it; what the task leaves open does not matter.
         twist: (6,) the derivative of the pose with respect to that length.
+        straight: Whether that derivative is constant.
     """
 
     length: float
     pose: Callable[[float], pin.SE3]
     twist: Callable[[float], Array]
+    straight: bool
 
 
-def segments(cfg: Configuration, path: Path, length: float | None) -> list[Segment]:
+def path_start(cfg: Configuration, path: Path) -> pin.SE3:
+    """Return the pose with which a path begins.
+
+    Raises:
+        ConfigurationError: The path has no beginning.
+    """
+    if callable(path):
+        return goal_pose(cfg, path(0.0))
+    try:
+        return goal_pose(cfg, next(iter(path)))
+    except (TypeError, StopIteration):
+        raise _no_path(path) from None
+
+
+def segments(
+    cfg: Configuration, path: Path, length: float | None, start: pin.SE3 | None = None
+) -> list[Segment]:
     """Return the path in smooth pieces, from where the tip is.
 
     Args:
         cfg: The configuration at the start.
         path: The path.
         length: Length of a path given as a function [m]; None for a polyline.
+        start: A pose from which to go to the path instead.
 
     Raises:
         ConfigurationError: The path or its length does not make sense.
     """
     if callable(path):
         length = positive(length, "length", "length [m] of the path, which is a function")
-        return [*_line(cfg, cfg.tip, goal_pose(cfg, path(0.0))), _curve(cfg, path, length)]
+        first = _line(cfg, cfg.tip if start is None else start, goal_pose(cfg, path(0.0)))
+        return [*first, _curve(cfg, path, length)]
     if length is not None:
         raise ConfigurationError(f"length is {length}; a polyline has its own, leave it out")
     try:
@@ -56,13 +76,17 @@ def segments(cfg: Configuration, path: Path, length: float | None) -> list[Segme
     except TypeError:
         corners = []
     if not corners:
-        raise ConfigurationError(f"path is {path!r}; give corners, or a function of path length")
-    poses = [cfg.tip, *corners]
+        raise _no_path(path)
+    poses = [cfg.tip if start is None else start, *corners]
     pieces = [_line(cfg, *pair) for pair in pairwise(poses)]
     found = [segment for piece in pieces for segment in piece]
     if not found:
         raise ConfigurationError("path ends where the tip is; there is nothing to follow")
     return found
+
+
+def _no_path(path: object) -> ConfigurationError:
+    return ConfigurationError(f"path is {path!r}; give corners, or a function of path length")
 
 
 def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:
@@ -83,7 +107,7 @@ def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:
         turned = pin.exp3(s * twist[3:]) @ start.rotation
         return pin.SE3(turned, start.translation + s * twist[:3])
 
-    return [Segment(length, pose, lambda _: twist)]
+    return [Segment(length, pose, lambda _: twist, True)]
 
 
 def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> Segment:
@@ -96,4 +120,4 @@ def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> 
         low, high = max(s - DIFFERENCE, 0.0), min(s + DIFFERENCE, length)
         return twist_between(pose(low), pose(high)) / (high - low)
 
-    return Segment(length, pose, twist)
+    return Segment(length, pose, twist, False)

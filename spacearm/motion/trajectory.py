@@ -10,10 +10,12 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.mechanics.momentum import momentum_matrix
+from spacearm.model.configuration import Configuration
 from spacearm.model.mode import free_components
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import Quantity
+from spacearm.notebook.tables import table
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -24,9 +26,13 @@ class Trajectory(Motion):
         dq: (m, n) joint rates [rad/s] or [m/s].
         torque: (m, n) joint torques [N m] or forces [N].
         momentum: (m, 6) [linear [kg m/s]; angular about the system CM [kg m^2/s]], inertial axes.
-        energy: (m,) kinetic energy [J].
+        impulse: (m, 6) what external wrenches added to the momentum since the start.
+        wheels: (m, w) what each wheel holds [N m s].
+        energy: (m,) kinetic energy without the spin of wheels [J].
         work: (m,) work of the torques since the start [J].
-        exchanged: Work that the torques did and took back, all in all [J].
+        other_work: (m,) work of springs, friction, wrenches and the wheels' motors since the start,
+            on all but the spin of the wheels [J].
+        exchanged: Work that was done and taken back, all in all [J].
         events: What happened on the way.
         ended: Why it ended: "duration", the kind of the event that stopped it, or what failed.
     """
@@ -34,8 +40,11 @@ class Trajectory(Motion):
     dq: Array = field()
     torque: Array
     momentum: Array
+    impulse: Array
+    wheels: Array
     energy: Array
     work: Array
+    other_work: Array
     exchanged: float
     events: tuple[Event, ...]
     ended: str
@@ -44,9 +53,16 @@ class Trajectory(Motion):
         **Motion.QUANTITIES,
         "torque": Quantity("N m or N", "joint"),
         "momentum": Quantity("kg m/s, kg m^2/s", "component"),
+        "impulse": Quantity("kg m/s, kg m^2/s", "component"),
+        "wheels": Quantity("N m s", "wheel"),
         "energy": Quantity("J"),
         "work": Quantity("J"),
+        "other_work": Quantity("J"),
     }
+
+    def __getitem__(self, i: int) -> Configuration:
+        cfg = super().__getitem__(i)
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i]) if self.arm.wheels else cfg
 
     @property
     def story(self) -> str:
@@ -66,7 +82,7 @@ class Trajectory(Motion):
     @property
     def imbalance(self) -> float:
         """Largest difference of energy and work, over the turnover."""
-        off = float(np.abs(self.energy - self.energy[0] - self.work).max())
+        off = float(np.abs(self.energy - self.energy[0] - self.work - self.other_work).max())
         return off / self.turnover if self.turnover > 0.0 else 0.0
 
     @property
@@ -75,13 +91,25 @@ class Trajectory(Motion):
         f = free_components(self.mode)
         rates = zip(self, self.dq, strict=True)
         brought = [momentum_matrix(cfg).A_q[:f] @ dq for cfg, dq in rates]
-        change = np.abs(self.momentum[:, :f] - self.momentum[0, :f]).max(initial=0.0)
-        most = np.abs([*brought, self.momentum[0, :f]]).max(initial=0.0)
+        change = np.abs((self.momentum - self.impulse - self.momentum[0])[:, :f]).max(initial=0.0)
+        most = np.abs([*brought, self.momentum[0, :f], *self.impulse[:, :f]]).max(initial=0.0)
         return float(change / most) if most > 0.0 else 0.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, with the balances of both audits."""
         return super().to_dict() | {"imbalance": self.imbalance, "drift": self.drift}
+
+    def _tables(self) -> tuple[str, ...]:
+        energies = [
+            ("kinetic energy [J]", self.energy[0], self.energy[-1]),
+            ("work of the torques [J]", self.work[0], self.work[-1]),
+        ]
+        events = [(event.kind, event.t, event.detail) for event in self.events]
+        return (
+            *super()._tables(),
+            table(("", "start", "end"), energies),
+            table(("event", "t [s]", ""), events or [("none", "", "")]),
+        )
 
     def __repr__(self) -> str:
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""

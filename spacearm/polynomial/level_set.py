@@ -2,9 +2,11 @@
 
 contourpy finds lines on a grid, and joins of their pieces across the seams of the torus follow;
 surfaces come from the tetrahedra of a grid without seams. Every point is then moved onto the exact
-set by Newton's method. A grid is fine enough when no
-cell with equal signs at its corners holds a sign change inside: each such cell is either certified
-free of roots by the bounds of the polynomial, or searched inside.
+set by Newton's method. A grid is fine enough when no cell with equal signs at its corners holds a
+sign change inside: each such cell is either certified free of roots by the bounds of the
+polynomial, or searched inside. Where the signs at the corners of a square alternate, two lines pass
+through it: the sign at the saddle point between them says which corners they part,
+however near to each other they come.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.polynomial.newton import polish
+from spacearm.polynomial.newton import iterate, polish
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import wrap
 
@@ -54,6 +56,7 @@ def lines(S: TrigPolynomial) -> list[Array]:
     import contourpy
 
     values, step = _grid(S)
+    values = _parted(S.shifted(np.full(2, OFFSET)), values, step)
     contour = contourpy.contour_generator(z=_periodic(values).T)
     pieces = cast("list[Array]", contour.lines(0.0))
     return [polish(S, chain) for chain in _sew([OFFSET + piece * step for piece in pieces])]
@@ -159,6 +162,30 @@ def _hides_something(S: TrigPolynomial, values: Array, step: float) -> bool:
         sign = sign.repeat(len(offsets))
         half /= 2.0
     return False
+
+
+def _parted(S: TrigPolynomial, values: Array, step: float) -> Array:
+    """Return values (N, N) whose mean in a square has the sign of the saddle there.
+
+    By that mean contourpy decides how lines pass through a square whose corners alternate in sign.
+    """
+    signs = np.sign(values)
+    right, up = np.roll(signs, -1, axis=0), np.roll(signs, -1, axis=1)
+    across = np.roll(right, -1, axis=1)
+    cells = np.argwhere((signs * across > 0.0) & (right * up > 0.0) & (signs * right < 0.0))
+    values = values.copy()
+    for cell in cells:
+        middle = (cell + 0.5) * step
+        saddle = iterate(lambda q: (S.gradient(q), S.hessian(q)), middle, 2, step)
+        inside = bool(np.abs(saddle - middle).max() <= step)
+        sign = np.sign(S(saddle if inside else middle))
+        corners = [tuple((cell + corner) % len(values)) for corner in product((0, 1), repeat=2)]
+        mine = [at for at in corners if values[at] * sign > 0.0]
+        others = sum(abs(values[at]) for at in corners if at not in mine)
+        if sum(abs(values[at]) for at in mine) <= others:
+            for at in mine:
+                values[at] = sign * others
+    return values
 
 
 def _periodic(values: Array) -> Array:

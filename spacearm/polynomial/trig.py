@@ -47,8 +47,6 @@ class TrigPolynomial:
     coefficients: Complex
     error: float = 0.0
 
-    # --- what it is -------------------------------------------------------------------------
-
     @property
     def n(self) -> int:
         """Number of angles."""
@@ -121,8 +119,6 @@ class TrigPolynomial:
             for f, wanted in zip(fitted, sampler(Q).T, strict=True)
         ]
 
-    # --- values -----------------------------------------------------------------------------
-
     def __call__(self, Q: npt.ArrayLike) -> Any:
         """Evaluate at (n,) or (m, n) angles: a float or (m,)."""
         points = np.asarray(Q, dtype=np.float64)
@@ -183,6 +179,9 @@ class TrigPolynomial:
 
         Returns:
             (N_1, ..., N_n) values.
+
+        Raises:
+            ConfigurationError: `shape` or `out` has the wrong shape.
         """
         values = np.empty(shape) if out is None else out
         if values.shape != tuple(shape):
@@ -211,14 +210,15 @@ class TrigPolynomial:
         Returns:
             What `do` returns for each block.
 
+        Raises:
+            ConfigurationError: `shape` is not a number of points for each angle.
+
         Example:
             The share where S < 0: `np.mean(S.on_grid(shape, lambda v, _: (v < 0.0).mean()))`.
         """
         if len(shape) != self.n or min(shape, default=1) < 1:
             raise ConfigurationError(f"a grid has shape {shape}; give {self.n} numbers of points")
         return over_blocks(self.real, tuple(shape), do, threads)
-
-    # --- derivatives ------------------------------------------------------------------------
 
     @cached_property
     def derivatives(self) -> tuple[TrigPolynomial, ...]:
@@ -242,8 +242,6 @@ class TrigPolynomial:
         shape[j] = -1
         return orders(self.degrees[j]).reshape(shape)
 
-    # --- roots ------------------------------------------------------------------------------
-
     def roots(self, q: npt.ArrayLike, j: int) -> Roots:
         """Find all real roots along angle j, the others as in q (n,)."""
         line = self.along(np.asarray(q, dtype=np.float64)[None], (j,))[0]
@@ -255,8 +253,6 @@ class TrigPolynomial:
     def roots_along(self, Q: Array, j: int) -> Array:
         """Find the real roots (m, 2 d_j) along angle j for Q (m, n); NaN where there are fewer."""
         return self._along(Q, (j,), real_roots).T
-
-    # --- bounds -----------------------------------------------------------------------------
 
     def noise(self, largest: float = np.pi) -> float:
         """Bound the difference of a computed value from that of the fitted function.

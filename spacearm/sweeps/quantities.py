@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, get_args
+from typing import Any, get_args
 
 import numpy as np
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import LARGEST
 from spacearm.errors import UnsupportedError, unknown
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.risk import check_slides, risk_profile
-from spacearm.sweeps.tiles import Box, Shape, boxes, tile
+from spacearm.sweeps.quantity import Quantity, Variable
+from spacearm.sweeps.simulations import Simulations
+from spacearm.sweeps.tiles import Box, boxes, tile
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT, check_shells
@@ -28,49 +30,6 @@ PART = 2**16
 """Configurations in memory at a time, however large the chunk."""
 MOST_SHELLS = 16
 """Shells that there is room for in each design."""
-
-
-class Variable(NamedTuple):
-    """One array of the result.
-
-    Attributes:
-        attrs: What is known of it, its unit first of all.
-        dims: Its axes after those of the designs and of the quantity's grid.
-        shape: Their lengths.
-        dtype: Of its numbers.
-    """
-
-    attrs: Mapping[str, str]
-    dims: tuple[str, ...] = ()
-    shape: Shape = ()
-    dtype: str = "float64"
-
-
-class Quantity(Protocol):
-    """One quantity of a study.
-
-    Attributes:
-        variables: The arrays that it fills, by name.
-        coords: Labels of its axes, with their attributes.
-        dims: Its own axes, which chunks divide.
-        shape: Their lengths.
-        tile: Shape of a chunk along them.
-    """
-
-    variables: Mapping[str, Variable]
-    coords: Mapping[str, tuple[Array, Mapping[str, Any]]]
-    dims: tuple[str, ...] = ()
-    shape: Shape = ()
-    tile: Shape = ()
-
-    def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
-        """Compute the numbers of one chunk, by variable.
-
-        Args:
-            arm: The design.
-            box: The part of the quantity's grid.
-            seed: Seed of the study and number of the design.
-        """
 
 
 class Shells(Quantity):
@@ -208,7 +167,7 @@ class JointMap(Quantity):
 
 MAPS = ("distance", "sigma_min")
 """Tables of a study that ask for a map over joints."""
-QUANTITIES = ("shells", "risk", *MAPS)
+QUANTITIES = ("shells", "risk", "simulation", *MAPS)
 """Tables of a study that ask for a quantity."""
 
 
@@ -227,6 +186,8 @@ def read(table: Table, seed: int, chunk: int, arms: Sequence[SpaceArm]) -> dict[
         found["shells"] = Shells(own["shells"], seed, arms)
     if "risk" in own:
         found["risk"] = Risk(own["risk"], chunk, arms)
+    if "simulation" in own:
+        found["simulation"] = Simulations(own["simulation"], chunk, arms)
     maps = (name for name in MAPS if name in own)
     return found | {name: JointMap(name, own[name], chunk, arms) for name in maps}
 

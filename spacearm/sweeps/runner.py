@@ -139,6 +139,21 @@ def sweep(
         StoreError: The store is that of another study, cannot be written, or the cluster is lost.
         UnsupportedError: Zarr is not installed: pip install 'spacearm[sweep]'.
         SweepError: All is through, but some chunks failed.
+
+    Example:
+        >>> import spacearm as sa
+        >>> from tempfile import TemporaryDirectory
+        >>> study = sa.Study.parse('''
+        ... arms = ["planar2"]
+        ... [risk]
+        ... distance = 0.1
+        ... radius = [0, 1, 2]
+        ... samples = 1000
+        ... ''')
+        >>> with TemporaryDirectory() as folder:
+        ...     ds = sa.sweep(study, f"{folder}/out.zarr", workers=1)
+        ...     ds["near"].sum(["arm", "block"]).values
+        array([37., 23.])
     """
     study = study if isinstance(study, Study) else Study.read(study)
     with closing(run_chunks(study, store, client=client, workers=workers)) as tallies:

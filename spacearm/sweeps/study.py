@@ -19,7 +19,7 @@ from spacearm.errors import UNPRINTABLE, ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
 from spacearm.sweeps import quantities, tiles
-from spacearm.sweeps.quantities import Quantity
+from spacearm.sweeps.quantity import Quantity
 from spacearm.sweeps.study_arms import fingerprint, read_arms
 from spacearm.sweeps.tiles import Box, Shape
 from spacearm.sweeps.toml import Table, parse
@@ -83,6 +83,16 @@ class Study:
         radius = {from = 0.0, to = 2.4, points = 25}  # edges of the distance classes [m]
         samples = 10_000_000            # for each design
         limits = false
+
+        [simulation]                    # as `simulate_many`: runs from dispersed starts
+        law = "transposed"              # resolved, damped, reactionless or joints
+        target = [1.5, 1.5]             # task rows, turns as roll, pitch, yaw; joint positions
+        gains = {kp = 5, kd = 15}       # gain of resolved, damped and reactionless
+        start = [-1.0, 1.05]            # joint positions [rad] or [m], their standard deviation
+        spread = 0.02                   # (one number or n), and the attitude [rad]
+        attitude = [0.0, 0.0, 0.37]
+        duration = 60.0
+        runs = 1000                     # for each design; also mode, limits, reach, rtol
 
         [distance]                      # a map over joints, as q1, ... or by name; sigma_min too
         joints.q2 = {from = -3.1, to = 3.1, points = 63}  # [rad] or [m]
@@ -270,7 +280,7 @@ def _design(study: Study, number: int) -> SpaceArm:
 
 def _check_names(axes: list[str], asked: Iterable[Quantity]) -> None:
     """Refuse axes that would have the name of something else in the store."""
-    names = ["arm", "block", "shell", "chunks", *axes]
+    names = ["arm", "block", "run", "shell", "chunks", *axes]
     for quantity in asked:
         names += [*quantity.coords, *quantity.variables]
     for name in names:

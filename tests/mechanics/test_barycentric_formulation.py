@@ -101,7 +101,10 @@ def test_planar2_has_the_numbers_of_the_paper():
     assert wanted == pytest.approx([20 / 47, 42 / 47, 45.5 / 47])
     assert np.abs(b.v_E - np.outer(wanted, [1, 0, 0])).max() < 1e-15
     q = np.radians([30, -70])
-    D = sa.barycentric(arm.at(q)).D_j[:, 2, 2]
+    b = sa.barycentric(arm.at(q))
+    R = np.linalg.norm(b.virtual_manipulator.end - b.r_cm)
+    assert pytest.approx(reference.planar_radius(*q), rel=1e-14) == R
+    D = b.D_j[:, 2, 2]
     assert pytest.approx(reference.planar_inertias(*q), rel=1e-14) == D
 
 

@@ -19,7 +19,8 @@ from spacearm.kernels.floating import Work, moving
 from spacearm.kernels.measures import measure
 from spacearm.kernels.quantities import QUANTITIES
 from spacearm.kernels.singular_values import bidiagonal
-from spacearm.mechanics.batch import BLOCK, FEW
+from spacearm.mechanics.batch import FEW
+from spacearm.mechanics.blocks import BLOCK
 
 MODELS = ("planar2", "planar3", "mda6", "ets7", "chaser7")
 MANY = FEW + 14  # takes the compiled path, with lanes left over
@@ -101,6 +102,21 @@ def test_distances_agree_on_trees_with_sliding_and_mimic_joints(seed, n, task):
         random_tree(seed, n), tip=f"link_{n}", task=sa.Task(task, 0.7) if rows.mixed else rows
     )
     compare_distances(arm, np.random.default_rng(seed).uniform(-3, 3, (MANY, arm.n)))
+
+
+@pytest.mark.parametrize("mode", ["attitude-controlled", "fixed"])
+@pytest.mark.parametrize("name", ["planar2", "chaser7"])
+def test_a_held_spacecraft_is_one_without_end_of_inertia(name, mode, rng):
+    """The compiled kernel of a floating arm, with a huge spacecraft, against the matrices."""
+    from spacearm.mechanics import compiled, nearness
+
+    arm = sa.load(name)
+    Q = rng.uniform(-3, 3, (20, arm.n))
+    many, one = compiled.tangent(arm, Q, mode), nearness.tangent(arm, Q, mode)
+    assert many.distance == pytest.approx(one.distance, rel=1e-9)
+    assert many.sigma == pytest.approx(one.sigma, abs=1e-13)
+    for a, b in zip(many.rows, one.rows, strict=True):
+        assert a.T @ a == pytest.approx(b.T @ b, abs=1e-9)
 
 
 def test_distances_without_the_compiler_are_the_same(rng):
@@ -435,9 +451,10 @@ def test_the_card_s_kernel_in_the_simulator(name):
         arm = sa.load({name!r})
         Q = np.random.default_rng(0).uniform(-3, 3, (40, arm.n))
         Q[7, 1] = np.nan
-        few, card = sa.evaluate(arm, Q), sa.evaluate(arm, Q, device="cuda")
+        every = ("sigma_min", "condition", "determinant", "radius", "distance", "away")
+        few, card = (sa.evaluate(arm, Q, every, device=d) for d in ("cpu", "cuda"))
         for quantity, values in card.items():
-            np.testing.assert_allclose(values, few[quantity], rtol=1e-8)
+            np.testing.assert_allclose(values, few[quantity], rtol=1e-8, atol=1e-12)
         """,
         NUMBA_ENABLE_CUDASIM="1",
         NUMBA_DISABLE_JIT="1",

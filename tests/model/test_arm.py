@@ -196,7 +196,7 @@ def test_replace_refuses_impossible_spacecraft(change, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mount": np.eye(3)}, "mount is a ndarray; give it as pin.SE3"),
+        ({"mount": np.eye(3)}, "mount is a ndarray; give it as sa"),
         ({"mount": pin.SE3(2 * np.eye(3), np.zeros(3))}, "mount.rotation is not a rotation"),
         ({"mount": pin.SE3(np.eye(3), np.full(3, np.nan))}, "mount holds NaN"),
         ({"task": 3}, "task is 3; name its rows"),

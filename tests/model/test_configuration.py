@@ -44,7 +44,7 @@ def test_bad_q_is_named(q, message):
 @pytest.mark.parametrize(
     ("base", "message"),
     [
-        (np.eye(3), "base is a ndarray; give it as pin.SE3"),
+        (np.eye(3), "base is a ndarray; give it as sa"),
         (pin.SE3(2 * np.eye(3), np.zeros(3)), "not a rotation matrix"),
         (pin.SE3(-np.eye(3), np.zeros(3)), "not a rotation matrix"),
         (pin.SE3(np.eye(3), np.array([np.nan, 0, 0])), "NaN, infinity"),
@@ -84,7 +84,7 @@ def test_configurations_do_not_disturb_each_other():
 def test_a_configuration_is_plain_data():
     cfg = sa.load("planar2").at([0.1, 0.2], base=random_base(np.random.default_rng(0)))
     data = json.loads(json.dumps(cfg.to_dict(), allow_nan=False))
-    assert list(data) == ["arm", "joints", "q", "base", "tip", "com", "wheels"]
+    assert list(data) == ["arm", "joints", "q", "base", "tip", "com", "wheels", "outside_limits"]
     assert (data["arm"], data["joints"]) == ("planar2", ["joint_1", "joint_2"])
     assert (data["q"], data["wheels"]) == ([0.1, 0.2], [])
     assert pin.XYZQUATToSE3(np.array(data["base"])).isApprox(cfg.base, 1e-14)

@@ -1,6 +1,7 @@
 """Joint limits: those of joints that mimic another count wherever limits do."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -93,3 +94,52 @@ def test_limits_that_leave_nothing_are_refused():
     )  # fmt: skip
     with pytest.raises(sa.ModelError, match=r"'elbow'.*'wrist'.*-10 to -4.*-3 to 3"):
         load_text(text)
+
+
+def test_degrees_taken_for_radians_are_warned_of_once_a_line():
+    arm = sa.load("mda6")
+    degrees = [0, 60, -100, -50, 0, 0]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(3):
+            arm.at(degrees)
+        arm.at(degrees)
+    assert len(caught) == 2
+    assert all(warning.filename == __file__ for warning in caught)
+    message = str(caught[0].message)
+    assert "joint 'joint_2' at 60 rad is outside its limits, 0 to 3.142 rad" in message
+    assert "np.radians" in message
+
+
+def test_whole_turns_of_joints_without_limits_look_like_degrees_if_they_are_whole_numbers(tmp_path):
+    path = tmp_path / "r.urdf"
+    path.write_text(
+        robot(link("bus", 50.0), link("arm"), joint("elbow", "bus", "arm", "continuous"))
+    )
+    arm = sa.load(path)
+    q = np.array([90.0])
+    with pytest.warns(sa.ModelWarning, match=r"at 90 rad has 14.3 turns; angles are in radians"):
+        arm.at(q)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        arm.at([20.5])  # as at the end of a simulation
+        arm.at(np.radians(q))
+
+
+def test_a_slight_step_outside_is_no_talk_of_degrees():
+    arm = sa.load("mda6")
+    q = np.clip(np.zeros(6), arm.lower, arm.upper)
+    q[1] = arm.upper[1] + 0.1
+    with pytest.warns(sa.ModelWarning, match="joint_2.*outside its limits") as caught:
+        arm.at(q)
+    assert "radians" not in str(caught[0].message)
+    assert arm.at(q).outside_limits == ("joint_2",)
+    q[1] = arm.upper[1] + 1e-12
+    assert arm.at(q).outside_limits == ()
+
+
+def test_motions_warn_of_their_start():
+    arm = sa.load("mda6")
+    law = sa.JointPD(np.zeros(6), 1.0, 1.0)
+    with pytest.warns(sa.ModelWarning, match="q0 of mda6: joint 'joint_2' at 60 rad"):
+        sa.simulate(arm, [0, 60, -100, -50, 0, 0], law, 0.01)

@@ -22,6 +22,7 @@ from helpers.arms import (
     two_links,
 )
 from hypothesis import given, settings
+from scipy.spatial.transform import Rotation
 
 import spacearm as sa
 from spacearm.description.readers import urdf
@@ -264,7 +265,7 @@ def test_an_arm_alone_is_no_spacecraft(tmp_path):
         sa.mount("ur6", SERVICER)
     with pytest.raises(sa.ModelError, match="no such file"):
         sa.mount(tmp_path / "nowhere.urdf", SERVICER)
-    with pytest.raises(sa.ConfigurationError, match="at is a tuple; give it as pin"):
+    with pytest.raises(sa.ConfigurationError, match="at is a tuple; give it as sa"):
         sa.mount("vispa", SERVICER, at=(0, 0, 1))
     massless = robot(frame("world"), link("arm"), joint("elbow", "world", "arm"))
     assert sa.mount(saved(massless, tmp_path), SERVICER).n == 1
@@ -339,5 +340,17 @@ def test_poses_are_matrices_too():
     np.testing.assert_array_equal(*ends)
     with pytest.raises(sa.ConfigurationError, match="has the last row"):
         arm.at(q, base=np.ones((4, 4)))
-    with pytest.raises(sa.ConfigurationError, match=r"give it as pin\.SE3.* or as a \(4, 4\)"):
+    with pytest.raises(sa.ConfigurationError, match=r"as pin\.SE3.* or as a \(4, 4\)"):
         arm.at(q, base=np.eye(3))
+
+
+def test_a_pose_of_position_and_turns():
+    pose = sa.pose(xyz=(0.1, -0.2, 0.3), rpy=(0.4, -0.5, 0.6))
+    turns = Rotation.from_euler("xyz", (0.4, -0.5, 0.6)).as_matrix()  # fixed axes, as in a URDF
+    np.testing.assert_allclose(pose.rotation, turns, atol=1e-15)
+    np.testing.assert_array_equal(pose.translation, (0.1, -0.2, 0.3))
+    assert sa.pose() == pin.SE3.Identity()
+    with pytest.raises(sa.ConfigurationError, match="rpy"):
+        sa.pose(rpy=(0.0, 0.0))
+    with pytest.raises(sa.ConfigurationError, match=r"sa\.pose\(xyz="):
+        sa.mount("vispa", sa.Bus(mass=200.0, size=(1.0, 1.0, 1.0)), at=[0.0, 0.0, 1.0])

@@ -149,7 +149,7 @@ def test_at_rest_without_torques_nothing_moves():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["LSODA", "DOP853"])
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
 @pytest.mark.parametrize("name", ["planar3", "mda6", "ets7"])
 def test_an_arm_that_rests_on_its_target_stays(name, method):
     """There is no energy to compare an imbalance with, only rounding."""
@@ -188,7 +188,7 @@ def test_the_full_system_by_aba_moves_the_same_way():
     arm, torque = sa.load("chaser7"), push(2, 7)
     model, data = arm.model, arm.model.createData()
     q0, n = np.linspace(-0.5, 0.5, 7), 7
-    run = sa.simulate(arm, q0, torque, 3.0, rtol=1e-11, atol=1e-12, events=(), method="DOP853")
+    run = sa.simulate(arm, q0, torque, 3.0, rtol=1e-12, atol=1e-13, events=(), method="DOP853")
 
     def rate(t, y):
         full, v = y[: model.nq], y[model.nq :]
@@ -200,7 +200,7 @@ def test_the_full_system_by_aba_moves_the_same_way():
         return np.concatenate((R @ v[:3], turning, v[6:], pin.aba(model, data, unit, v, tau)))
 
     start = np.concatenate((np.zeros(6), [1.0], q0, np.zeros(6 + n)))
-    full = solve_ivp(rate, (0, 3.0), start, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    full = solve_ivp(rate, (0, 3.0), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     np.testing.assert_allclose(run.q[-1], full[7 : 7 + n], atol=1e-8)
     np.testing.assert_allclose(run.dq[-1], full[-n:], atol=1e-8)
     np.testing.assert_allclose(run.base[-1, :3], full[:3], atol=1e-8)
@@ -399,7 +399,7 @@ def test_a_controller_that_fails_leaves_the_trajectory_so_far(controller, messag
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["LSODA", "DOP853", "BDF", "Radau"])
+@pytest.mark.parametrize("method", ["auto", "DOP853", "Radau"])
 @pytest.mark.parametrize(
     "law",
     [
@@ -421,18 +421,37 @@ def test_high_gains_are_no_reason_to_stop():
     assert run.ended == "target"
 
 
-@pytest.mark.slow
-def test_a_simulation_inside_a_controller_takes_another_method():
+def test_a_simulation_may_run_inside_a_controller():
     arm = sa.load("planar2")
 
-    def looks_ahead(_, cfg, dq, method="DOP853"):
-        ahead = sa.simulate(arm, cfg.q, nothing, 0.1, dq0=dq, method=method, dt=0.1, events=())
+    def looks_ahead(_, cfg, dq):
+        ahead = sa.simulate(arm, cfg.q, nothing, 0.1, dq0=dq, dt=0.1, events=())
         return 0.1 - ahead.q[-1]
 
-    run = sa.simulate(arm, [0.1, 0.2], looks_ahead, 0.5, events=())
+    run = sa.simulate(arm, [0.1, 0.2], looks_ahead, 0.5, events=(), rtol=1e-4)
     assert run.ended == "duration"
-    with pytest.raises(sa.NoSolutionError, match="one at a time"):
-        sa.simulate(arm, [0.1, 0.2], lambda *state: looks_ahead(*state, method="LSODA"), 0.5)
+
+
+def test_what_ctrl_c_interrupts_is_kept():
+    calls = []
+
+    def controller(t, *_):
+        calls.append(t)
+        if t > 2.0:
+            raise KeyboardInterrupt
+        return np.array([0.1, -0.1])
+
+    run = sa.simulate(sa.load("planar2"), [0.1, 0.2], controller, 60.0, rtol=1e-10)
+    assert run.ended == "interrupted"
+    assert 0.5 < run.t[-1] <= 2.0
+
+
+def test_errors_of_a_controller_that_are_none_of_ours_come_through():
+    def controller(*_):
+        raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        sa.simulate(sa.load("planar2"), [0.1, 0.2], controller, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from spacearm.polynomial.level_set import _isosurface
+from spacearm.polynomial.level_set import _isosurface, lines
+from spacearm.polynomial.trig import TrigPolynomial
 
 N = 24
 ANGLES = 2 * np.pi * np.arange(N) / N + 0.0123
@@ -57,3 +58,15 @@ def test_the_points_are_where_the_function_is_zero():
 def test_nothing_is_found_where_there_is_nothing():
     points, triangles = _isosurface(np.ones((4, 4, 4)))
     assert points.shape == triangles.shape == (0, 3)
+
+
+@pytest.mark.parametrize("eps", [1e-3, 1e-5, 1e-9, -1e-5, -1e-9])
+def test_necks_narrower_than_a_cell_part_the_lines_that_they_should(eps):
+    """sin q1 sin q2 + eps: two loops, each in a square where the product has the sign of -eps."""
+    c = np.array([[-1.0, 0.0, 1.0], [0.0, 4.0 * eps, 0.0], [1.0, 0.0, -1.0]], complex) / 4.0
+    found = lines(TrigPolynomial(c))
+    assert len(found) == 2
+    for loop in found:
+        sines = np.sin(loop)
+        assert (sines.prod(axis=1) + eps) == pytest.approx(0.0, abs=1e-11)
+        assert (np.abs(np.sign(sines).sum(axis=0)) == len(loop)).all()

@@ -414,7 +414,12 @@ def test_plan_status_and_dry_run(study, study_file, whole, tmp_path):
         ("joints.q1", "joints.near", sa.ConfigurationError, "unknown joint"),
         (", locked = {joint_7 = 0}}]", "}]\n[shells]", sa.UnsupportedError, "redundant"),
         (STUDY, "arms = []", sa.ConfigurationError, "name one or more"),
-        (STUDY, "arms = ['planar2']", sa.ConfigurationError, "shells, risk, distance, sigma_min"),
+        (
+            STUDY,
+            "arms = ['planar2']",
+            sa.ConfigurationError,
+            "shells, risk, simulation, distance",
+        ),
         (STUDY, "arms = [", sa.ConfigurationError, "not TOML"),
     ],
 )

@@ -1,0 +1,73 @@
+"""Many configurations in blocks: read, checked and done on several threads with little memory."""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from spacearm.arrays import LARGEST, Array, whole
+from spacearm.errors import ConfigurationError
+from spacearm.kernels.processors import processors
+
+BLOCK = 16384
+"""Configurations per thread and block: their data fit the processor cache."""
+
+BLOCKS_MAPPED = 32
+"""Number of blocks after which pages of memory maps are released."""
+
+Progress = Callable[[int, int], object]
+
+
+def checked_output(array: Array, shape: tuple[int, ...], what: str) -> Array:
+    """Check an array of floats that results are written to."""
+    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
+        raise ConfigurationError(
+            f"{what} is {getattr(array, 'dtype', type(array).__name__)} of shape "
+            f"{np.shape(array)}; give an array of floats of shape {shape}"
+        )
+    if not array.flags.writeable:
+        raise ConfigurationError(f"{what} is read-only; give one that can be written to")
+    return array
+
+
+def read_block(Q: Array, block: slice) -> Array:
+    """Read one block of Q as (n, m), NaN where a value is no joint position."""
+    q = np.array(Q[block].T, dtype=np.float64, order="C")
+    q[~(np.abs(q) <= LARGEST)] = np.nan
+    return q
+
+
+def run_blocks(
+    do: Callable[[slice], None],
+    m: int,
+    threads: int | None,
+    progress: Progress | None,
+    arrays: Sequence[Array],
+    largest: int = BLOCK,
+) -> None:
+    """Do all blocks of m configurations on several threads, with little memory."""
+    threads = processors() if threads is None else whole(threads, "threads", 1)
+    size = min(largest, -(-m // threads) or 1)
+    blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
+    maps = [found for array in arrays if (found := _memory_map(array)) is not None]
+    with ThreadPoolExecutor(threads) as pool:
+        done = pool.map(do, blocks) if len(blocks) > 1 else map(do, blocks)
+        for i, _ in enumerate(done):
+            if i % BLOCKS_MAPPED == 0:
+                for memory_map in maps:
+                    memory_map.madvise(mmap.MADV_DONTNEED)
+            if progress:
+                progress(blocks[i].stop, m)
+
+
+def _memory_map(array: Array) -> mmap.mmap | None:
+    """Return the memory map behind an array, if any: its pages can be released once used."""
+    owner: object = array
+    while isinstance(owner, np.ndarray):
+        if isinstance(owner, np.memmap) and owner.mode == "c":
+            return None  # changes to a private copy are in memory only
+        owner = owner.base
+    return owner if isinstance(owner, mmap.mmap) else None

@@ -1,0 +1,69 @@
+"""First arguments: a configuration or an arm, with an answer to what is given in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from spacearm.errors import ConfigurationError
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def of_configuration(function: Callable[P, T]) -> Callable[P, T]:
+    """Have a function whose first argument is a `Configuration` say so where it is something else.
+
+    Raises:
+        ConfigurationError: It is; names what to write.
+    """
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+        if args and not isinstance(args[0], Configuration):
+            _refuse_in_place_of_configuration(function.__name__, args)
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def of_arm(function: Callable[P, T]) -> Callable[P, T]:
+    """Have a function whose first argument is a `SpaceArm` say so where it is something else.
+
+    Raises:
+        ConfigurationError: It is; names what to write.
+    """
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+        if args and not isinstance(args[0], SpaceArm):
+            raise ConfigurationError(f"sa.{function.__name__} takes an arm; {_arm_for(args[0])}")
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def _refuse_in_place_of_configuration(name: str, args: tuple[object, ...]) -> None:
+    """Raise the error for a function of a configuration that got something else."""
+    given = args[0]
+    if isinstance(given, SpaceArm):
+        rest = "q" if len(args) > 1 else "q, one number per joint"
+        raise ConfigurationError(
+            f"sa.{name} takes a configuration, not an arm: sa.{name}(arm.at({rest}))"
+        )
+    raise ConfigurationError(
+        f"sa.{name} takes a configuration, not a {type(given).__name__}; make one of an arm and "
+        f"joint positions: sa.{name}(arm.at(q))"
+    )
+
+
+def _arm_for(given: object) -> str:
+    """Return what to write in place of what was given for an arm."""
+    if isinstance(given, Configuration):
+        return "of a configuration that is cfg.arm"
+    if isinstance(given, str):
+        return f"load it first: arm = sa.load({given[:60]!r})"
+    return f"a {type(given).__name__} is none; load one: arm = sa.load(...)"

@@ -1,0 +1,241 @@
+"""Flights: simulations one after the other, with bodies that are grasped and released between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array, Result, plain
+from spacearm.errors import ConfigurationError
+from spacearm.mechanics.dynamics import generalized_velocity
+from spacearm.mechanics.impact import Capture, JointState, capture
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.motion.controllers import Controller
+from spacearm.motion.events import Event
+from spacearm.motion.simulation import simulate
+from spacearm.motion.trajectory import Trajectory
+
+OWN = ("q0", "dq0", "momentum", "base", "mode", "wheels0", "progress")
+"""Arguments of `simulate` that a phase takes from the one before."""
+Laws: TypeAlias = Controller | Mapping[str, Controller]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grasp:
+    """A body that the tip grasps at the end of a phase, by a plastic impact (see `capture`).
+
+    Attributes:
+        mass: Its mass [kg].
+        inertia: (3, 3) its inertia about its CM, tip axes [kg m^2]; a point mass if None.
+        com: (3,) its CM in the tip frame [m].
+        twist: (6,) its twist before, [velocity of its CM [m/s]; angular velocity [rad/s]], inertial
+            axes; that of the tip if None: a grasp without impact.
+        joints: "free" or "braked"; see `capture`.
+    """
+
+    mass: float
+    inertia: npt.ArrayLike | None = None
+    com: npt.ArrayLike = (0.0, 0.0, 0.0)
+    twist: npt.ArrayLike | None = None
+    joints: JointState = "free"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return {name: plain(getattr(self, name)) for name in self.__dataclass_fields__}
+
+
+@dataclass(frozen=True)
+class Release:
+    """The release, at the end of a phase, of the body that was grasped last; nothing pushes it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return no fields."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a flight.
+
+    Attributes:
+        controller: As in `simulate`.
+        duration: How long it is at most [s].
+        then: What happens at its end. Where `options` name events that stop the phase it happens
+            at one of these only, and the flight ends if there was none.
+        options: Other arguments of `simulate`: stop, reach, limits, period, wrenches, ...
+    """
+
+    controller: Laws
+    duration: float
+    then: Grasp | Release | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if own := [name for name in self.options if name in OWN]:
+            raise ConfigurationError(
+                f"the options of a phase name {own[0]!r}, which the flight gives; leave it out"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields, the controller as its repr."""
+        then = {type(self.then).__name__: self.then.to_dict()} if self.then else None
+        options = {name: plain(value) for name, value in self.options.items()}
+        return {
+            "controller": repr(self.controller),
+            "duration": self.duration,
+            "then": then,
+            "options": options,
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight(Result):
+    """What became of the phases.
+
+    Attributes:
+        phases: The trajectories, each of the arm with what it held then; their times begin at 0.
+        begins: (p,) times at which they began [s].
+        events: What happened, with times since the start of the flight; "grasp" and "release" too.
+        captures: What each grasp did: impulse, energy lost, momenta.
+        ended: Why the last phase ended.
+    """
+
+    phases: tuple[Trajectory, ...]
+    begins: Array
+    events: tuple[Event, ...]
+    captures: tuple[Capture, ...]
+    ended: str
+
+    def at(self, t: float) -> Configuration:
+        """Return the configuration at a time since the start of the flight."""
+        i = max(int(np.searchsorted(self.begins, t, side="right")) - 1, 0)
+        return self.phases[i].at(t - self.begins[i])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data."""
+        return {
+            "phases": [run.to_dict() for run in self.phases],
+            "begins": plain(self.begins),
+            "events": [event.to_dict() for event in self.events],
+            "captures": [taken.to_dict() for taken in self.captures],
+            "ended": self.ended,
+        }
+
+    def __repr__(self) -> str:
+        name, end = self.phases[0].arm.name, self.begins[-1] + self.phases[-1].t[-1]
+        return f"Flight({name}: {len(self.phases)} phases, {end:.6g} s, ended by {self.ended})"
+
+
+def simulate_phases(
+    arm: SpaceArm,
+    q0: npt.ArrayLike,
+    phases: Sequence[Phase],
+    *,
+    base: pin.SE3 | None = None,
+    dq0: npt.ArrayLike | None = None,
+    momentum: npt.ArrayLike | None = None,
+    progress: Callable[[float, float], object] | None = None,
+) -> Flight:
+    """Simulate a free-floating arm that grasps and releases bodies in flight.
+
+    Each phase is a run of `simulate` that begins where the last one ended. A grasp is a plastic
+    impact in an instant, which keeps the momentum of arm and body together; the body then belongs
+    to the arm. A release takes it away again: arm and body go on with the velocities that they
+    have, and share the momentum.
+
+    Args:
+        arm: The arm at the start.
+        q0: (n,) joint positions at the start [rad] or [m].
+        phases: The phases, one or more.
+        base: As in `simulate`.
+        dq0: As in `simulate`.
+        momentum: As in `simulate`.
+        progress: Called now and then as progress(t, duration), both simulated time [s].
+
+    Returns:
+        The runs of all phases, and what was grasped.
+
+    Raises:
+        ConfigurationError: There is no phase, a release has nothing to release, or an argument
+            makes no sense.
+        SpaceArmError: As `simulate` and `capture` raise.
+
+    Example:
+        >>> import numpy as np
+        >>> import spacearm as sa
+        >>> arm, law = sa.load("planar2"), sa.JointPD(target=[0.4, 0.9], kp=5.0, kd=5.0)
+        >>> body = sa.Grasp(mass=2.0, inertia=0.1 * np.eye(3))
+        >>> flight = sa.simulate_phases(
+        ...     arm, [0.3, 1.0], [sa.Phase(law, 1.0, body), sa.Phase(law, 1.0, sa.Release())]
+        ... )
+        >>> len(flight.phases), len(flight.captures)
+        (2, 1)
+    """
+    if not phases:
+        raise ConfigurationError("phases is empty; give one or more sa.Phase(controller, duration)")
+    grasps = np.cumsum([isinstance(p.then, Grasp) - isinstance(p.then, Release) for p in phases])
+    if grasps.min() < 0:
+        raise ConfigurationError(
+            f"phase {int(np.argmax(grasps < 0))} releases what nothing grasped; put a phase with "
+            "then=sa.Grasp(...) before it"
+        )
+    total, begin, held = sum(phase.duration for phase in phases), 0.0, [arm]
+    wheels: Array | None = None
+    runs: list[Trajectory] = []
+    begins, events, captures = list[float](), list[Event](), list[Capture]()
+    for phase in phases:
+
+        def report(t: float, _: float, begin: float = begin) -> None:
+            if progress:
+                progress(begin + t, total)
+
+        run = simulate(
+            held[-1], q0, phase.controller, phase.duration, base=base, dq0=dq0, momentum=momentum,
+            wheels0=wheels, progress=report, **phase.options,
+        )  # fmt: skip
+        runs.append(run)
+        begins.append(begin)
+        events += [event._replace(t=begin + event.t) for event in run.events]
+        begin += float(run.t[-1])
+        if run.ended == "interrupted" or (phase.options.get("stop") and run.ended == "duration"):
+            break
+        q0, dq0, momentum, base = run.q[-1], run.dq[-1], run.momentum[-1], run[-1].base
+        wheels = run.wheels[-1] if arm.wheels else None
+        if isinstance(phase.then, Grasp):
+            captures.append(_grasp(run, phase.then))
+            held.append(captures[-1].configuration.arm)
+            dq0, momentum = captures[-1].dq, captures[-1].momentum
+            detail = f"{phase.then.mass:g} kg, {captures[-1].energy_lost:.3g} J lost"
+            events.append(Event(begin, "grasp", run.q[-1], detail))
+        elif isinstance(phase.then, Release):
+            held.pop()
+            momentum = _kept(run, held[-1])
+            events.append(Event(begin, "release", run.q[-1], ""))
+    return Flight(tuple(runs), np.array(begins), tuple(events), tuple(captures), runs[-1].ended)
+
+
+def _grasp(run: Trajectory, body: Grasp) -> Capture:
+    """Return the impact at the end of a phase."""
+    cfg, dq, h = run[-1], run.dq[-1], run.momentum[-1]
+    twist = body.twist
+    if twist is None:
+        t = cfg.J @ generalized_velocity(cfg, dq, "free-floating", h)
+        lever = cfg.tip.rotation @ np.asarray(body.com, dtype=np.float64)
+        twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
+    return capture(
+        cfg, twist, body.mass, body.inertia, body.com, dq=dq, momentum=h, joints=body.joints
+    )
+
+
+def _kept(run: Trajectory, arm: SpaceArm) -> Array:
+    """Return the momentum (6,) that an arm keeps which releases what it held at the end."""
+    cfg = run[-1]
+    v = generalized_velocity(cfg, run.dq[-1], "free-floating", run.momentum[-1])
+    kept: Array = arm.at(cfg.q, base=cfg.base).A @ v + cfg.stored
+    return kept

@@ -1,0 +1,181 @@
+"""The plant of a simulation: an arm with all that acts on it, as compiled code wants it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import LARGEST, Array, finite, plain
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration, configure, kinematics
+from spacearm.model.joints import joint_name
+from spacearm.model.mode import BaseMode, free_components
+
+Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
+"""(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
+Limit = Literal["effort", "velocity"]
+LIMITS: tuple[Limit, ...] = ("effort", "velocity")
+
+
+class PassiveJoint(NamedTuple):
+    """What a joint does besides its motor: a spring, damping and dry friction.
+
+    Attributes:
+        stiffness: Of the spring [N m/rad] or [N/m].
+        rest: Where the spring is at rest [rad] or [m].
+        damping: Viscous friction [N m s/rad] or [N s/m].
+        friction: Dry friction [N m] or [N], smooth about rest: friction tanh(dq / slip).
+        slip: Rate below which it falls [rad/s] or [m/s]; small values take small steps.
+    """
+
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    slip: float = 1e-3
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return {name: plain(value) for name, value in self._asdict().items()}
+
+
+def described(arm: SpaceArm) -> dict[str, PassiveJoint]:
+    """Return damping and dry friction of the joints as the description gives them, by name.
+
+    What joints that follow others by mimic take is added to what their leaders do.
+    """
+    coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
+    joints = [arm.tree.joints[name] for name in list(arm.model.names)[2:]]
+    damping = coupling.T**2 @ np.array([joint.damping for joint in joints])
+    friction = coupling.T @ np.array([joint.friction for joint in joints])
+    return {
+        name: PassiveJoint(damping=float(damping[j]), friction=float(friction[j]))
+        for j, name in enumerate(arm.joint_names)
+        if damping[j] or friction[j]
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelHold:
+    """Wheels that hold the spacecraft's attitude at the start until they saturate.
+
+    Their torque on the spacecraft is -stiffness phi - damping w_0, phi the rotation vector from the
+    attitude at the start and w_0 the angular velocity, each wheel's share by the pseudo-inverse of
+    their axes; it is cut to `torque`. A wheel that holds `capacity` takes no more: the event
+    "wheel full".
+
+    Attributes:
+        stiffness: K [N m/rad].
+        damping: C [N m s/rad].
+        torque: Largest torque of a wheel's motor [N m].
+        capacity: Largest momentum that a wheel holds [N m s].
+    """
+
+    stiffness: float
+    damping: float
+    torque: float = np.inf
+    capacity: float = np.inf
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping", "torque", "capacity"):
+            value = getattr(self, name)
+            if not value >= 0.0:
+                raise ConfigurationError(f"{name} of the wheels is {value!r}; give one from 0 on")
+
+
+@dataclass(frozen=True)
+class Plant:
+    """An arm and what acts on it besides its controllers; checked.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft does.
+        start: Configuration at the start.
+        passive: Springs, damping and friction of joints, by name.
+        limits: The limits of the joints that cut the torques.
+        hold: What the wheels do; None if they keep what they hold.
+        wrenches: Wrenches on links, inertial axes, by name.
+        thrusters: Wrenches on links along their own axes, by name.
+    """
+
+    arm: SpaceArm
+    mode: BaseMode
+    start: Configuration
+    passive: Mapping[str, PassiveJoint] = field(default_factory=dict)
+    limits: tuple[str, ...] = ()
+    hold: WheelHold | None = None
+    wrenches: Mapping[str, Wrench] = field(default_factory=dict)
+    thrusters: Mapping[str, Wrench] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        free_components(self.mode)
+        for limit in self.limits:
+            if limit not in LIMITS:
+                raise ConfigurationError(unknown("limit", limit, LIMITS))
+        links = self.arm.tree.links
+        for link in (*self.wrenches, *self.thrusters):
+            if link not in links:
+                raise ConfigurationError(unknown("link", link, links))
+        for link, wrench in (*self.wrenches.items(), *self.thrusters.items()):
+            _wrench_at(link, wrench, 0.0)
+        for name, joint in self.passive.items():
+            joint_name(self.arm, name)
+            values = np.array(joint, dtype=np.float64)
+            if not (np.abs(values) <= LARGEST).all() or joint.slip <= 0.0 or joint.damping < 0.0:
+                raise ConfigurationError(
+                    f"passive joint {name!r} is {joint!r}; give finite numbers, damping from 0 on "
+                    "and slip above 0"
+                )
+        if self.hold is not None:
+            self._check_wheels()
+
+    def _check_wheels(self) -> None:
+        if self.mode != "free-floating":
+            raise ConfigurationError(
+                f"wheels hold the attitude and mode is {self.mode!r}; give mode='free-floating'"
+            )
+        if not self.arm.wheels:
+            raise UnsupportedError(
+                f"{self.arm.name} has no wheels; load it with wheels=[...], the names of joints"
+            )
+
+    @property
+    def pushed(self) -> list[tuple[str, Wrench, bool]]:
+        """Link, wrench and whether it is along the link's own axes, of all that is pushed."""
+        return [
+            *((link, wrench, False) for link, wrench in self.wrenches.items()),
+            *((link, wrench, True) for link, wrench in self.thrusters.items()),
+        ]
+
+    def configuration(self, y: Array) -> Configuration:
+        """Return the configuration in a state, see `kernels.dynamics.context`."""
+        arm, n = self.arm, self.arm.n
+        q, quaternion = y[:n].copy(), y[2 * n : 2 * n + 4]
+        if self.mode == "fixed":
+            placed = kinematics(arm, q, self.start.base)
+        else:
+            attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
+            turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
+            placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
+        return configure(arm, q, placed.base, y[2 * n + 17 :]) if arm.wheels else placed
+
+    def push(self, t: float, out: Array) -> None:
+        """Write all wrenches at a time to (6 p,) numbers."""
+        for i, (link, wrench, _) in enumerate(self.pushed):
+            out[6 * i : 6 * i + 6] = _wrench_at(link, wrench, t)
+
+
+def _wrench_at(link: str, wrench: Wrench, t: float) -> Array:
+    """Return a wrench at a time, checked."""
+    values = wrench(t) if callable(wrench) else wrench
+    return finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")

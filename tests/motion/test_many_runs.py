@@ -1,0 +1,66 @@
+"""Many runs at once: each is the one that `simulate` makes."""
+
+import numpy as np
+import pytest
+
+import spacearm as sa
+
+ARM = sa.load("planar2")
+RNG = np.random.default_rng(0)
+Q0 = np.array([0.3, 0.9]) + 0.1 * RNG.normal(size=(5, 2))
+LAW = sa.TransposedJacobian(target=(1.4, 0.9), kp=5.0, kd=15.0)
+
+
+def test_each_run_is_that_of_simulate():
+    seen = []
+    many = sa.simulate_many(ARM, Q0, LAW, 20.0, threads=2, progress=lambda *x: seen.append(x))
+    assert seen[-1] == (5, 5)
+    for i in (0, 4):
+        one = sa.simulate(ARM, Q0[i], LAW, 20.0, rtol=1e-6, atol=1e-8, dt=0.1)
+        run = many.isel(run=i)
+        np.testing.assert_array_equal(run["q"], one.q[-1])
+        np.testing.assert_array_equal(run["dq"], one.dq[-1])
+        np.testing.assert_allclose(run["base"], one.base[-1], atol=1e-14)
+        assert run["sigma_min"] == pytest.approx(one.sigma_min.min(), abs=1e-12)
+        turned = [np.arccos(min(abs(b[3:] @ one.base[0, 3:]), 1.0)) * 2 for b in one.base]
+        assert run["turn"] == pytest.approx(max(turned), abs=1e-7)
+        assert run["imbalance"] < 1e-6
+        times = [event.t for event in one.events if event.kind == "target"]
+        assert bool(run["success"]) == bool(times)
+        if times:
+            assert run["time_to_target"] == times[0]
+
+
+def test_laws_momenta_and_payloads_may_differ():
+    laws = [sa.JointPD(target=[0.1 * i, 0.5], kp=5.0, kd=15.0) for i in range(5)]
+    h = np.zeros((5, 6))
+    h[:, 5] = np.linspace(-1, 1, 5)
+    payload = [0.0, 1.0, 2.0, 0.0, 4.0]
+    many = sa.simulate_many(ARM, Q0, laws, 5.0, momentum=h, payload=payload)
+    for i in (1, 3):
+        arm = ARM.replace(payload=payload[i]) if payload[i] else ARM
+        one = sa.simulate(arm, Q0[i], laws[i], 5.0, momentum=h[i], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(many["q"][i], one.q[-1], atol=1e-12)
+        np.testing.assert_allclose(many["base"][i], one.base[-1], atol=1e-12)
+
+
+def test_a_run_that_fails_does_not_end_the_others():
+    laws = [sa.JointPD(target=[0.1, 0.5], kp=5.0, kd=15.0), sa.JointPD([0.1, 0.5], 1e11, 1e3)]
+    many = sa.simulate_many(ARM, Q0[0], laws, 5.0)
+    assert many["ended"].values.tolist() == ["duration", "step collapsed"]
+    assert many["t"][1] < 5.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"momentum": np.zeros((3, 6))}, "are of"),
+        ({"payload": [-1.0] * 5}, "masses from 0"),
+        ({"duration": -1.0}, "duration"),
+        ({"threads": 0}, "threads"),
+    ],
+)
+def test_bad_input(options, message):
+    options = {"duration": 1.0} | options
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.simulate_many(ARM, Q0, LAW, **options)

@@ -1,0 +1,383 @@
+"""What acts on a simulated arm besides its motors: wheels, wrenches, springs, friction, limits."""
+
+import numba
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import frame, joint, link, load_text, robot
+
+import spacearm as sa
+
+
+def nothing(*state):
+    return np.zeros_like(state[-1])
+
+
+def with_wheels():
+    """A bus with three orthogonal wheels and a two-joint arm."""
+    wheels = [
+        part
+        for i, axis in enumerate(np.eye(3))
+        for part in (
+            link(f"w{i}", 1.0, inertia=0.01 * np.eye(3)),
+            joint(f"wheel_{i}", "bus", f"w{i}", "continuous", (0, 0, 0), axis=axis),
+        )
+    ]
+    text = robot(
+        link("bus", 100.0, inertia=20.0 * np.eye(3)),
+        *wheels,
+        link("upper", 5.0, (0.5, 0, 0), 0.4 * np.eye(3)),
+        joint("shoulder", "bus", "upper", axis=(0, 0.6, 0.8)),
+        link("lower", 4.0, (0.4, 0, 0), 0.3 * np.eye(3)),
+        joint("elbow", "upper", "lower", xyz=(1, 0, 0)),
+        frame("hand"),
+        joint("wrist", "lower", "hand", "fixed", (0.8, 0, 0)),
+    )
+    return load_text(text, tip="hand", task="x y", wheels=["wheel_0", "wheel_1", "wheel_2"])
+
+
+LAW = sa.JointPD(target=[0.8, -0.6], kp=4.0, kd=6.0)
+
+
+# --- wheels ---------------------------------------------------------------------------------
+
+
+def test_wheels_hold_the_attitude_and_take_the_momentum():
+    arm = with_wheels()
+    hold = sa.WheelHold(stiffness=400.0, damping=600.0)
+    free = sa.simulate(arm, [0.1, 0.3], LAW, 40.0)
+    held = sa.simulate(arm, [0.1, 0.3], LAW, 40.0, wheels=hold)
+    turned = [np.linalg.norm(pin.log3(run[-1].base.rotation)) for run in (free, held)]
+    assert turned[1] < 0.02 * turned[0]
+    assert np.abs(held.wheels).max() > 0.1
+    assert not free.wheels.any()
+    for run in (free, held):
+        assert run.imbalance < 1e-7
+        assert np.abs(run.momentum).max() < 1e-9
+    i = int(np.linalg.norm(held.wheels, axis=1).argmax())
+    known = sa.momentum_matrix(held[i]).A_q @ held.dq[i]
+    assert np.abs(known[3:] + held[i].stored[3:]).max() < 0.3 * np.abs(known[3:]).max()
+
+
+def test_wheels_saturate_at_their_momentum():
+    arm = with_wheels()
+    hold = sa.WheelHold(stiffness=40.0, damping=60.0, capacity=0.2, torque=5.0)
+    run = sa.simulate(arm, [0.1, 0.3], LAW, 10.0, wheels=hold)
+    full = [event for event in run.events if event.kind == "wheel full"]
+    assert full
+    assert np.abs(run.wheels).max() <= 0.2 * (1.0 + 1e-6)
+    assert run.imbalance < 1e-6
+    assert np.abs(run.momentum).max() < 1e-9
+    first = sa.simulate(arm, [0.1, 0.3], LAW, 10.0, wheels=hold, stop=["wheel full"])
+    assert first.ended == "wheel full"
+    index = [wheel.name for wheel in arm.wheels].index(first.events[-1].detail)
+    assert abs(first.wheels[-1, index]) == pytest.approx(0.2, abs=1e-9)
+
+
+def test_a_wheel_gives_no_more_than_its_torque():
+    arm = with_wheels()
+    hold = sa.WheelHold(stiffness=400.0, damping=60.0, torque=0.05)
+    run = sa.simulate(arm, [0.1, 0.3], LAW, 10.0, wheels=hold, dt=0.01)
+    rates = np.diff(run.wheels, axis=0) / np.diff(run.t)[:, None]
+    assert np.abs(rates).max() <= 0.05 * (1.0 + 1e-9)
+    assert np.abs(rates).max() > 0.049
+
+
+def test_a_wheel_with_momentum_makes_the_spacecraft_a_gyroscope():
+    """A torque about x turns a bus with momentum along z about y, by Euler's equation."""
+    arm = with_wheels()
+    h = np.array([0, 0, 0, 0, 0, 50.0])
+    push = {"bus": (0, 0, 0, 0.1, 0, 0)}
+    run = sa.simulate(
+        arm, [0.0, 0.0], sa.JointPD(target=[0, 0], kp=4e3, kd=4e3), 2.0,
+        momentum=h, wheels0=[0, 0, 50.0], wrenches=push, events=(),
+    )  # fmt: skip
+    assert run.imbalance < 1e-6
+    np.testing.assert_allclose(run.momentum[-1], [*h[:3], 0.2, *h[4:]], atol=1e-8)
+    np.testing.assert_allclose(run.impulse[-1], [0, 0, 0, 0.2, 0, 0], atol=1e-8)
+
+
+# --- wrenches -------------------------------------------------------------------------------
+
+
+def test_a_force_brings_momentum_and_work():
+    arm = sa.load("chaser7")
+    force = np.array([2.0, -1.0, 0.5])
+    links = list(arm.tree.links)
+    push = {links[0]: (*force, 0, 0, 0), arm.tip: lambda t: (*(np.cos(t) * force), 0.1, 0.2, 0)}
+    run = sa.simulate(arm, np.full(7, 0.3), nothing, 3.0, wrenches=push, rtol=1e-10, events=())
+    linear = force * (3.0 + np.sin(3.0))
+    np.testing.assert_allclose(run.momentum[-1, :3], linear, atol=1e-7)
+    np.testing.assert_allclose(run.impulse[-1], run.momentum[-1] - run.momentum[0], atol=1e-7)
+    assert run.imbalance < 1e-8
+    assert run.other_work[-1] > 0.1
+    assert not run.work.any()
+    shift = np.trapezoid(run.momentum[:, :3], run.t, axis=0) / arm.mass
+    np.testing.assert_allclose(run.com[-1] - run.com[0], shift, atol=1e-5)
+
+
+def test_a_thruster_turns_with_its_link():
+    """A thruster at the CM of a spinning spacecraft along its own axis: circles, no net push."""
+    arm = sa.load("planar2")
+    cfg = arm.at([0.2, 0.3])
+    spin = np.array([0, 0, 0, 0, 0, 2.0 * np.pi * cfg.A[5, 5] / 10.0])  # a turn in 10 s
+    law = sa.JointPD(target=[0.2, 0.3], kp=5e3, kd=5e3)
+    root = arm.tree.root
+    fixed = sa.simulate(
+        arm, cfg.q, law, 10.0, momentum=spin, wrenches={root: (0.01, 0, 0, 0, 0, 0)}, events=()
+    )
+    turning = sa.simulate(
+        arm, cfg.q, law, 10.0, momentum=spin, thrusters={root: (0.01, 0, 0, 0, 0, 0)}, events=()
+    )
+    assert np.linalg.norm(fixed.impulse[-1, :3]) == pytest.approx(0.1, rel=1e-6)
+    assert np.linalg.norm(turning.impulse[-1, :3]) < 2e-3
+    assert turning.imbalance < 1e-6
+
+
+# --- joints ---------------------------------------------------------------------------------
+
+
+def test_a_spring_swings_and_damping_ends_it():
+    arm = sa.load("planar2", locked={"joint_2": 0.4})
+    H = sa.generalized_inertia(arm.at([0.3]))[0, 0]
+    spring = {"joint_1": sa.PassiveJoint(stiffness=8.0, rest=0.1)}
+    run = sa.simulate(arm, [0.3], nothing, 10.0, passive=spring, rtol=1e-10)
+    w = np.sqrt(8.0 / H)
+    assert np.ptp(run.q) == pytest.approx(0.4, rel=1e-3)
+    peaks = run.t[1:-1][(run.q[1:-1, 0] > run.q[:-2, 0]) & (run.q[1:-1, 0] > run.q[2:, 0])]
+    assert np.diff(peaks).mean() == pytest.approx(2 * np.pi / w, rel=0.02)  # H depends on q
+    assert run.imbalance < 1e-8
+    damped = {"q1": sa.PassiveJoint(stiffness=8.0, rest=0.1, damping=10.0)}
+    end = sa.simulate(arm, [0.3], nothing, 60.0, passive=damped)
+    assert end.q[-1, 0] == pytest.approx(0.1, abs=1e-6)
+    assert end.other_work[-1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_dry_friction_stops_a_joint():
+    arm = sa.load("planar2")
+    dry = {"joint_1": sa.PassiveJoint(friction=0.5), "joint_2": sa.PassiveJoint(friction=0.5)}
+    run = sa.simulate(arm, [0.1, 0.2], nothing, 20.0, dq0=[0.2, -0.1], passive=dry)
+    assert np.abs(run.dq[-1]).max() < 1e-3
+    assert run.imbalance < 1e-6
+    assert run.energy[-1] < 1e-3 * run.energy[0]
+
+
+def test_limits_cut_the_torques():
+    arm = load_text(
+        robot(
+            link("bus", 50.0),
+            link("arm", 5.0, (0.3, 0, 0), 0.2 * np.eye(3)),
+            joint("elbow", "bus", "arm"),  # effort 10, velocity 1
+        ),
+        tip="arm",
+        task="rz",
+    )
+    law = sa.JointPD(target=[2.5], kp=200.0, kd=20.0)
+    free = sa.simulate(arm, [0.0], law, 5.0)
+    assert np.abs(free.torque).max() > 100.0
+    cut = sa.simulate(arm, [0.0], law, 8.0, limits=["effort", "velocity"])
+    assert np.abs(cut.torque).max() <= 10.0
+    assert np.abs(cut.dq).max() <= 1.0
+    assert np.abs(cut.dq).max() > 0.9
+    assert cut.q[-1, 0] == pytest.approx(2.5, abs=1e-2)
+    assert cut.imbalance < 1e-6
+
+
+# --- controllers ----------------------------------------------------------------------------
+
+
+def test_a_compiled_controller_is_the_one_in_python():
+    arm = sa.load("planar2")
+    goal = np.array([0.5, -0.3])
+
+    @numba.njit
+    def law(_, cfg, dq):
+        return 4.0 * (goal - cfg.q) - 6.0 * dq
+
+    q0 = [0.1, 0.2]
+    ours = sa.simulate(arm, q0, sa.JointPD(target=goal, kp=4.0, kd=6.0), 10.0)
+    for controller in (law, law.py_func):
+        run = sa.simulate(arm, q0, controller, 10.0)
+        np.testing.assert_allclose(run.q, ours.q, atol=1e-12)
+
+
+def test_a_compiled_controller_sees_tip_and_jacobian():
+    arm = sa.load("planar2")
+    goal = np.array([1.2, 0.7, 0.0])
+
+    @numba.njit
+    def law(_, cfg, dq):
+        J = np.ascontiguousarray(cfg.jacobian[:2])
+        return J.T @ (5.0 * (goal[:2] - cfg.tip[:2]) - 15.0 * (J @ dq))
+
+    base = pin.SE3(pin.exp3(np.array([0, 0, 0.4])), np.array([0.1, 0.2, 0]))
+    known = sa.TransposedJacobian(target=goal[:2], kp=5.0, kd=15.0)
+    ours = sa.simulate(arm, [0.1, 0.9], known, 10.0, base=base)
+    run = sa.simulate(arm, [0.1, 0.9], law, 10.0, base=base)
+    np.testing.assert_allclose(run.q, ours.q, atol=1e-9)
+
+
+def test_a_controller_of_fixed_rate_holds_its_torques():
+    arm = sa.load("planar2")
+    law = sa.JointPD(target=[0.5, -0.3], kp=0.5, kd=1.0)
+    always = sa.simulate(arm, [0.1, 0.2], law, 10.0)
+    errors = []
+    for period in (0.1, 0.05):
+        run = sa.simulate(arm, [0.1, 0.2], law, 10.0, period=period, dt=0.01)
+        errors.append(np.abs(run.q[200] - always.q[200]).max())
+        assert len(np.unique(run.torque[:, 0])) <= 10.0 / period + 2
+        assert run.imbalance < 1e-7
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2)  # a hold is a delay of half of it
+
+
+def test_a_delay_is_waited_for():
+    arm = sa.load("planar2")
+    run = sa.simulate(
+        arm, [0.1, 0.2], sa.JointPD(target=[0.5, -0.3], kp=4.0, kd=6.0), 1.0,
+        period=0.1, delay=0.04, dt=0.02,
+    )  # fmt: skip
+    assert not run.torque[run.t < 0.039].any()
+    assert run.torque[3].any()
+    assert not run.dq[1].any()
+
+
+def test_two_tips_have_a_law_each():
+    arm = sa.load("planar2")
+    text = robot(
+        link("bus", 60.0, inertia=8 * np.eye(3)),
+        *(
+            part
+            for side, x in (("left", -0.5), ("right", 0.5))
+            for part in (
+                link(f"{side}_1", 4.0, (0.5, 0, 0), 0.3 * np.eye(3)),
+                joint(f"{side}_a", "bus", f"{side}_1", xyz=(x, 0, 0)),
+                link(f"{side}_2", 3.0, (0.5, 0, 0), 0.3 * np.eye(3)),
+                joint(f"{side}_b", f"{side}_1", f"{side}_2", xyz=(1.0, 0, 0)),
+                frame(f"{side}_tip"),
+                joint(f"{side}_c", f"{side}_2", f"{side}_tip", "fixed", (1.0, 0, 0)),
+            )
+        ),
+    )
+    arm = load_text(text, tip=["left_tip", "right_tip"], task="x y")
+    cfg = arm.at([2.0, 0.8, 0.5, 0.9])
+    goals = {
+        tip: cfg.tips[i].translation[:2] + np.array([0.1, -0.15]) for i, tip in enumerate(arm.tips)
+    }
+    laws = {tip: sa.TransposedJacobian(target=goal, kp=8.0, kd=20.0) for tip, goal in goals.items()}
+    run = sa.simulate(arm, cfg.q, laws, 60.0)
+    for i, tip in enumerate(arm.tips):
+        np.testing.assert_allclose(run[-1].tips[i].translation[:2], goals[tip], atol=2e-3)
+    assert run.imbalance < 1e-7
+    assert len({e.detail for e in run.events if e.kind == "target"}) == 2
+    with pytest.raises(sa.ConfigurationError, match="left_tip"):
+        sa.simulate(arm, cfg.q, {"hand": laws["left_tip"]}, 1.0)
+    with pytest.raises(sa.UnsupportedError):
+        sa.simulate(arm, cfg.q, laws["left_tip"], 1.0)
+
+
+# --- bad input ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"wrenches": {"wing": np.zeros(6)}}, "'wing'"),
+        ({"thrusters": {"base": lambda _: np.zeros(3)}}, "6 finite numbers"),
+        ({"passive": {"joint_9": sa.PassiveJoint()}}, "joint_9"),
+        ({"passive": {"joint_1": sa.PassiveJoint(damping=-1.0)}}, "damping from 0 on"),
+        ({"limits": ["power"]}, "'power'"),
+        ({"period": 0.1, "delay": 0.2}, "delay is 0.2"),
+        ({"period": -1.0}, "period"),
+    ],
+)
+def test_bad_input(options, message):
+    arm = sa.load("planar2")
+    options = {k: {arm.tree.root: next(iter(v.values()))} if k == "thrusters" else v
+               for k, v in options.items()}  # fmt: skip
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.simulate(arm, [0.1, 0.2], nothing, 1.0, **options)
+
+
+def test_wheels_that_are_not_there_hold_nothing():
+    with pytest.raises(sa.UnsupportedError, match="wheels="):
+        sa.simulate(
+            sa.load("planar2"), [0, 1], nothing, 1.0, wheels=sa.WheelHold(stiffness=1, damping=1)
+        )
+    with pytest.raises(sa.ConfigurationError, match="torque of the wheels"):
+        sa.WheelHold(stiffness=1, damping=1, torque=-1.0)
+
+
+# --- friction of the description -------------------------------------------------------------
+
+
+def with_friction(first, second):
+    """The arm of two joints with <dynamics>."""
+    arm = sa.load("planar2")
+    text = arm.path.read_text()
+    names = arm.joint_names
+    for name, dynamics in zip(names, (first, second), strict=True):
+        start = text.index("</joint>", text.index(f'<joint name="{name}"'))
+        text = text[:start] + dynamics + text[start:]
+    return load_text(text, task="x y"), names
+
+
+def test_friction_of_the_description_acts_when_it_is_asked_for():
+    arm, (first, second) = with_friction(
+        '<dynamics damping="0.3"/>', '<dynamics damping="0.1" friction="0.05"/>'
+    )
+    assert arm.tree.joints[second].friction == 0.05
+    asked = sa.simulate(arm, [0.3, 0.9], nothing, 2.0, dq0=[0.4, -0.6], passive="described")
+    named = {
+        first: sa.PassiveJoint(damping=0.3),
+        second: sa.PassiveJoint(damping=0.1, friction=0.05),
+    }
+    known = sa.simulate(arm, [0.3, 0.9], nothing, 2.0, dq0=[0.4, -0.6], passive=named)
+    free = sa.simulate(arm, [0.3, 0.9], nothing, 2.0, dq0=[0.4, -0.6])
+    np.testing.assert_array_equal(asked.q, known.q)
+    assert asked.energy[-1] < 0.9 * free.energy[-1]
+    assert free.energy[-1] == pytest.approx(free.energy[0], rel=1e-7)
+
+
+def test_friction_goes_through_a_urdf_and_faults_are_said(tmp_path):
+    arm, (first, second) = with_friction('<dynamics damping="0.3" friction="0.2"/>', "")
+    again = sa.load(arm.to_urdf(tmp_path / "arm.urdf"))
+    assert again.tree.joints[first].damping == 0.3
+    assert again.tree.joints[first].friction == 0.2
+    assert again.tree.joints[second].damping == 0.0
+    with pytest.warns(sa.ModelWarning, match=f"damping='-1' of joint '{first}'"):
+        faulty, _ = with_friction('<dynamics damping="-1" friction="0.2"/>', "")
+    assert faulty.tree.joints[first].damping == 0.0
+    with pytest.raises(sa.ConfigurationError, match="described"):
+        sa.simulate(arm, [0.3, 0.9], nothing, 1.0, passive="file")
+
+
+def test_friction_of_followers_acts_on_their_leader():
+    text = robot(
+        link("bus", 100.0, inertia=20.0 * np.eye(3)),
+        link("upper", 5.0, (0.5, 0, 0), 0.4 * np.eye(3)),
+        joint("shoulder", "bus", "upper"),
+        link("lower", 4.0, (0.4, 0, 0), 0.3 * np.eye(3)),
+        joint("elbow", "upper", "lower", xyz=(1, 0, 0)).replace(
+            "</joint>", '<mimic joint="shoulder" multiplier="-2"/><dynamics damping="0.3" '
+            'friction="0.1"/></joint>'
+        ),
+        frame("hand"),
+        joint("wrist", "lower", "hand", "fixed", (0.8, 0, 0)),
+    )  # fmt: skip
+    arm = load_text(text, tip="hand", task="x")
+    from spacearm.motion.plant import described
+
+    assert described(arm)["shoulder"].damping == pytest.approx(1.2)
+    assert described(arm)["shoulder"].friction == pytest.approx(0.2)
+
+
+def test_friction_of_an_mjcf(tmp_path):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="bus"><freejoint/><geom size="0.5" mass="50"/>'
+        '<body name="link" pos="1 0 0"><joint name="hinge" damping="0.4" frictionloss="0.2"/>'
+        '<geom size="0.1" mass="2"/></body></body></worldbody></mujoco>'
+    )
+    hinge = sa.load(path, task="x").tree.joints["hinge"]
+    assert (hinge.damping, hinge.friction) == (0.4, 0.2)
