@@ -20,10 +20,10 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.mechanics.floating import GAUSS, magnus_step, magnus_step_derivative
-from spacearm.mechanics.jacobian import (
+from spacearm.mechanics.jacobian import partial_derivatives
+from spacearm.mechanics.reduction import (
     base_response,
     base_response_derivative,
-    partial_derivatives,
     reduced_jacobian,
     reduced_jacobian_derivative,
 )

@@ -6,6 +6,8 @@ configurations with the sign of the start are free.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from spacearm.arrays import Array
@@ -14,6 +16,10 @@ from spacearm.model.arm import SpaceArm
 
 FAR = 1.0
 """Distances to the singular set beyond this are not told apart [rad]: they are too rough."""
+BEYOND, ACROSS = -2.0, -1.0
+"""In place of the distance, for curves beyond the limits or on the other side of a singularity."""
+BLOCK = 16_000
+"""Configurations that are evaluated between two looks at the clock."""
 
 
 class FreeSpace:
@@ -24,10 +30,19 @@ class FreeSpace:
         q: (n,) joint positions at the start.
         lower: (n,) least joint positions, -inf for joints without limits.
         upper: (n,) largest.
+        check_time: Called now and then; it may raise an error to end the search.
     """
 
-    def __init__(self, arm: SpaceArm, q: Array, lower: Array, upper: Array) -> None:
+    def __init__(
+        self,
+        arm: SpaceArm,
+        q: Array,
+        lower: Array,
+        upper: Array,
+        check_time: Callable[[], None] = lambda: None,
+    ) -> None:
         self.arm, self.q, self.lower, self.upper = arm, q, lower, upper
+        self._check_time = check_time
         self._det = evaluate(arm, q[None], ("determinant",))["determinant"][0]
         self._turns = ~arm.slides & (arm.coupling is None)
 
@@ -57,15 +72,22 @@ class FreeSpace:
     def least_distance(self, curves: Array) -> Array:
         """Return how near to the singular set curves (K, m, n) come (K,) [rad].
 
-        To first order, no more than `FAR`; -1 if they leave the free space.
+        To first order, no more than `FAR`; `BEYOND` or `ACROSS` if they leave the free space.
         """
         inside = ((curves >= self.lower) & (curves <= self.upper)).all(axis=(1, 2))
         few = curves[inside]
+        least, size = np.full(len(curves), BEYOND), max(1, BLOCK // curves.shape[1])
+        blocks = [self._least(few[i : i + size]) for i in range(0, len(few), size)]
+        least[inside] = np.concatenate(blocks) if blocks else 0.0
+        return least
+
+    def _least(self, curves: Array) -> Array:
+        """Return the same of a few curves within the limits."""
+        self._check_time()
         names = ("distance",) if np.isnan(self._det) else ("distance", "determinant")
-        at = evaluate(self.arm, few.reshape(-1, self.arm.n), names)
+        at = evaluate(self.arm, curves.reshape(-1, self.arm.n), names)
         distance = np.minimum(at["distance"], FAR)
         if "determinant" in at:
-            distance[at["determinant"] * self._det <= 0.0] = -1.0
-        least = np.full(len(curves), -1.0)
-        least[inside] = distance.reshape(len(few), curves.shape[1]).min(axis=1)
+            distance[at["determinant"] * self._det <= 0.0] = ACROSS
+        least: Array = distance.reshape(curves.shape[:2]).min(axis=1)
         return least

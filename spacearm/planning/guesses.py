@@ -9,43 +9,40 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
+from spacearm.collisions.separation import Collisions
 from spacearm.mechanics.floating import GAUSS
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.curve import sines
-from spacearm.planning.free_space import FreeSpace
+from spacearm.planning.free_space import ACROSS, BEYOND, FreeSpace
+from spacearm.planning.loops import NEAR, Indices, Loops, matches
 from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns, turning_axes
 from spacearm.planning.optimiser import Target
+from spacearm.planning.search import Search
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
-Indices: TypeAlias = npt.NDArray[np.int64]
 
 FEW, MANY = 600, 2000
 """Numbers of curves, and of loops, that are tried at once."""
-LOOPS = (1, 2, 3, 4, 6, 8, 12)
-"""Numbers of times that a loop is run through."""
-WORDS = 8
-"""Numbers of turns by loops that are considered for each end, nearest to the one needed."""
 BROAD, SPREAD, GENERATIONS = 300, 0.2, 4
 """Loops that are made larger at random, those that turn the spacecraft most; by how much at most
 [rad] or [m]; how often."""
 SAMPLE = 20
 """Loops that are tried at a place, to compare places."""
-NEAR = 0.4
-"""Largest angle between the turn by loops and the turn that is needed [rad]."""
 CLOSE = 1e-4
 """Largest distance of the tip from its goal [m], [rad]."""
 INTERVALS, POINTS = 16, 65
 """Steps of the integration along a curve; points at which the distance is evaluated."""
+TOGETHER = 300
+"""Curves whose turns are computed between two looks at the clock."""
 HELD_STEPS, TURNING_STEPS = 25, 12
 """Newton steps with the attitude held, and with the attitude that follows from the curve."""
 
@@ -66,24 +63,6 @@ class Guess:
     room: float
 
 
-class Loops(NamedTuple):
-    """Closed loops, free of singularities.
-
-    Attributes:
-        C: (K, waves, n) coefficients of their sines.
-        room: (K,) least distance to the singular set on each [rad].
-        turn: (K, 3) rotation vectors by which each turns the spacecraft [rad].
-    """
-
-    C: Array
-    room: Array
-    turn: Array
-
-    def broadest(self, m: int) -> Array:
-        """Return the sines (<= m, waves, n) of those that turn the spacecraft most."""
-        return self.C[np.argsort(-np.linalg.norm(self.turn, axis=1))[:m]]
-
-
 class GuessFinder:
     """The search for guesses of motions from one configuration.
 
@@ -92,15 +71,25 @@ class GuessFinder:
         target: What the motions must achieve.
         waves: Number of sines of curve and loop.
         rng: Source of random numbers.
+        search: Its time and its account.
+        collisions: What postures at the goal must be free of.
     """
 
     def __init__(
-        self, start: Configuration, target: Target, waves: int, rng: np.random.Generator
+        self,
+        start: Configuration,
+        target: Target,
+        waves: int,
+        rng: np.random.Generator,
+        search: Search | None = None,
+        collisions: Collisions | None = None,
     ) -> None:
         self.start, self.target, self.waves, self.rng = start, target, waves, rng
+        self.search, self._collisions = search or Search(np.inf), collisions
         self.arm, self.T0, self.com = start.arm, start.base.rotation, start.com
         self.axes = goal_axes(start)
-        self.free = FreeSpace(self.arm, start.q, target.lower, target.upper)
+        limits = target.lower, target.upper
+        self.free = FreeSpace(self.arm, start.q, *limits, self.search.check_time)
         s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
         self._basis, self._slope = sines(np.append(s, 1.0), waves)
         self._along, _ = sines(np.linspace(0.0, 1.0, POINTS), waves)
@@ -111,7 +100,7 @@ class GuessFinder:
         Args:
             width: Size of the sines [rad], [m], and of the turns of the spacecraft [rad].
         """
-        _, ends = self._ends(width, FEW)
+        _, ends = self.ends(width, FEW)
         ends = np.resize(ends, (FEW if len(ends) else 0, self.arm.n))
         P = width * _closed(self._sines(len(ends)))
         P[1::4] = 0.0  # straight lines too
@@ -121,13 +110,14 @@ class GuessFinder:
         P, near = self._arriving(P, np.broadcast_to(np.eye(3), (len(P), 3, 3)))
         room, travel = self.free.least_distance(self._points(P)), _travel(self._points(P))
         clear = room > self.target.clearance
+        self.count_ways(room, near)
         for i in (*_shortest(travel, near & clear), *np.flatnonzero(near & ~clear)):
             yield Guess(self._unknowns(P[i]), 0, room[i])
 
     def loops_and_lines(self) -> Iterator[Guess]:
         """Yield loops with a straight line after them that arrive, free, shortest first."""
         target, loops = self.target, self._loops()
-        T, ends = self._ends(np.pi, MANY)
+        T, ends = self.ends(np.pi, MANY)
         P: Array = np.zeros((len(ends), self.waves + 1, self.arm.n))
         P[:, 0] = ends - self.start.q
         clear = self.free.least_distance(self._points(P)) > target.clearance
@@ -135,7 +125,7 @@ class GuessFinder:
         if len(loops.C) == 0 or len(P) == 0 or (target.tip is None and target.attitude is None):
             return
         needed = Rotation.from_matrix(self.T0.T @ T @ np.swapaxes(self._turns(P), 1, 2))
-        end, loop, times = _matches(loops, needed)
+        end, loop, times = matches(loops, needed)
         travel = times * _travel(self._points(_closed(loops.C)))[loop]
         travel += _travel(self._points(P))[end]
         best = np.argsort(travel, kind="stable")[:MANY]
@@ -143,16 +133,17 @@ class GuessFinder:
         W = Rotation.from_rotvec(times[:, None] * loops.turn[loop]).as_matrix()
         P, near = self._arriving(P[end], W)
         room = np.minimum(self.free.least_distance(self._points(P)), loops.room[loop])
+        self.count_ways(room, near)
         for i in _shortest(travel, near & (room > target.clearance)):
             yield Guess(self._unknowns(P[i], loops.C[loop[i]]), int(times[i]), room[i])
 
     def points(self, guess: Guess) -> Array:
-        """Return points (m, n) along a guess, its loop once."""
+        """Return points (m, n) along a guess, its loops too."""
         P = guess.x.reshape(-1, self.arm.n)
         curve, C = P[: self.waves + 1].copy(), P[self.waves + 1 :]
         curve[0] -= self.start.q
-        loop = self._points(_closed(C[None]))[0] if guess.loops else curve[:0]
-        return np.concatenate((loop, self._points(curve[None])[0]))
+        loop = [self._points(_closed(C[None]))[0]] * guess.loops if guess.loops else []
+        return np.concatenate((*loop, self._points(curve[None])[0]))
 
     def loop_places(self, m: int) -> Array:
         """Return joint positions (<= m, n) about which loops turn the spacecraft far.
@@ -171,7 +162,7 @@ class GuessFinder:
         turn[clear] = _angles(self._turns(P[clear], places[clear]))
         return Q[np.argsort(-turn.reshape(-1, SAMPLE).max(axis=1))[:m]]
 
-    def _ends(self, width: float, m: int) -> tuple[Array, Array]:
+    def ends(self, width: float, m: int) -> tuple[Array, Array]:
         """Return attitudes (<= m, 3, 3) and joint positions (<= m, n) at the goal."""
         target, axes = self.target, np.zeros(3)
         axes[list(turning_axes(self.arm))] = 1.0
@@ -181,11 +172,34 @@ class GuessFinder:
             return T[:1], np.array([target.q])
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
         Q, miss = inverse_kinematics(
-            self.arm, self.free.draw(m, self.rng), tip, T, self.axes, HELD_STEPS
-        )
-        Q = self.free.wrapped(Q)
-        good = (miss < CLOSE) & (self.free.least_distance(Q[:, None]) > target.clearance)
+            self.arm, self.free.draw(m, self.rng), tip, T, self.axes, HELD_STEPS,
+            self.search.check_time,
+        )  # fmt: skip
+        Q, there = self.free.wrapped(Q), miss < CLOSE
+        room = self.free.least_distance(Q[:, None])
+        good = there & (room > target.clearance)
+        if self._collisions:
+            good[good] = [not self._collisions.touch(q) for q in Q[good]]
+        counts = {
+            "tried": m,
+            "reached": there.sum(),
+            "limits": (there & (room == BEYOND)).sum(),
+            "side": (there & (room == ACROSS)).sum(),
+            "near": (there & (room >= 0.0) & (room <= target.clearance)).sum(),
+            "contact": (there & (room > target.clearance) & ~good).sum(),
+            "usable": good.sum(),
+        }
+        self.search.postures.update({word: int(count) for word, count in counts.items()})
         return T[good], Q[good]
+
+    def count_ways(self, room: Array, near: Mask) -> None:
+        """Account for what stops curves, given their least distances and which arrive."""
+        stopped = near & (room <= self.target.clearance)
+        self.search.ways.update(
+            landing=int((~near).sum()),
+            limits=int((stopped & (room == BEYOND)).sum()),
+            singular=int((stopped & (room > BEYOND)).sum()),
+        )
 
     def _arriving(self, P: Array, W: Array) -> tuple[Array, Mask]:
         """Move the ends of curves to the goal; return the curves, and whether each comes near it.
@@ -206,8 +220,9 @@ class GuessFinder:
 
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
         _, miss = inverse_kinematics(
-            self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, TURNING_STEPS
-        )
+            self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, TURNING_STEPS,
+            self.search.check_time,
+        )  # fmt: skip
         return P, miss < CLOSE
 
     def _loops(self) -> Loops:
@@ -244,32 +259,21 @@ class GuessFinder:
             P: (K, waves + 1, n) the curves.
             places: (K, 1, n) where they begin; the start if None.
         """
-        places = self.start.q if places is None else places
-        return spacecraft_turns(self.arm, places + self._basis[:-1] @ P, self._slope @ P)
+        places = np.broadcast_to(
+            self.start.q if places is None else places, (len(P), 1, P.shape[2])
+        )
+        turns: list[Array] = [np.empty((0, 3, 3))]
+        for some in (slice(i, i + TOGETHER) for i in range(0, len(P), TOGETHER)):
+            self.search.check_time()
+            Q = places[some] + self._basis[:-1] @ P[some]
+            turns.append(spacecraft_turns(self.arm, Q, self._slope @ P[some]))
+        return np.concatenate(turns)
 
     def _unknowns(self, P: Array, C: Array | None = None) -> Array:
         """Return the unknowns of `CurveOptimiser` for a curve P and a loop of sines C."""
         curve = P.copy()
         curve[0] += self.start.q
         return np.concatenate((curve.ravel(), np.empty(0) if C is None else C.ravel()))
-
-
-def _matches(loops: Loops, needed: Rotation) -> tuple[Indices, Indices, Indices]:
-    """Match loops with the turns that are needed.
-
-    The distance between the unit quaternions of two attitudes is 2 sin(angle / 4).
-
-    Returns:
-        The numbers of turns that are needed, the numbers of loops that nearly make them, and how
-        many times these have to be run through.
-    """
-    wound = Rotation.concatenate([Rotation.from_rotvec(k * loops.turn) for k in LOOPS])
-    tree = cKDTree(np.concatenate((wound.as_quat(), -wound.as_quat())))
-    some = np.arange(1, min(WORDS, len(wound)) + 1)
-    chord, word = (np.asarray(x) for x in tree.query(needed.as_quat(), k=some))
-    which, rank = np.nonzero(chord < 2.0 * np.sin(NEAR / 4.0))
-    times, loop = np.divmod(word[which, rank] % len(wound), len(loops.C))
-    return which, loop, np.array(LOOPS)[times]
 
 
 def _angles(R: Array) -> Array:

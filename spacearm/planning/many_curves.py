@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,9 @@ from spacearm.arrays import Array
 from spacearm.mechanics.floating import magnus_step
 from spacearm.model.arm import SpaceArm
 from spacearm.singularities.polynomial import plane_of_motion
+
+if TYPE_CHECKING:
+    from spacearm.mechanics.compiled import Reactions
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""
@@ -58,8 +62,21 @@ def spacecraft_turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
     return whole
 
 
+def held_jacobian(at: Reactions) -> Array:
+    """Return the Jacobians (m, 6, n) with the attitude held: J* without the turning by A dq."""
+    swept = np.cross(at.r[:, None], np.swapaxes(at.A, 1, 2))
+    return at.J + np.concatenate((np.swapaxes(swept, 1, 2), -at.A), axis=1)
+
+
 def inverse_kinematics(
-    arm: SpaceArm, q: Array, tip: pin.SE3, attitude: Array | Turns, axes: Array, steps: int
+    arm: SpaceArm,
+    q: Array,
+    tip: pin.SE3,
+    attitude: Array | Turns,
+    axes: Array,
+    steps: int,
+    check_time: Callable[[], None] = lambda: None,
+    limits: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Find joint positions that bring the tip to a pose, by damped Newton steps from first guesses.
 
@@ -71,6 +88,8 @@ def inverse_kinematics(
             joint positions (K, n): then the spacecraft turns with each step by (33c).
         axes: (3, 3) the goal axes; see `goal_axes`.
         steps: Number of steps.
+        check_time: Called at every step; it may raise an error to end the search.
+        limits: (n,) least and (n,) largest joint positions, which no step passes.
 
     Returns:
         (K, n) joint positions; (K,) norm of what the tip misses in the task's rows [m], [rad].
@@ -79,6 +98,7 @@ def inverse_kinematics(
 
     rows, tip = arm.task.indices, pin.SE3(axes.T, np.zeros(3)) * tip
     for step in range(steps + 1):
+        check_time()
         T = axes.T @ (attitude(q) if callable(attitude) else attitude)
         at = reactions(arm, q.T)
         turn = Rotation.from_matrix(tip.rotation @ np.swapaxes(T @ at.R, 1, 2)).as_rotvec()
@@ -87,13 +107,11 @@ def inverse_kinematics(
         miss = np.linalg.norm(left, axis=1)
         if step == steps:
             break
-        J = at.J
-        if not callable(attitude):  # the joints' own part: J* without the turning by A dq
-            swept = np.cross(at.r[:, None], np.swapaxes(at.A, 1, 2))
-            J = J + np.concatenate((np.swapaxes(swept, 1, 2), -at.A), axis=1)
+        J = at.J if callable(attitude) else held_jacobian(at)
         J = (T[:, None] @ J.reshape(-1, 2, 3, arm.n)).reshape(-1, 6, arm.n)[:, rows]
         Jt, damping = np.swapaxes(J, 1, 2), 1e-3 + 0.1 * np.minimum(1.0, miss)
         square = J @ Jt + (damping**2)[:, None, None] * np.eye(len(rows))
         dq = (Jt @ np.linalg.solve(square, left[:, :, None]))[:, :, 0]
         q = q + dq * np.minimum(1.0, STRIDE / np.maximum(np.abs(dq).max(axis=1), 1e-12))[:, None]
+        q = q if limits is None else np.clip(q, *limits)
     return q, miss

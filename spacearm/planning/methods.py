@@ -1,4 +1,4 @@
-"""The four methods of planning: each takes a problem and returns rows that solve it, or fails.
+"""The five methods of planning: each takes a problem and returns rows that solve it, or fails.
 
 A method that fails raises a NoSolutionError that says why.
 """
@@ -6,7 +6,6 @@ A method that fails raises a NoSolutionError that says why.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
@@ -15,15 +14,17 @@ from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
-from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
 from spacearm.motion.following import follow
 from spacearm.motion.goal import as_goal, goal_axes, goal_rows, miss
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
-from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING, CurveOptimiser, Target
+from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, CurveOptimiser, Target
 from spacearm.planning.problem import WAVES, Problem, Rows
+from spacearm.planning.search import TimeUpError
+from spacearm.planning.timing import rest_to_rest_times
+from spacearm.planning.tree import by_tree, straight_rows
 
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
 """Sizes of the curves that are tried [rad]."""
@@ -31,6 +32,8 @@ PLACES = 8
 """Postures about which loops are tried."""
 STARTS = 60
 """Curves with a singularity on the way that are optimised, over the number of joints."""
+CHECKED = 40
+"""Guesses that are checked for contacts with obstacles, which takes long."""
 TRIES, ENOUGH = 6, 2
 """Guesses that are optimised, and solutions of which the shortest is taken."""
 TURNS, TURN_STEPS = 72, 24
@@ -42,6 +45,7 @@ NEAREST = 4
 def straight(problem: Problem) -> Rows:
     """Lead the tip along a straight line by J*."""
     optimiser = CurveOptimiser(problem.start, problem.target, 1)
+    problem.search.check_time()
     if np.linalg.norm(optimiser.residual(problem.start)) <= ARRIVED:
         return [problem.start]
     if problem.target.tip is None:
@@ -57,11 +61,16 @@ def joint_space(problem: Problem) -> Rows:
     finder = problem.guesses(problem.start, problem.target)
     tries = []
     for width in WIDTHS:
-        problem.check_time()
         tries.append(list(finder.curves(width)))
     mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
     if not mixed:
-        raise NoSolutionError("no joint positions, clear of singularities, were found at the goal")
+        found = problem.search.postures["usable"]
+        raise NoSolutionError(
+            f"{found} joint positions were found at the goal, and none of the curves tried leads "
+            "to one of them"
+            if found
+            else "no joint positions that keep all constraints were found at the goal"
+        )
     free = (guess for guess in mixed if guess.room > problem.target.clearance)
     apart = _without_contact(problem, finder, free)
     return _optimised(problem, finder, apart or mixed[: STARTS // problem.start.arm.n])
@@ -84,6 +93,8 @@ def attitude_first(problem: Problem) -> Rows:
         try:
             there = _by_loops(problem, target)
             rows = problem.check(there + _along_line(problem, there[-1], tip)[1:])
+        except TimeUpError:
+            raise
         except NoSolutionError:
             continue
         problem.note = f"the line is free after turns of {turns}"
@@ -104,19 +115,22 @@ def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) 
     found: list[Rows] = []
     why = "none of the curves tried keeps all constraints"
     for guess in guesses:
-        problem.check_time()
+        problem.search.check_time()
         aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
         target = finder.target._replace(clearance=max(aim, finder.target.clearance))
-        optimiser = CurveOptimiser(finder.start, target, WAVES, guess.loops)
-        x, met = optimiser.solve(guess.x, problem.check_time)
+        optimiser = CurveOptimiser(
+            finder.start, target, WAVES, guess.loops, problem.search.check_time
+        )
+        x, met = optimiser.solve(guess.x)
         for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
             if not usable:
                 continue
             try:
                 found.append(problem.check(optimiser.refine(unknowns)))
                 break
+            except TimeUpError:
+                raise
             except NoSolutionError as error:
-                problem.check_time()
                 why = str(error)
                 if isinstance(error.best, list):
                     problem.best = error.best
@@ -135,13 +149,16 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
     """
     why = ""
     for place in _loop_places(problem, target):
-        if problem.contact(np.array([problem.start.q, place])) is not None:
+        there = problem.walk(problem.start, straight_rows(problem.start.q, place))
+        before = float(rest_to_rest_times(problem.start.arm, _joints(there))[-1])
+        if len(there) > 1 and problem.contact(problem.start, _joints(there)) is not None:
             continue
-        there = walk(problem.start, _line(problem.start.q, place))
         finder = problem.guesses(there[-1], target)
         try:
-            guesses = _without_contact(problem, finder, finder.loops_and_lines())
+            guesses = _without_contact(problem, finder, finder.loops_and_lines(), before)
             return there + _optimised(problem, finder, guesses)[1:]
+        except TimeUpError:
+            raise
         except NoSolutionError as error:
             why = why or str(error)
     raise NoSolutionError(f"{why} ({PLACES} places for loops)", problem.best)
@@ -150,42 +167,40 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
 def _loop_places(problem: Problem, target: Target) -> Iterator[Array]:
     """Yield the joint positions (n,) at which loops are tried."""
     yield problem.start.q
-    problem.check_time()
     yield from problem.guesses(problem.start, target).loop_places(PLACES)
 
 
 def _without_contact(
-    problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]
+    problem: Problem, finder: GuessFinder, guesses: Iterable[Guess], before: float = 0.0
 ) -> list[Guess]:
-    """Return the first few guesses in which no bodies meet."""
-    apart = (g for g in guesses if problem.contact(finder.points(g)) is None)
+    """Return the first few guesses, begun at a time [s], in which no bodies meet."""
+    start = finder.start
+    among = problem.collisions is not None and problem.collisions.obstacles
+    few = itertools.islice(guesses, CHECKED if among else None)
+    apart = (g for g in few if problem.contact(start, finder.points(g), before) is None)
     return list(itertools.islice(apart, TRIES))
-
-
-def _line(start: Array, end: Array) -> Array:
-    """Return rows (m, n) of a straight motion; only the start if both ends are the same."""
-    steps = math.ceil(float(np.abs(end - start).sum()) / SPACING)
-    return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
 
 
 def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[str, Configuration]]:
     """Return the turns under the tip after which the line is free, in words, smallest first."""
     free = []
-    for turn, start in _turns_under_tip(problem.start):
-        problem.check_time()
+    for turn, start in _turns_under_tip(problem):
         try:
             problem.check(_along_line(problem, start, tip))
+        except TimeUpError:
+            raise
         except (NoSolutionError, ConfigurationError):
             continue
         free.append((turn, start))
     return free
 
 
-def _turns_under_tip(start: Configuration) -> list[tuple[str, Configuration]]:
+def _turns_under_tip(problem: Problem) -> list[tuple[str, Configuration]]:
     """Return turns of the spacecraft under a tip that stays, with the configuration after each.
 
     Inverse kinematics finds the joint positions step by step, so that they change continuously.
     """
+    start, check_time = problem.start, problem.search.check_time
     axes = np.eye(3)[list(turning_axes(start.arm))]
     angles = np.pi * np.arange(1, TURNS // 2 + 1) / (TURNS // 2)
     angles = np.column_stack((angles, -angles)).ravel()
@@ -194,7 +209,7 @@ def _turns_under_tip(start: Configuration) -> list[tuple[str, Configuration]]:
     tip = pin.SE3(start.tip.rotation, start.tip.translation - start.com)
     for share in np.arange(1, TURN_STEPS + 1) / TURN_STEPS:
         T = start.base.rotation @ Rotation.from_rotvec(share * w).as_matrix()
-        Q, off = inverse_kinematics(start.arm, Q, tip, T, goal_axes(start), 4)
+        Q, off = inverse_kinematics(start.arm, Q, tip, T, goal_axes(start), 4, check_time)
     there = (off < CLOSE) & (np.abs(Q - start.q).max(axis=1) < 2.0 * np.pi)
     return [
         (_in_words(w[i]), start.arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(start.com))
@@ -210,7 +225,12 @@ def _in_words(w: Array) -> str:
 
 def _travel(rows: Rows) -> float:
     """Return the sum of the motions of all joints."""
-    return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
+    return float(np.abs(np.diff(_joints(rows), axis=0)).sum())
+
+
+def _joints(rows: Rows) -> Array:
+    """Return the joint positions (m, n) of rows."""
+    return np.array([cfg.q for cfg in rows])
 
 
 def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
@@ -224,13 +244,16 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
         return [start]
     goal = as_goal(start, tip)
     limited = bool(np.isfinite(limits).any())
-    line = follow(start.arm, start.q, [goal], base=start.base, limits=limited)
+    line = follow(
+        start.arm, start.q, [goal], base=start.base, limits=limited,
+        progress=lambda *_: problem.search.check_time(),
+    )  # fmt: skip
     if not line.arrived:
         raise NoSolutionError(line.reason, list(line))
     Q = line.q
     ramp = np.linspace(0.0, 1.0, len(Q))[:, None]
     for _ in range(NEWTON_STEPS):
-        rows = walk(start, Q)
+        rows = problem.walk(start, Q)
         left = miss(rows[-1], tip)
         if np.linalg.norm(left) <= ARRIVED:
             return rows
@@ -244,5 +267,6 @@ METHODS: dict[str, Callable[[Problem], Rows]] = {
     "joint space": joint_space,
     "cycles": cycles,
     "attitude first": attitude_first,
+    "tree": by_tree,
 }
-"""In the order in which "auto" tries them."""
+"""In the order in which "auto" tries them, with obstacles "tree" after "straight"."""

@@ -88,10 +88,19 @@ class CurveOptimiser:
         target: What it must achieve.
         waves: Number of sines of curve and loop.
         loops: How many times the loop is run through; 0 for none.
+        check_time: Called at every evaluation; it may raise an error to end the search.
     """
 
-    def __init__(self, start: Configuration, target: Target, waves: int, loops: int = 0) -> None:
+    def __init__(
+        self,
+        start: Configuration,
+        target: Target,
+        waves: int,
+        loops: int = 0,
+        check_time: Callable[[], None] = lambda: None,
+    ) -> None:
         self.start, self.target, self.waves, self.loops = start, target, waves, loops
+        self._check_time = check_time
         self.arm: SpaceArm = start.arm
         self.family = CurveFamily(self.arm, start.q, waves, INTERVALS)
         J = self._task_jacobians(sample(self.arm, start.q[None]))[0]
@@ -123,6 +132,7 @@ class CurveOptimiser:
 
     def values(self, x: Array) -> _Values:
         """Return all constraints on a motion, computed once for the same x."""
+        self._check_time()
         if self._last is None or self._last[0] != x.tobytes():
             self._last = x.tobytes(), self._values(x)
         return self._last[1]
@@ -224,20 +234,14 @@ class CurveOptimiser:
                 slopes.append(slope.reshape(1, -1))
         return np.concatenate(room), np.vstack(slopes)
 
-    def solve(self, x: Array, check_time: Callable[[], None]) -> tuple[Array, bool]:
-        """Return the shortest motion near a first guess, and whether it keeps all constraints.
-
-        Args:
-            x: The guess.
-            check_time: Called after every step; it may raise an error to end the search.
-        """
+    def solve(self, x: Array) -> tuple[Array, bool]:
+        """Return the shortest motion near a guess x, and whether it keeps all constraints."""
         solve: Any = minimize  # its stubs know no exact gradients of constraints
         result = solve(
             lambda x: self.cost(x)[0],
             x,
             jac=lambda x: self.cost(x)[1],
             method="SLSQP",
-            callback=lambda _: check_time(),
             constraints=(
                 {
                     "type": "eq",
@@ -266,6 +270,7 @@ class CurveOptimiser:
         for _ in range(NEWTON_STEPS):
             if (length := self.cost(x)[0] ** 0.5) > LONGEST:
                 raise NoSolutionError(f"a curve grew to {length:.3g} rad")
+            self._check_time()
             rows = walk(self.start, self.positions(x))
             left = self.residual(rows[-1])
             if np.linalg.norm(left) <= ARRIVED:

@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Real
 from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-import pinocchio as pin
 
-from spacearm.arrays import Array, finite
-from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.arrays import Array
+from spacearm.collisions.courses import Course, Floating
+from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.separation import Collisions, Contact, collision_geometry
+from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.nearness import distance_at
-from spacearm.model.arm import SpaceArm
+from spacearm.mechanics.floating import walk
 from spacearm.model.configuration import Configuration
-from spacearm.model.frames import sound_pose
-from spacearm.model.joints import joint_vector
-from spacearm.motion.following import follow
-from spacearm.motion.goal import Goal, as_goal, goal_pose, out_of_reach
-from spacearm.planning.collisions import Collisions, Contact, collision_geometry
-from spacearm.planning.free_space import FAR
 from spacearm.planning.guesses import GuessFinder
-from spacearm.planning.many_curves import turning_axes
-from spacearm.planning.optimiser import ARRIVED, Target
-from spacearm.planning.result import Joints
-from spacearm.singularities.report import NO_INVERSE, angle, singular_values, singularity
+from spacearm.planning.optimiser import Target
+from spacearm.planning.search import Search
+from spacearm.planning.timing import rest_to_rest_times
+from spacearm.singularities.report import angle
 from spacearm.singularities.sets import prove_regular
 
 Rows: TypeAlias = list[Configuration]
@@ -35,10 +28,8 @@ Rows: TypeAlias = list[Configuration]
 
 WAVES = 3
 """Number of sines of curves and loops."""
-LEAST = float(np.radians(0.1))
-"""The clearance where none is asked for, but no more than half of what the start has [rad]."""
-AMPLE = float(np.radians(6.0))
-"""The clearance that is aimed at first, likewise."""
+TOGETHER = 100
+"""Rows that are walked or proven regular between two looks at the clock."""
 
 
 @dataclass
@@ -50,7 +41,7 @@ class Problem:
         target: What the motion must achieve.
         ample: Clearance that is aimed at first.
         seed: Seed of the random first guesses.
-        deadline: Value of `time.monotonic` at which the search is given up.
+        search: The time of the search, and its account.
         collisions: The bodies that must not meet; None if collisions do not count.
         best: The last attempt that is no solution.
         note: Remark of a method on its solution.
@@ -60,7 +51,7 @@ class Problem:
     target: Target
     ample: float
     seed: int
-    deadline: float
+    search: Search
     collisions: Collisions | None
     best: Rows | None = None
     note: str = ""
@@ -75,191 +66,93 @@ class Problem:
         distance = evaluate(self.start.arm, q, ("distance",))["distance"]
         worst = int(np.argmin(distance))
         if distance[worst] < self.target.clearance:
+            self.search.ways["singular"] += 1
             raise NoSolutionError(
                 f"the distance to the singular set falls to {angle(distance[worst])} at "
-                f"q = {_numbers(q[worst])}, below the clearance of {angle(self.target.clearance)}"
+                f"q = {self.start.arm.in_words(q[worst])}, below the clearance of "
+                f"{angle(self.target.clearance)}"
             )
         over = np.maximum(q - self.target.upper, self.target.lower - q).max(axis=0)
-        if over.max() > 1e-9:
+        if over.max() > 0.0:
             name = self.start.arm.joint_names[int(over.argmax())]
+            self.search.ways["limits"] += 1
             raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
-        proof = prove_regular(self.start.arm, q)
-        if proof is not None and proof.at is not None:
-            what = (
-                "a singularity is met" if proof.verdict == "singular" else "a singularity is near"
-            )
-            raise NoSolutionError(f"{what} at q = {_numbers(proof.at)}")
-        if (contact := self.contact(q)) is not None:
+        for i in range(0, max(len(q) - 1, 1), TOGETHER):
+            self.search.check_time()
+            proof = prove_regular(self.start.arm, q[i : i + TOGETHER + 1])
+            if proof is None:
+                break
+            if proof.at is not None:
+                self.search.ways["singular"] += 1
+                met = "is met" if proof.verdict == "singular" else "is near"
+                raise NoSolutionError(
+                    f"a singularity {met} at q = {self.start.arm.in_words(proof.at)}"
+                )
+        if (contact := self._contact(q, lambda: rows, 0.0)) is not None:
             raise NoSolutionError(str(contact))
         return rows
 
-    def contact(self, path: Array) -> Contact | None:
-        """Return a contact on straight joint segments (m, n); None if none is there or counts."""
-        self.check_time()
-        return self.collisions.contact(path) if self.collisions else None
+    def _contact(self, path: Array, rows: Callable[[], Rows], before: float) -> Contact | None:
+        """Return a contact on a motion through joint positions (m, n) that begins at a time [s].
+
+        Where the spacecraft is, as `rows` returns it, matters to obstacles only.
+        """
+        if self.collisions is None:
+            return None
+        way: Array | Course = path
+        if self.collisions.obstacles:
+            way = Floating(rows(), before + rest_to_rest_times(self.start.arm, path))
+        contact = self.collisions.contact(way, self.search.check_time)
+        if contact is not None:
+            self.search.ways["contact"] += 1
+            self.search.contacts[" meets ".join(map(repr, contact.links))] += 1
+        return contact
+
+    def contact(self, start: Configuration, path: Array, before: float = 0.0) -> Contact | None:
+        """Return a contact on straight joint segments; None if none is there or counts.
+
+        Args:
+            start: Where the motion begins.
+            path: (m, n) the segments, the first row start.q.
+            before: When it begins [s].
+        """
+        self.search.check_time()
+        return self._contact(path, lambda: self.walk(start, path), before)
+
+    def walk(self, start: Configuration, path: Array) -> Rows:
+        """Return the configurations along straight joint segments (m, n), as `floating.walk`."""
+        rows = [start]
+        for i in range(1, len(path), TOGETHER):
+            self.search.check_time()
+            rows += walk(rows[-1], np.vstack((rows[-1].q, path[i : i + TOGETHER])))[1:]
+        return rows
 
     def guesses(self, start: Configuration, target: Target) -> GuessFinder:
         """Return the finder of first guesses for motions from a configuration."""
-        return GuessFinder(start, target, WAVES, np.random.default_rng(self.seed))
-
-    def check_time(self) -> None:
-        """Raise a NoSolutionError once the time is up."""
-        if time.monotonic() > self.deadline:
-            raise NoSolutionError("the time is up (timeout)", self.best)
+        rounds = self.search.rounds
+        rng = np.random.default_rng((self.seed, rounds) if rounds else self.seed)
+        return GuessFinder(start, target, WAVES, rng, self.search, self.collisions)
 
 
-def make_target(
-    cfg: Configuration,
-    goal: Goal | Joints,
-    clearance: float | None,
-    final_attitude: npt.ArrayLike | pin.SE3 | float | None,
-    limits: bool,
-) -> tuple[Target, float]:
-    """Return the target of a plan, and the clearance to aim at first; arguments as in `plan`.
-
-    Raises:
-        ConfigurationError: An argument does not make sense.
-        NoSolutionError: No motion can achieve the target.
-    """
-    lower, upper = _bounds(cfg, limits)
-    least, ample = _clearance(cfg, clearance)
-    target = Target(
-        tip=None if isinstance(goal, Joints) else _reachable(cfg, goal_pose(cfg, goal), limits),
-        q=joint_vector(cfg.arm, goal.q, "goal") if isinstance(goal, Joints) else None,
-        attitude=None if final_attitude is None else _attitude(cfg, final_attitude),
-        clearance=least,
-        lower=lower,
-        upper=upper,
-    )
-    if target.q is not None:
-        _check_joints(cfg, target.q, target)
-    return target, ample
-
-
-def bodies_apart(cfg: Configuration, target: Target) -> Collisions:
+def bodies_apart(cfg: Configuration, target: Target, obstacles: tuple[Obstacle, ...]) -> Collisions:
     """Return the bodies that must not meet.
 
     Raises:
         NoSolutionError: Some meet at the start or at the goal.
     """
-    bodies = collision_geometry(cfg.arm)
-    for what, q in (("start", cfg.q), ("goal", target.q)):
-        if q is not None and bodies and (contact := bodies.contact(q[None])) is not None:
-            raise NoSolutionError(
-                f"the {what} is in collision: {contact}; collisions=False ignores it"
-            )
+    bodies = Collisions(cfg.arm, obstacles) if obstacles else collision_geometry(cfg.arm)
+    if obstacles and not bodies.bodies:
+        raise UnsupportedError(
+            f"{cfg.arm.name} has no shapes that could be held off obstacles; give its links "
+            "collision geometry or visuals"
+        )
+    for what, way in (("start", Floating([cfg], np.zeros(1))), ("goal", target.q)):
+        if way is None or not bodies:
+            continue
+        contact = bodies.contact(way if isinstance(way, Floating) else way[None])
+        if contact is not None:
+            remedy = "collisions=False ignores it"
+            if any(contact.links[1].startswith(obstacle.name) for obstacle in obstacles):
+                remedy = "move the obstacle, lower its margin, or name the link in its may_touch"
+            raise NoSolutionError(f"the {what} is in collision: {contact}; {remedy}")
     return bodies
-
-
-def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
-    """Return the least and the largest joint positions (n,).
-
-    Raises:
-        NoSolutionError: The start is beyond the limits.
-    """
-    arm, free = cfg.arm, np.full(cfg.arm.n, np.inf)
-    if not limits:
-        return -free, free
-    _check_within(arm, "start", cfg.q, arm.lower, arm.upper)
-    return arm.lower, arm.upper
-
-
-def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array) -> None:
-    """Raise a NoSolutionError if joint positions (n,) are beyond their limits."""
-    beyond = (q < lower) | (q > upper)
-    if beyond.any():
-        j = int(np.flatnonzero(beyond)[0])
-        raise NoSolutionError(
-            f"{what} of joint {arm.joint_names[j]!r} is {q[j]:.6g}, beyond its limits "
-            f"{lower[j]:.6g} and {upper[j]:.6g}; limits=False ignores them"
-        )
-
-
-def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
-    """Return the goal if the stretched virtual manipulator is long enough for it.
-
-    Raises:
-        NoSolutionError: It is not; carries the motion towards the goal as far as J* leads.
-    """
-    if far := out_of_reach(cfg, goal):
-        line = follow(cfg.arm, cfg.q, [as_goal(cfg, goal)], base=cfg.base, limits=limits)
-        raise NoSolutionError(far, list(line))
-    return goal
-
-
-def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
-    """Raise a NoSolutionError if no motion can lead to joint positions q (n,)."""
-    _check_within(cfg.arm, "goal", q, target.lower, target.upper)
-    here, there = (singularity(cfg.arm.at(x)).determinant for x in (cfg.q, q))
-    if here is not None and there is not None and here * there <= 0.0:
-        raise NoSolutionError(
-            f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
-            "them meets a singularity; lead the tip there and leave the joints open"
-        )
-    if (distance := distance_at(cfg.arm.at(q), "free-floating")) < target.clearance:
-        raise NoSolutionError(
-            f"the goal has a distance of {angle(distance)} to the singular set, below the "
-            f"clearance of {angle(target.clearance)}"
-        )
-
-
-def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
-    """Return the attitude (3, 3) asked for.
-
-    Raises:
-        NoSolutionError: A planar arm cannot turn its spacecraft there.
-    """
-    rotation = _rotation(cfg.arm, attitude)
-    axes = turning_axes(cfg.arm)
-    turn = pin.log3(cfg.base.rotation.T @ rotation)
-    if len(axes) == 1 and np.linalg.norm(np.delete(turn, axes[0])) > ARRIVED:
-        raise NoSolutionError(
-            f"final_attitude is no turn about {'xyz'[axes[0]]} of the spacecraft from its start, "
-            f"and {cfg.arm.name} turns it about nothing else"
-        )
-    return rotation
-
-
-def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
-    """Return the rotation (3, 3) that final_attitude stands for."""
-    normal = arm.tree.plane_normal()
-    given = attitude.rotation if isinstance(attitude, pin.SE3) else attitude
-    meaning = "(a rotation matrix), a pin.SE3"
-    if normal is not None:
-        if not np.iterable(given):
-            angle = finite(given, (), "final_attitude", "[rad], a (3, 3) rotation or a pin.SE3")
-            return pin.exp3(float(angle) * np.eye(3)[normal])
-        meaning += ", or an angle [rad]"
-    R = finite(given, (3, 3), "final_attitude", meaning)
-    return sound_pose(pin.SE3(R, np.zeros(3)), "final_attitude").rotation
-
-
-def _clearance(cfg: Configuration, clearance: float | None) -> tuple[float, float]:
-    """Return the least distance to the singular set on the way [rad], and the one to aim at first.
-
-    Raises:
-        NoSolutionError: The start has less.
-    """
-    sigma = singular_values(cfg)
-    if sigma[-1] <= NO_INVERSE * sigma[0]:
-        raise NoSolutionError(
-            f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); leave it first "
-            "along sa.singularity(cfg).gradient"
-        )
-    distance = distance_at(cfg, "free-floating")
-    ample = min(AMPLE, 0.5 * distance)
-    if clearance is None:
-        return min(LEAST, 0.5 * distance), ample
-    if not isinstance(clearance, Real) or not 0.0 <= clearance <= FAR:
-        raise ConfigurationError(f"clearance is {clearance!r}; give an angle from 0 to {FAR:g} rad")
-    if distance < clearance:
-        raise NoSolutionError(
-            f"the start has a distance of {angle(distance)} to the singular set, below the "
-            f"clearance of {angle(float(clearance))}"
-        )
-    return float(clearance), ample
-
-
-def _numbers(q: Array) -> str:
-    """Return joint positions in a row."""
-    return "(" + ", ".join(f"{x:.4g}" for x in q) + ")"

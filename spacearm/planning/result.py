@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import plain
+from spacearm.collisions.obstacles import Obstacle
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
+from spacearm.notebook.tables import table
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.singularities.report import FAR, angle
 
@@ -58,10 +60,11 @@ class Plan(Motion):
 
     Attributes:
         method: The method that found it.
-            clearance: Least distance to the singular set that was asked for [rad].
+        clearance: Least distance to the singular set that was asked for [rad].
         checked: What the check of collisions covers and what it does not, in one sentence.
         apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
+        obstacles: What was held off besides; the file of a plan does not hold them.
     """
 
     method: str
@@ -69,6 +72,7 @@ class Plan(Motion):
     checked: str
     apart: bool | None
     tried: tuple[Attempt, ...]
+    obstacles: tuple[Obstacle, ...] = field(default=(), metadata={"in_file": False})
 
     @classmethod
     def of_rows(
@@ -79,6 +83,7 @@ class Plan(Motion):
         tried: Sequence[Attempt],
         checked: str,
         apart: bool | None,
+        obstacles: Sequence[Obstacle] = (),
     ) -> Plan:
         """Return the plan that leads through some configurations."""
         arm, along = rows[0].arm, samples(rows)
@@ -91,6 +96,7 @@ class Plan(Motion):
             checked=checked,
             apart=apart,
             tried=tuple(tried),
+            obstacles=tuple(obstacles),
         )
 
     @property
@@ -103,12 +109,21 @@ class Plan(Motion):
         """How near to a singularity the motion comes, in words."""
         least = float(self.distance.min())
         far = f"over {angle(FAR)}" if least > FAR else f"at least {angle(least)}"
-        return f"{far} from a singular posture, sigma_min at least {self.sigma_min.min():.3g}"
+        return f"{far} from a singular posture, {self._sigma}"
+
+    @property
+    def _sigma(self) -> str:
+        return f"sigma_min at least {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
+
+    @property
+    def travel(self) -> str:
+        """The joint travel in words, with its unit."""
+        return f"joint travel {self.length:.4g} {self.arm.travel_unit}"
 
     @property
     def story(self) -> str:
         """The method that found the plan, its joint travel and its duration, in one line."""
-        way = f"{self.method}: joint travel {self.length:.3g}, {self.t[-1]:.3g} s"
+        way = f"{self.method}: {self.travel}, {self.t[-1]:.3g} s"
         return way if self.apart else f"{way}, collisions NOT checked"
 
     def to_dict(self) -> dict[str, Any]:
@@ -117,8 +132,17 @@ class Plan(Motion):
             "length": self.length, "certificate": plain(self.certificate)
         }  # fmt: skip
 
+    def _tables(self) -> tuple[str, ...]:
+        met = {True: "none, proven", False: "not proven", None: "not checked"}[self.apart]
+        came = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
+        return (
+            *super()._tables(),
+            table(("", ""), [("collisions", met), ("checked", self.checked)]),
+            table(("method", "", ""), came),
+        )
+
     def __repr__(self) -> str:
         return (
-            f"Plan({self.arm.name}, {self.method}: joint travel {self.length:.4g}, "
+            f"Plan({self.arm.name}, {self.method}: {self.travel}, "
             f"{self.t[-1]:.4g} s, {self.nearest}, {len(self)} rows)"
         )

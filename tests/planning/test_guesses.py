@@ -75,7 +75,7 @@ def test_free_space_ends_at_limits_and_singularities():
 
 
 @pytest.mark.parametrize("way", ["direct", "looped"])
-@pytest.mark.parametrize("name", ["planar2", "mda6"])
+@pytest.mark.parametrize("name", ["planar2", pytest.param("mda6", marks=pytest.mark.slow)])
 def test_guesses_arrive_and_are_free(name, way):
     arm, rng = sa.load(name), np.random.default_rng(3)
     q = np.array([0.7, 1.1]) if name == "planar2" else np.radians([0, 60, -100, -50, 30, 0])

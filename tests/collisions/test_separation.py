@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import spacearm as sa
+from spacearm.collisions.separation import Collisions
 from spacearm.description.meshes import read_mesh
 from spacearm.description.visuals import Shape, Sphere, Visuals
 from spacearm.model.arm import SpaceArm
-from spacearm.planning.collisions import Collisions
 
 ALONG_X = 'rpy="0 1.5707963267948966 0"'
 
@@ -121,6 +121,7 @@ def test_catalogue_robots_have_collision_bodies_and_a_posture_without_contact(na
     assert any(bodies.contact(q[None]) is None for q in Q)
 
 
+@pytest.mark.slow
 def test_mda6_does_not_reach_into_its_spacecraft():
     """The tip 0.2 m above the middle of a box of 2.6 m: a plan without collisions gets there."""
     arm, q0 = sa.load("mda6"), np.radians([0, 60, -100, -50, 30, 0])

@@ -1,0 +1,147 @@
+"""Solids: shapes of a description as coal, the library behind Pinocchio.
+
+Meshes become their convex hulls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
+
+from spacearm.arrays import LARGEST, Array
+from spacearm.description.meshes import read_mesh
+from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unusable, Visuals
+from spacearm.errors import ModelError
+from spacearm.model.arm import SpaceArm
+
+FLAT = 1e-9
+"""Thickness below which a mesh counts as flat, as a share of its length."""
+THIN = 1e-3
+"""Thickness given to the box around a flat visual, as a share of its length."""
+ROUND = 24
+"""Corners of a circle, where round solids are drawn."""
+WITHOUT = "correct that, or plan with collisions=False to do without"
+
+
+def collision_solids(
+    arm: SpaceArm, link: str, shapes: Visuals
+) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
+    """Yield the collision geometry of a link; missing meshes are passed over.
+
+    Raises:
+        ModelError: A geometry is faulty.
+    """
+    for shape in shapes.collision:
+        match shape.geometry:
+            case Unusable(problem):
+                raise ModelError(f"{problem}, or plan with collisions=False to do without")
+            case Mesh(_, Path() as file, scale):
+                try:
+                    yield hull(file.name, read_mesh(file).vertices * scale), shape.pose
+                except ModelError as error:
+                    where = f"{arm.path}: {error}, in a collision of link {link!r}"
+                    raise ModelError(f"{where}; {WITHOUT}") from None
+            case _ if min(_lengths(shape), default=1.0) <= 0.0:
+                lengths = f"link {link!r} has a collision of lengths {_lengths(shape)}"
+                raise ModelError(f"{arm.path}: {lengths}; give positive lengths: {WITHOUT}")
+            case _:
+                yield from primitive(shape)
+
+
+def visual_solids(shapes: Visuals) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
+    """Yield hulls or boxes of the visuals of a link; those that cannot be used are passed over."""
+    for shape in () if shapes.stands_in else shapes.visual:
+        match shape.geometry:
+            case Mesh(_, Path() as file, scale):
+                try:
+                    points = read_mesh(file).vertices * scale
+                except ModelError:
+                    continue
+                try:
+                    yield hull(file.name, points), shape.pose
+                except ModelError:
+                    yield from _box_around(points, shape.pose)
+            case _ if min(_lengths(shape), default=1.0) > 0.0:
+                yield from primitive(shape)
+
+
+def _lengths(shape: Shape) -> tuple[float, ...]:
+    """Return the lengths of a box, sphere or cylinder."""
+    match shape.geometry:
+        case Box(size):
+            return size
+        case Sphere(radius):
+            return (radius,)
+        case Cylinder(radius, length):
+            return radius, length
+    return ()
+
+
+def primitive(shape: Shape) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
+    """Yield a box, sphere or cylinder as one of coal; nothing for any other geometry."""
+    match shape.geometry:
+        case Box(size):
+            yield coal.Box(*size), shape.pose
+        case Sphere(radius):
+            yield coal.Sphere(radius), shape.pose
+        case Cylinder(radius, length):
+            yield coal.Cylinder(radius, length), shape.pose
+
+
+def _box_around(points: Array, pose: pin.SE3) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
+    """Yield the box along the axes around points (m, 3); nothing if they span none."""
+    if not len(points) or not (np.abs(points) <= LARGEST).all():
+        return
+    low, high = points.min(axis=0), points.max(axis=0)
+    edges = high - low
+    if edges.max() > 0.0:
+        centre = pin.SE3(np.eye(3), 0.5 * (low + high))
+        yield coal.Box(*np.maximum(edges, THIN * edges.max())), pose * centre
+
+
+def hull(name: str, points: Array) -> coal.Convex:
+    """Return the convex hull of the points (m, 3) of a mesh."""
+    if not (np.abs(points) <= LARGEST).all():
+        raise ModelError(f"mesh {name!r} is larger than {LARGEST:g} m")
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(extents) < 3 or extents[2] <= FLAT * extents[0]:
+        raise ModelError(f"mesh {name!r} is flat")
+    try:
+        hull = ConvexHull(points)
+        corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        for corner in points[hull.vertices]:
+            corners.append(corner)
+        for triangle in np.searchsorted(hull.vertices, hull.simplices):
+            triangles.append(coal.Triangle(*triangle.tolist()))
+        return coal.Convex(corners, triangles)
+    except QhullError as error:
+        raise ModelError(f"mesh {name!r} has no hull ({str(error).split(chr(10))[0]})") from None
+    except RuntimeError:
+        raise ModelError(f"the hull of mesh {name!r} is too fine for coal") from None
+
+
+def corners(solid: coal.CollisionGeometry) -> Array:
+    """Return points (k, 3) whose convex hull is a solid, of round ones a polyhedron within it."""
+    ring = 2.0 * np.pi * np.arange(ROUND) / ROUND
+    circle = np.column_stack((np.cos(ring), np.sin(ring)))
+    match solid:
+        case coal.Box():
+            signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+            return signs * np.asarray(solid.halfSide)
+        case coal.Sphere():
+            heights = np.linspace(-0.5, 0.5, ROUND // 2 + 1) * np.pi
+            rings = [
+                np.column_stack((np.cos(h) * circle, np.full(ROUND, np.sin(h)))) for h in heights
+            ]
+            return float(solid.radius) * np.unique(np.vstack(rings).round(12), axis=0)
+        case coal.Cylinder():
+            disc = float(solid.radius) * circle
+            ends = (-float(solid.halfLength), float(solid.halfLength))
+            return np.vstack([np.insert(disc, 2, z, axis=1) for z in ends])
+        case _:
+            return np.array([solid.point(i) for i in range(solid.num_points)])

@@ -1,0 +1,299 @@
+"""Tree: a global search on joint positions and attitude, and the shortening of what it finds.
+
+The branches of the tree are straight joint motions, along which the connection (33c) turns the
+spacecraft. From many nodes at once a last piece leads to joint positions at the goal, moved until
+the tip arrives with the attitude that the way makes. Motions are shortened at random: their corners
+are moved, left out and drawn together, and all variants are landed anew at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.collisions.separation import Collisions
+from spacearm.errors import NoSolutionError
+from spacearm.mechanics.floating import GAUSS
+from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.motion.goal import goal_rows
+from spacearm.planning.guesses import CLOSE, GuessFinder, Mask
+from spacearm.planning.loops import Indices
+from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
+from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING, CurveOptimiser
+from spacearm.planning.problem import Problem, Rows
+from spacearm.planning.search import TimeUpError
+
+GROWN = 48
+"""Branches that are grown, and landed, at once."""
+LANDINGS = 3
+"""Joint positions at the goal to which each node is led."""
+ENDS = 400
+"""Searches for joint positions at the goal, at attitudes about that of the start."""
+WIDTHS = (0.0, 0.3, 1.0)
+"""Sizes of the turns to these attitudes [rad], one after the other."""
+VARIANTS, GENERATIONS = 48, 10
+"""Variants of a motion that are tried at once to shorten it, and how often."""
+BRANCH = 1.0
+"""Largest joint motion along a branch [rad] or [m]."""
+CLEAR = 0.05
+"""Joint motion between postures that are checked for contacts [rad] or [m]."""
+STEPS = 25
+"""Newton steps to the end of a last piece."""
+INTERVALS, POINTS = 6, 13
+"""Steps of the integration along a piece; points at which a piece is checked."""
+TREES = 30
+"""Rounds in which a tree grows, twice as many in each round of the search."""
+STILL = 1e-12
+"""Joint motion that counts as none."""
+
+
+class Tree:
+    """The search for motions from one configuration to a place of the tip.
+
+    Args:
+        finder: The finder of joint positions at the goal.
+        collisions: The bodies that must not meet; None if they do not count.
+    """
+
+    def __init__(self, finder: GuessFinder, collisions: Collisions | None) -> None:
+        self.finder, self.collisions = finder, collisions
+        self.start, self.target, self.rng = finder.start, finder.target, finder.rng
+        self.arm, self.free, self.search = finder.arm, finder.free, finder.search
+        s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
+        self._gauss, self._along = s[:, None], np.linspace(0.0, 1.0, POINTS)[1:, None]
+        self._q, self._T = self.start.q[None], self.start.base.rotation[None]
+        self._parent: Indices = np.array([-1])
+        self._ends: tuple[Array, Array] = (np.empty((0, 3, 3)), np.empty((0, self.arm.n)))
+        self._rounds = 0
+
+    def motions(self, rounds: int) -> Iterator[Array]:
+        """Yield the corners (m, n) of motions that arrive, free of singularities.
+
+        Args:
+            rounds: How often the tree grows.
+        """
+        nodes = np.array([0])
+        for _ in range(rounds):
+            self.search.check_time()
+            self._find_ends()
+            if len(self._ends[1]):
+                yield from self._landed(nodes)
+            nodes = self._grow()
+
+    def _find_ends(self) -> None:
+        """Look for more joint positions at the goal, now and then."""
+        if self._rounds & (self._rounds - 1) == 0:  # at powers of two
+            width = WIDTHS[min(self._rounds, len(WIDTHS) - 1)]
+            (T, Q), (more_T, more_Q) = self._ends, self.finder.ends(width, ENDS)
+            self._ends = np.concatenate((T, more_T)), np.concatenate((Q, more_Q))
+        self._rounds += 1
+
+    def _grow(self) -> Indices:
+        """Add branches to random postures; return the numbers of the new nodes."""
+        Q = self.free.draw(GROWN, self.rng)
+        apart = np.abs(Q[:, None] - self._q).max(axis=2)
+        if len(self._q) > GROWN:  # not always the nearest: attitudes differ
+            apart = apart * self.rng.uniform(0.5, 1.5, apart.shape)
+        near = apart.argmin(axis=1)
+        step = Q - self._q[near]
+        step *= np.minimum(1.0, BRANCH / np.maximum(np.abs(step).max(axis=1), STILL))[:, None]
+        pieces = np.stack((self._q[near], self._q[near] + step), axis=1)
+        clear = self._room(pieces) > self.target.clearance
+        pieces, near = pieces[clear], near[clear]
+        T = self._T[near] @ self._turns(pieces)
+        apart_too = self._apart(pieces[:, 1], T)
+        first = len(self._q)
+        self._q = np.vstack((self._q, pieces[apart_too, 1]))
+        self._T = np.concatenate((self._T, T[apart_too]))
+        self._parent = np.append(self._parent, near[apart_too])
+        return np.arange(first, len(self._q))
+
+    def _apart(self, Q: Array, T: Array) -> Mask:
+        """Tell in which postures (K, n), with attitudes (K, 3, 3), no bodies meet."""
+        if self.collisions is None:
+            return np.ones(len(Q), dtype=bool)
+        return np.array(
+            [
+                self.collisions.clear(self.arm.at(q, base=pin.SE3(R, np.zeros(3))), self.start.com)
+                for q, R in zip(Q, T, strict=True)
+            ],
+            dtype=bool,
+        )
+
+    def _landed(self, nodes: Indices) -> Iterator[Array]:
+        """Yield the motions that lead from some nodes to the goal."""
+        if len(nodes) == 0:
+            return
+        T, Q = self._ends
+        turn = np.einsum("kij,eij->ke", self._T[nodes], T)
+        angle = np.arccos(np.clip(0.5 * (turn - 1.0), -1.0, 1.0))
+        far = np.abs(self._q[nodes][:, None] - Q).max(axis=2) + angle
+        far = far * self.rng.uniform(0.7, 1.3, far.shape)
+        few = min(LANDINGS, len(Q))
+        ends = np.argpartition(far, few - 1, axis=1)[:, :few].ravel()
+        nodes = np.repeat(nodes, few)
+        W = np.stack((self._q[nodes], Q[ends]), axis=1)
+        W, near, room = self._arriving(W, self._T[nodes])
+        good = near & (room > self.target.clearance)
+        for i in np.flatnonzero(good):
+            corners, node = [W[i, 1]], int(nodes[i])
+            while node >= 0:
+                corners.append(self._q[node])
+                node = int(self._parent[node])
+            way = np.array(corners[::-1])
+            if self._clear_way(way):
+                yield self._shortened(way)
+                yield way
+            else:
+                self.search.ways["contact"] += 1
+
+    def _arriving(self, W: Array, T: Array) -> tuple[Array, Mask, Array]:
+        """Move the last corners of motions until the tip arrives.
+
+        Args:
+            W: (K, k, n) corners.
+            T: (K, 3, 3) attitudes at the last but one.
+
+        Returns:
+            The corners; whether the tip arrives (K,); the least distance of the last piece to the
+            singular set (K,), as `FreeSpace.least_distance` has it.
+        """
+        W, target = W.copy(), self.target
+        if target.tip is None or len(W) == 0:
+            return W, np.ones(len(W), dtype=bool), self._room(W[:, -2:])
+
+        def attitude(Q: Array) -> Array:
+            W[:, -1] = Q
+            return T @ self._turns(W[:, -2:])
+
+        tip = pin.SE3(target.tip.rotation, target.tip.translation - self.start.com)
+        _, miss = inverse_kinematics(
+            self.arm, W[:, -1], tip, attitude, self.finder.axes, STEPS,
+            self.search.check_time, (target.lower, target.upper),
+        )  # fmt: skip
+        room = self._room(W[:, -2:])
+        self.finder.count_ways(room, miss < CLOSE)
+        return W, miss < CLOSE, room
+
+    def _shortened(self, best: Array) -> Array:
+        """Return corners (m, n) of a shorter motion that arrives as one of corners (k, n) does."""
+        for _ in range(GENERATIONS):
+            W = self._variants(best)
+            W = W[self._room(W[:, :-1]) > self.target.clearance]
+            if len(W) == 0:
+                continue
+            T = self.start.base.rotation @ self._turns(W[:, :-1])
+            W, near, room = self._arriving(W, T)
+            travel = np.where(near & (room > self.target.clearance), _travel(W), np.inf)
+            for i in np.argsort(travel)[:3]:
+                if travel[i] < _travel(best[None])[0] and self._clear_way(W[i]):
+                    best = _without_repeats(W[i])
+                    break
+        return best
+
+    def _clear_way(self, W: Array) -> bool:
+        """Tell whether no bodies meet at the corners (k, n) of a motion and between them."""
+        if self.collisions is None:
+            return True
+        T, way = self.start.base.rotation, []
+        for a, b in pairwise(W):
+            steps = math.ceil(float(np.abs(b - a).max()) / CLEAR) or 1
+            points = a + np.linspace(0.0, 1.0, steps + 1)[1:, None] * (b - a)
+            turns = T @ self._turns(np.stack((np.broadcast_to(a, points.shape), points), axis=1))
+            way += list(zip(points, turns, strict=True))
+            T = turns[-1]
+        return bool(self._apart(np.array([q for q, _ in way]), np.array([R for _, R in way])).all())
+
+    def _variants(self, W: Array) -> Array:
+        """Return motions (VARIANTS, k, n) like one of corners (k, n): fewer, nearer, displaced."""
+        k = max(len(W), 3)
+        W = np.vstack((W[:1].repeat(k - len(W), axis=0), W))
+        many = np.repeat(W[None], VARIANTS, axis=0)
+        shrink = self.rng.uniform(0.0, 1.0, (VARIANTS, 1, 1))
+        many += shrink * (W[0] + np.linspace(0.0, 1.0, k)[:, None] * (W[-1] - W[0]) - W)
+        size = 0.3 * self.rng.uniform(0.0, 1.0, (VARIANTS, 1, 1)) ** 2
+        many += size * self.rng.normal(size=many.shape)
+        out = self.rng.integers(1, k - 1, VARIANTS)
+        some = np.flatnonzero(
+            self.rng.uniform(size=VARIANTS) < 0.5
+        )  # leave a corner out, by having it stand on the one before
+        many[some, out[some]] = many[some, out[some] - 1]
+        many[:, 0] = W[0]
+        return np.clip(many, self.target.lower, self.target.upper)
+
+    def _room(self, W: Array) -> Array:
+        """Return the least distance (K,) to the singular set along corners (K, k, n)."""
+        a, b = W[:, :-1, None], W[:, 1:, None]
+        points = a + self._along * (b - a)
+        return self.free.least_distance(points.reshape(len(W), -1, W.shape[2]))
+
+    def _turns(self, W: Array) -> Array:
+        """Return the turns of the spacecraft (K, 3, 3) along corners (K, k, n)."""
+        if len(W) == 0:
+            return np.empty((0, 3, 3))
+        K, k, n = W.shape
+        step = np.diff(W, axis=1)
+        Q = W[:, :-1, None] + self._gauss * step[:, :, None]
+        rates = np.broadcast_to((k - 1) * step[:, :, None], Q.shape)
+        return spacecraft_turns(self.arm, Q.reshape(K, -1, n), rates.reshape(K, -1, n))
+
+
+def _travel(W: Array) -> Array:
+    """Return the joint travel (K,) of motions through corners (K, m, n)."""
+    travel: Array = np.abs(np.diff(W, axis=1)).sum(axis=(1, 2))
+    return travel
+
+
+def _without_repeats(W: Array) -> Array:
+    """Return corners (m, n) without those that stand on the one before."""
+    return W[np.append(True, np.abs(np.diff(W, axis=0)).max(axis=1) > STILL)]
+
+
+def by_tree(problem: Problem) -> Rows:
+    """Grow a tree of joint motions until one of them leads to the goal, and shorten it."""
+    target = problem.target
+    if target.attitude is not None:
+        raise NoSolutionError("the tree aims at no attitude of the spacecraft")
+    finder = problem.guesses(problem.start, target)
+    optimiser = CurveOptimiser(problem.start, target, 1)
+    why, rounds = "none of its motions arrives", TREES << problem.search.rounds
+    for corners in Tree(finder, problem.collisions).motions(rounds):
+        try:
+            return problem.check(_landed(problem, optimiser, corners))
+        except TimeUpError:
+            raise
+        except NoSolutionError as error:
+            why = str(error)
+    raise NoSolutionError(why, problem.best)
+
+
+def _landed(problem: Problem, optimiser: CurveOptimiser, corners: Array) -> Rows:
+    """Return rows through corners (m, n), the end of the last piece made exact by Newton's method.
+
+    Raises:
+        NoSolutionError: It cannot be made exact.
+    """
+    for _ in range(NEWTON_STEPS):
+        pieces = [straight_rows(a, b)[1:] for a, b in pairwise(corners)]
+        rows = problem.walk(problem.start, np.vstack((corners[:1], *pieces)))
+        left = optimiser.residual(rows[-1])
+        if np.linalg.norm(left) <= ARRIVED:
+            return rows
+        if problem.target.q is not None:
+            corners[-1] = problem.target.q
+            continue
+        J = goal_rows(rows[-1], generalized_jacobian(rows[-1]))
+        corners = corners.copy()
+        corners[-1] += np.linalg.lstsq(J, left, rcond=None)[0]
+    raise NoSolutionError("the end of a motion cannot be made exact", rows)
+
+
+def straight_rows(start: Array, end: Array) -> Array:
+    """Return rows (m, n) of a straight motion; only the start if both ends are the same."""
+    steps = math.ceil(float(np.abs(end - start).sum()) / SPACING)
+    return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)

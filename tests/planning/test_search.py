@@ -1,0 +1,103 @@
+"""The time of a search, and what it says when it fails."""
+
+import re
+import time
+
+import numpy as np
+import pytest
+
+import spacearm as sa
+from spacearm.planning.search import Search, TimeUpError
+
+
+def test_the_account_names_the_constraint_that_stops_most_and_what_to_relax():
+    search = Search(1.0)
+    search.postures.update(tried=600, reached=40, limits=30, side=6, usable=4)
+    search.ways.update(landing=500, limits=20, contact=3)
+    search.contacts["'l4' meets 'hull'"] = 3
+    assert search.verdict == (
+        "40 of 600 searches found joint positions at the goal; of which 30 lie beyond the joint "
+        "limits, 6 lie on the other side of the singular set, 4 can be used; of the ways tried 500 "
+        "do not arrive, 20 leave the joint limits, 3 are in collision; most often (3x) 'l4' meets "
+        "'hull'. To relax: limits=False ignores the joint limits"
+    )
+
+
+@pytest.mark.parametrize(
+    ("postures", "ways", "remedy"),
+    [
+        ({"tried": 9}, {}, "a goal nearer"),
+        ({"tried": 9, "reached": 3, "side": 3}, {}, "start on the other side"),
+        ({"tried": 9, "reached": 3, "near": 3}, {}, "smaller clearance"),
+        ({"tried": 9, "reached": 3, "usable": 3}, {"landing": 5}, "longer timeout"),
+        ({"tried": 9, "reached": 3, "usable": 3}, {"landing": 5, "contact": 1}, "obstacles"),
+    ],
+)
+def test_what_to_relax(postures, ways, remedy):
+    search = Search(1.0)
+    search.postures.update(postures)
+    search.ways.update(ways)
+    assert remedy in search.verdict.partition("To relax")[2]
+
+
+def test_time_is_checked_and_told():
+    told = []
+    search = Search(0.05, lambda t, whole: told.append((t, whole)))
+    search.check_time()
+    time.sleep(0.06)
+    with pytest.raises(TimeUpError, match="time is up"):
+        search.check_time()
+    assert told[0][0] < told[1][0] == told[1][1] == 0.05
+
+
+def stiff(tmp_path):
+    """The paper's arm, its joints between 0.9 and 1.1 rad, and a goal that takes others."""
+    text = sa.load("planar2").path.read_text()
+    text = re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="0.9" upper="1.1"', text)
+    (tmp_path / "stiff.urdf").write_text(text)
+    arm = sa.load(tmp_path / "stiff.urdf")
+    goal = arm.at([-0.5, 1.5]).centred(arm.at([1.0, 1.0]).com).tip.translation[:2]
+    return arm, goal
+
+
+@pytest.mark.slow
+def test_a_search_uses_its_time_and_not_more(tmp_path):
+    """Every look at the clock comes within 0.2 s of work of the one before."""
+    arm, goal = stiff(tmp_path)
+    looks = []
+    for _ in range(2):  # the first time compiled code is loaded
+        looks.clear()
+        with pytest.raises(sa.NoSolutionError) as caught:
+            sa.plan(
+                arm, [1.0, 1.0], goal, timeout=10.0,
+                progress=lambda t, _: looks.append((t, time.process_time())),
+            )  # fmt: skip
+    assert looks[-1][0] == 10.0
+    assert np.diff([work for _, work in looks]).max() < 0.2
+    assert "beyond the joint limits" in str(caught.value)
+    assert "To relax: limits=False" in str(caught.value)
+
+
+def test_ctrl_c_says_what_was_tried(tmp_path):
+    arm, goal = stiff(tmp_path)
+
+    def stop(t, _):
+        if t > 1.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(sa.NoSolutionError, match="planar2: no plan found in") as caught:
+        sa.plan(arm, [1.0, 1.0], goal, progress=stop)
+    assert "straight: joint 'joint_" in str(caught.value)
+    assert "stopped by Ctrl-C" in str(caught.value)
+
+
+def test_limits_hold_at_every_instant():
+    """Positions and rates, of the motion between its rows too."""
+    arm = sa.load("planar2")
+    plan = sa.plan(arm, [0.3, 1.2], sa.Joints([arm.upper[0], 1.0]))
+    for t in np.random.default_rng(0).uniform(0.0, plan.t[-1], 300):
+        q = plan.at(t).q
+        assert ((q >= arm.lower) & (q <= arm.upper)).all()
+    rates = np.abs(np.diff(plan.q, axis=0)) / np.diff(plan.t)[:, None]
+    limits = [arm.tree.joints[name].velocity for name in arm.joint_names]
+    assert (rates <= np.array(limits) * (1.0 + 1e-9)).all()
