@@ -1,0 +1,247 @@
+"""Momentum on board: what it does to a posture, and how long the arm can make up for it.
+
+Without external torques the angular momentum h stays, whatever the joints do. With the joints
+locked the system turns as one body, w = D^-1 h, and the tip drifts. The tip stays where it is while
+the joints move at dq = -J*^+ J_b A_b^-1 h, as long as J* and the joint limits allow; compare Nanos
+& Papadopoulos, On the dynamics and control of free-floating space manipulator systems in the
+presence of angular momentum, Front. Robot. AI 4:26 (2017), DOI 10.3389/frobt.2017.00026. The
+spacecraft stays at rest while the arm carries all of it, D_q dq = h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array, Result, positive, shape_of
+from spacearm.errors import ConfigurationError
+from spacearm.mechanics.jacobian import prescribed_motion
+from spacearm.mechanics.momentum import base_velocity, momentum_matrix, momentum_vector
+from spacearm.mission.attitude_search import turning_axis
+from spacearm.model.arguments import of_configuration
+from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.mode import BaseMode
+from spacearm.motion.goal import goal_rows
+from spacearm.motion.motion import Motion
+
+HORIZON = 3600.0
+"""Default longest time looked at [s]."""
+SAMPLES = 101
+"""Samples of the motions."""
+CARRIED = 1e-9
+"""Share of the momentum that the arm may leave to the spacecraft."""
+STEP = 0.05
+"""Largest joint motion of a step while the arm carries the momentum [rad] or [m]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MomentumBudget(Result):
+    """What momentum on board does to a posture, and how long the arm can make up for it.
+
+    Attributes:
+        configuration: The posture and the pose of the spacecraft.
+        momentum: (6,) the momentum [linear (zero); angular about the system CM], inertial axes.
+        spin: (3,) angular velocity of the whole system with its joints locked, inertial axes
+            [rad/s].
+        drift: (6,) twist of the tip then [m/s], [rad/s], inertial axes.
+        rates: (n,) joint rates that hold the tip in the task's rows at first [rad/s] or [m/s].
+        holds: How long these hold the tip [s]; at most `horizon`.
+        ended: What ends it: "horizon", "singularity", "joint limit" or "cannot" where J* lacks the
+            direction of the drift at once.
+        holding: The motion that holds the tip; of one sample where it cannot.
+        carries: How long the arm can carry all of the momentum, the spacecraft at rest [s].
+        carrying_ended: What ends that: "horizon", "joint limit" or "cannot" where no joint rates
+            have this momentum (or none any more).
+        carrying: The motion that does so; of one sample where there is none.
+        horizon: The longest time looked at [s].
+    """
+
+    configuration: Configuration
+    momentum: Array
+    spin: Array
+    drift: Array
+    rates: Array
+    holds: float
+    ended: str
+    holding: Motion
+    carries: float
+    carrying_ended: str
+    carrying: Motion
+    horizon: float
+
+    @property
+    def verdict(self) -> str:
+        """The answer in two sentences."""
+        turn = np.degrees(np.linalg.norm(self.spin))
+        still = (
+            "the arm cannot hold the tip"
+            if self.ended == "cannot"
+            else f"the arm holds the tip for {self.holds:.4g} s ({self.ended})"
+        )
+        rest = (
+            "it cannot bring the spacecraft to rest"
+            if self.carrying_ended == "cannot" and self.carries == 0.0
+            else f"it keeps the spacecraft at rest for {self.carries:.4g} s ({self.carrying_ended})"
+        )
+        return (
+            f"Joints locked, all turns at {turn:.4g}°/s; {still}, {rest}. No motion of the arm "
+            "takes the momentum away: that takes thrusters, or wheels with this momentum."
+        )
+
+    def __repr__(self) -> str:
+        return f"MomentumBudget({self.configuration.arm.name}: {self.verdict})"
+
+
+@of_configuration
+def momentum_budget(
+    cfg: Configuration, momentum: npt.ArrayLike, *, horizon: float = HORIZON, limits: bool = True
+) -> MomentumBudget:
+    """Compute what momentum on board does to a posture, and how long the arm can make up for it.
+
+    Detumbling by the arm alone does not exist: joint torques are internal, and the angular momentum
+    stays. The arm can hold its tip, or keep the spacecraft at rest, for a while.
+
+    Args:
+        cfg: The posture; its wheels must be still.
+        momentum: (6,) the momentum [linear [kg m/s]; angular about the system CM [N m s]], inertial
+            axes; or its angular part (3,). The linear part must be zero: it moves everything alike.
+        horizon: The longest time looked at [s].
+        limits: Whether joint limits count.
+
+    Returns:
+        The turn and the drift with locked joints, and how long the arm can do what.
+
+    Raises:
+        ConfigurationError: The momentum is zero or has a linear part, or the horizon is not
+            positive.
+        UnsupportedError: The wheels hold momentum, the arm has several tips or fewer joints than
+            task rows, or the task singles out directions that turn with the spacecraft.
+
+    Example:
+        >>> import spacearm as sa
+        >>> cfg = sa.load("planar2").at([-0.6, 1.4])
+        >>> sa.momentum_budget(cfg, [0, 0, 0.5]).ended
+        'singularity'
+    """
+    arm = cfg.arm
+    arm.require_one_tip()
+    turning_axis(arm)
+    still_wheels(cfg, "which is momentum already; give the whole momentum and leave wheels out")
+    angular = shape_of(momentum) == (3,)
+    h = momentum_vector([0.0, 0.0, 0.0, *np.asarray(momentum)] if angular else momentum)
+    if h[:3].any() or not h[3:].any():
+        raise ConfigurationError(
+            f"momentum is {h.tolist()}; give an angular momentum, without a linear part"
+        )
+    horizon = positive(horizon, "horizon", "time [s]")
+    split = prescribed_motion(cfg, {}, momentum=h)
+    J, drift = goal_rows(cfg, split.jacobian), goal_rows(cfg, split.drift)
+    rates = -np.linalg.pinv(J) @ drift
+    holds, ended, holding = _hold(cfg, h, horizon, limits)
+    carries, why, carrying = _carry(cfg, h[3:], horizon, limits)
+    return MomentumBudget(
+        configuration=cfg,
+        momentum=h,
+        spin=base_velocity(cfg, np.zeros(arm.n), h)[3:],
+        drift=split.drift,
+        rates=rates,
+        holds=holds,
+        ended=ended,
+        holding=holding,
+        carries=carries,
+        carrying_ended=why,
+        carrying=carrying,
+        horizon=horizon,
+    )
+
+
+def _hold(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[float, str, Motion]:
+    """Hold the tip: return how long, what ends it, and the motion.
+
+    The path of the tip is one point, its length the share of the horizon that has passed.
+    """
+    from spacearm.mission.growth import waiting  # imports the compiler
+    from spacearm.mission.leading import ENDS, Led, Settings, lead_all
+
+    centred = cfg.centred(np.zeros(3))
+    settings = Settings(horizon * h[3:], limits, tolerance=1e-9)
+    attitude = np.asarray(pin.SE3ToXYZQUAT(cfg.base)[3:])
+
+    def led(shares: Array) -> Led:
+        m = len(shares)
+        return lead_all(
+            cfg.arm, np.tile(cfg.q, (m, 1)), np.tile(attitude, (m, 1)),
+            waiting(cfg.arm, centred.tip, shares), np.arange(m), settings,
+        )  # fmt: skip
+
+    whole = led(np.ones(1))
+    lasts, ended = float(whole.s[0]), int(whole.ended[0])
+    kind = "horizon" if ended == 0 else ENDS[ended]
+    if lasts <= 1e-9:
+        return 0.0, "cannot", _still(cfg)
+    shares = np.linspace(0.0, lasts, SAMPLES)
+    found = led(shares[1:] * (1.0 - 1e-9))
+    q, turned = found.q, found.attitude
+    motion = _motion(cfg, horizon * shares, np.vstack((cfg.q, q)), np.vstack((attitude, turned)))
+    return horizon * lasts, kind, motion
+
+
+def _carry(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[float, str, Motion]:
+    """Keep the spacecraft at rest: return how long, what ends it, and the motion.
+
+    The joints have the least rates with D_q dq = h, by the classical Runge-Kutta method.
+    """
+    arm, q, t = cfg.arm, cfg.q.copy(), 0.0
+    rows, times = [q], [0.0]
+
+    def rate(at: Array) -> Array | None:
+        D_q = momentum_matrix(arm.at(at, base=cfg.base)).A_q[3:]
+        dq = np.linalg.lstsq(D_q, h, rcond=1e-9)[0]
+        return dq if np.linalg.norm(D_q @ dq - h) <= CARRIED * np.linalg.norm(h) else None
+
+    ended = "horizon"
+    while t < horizon:
+        k = [rate(q)]
+        if k[0] is None:
+            ended = "cannot"
+            break
+        step = min(STEP / float(np.abs(k[0]).max()), horizon - t)
+        for share in (0.5, 0.5, 1.0):
+            k.append(None if k[-1] is None else rate(q + share * step * k[-1]))
+        sound = [each for each in k if each is not None]
+        if len(sound) < 4:
+            ended = "cannot"
+            break
+        dq = (sound[0] + 2.0 * sound[1] + 2.0 * sound[2] + sound[3]) / 6.0
+        if limits:
+            with np.errstate(divide="ignore"):
+                room = np.where(dq > 0.0, arm.upper - q, q - arm.lower) / np.abs(dq)
+            if float(np.nanmin(room)) < step:
+                step, ended = max(float(np.nanmin(room)), 0.0), "joint limit"
+        q, t = q + step * dq, t + step
+        rows.append(q)
+        times.append(t)
+        if ended != "horizon" or step == 0.0:
+            break
+    t_, keep = np.unique(times, return_index=True)
+    motion = _motion(cfg, t_, np.array(rows)[keep], None)
+    return t, ended, motion
+
+
+def _motion(cfg: Configuration, t: Array, q: Array, attitude: Array | None) -> Motion:
+    """Return a motion with the system CM where it is; the attitude that of cfg if None."""
+    poses = []
+    for i, row in enumerate(q):
+        R = cfg.base.rotation if attitude is None else pin.Quaternion(attitude[i]).matrix()
+        there = cfg.arm.at(row, base=pin.SE3(R, np.zeros(3))).centred(cfg.com)
+        poses.append(pin.SE3ToXYZQUAT(there.base))
+    mode: BaseMode = "free-floating" if attitude is not None else "attitude-controlled"
+    return Motion(cfg.arm, t, q, np.array(poses), mode=mode)
+
+
+def _still(cfg: Configuration) -> Motion:
+    """Return a motion of one sample."""
+    return Motion(cfg.arm, np.zeros(1), cfg.q[None], pin.SE3ToXYZQUAT(cfg.base)[None])

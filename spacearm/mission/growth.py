@@ -1,0 +1,145 @@
+"""Lines of the tip on which the spacecraft stays level, many at once. Imports the compiler."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.kernels.paths.table import Table
+from spacearm.mechanics.blocks import Progress
+from spacearm.mechanics.compiled import bodies, frame_on_body
+from spacearm.mission.leading import Led, Settings, lead_all
+from spacearm.mission.rotations import angle_between
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+
+STATES = 2
+"""States that are kept of each cell: the spacecraft's attitude there depends on the way."""
+
+Integers = npt.NDArray[np.int64]
+
+
+class Line(NamedTuple):
+    """How lines of the tip are followed.
+
+    Attributes:
+        start: Where the first of them begin, the system CM at the origin.
+        tilt: Turn of the spacecraft from its attitude there that ends them [rad].
+        margin: Distance to the singular set that ends them [rad].
+        limits: Whether joint limits end them.
+    """
+
+    start: Configuration
+    tilt: float
+    margin: float
+    limits: bool
+
+    @property
+    def attitude(self) -> Array:
+        """(4,) attitude of the spacecraft at the start, quaternion xyzw."""
+        return np.asarray(pin.SE3ToXYZQUAT(self.start.base)[3:])
+
+    def settings(self) -> Settings:
+        """Return the settings of the kernels."""
+        return Settings(
+            limits=self.limits, most_tilt=self.tilt, margin=self.margin, tolerance=1e-8, stride=0.01
+        )
+
+
+def reach_of(arm: SpaceArm) -> float:
+    """Return the length of the arm from the spacecraft to the tip, all joints included [m]."""
+    b, _, E = bodies(arm)
+    lengths = np.linalg.norm(b["t"], axis=1)[b["on_chain"]]
+    slides = b["on_chain"] & b["slides"]
+    columns = b["column"][slides]
+    spans = np.nan_to_num((arm.upper - arm.lower)[columns], posinf=0.0) * np.abs(b["gain"][slides])
+    return float(lengths.sum() + np.linalg.norm(E) + spans.sum())
+
+
+def shoot(line: Line, rays: Array, length: float, progress: Progress | None) -> Led:
+    """Follow straight lines from the start in directions (d, 3)."""
+    arm, m = line.start.arm, len(rays)
+    tip = line.start.tip
+    start = np.tile(tip.translation, (m, 1))
+    paths = straight(arm, start, start + length * rays, tip.rotation)
+    q, attitude = np.tile(line.start.q, (m, 1)), np.tile(line.attitude, (m, 1))
+    return lead_all(arm, q, attitude, paths, np.arange(m), line.settings(), progress)
+
+
+def straight(arm: SpaceArm, start: Array, end: Array, attitude: Array) -> Table:
+    """Return straight paths (m, 3) to (m, 3), the attitude (3, 3) of the tip kept."""
+    m, way = len(start), end - start
+    return Table(
+        first=np.arange(m + 1),
+        begin=np.zeros(m),
+        end=np.linalg.norm(way, axis=1),
+        interval=np.arange(m + 1),
+        p=np.stack((start, end, way, way), axis=1),
+        R=np.tile(attitude @ frame_on_body(arm, arm.tip_frame).rotation.T, (m, 1, 1)),
+        f=np.zeros((m, 3, 3)),
+    )
+
+
+def waiting(arm: SpaceArm, tip: pin.SE3, length: Array) -> Table:
+    """Return paths of lengths (m,) on which the tip stays at a pose."""
+    m, place = len(length), tip.translation
+    paths = straight(arm, np.tile(place, (m, 1)), np.tile(place, (m, 1)), tip.rotation)
+    return paths._replace(end=np.asarray(length))
+
+
+def grow(line: Line, axis: int | None, cell: float, count: int) -> tuple[Array, Array, Integers]:
+    """Reach cells of a grid one from the next by straight lines.
+
+    Args:
+        line: How lines are followed.
+        axis: The normal of a planar arm's plane; None in space.
+        cell: Distance of neighbouring cells [m].
+        count: Cells from the start to the border of the grid.
+
+    Returns:
+        The middles (p, 3) of the cells reached, the start's first, once for each state; the turn of
+        the spacecraft in each state (p,); the state (p,) from which it is reached, -1 of the start.
+    """
+    arm, tip = line.start.arm, line.start.tip
+    steps = np.array([
+        step for step in product((-1, 0, 1), repeat=3)
+        if any(step) and (axis is None or step[axis] == 0)
+        and (axis is not None or np.abs(step).sum() == 1)
+    ])  # fmt: skip
+    q, attitude = line.start.q[None], line.attitude[None]
+    place, parent, turn = np.zeros((1, 3), dtype=np.int64), np.array([-1]), np.zeros(1)
+    known = {(0, 0, 0): STATES}
+    last = np.array([0])
+    while len(last):
+        origin = np.repeat(last, len(steps))
+        goal = (place[last][:, None] + steps).reshape(-1, 3)
+        room = [known.get(tuple(g), 0) < STATES for g in goal.tolist()]
+        kept = np.array(room) & (np.linalg.norm(goal, axis=1) <= count)
+        origin, goal = origin[kept], goal[kept]
+        if not len(goal):
+            break
+        ends = tip.translation + cell * goal
+        starts = tip.translation + cell * place[origin]
+        paths = straight(arm, starts, ends, tip.rotation)
+        led = lead_all(
+            arm, q[origin], attitude[origin], paths, np.arange(len(goal)), line.settings(),
+            home=line.attitude,
+        )  # fmt: skip
+        tilt = np.asarray(angle_between(led.attitude, line.attitude))
+        new: list[int] = []
+        for i in np.argsort(tilt, kind="stable"):  # the least turned first
+            where = tuple(goal[i].tolist())
+            if led.ended[i] == 0 and known.get(where, 0) < STATES:
+                known[where] = known.get(where, 0) + 1
+                new.append(int(i))
+        first = len(place)
+        place, parent = np.vstack((place, goal[new])), np.append(parent, origin[new])
+        q, attitude = np.vstack((q, led.q[new])), np.vstack((attitude, led.attitude[new]))
+        turn = np.append(turn, tilt[new])
+        last = np.arange(first, len(place))
+    return tip.translation + cell * place, turn, parent.astype(np.int64)

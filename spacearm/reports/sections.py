@@ -1,0 +1,275 @@
+"""A design report: the arm, where it is singular, where it can work, what it does to its bus."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import time
+from collections.abc import Callable, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array
+from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.files import write
+from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.blocks import Progress
+from spacearm.mission.envelope import level_envelope
+from spacearm.mission.level import level_reach
+from spacearm.mission.wheel_sizing import PERCENTILES, size_wheels
+from spacearm.model.arguments import of_arm
+from spacearm.model.arm import SpaceArm
+from spacearm.model.facts import bodies as rigid_bodies
+from spacearm.model.joints import joint_vector
+from spacearm.plots.show import plot
+from spacearm.reports.page import Section, page
+from spacearm.singularities.map import singular_map
+from spacearm.singularities.report import singularity
+from spacearm.singularities.risk import risk_profile, uniform
+from spacearm.singularities.sets import singular_set
+from spacearm.workspaces.path_dependent import workspace
+
+EFFORT = 20_000
+"""Singular configurations from which shells are searched, a tenth of what `workspace` takes."""
+SAMPLES = 50_000
+"""Configurations of the risk profile."""
+POSTURES = 400
+"""Postures of the wheel sizing."""
+CANDIDATES = 2000
+"""Postures from which the working posture is chosen."""
+TILTS = (0.5, 2.0, 5.0)
+"""Turns of the spacecraft for which the level reach is reported [deg]."""
+TIP_SPEED = 0.1
+"""Speed of the tip for which wheels are sized [m/s] or [rad/s]."""
+HEAVIER = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Masses of the bus that are compared, as shares of its own."""
+
+
+@of_arm
+def design_report(
+    arm: SpaceArm,
+    path: str | os.PathLike[str],
+    *,
+    q0: npt.ArrayLike | None = None,
+    words: Sequence[str] | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a design report of an arm: one HTML page with everything inside it.
+
+    It holds the arm, its singular sets, its workspaces and the share of postures near
+    singularities, the turn of the bus by straight lines of the tip, and wheels that would hold it.
+    Beneath every figure stands the command that makes it. What an arm cannot have is named with the
+    reason.
+
+    Args:
+        arm: The arm.
+        path: The page to write.
+        q0: (n,) the working posture, from which lines of the tip go; the one farthest from
+            singularities of 2,000 within the joint limits if None.
+        words: The words of the command line that describe the arm, for the commands; its file's
+            path or catalogue name if None.
+        progress: Called as progress(done, sections).
+
+    Returns:
+        The path.
+
+    Raises:
+        ConfigurationError: q0 has the wrong shape or is not finite.
+        UnsupportedError: The arm has several tips.
+        SpaceArmError: The file cannot be written.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.design_report(sa.load("planar2"), "report.html").name
+        'report.html'
+    """
+    arm.require_one_tip()
+    about = shlex.join(words if words is not None else [_name(arm)])
+    q = _working_posture(arm) if q0 is None else joint_vector(arm, q0, "q0")
+    parts: list[tuple[str, Callable[[Section], None]]] = [
+        ("The arm", lambda s: _arm(s, arm, q, about)),
+        ("Where it is singular", lambda s: _singular(s, arm, q, about)),
+        ("Where it can work", lambda s: _workspaces(s, arm, about)),
+        ("Risk by distance", lambda s: _risk(s, arm, about)),
+        ("Turning the spacecraft", lambda s: _reaction(s, arm, q, about)),
+        ("Wheels that hold the attitude", lambda s: _wheels(s, arm, about)),
+    ]
+    sections, begun = [], time.perf_counter()
+    for i, (title, fill) in enumerate(parts):
+        section = Section(title)
+        try:
+            fill(section)
+        except (UnsupportedError, NoSolutionError) as reason:
+            section.say(f"Not available: {reason}.", "missing")
+        sections.append(section)
+        if progress:
+            progress(i + 1, len(parts))
+    from spacearm import __version__
+
+    when = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    took = time.perf_counter() - begun
+    line = f"spacearm {__version__}, {when}, computed in {took:.0f} s. Not checked: collisions."
+    text = page(f"{arm.name}: design report", line, sections)
+    return write(Path(path), text.encode())
+
+
+def _name(arm: SpaceArm) -> str:
+    """Return what a command line calls the arm."""
+    return arm.name if arm.path.stem == arm.name else str(arm.path)
+
+
+def _working_posture(arm: SpaceArm) -> Array:
+    """Return the posture farthest from singularities, of some within the limits."""
+    Q = uniform(arm, True, CANDIDATES, np.random.default_rng(0))
+    distance = evaluate(arm, Q, ("distance",))["distance"]
+    distance = np.where(np.isfinite(distance), distance, -1.0)
+    return Q[int(np.argmax(distance))]
+
+
+def _python(about: str, expression: str) -> str:
+    """Return a command that draws an expression of an arm."""
+    name, *options = shlex.split(about)
+    code = f"import spacearm as sa; arm = sa.load({name!r}); sa.plot({expression}).savefig('x.svg')"
+    loaded = f"  # load it as by {shlex.join(options)}" if options else ""
+    return f"python -c {shlex.quote(code)}{loaded}"
+
+
+def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+    section.say(
+        f"{arm.n} joints, {arm.mass:.6g} kg in all, tip {arm.tip!r} ({arm.tip_reason}), task "
+        f"{arm.task.names!r}."
+    )
+    for note in arm.notes:
+        section.say(f"Note: {note}.", "about")
+    cfg = arm.at(q)
+    report = singularity(cfg)
+    section.picture(
+        plot(cfg),
+        f"The working posture of this report: {report.verdict}.",
+        _python(about, f"arm.at([{', '.join(f'{x:.6g}' for x in q)}])"),
+    )
+    bodies = [
+        (name, f"{body.mass:.6g}", *(f"{x:.4g}" for x in np.linalg.eigvalsh(body.inertia)))
+        for name, body in rigid_bodies(arm.tree, arm.model).items()
+    ]
+    section.table(
+        ("body", "mass [kg]", "principal moments", "[kg m²]", ""), bodies, f"spacearm info {about}"
+    )
+    joints = [
+        (name, *(f"{np.degrees(x) if not slides else x:.5g}" for x in (low, high, at)))
+        for name, low, high, at, slides in zip(
+            arm.joint_names, arm.lower, arm.upper, q, arm.slides, strict=True
+        )
+    ]
+    section.table(("joint, ° or m", "lower", "upper", "working posture"), joints)
+
+
+def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+    found = singular_set(arm)
+    share = evaluate(arm, uniform(arm, True, SAMPLES, np.random.default_rng(1)), ("distance",))[
+        "distance"
+    ]
+    near = [
+        (f"{bound:g}°", f"{np.mean(share <= np.radians(bound)):.2%}") for bound in (1, 5, 10, 20)
+    ]
+    how = "every singular posture is in it" if found.complete else "found by a search"
+    section.say(f"The singular set of the floating arm ({how}): {found!r}.")
+    section.table(("postures within the limits nearer than", "share"), near)
+    section.picture(
+        plot(singular_map(arm, None, q, 121)),
+        "Least joint motion to a singular posture over the first two joints that matter, the "
+        "others as in the working posture.",
+        _python(about, f"sa.singular_map(arm, q=[{', '.join(f'{x:.6g}' for x in q)}])"),
+    )
+    section.picture(plot(found), "The singular set.", _python(about, "sa.singular_set(arm)"))
+
+
+def _workspaces(section: Section, arm: SpaceArm, about: str) -> None:
+    found = workspace(arm, effort=EFFORT)
+    proof = "proven" if found.kind == "certified" else f"found with {EFFORT:,} configurations"
+    section.say(f"Distances of the tip from the system CM, {proof}; {found.fraction:.2%} of the "
+                "reachable workspace is path independent.")  # fmt: skip
+    rows = [
+        (label, f"{low:.5f}", f"{high:.5f}")
+        for label, radii in (
+            ("reachable", found.reachable),
+            ("path dependent", found.pdw),
+            ("path independent", found.piw),
+        )
+        for low, high in radii
+    ]
+    command = f"spacearm workspace {about} --effort {EFFORT}"
+    section.table(("workspace", "from [m]", "to [m]"), rows)
+    section.picture(plot(found), "The workspaces about the system CM.", command)
+
+
+def _risk(section: Section, arm: SpaceArm, about: str) -> None:
+    profile = risk_profile(arm, limits=True, samples=SAMPLES)
+    section.say(
+        "The share of postures within the joint limits that are within 5° of a singular one, by "
+        "the distance of the tip from the system CM."
+    )
+    section.picture(
+        plot(profile),
+        f"{SAMPLES:,} uniform postures; the band is two standard errors.",
+        _python(about, f"sa.risk_profile(arm, limits=True, samples={SAMPLES})"),
+    )
+
+
+def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
+    at = f"[{', '.join(f'{x:.6g}' for x in q)}]"
+    rows = []
+    for tilt in TILTS:
+        reach = level_reach(arm, q, float(np.radians(tilt)), directions=_rays(arm))
+        rows.append((f"{tilt:g}°", f"{reach.straight.min():.4g}", f"{reach.straight.mean():.4g}",
+                     f"{reach.straight.max():.4g}"))  # fmt: skip
+    section.say(
+        "How far the tip goes from the working posture, along straight lines in all directions and "
+        "its attitude kept, until the floating spacecraft has turned by an angle (or a singularity "
+        "or a joint limit is met)."
+    )
+    head = ("turned by", "worst [m]", "mean [m]", "best [m]")
+    section.table(
+        head, rows, _python(about, f"sa.level_reach(arm, {at}, {np.radians(TILTS[1]):.6g})")
+    )
+    section.picture(
+        plot(reach),
+        f"Where the tip goes with a turn of up to {TILTS[-1]:g}°.",
+        _python(about, f"sa.level_reach(arm, {at}, {np.radians(TILTS[-1]):.6g})"),
+    )
+    bus = float(arm.model.inertias[1].mass)
+    masses = [round(share * bus, 6) for share in HEAVIER]
+    tilts = [float(np.radians(tilt)) for tilt in TILTS]
+    envelope = level_envelope(arm, q, tilts, masses, directions=_rays(arm) // 2)
+    section.picture(
+        plot(envelope),
+        "The same over the mass of the bus, whose inertia grows as mass^(5/3); on the right the "
+        f"turn by {envelope.travel:g} m of the tip.",
+        _python(about, f"sa.level_envelope(arm, {at}, {[round(t, 6) for t in tilts]}, {masses})"),
+    )
+
+
+def _rays(arm: SpaceArm) -> int:
+    """Return how many directions are taken."""
+    return 72 if arm.tree.plane_normal() is not None else 200
+
+
+def _wheels(section: Section, arm: SpaceArm, about: str) -> None:
+    found = size_wheels(arm, tip_speed=TIP_SPEED, samples=POSTURES)
+    unit = "m/s" if min(arm.task.indices) < 3 else "rad/s"
+    section.say(
+        f"The momentum that wheels need to hold the attitude while the tip moves at {TIP_SPEED:g} "
+        f"{unit} in the worst direction, over {len(found.momentum)} postures within the limits. "
+        f"Left out are {found.left_out:.1%} within {np.degrees(found.near):.3g}° of a singularity "
+        "of the held arm. It grows in proportion to the speed."
+    )
+    rows = []
+    for percent in PERCENTILES:
+        each, whole = found.covering(percent)
+        rows.append((f"{percent:g} %", *(f"{x:.4g}" for x in each), f"{whole:.4g}"))
+    command = f"spacearm wheels {about} --tip-speed {TIP_SPEED:g} --samples {POSTURES}"
+    section.table(("covered", "about x", "about y", "about z", "any axis [N m s]"), rows)
+    section.picture(plot(found), "Postures covered by the momentum of the wheels.", command)

@@ -1,0 +1,1 @@
+"""What holds of an arm whose masses, inertias and centres of mass are known in intervals only."""

@@ -1,0 +1,184 @@
+"""Arms whose masses, inertias and centres of mass are known in intervals only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from numbers import Real
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array, finite
+from spacearm.description.bodies import Inertial
+from spacearm.errors import ConfigurationError, ModelError, listed, unknown
+from spacearm.model.arguments import of_arm
+from spacearm.model.arm import SpaceArm
+
+KINDS = ("mass", "inertia", "com")
+Spread: TypeAlias = Mapping[str, Any]
+"""What is uncertain of a link, by kind; see `uncertain`."""
+
+
+class Parameter(NamedTuple):
+    """A number that is known in an interval only.
+
+    Attributes:
+        link: Name of the link.
+        kind: "mass" [kg], "inertia" (factor) or "com x", "com y", "com z" (shift [m]).
+        low: Least value.
+        high: Largest value.
+    """
+
+    link: str
+    kind: str
+    low: float
+    high: float
+
+    @property
+    def name(self) -> str:
+        """Link and kind in one word or two."""
+        return f"{self.kind} of {self.link}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class UncertainArm:
+    """An arm whose masses, inertias and centres of mass are known in intervals only.
+
+    Made by `uncertain`. The inertia of a link grows with its mass in proportion, and with
+    its own factor besides.
+
+    Attributes:
+        arm: The arm as described.
+        parameters: The numbers that are uncertain; any combination of values is possible.
+    """
+
+    arm: SpaceArm
+    parameters: tuple[Parameter, ...]
+
+    def realise(self, shares: npt.ArrayLike) -> SpaceArm:
+        """Return the arm with values from the intervals.
+
+        Args:
+            shares: (p,) where in its interval each parameter lies, from 0 (least) to 1 (largest).
+
+        Raises:
+            ConfigurationError: They are not p numbers from 0 to 1.
+        """
+        p = len(self.parameters)
+        at = finite(shares, (p,), "shares", "from 0 to 1, one for each parameter")
+        if (at < 0.0).any() or (at > 1.0).any():
+            raise ConfigurationError(f"shares is {at.tolist()}; give numbers from 0 to 1")
+        links = dict(self.arm.whole.links)
+        for parameter, value in zip(self.parameters, self.values(at), strict=True):
+            part = links[parameter.link]
+            if part is not None:  # `uncertain` has seen to it
+                links[parameter.link] = _changed(part, parameter.kind, float(value))
+        whole = replace(self.arm.whole, links=links)
+        return self.arm.on(whole)
+
+    def values(self, shares: Array) -> Array:
+        """Return the values (..., p) at shares (..., p) of the intervals."""
+        low = np.array([parameter.low for parameter in self.parameters])
+        high = np.array([parameter.high for parameter in self.parameters])
+        return np.asarray(low + (high - low) * shares)
+
+    def named(self, shares: Array) -> dict[str, float]:
+        """Return the values at shares (p,) by name."""
+        values = self.values(np.asarray(shares)).tolist()
+        names = [parameter.name for parameter in self.parameters]
+        return dict(zip(names, values, strict=True))
+
+    def corners(self) -> Array:
+        """Return the corners (2^p, p) of the box of all values, as shares."""
+        return np.array(list(product((0.0, 1.0), repeat=len(self.parameters))))
+
+    def sample(self, m: int, rng: np.random.Generator) -> Array:
+        """Return uniform shares (m, p)."""
+        return rng.uniform(size=(m, len(self.parameters)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the arm's name and the intervals by name as plain JSON data."""
+        return {
+            "arm": self.arm.name,
+            "parameters": {p.name: [float(p.low), float(p.high)] for p in self.parameters},
+        }
+
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{p.name} {p.low:.4g} to {p.high:.4g}" for p in self.parameters)
+        return f"UncertainArm({self.arm.name}: {parts})"
+
+
+@of_arm
+def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
+    """Return an arm whose masses, inertias and centres of mass are known in intervals only.
+
+    Args:
+        arm: The arm as described; hold a captured target first, by `SpaceArm.grasp`.
+        spread: Link -> what is uncertain of it: "mass" and "inertia" as a share up or down (0.05 is
+            5 per cent) or a pair of bounds ([kg], factors of the inertia), "com" as a distance up
+            or down each axis of the link [m], or three of them.
+
+    Returns:
+        The arm with its uncertain numbers.
+
+    Raises:
+        ConfigurationError: Nothing is uncertain, or a kind or an interval makes no sense.
+        ModelError: A link does not exist or has no mass.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> sa.uncertain(arm, {"link_2": {"mass": 0.1}})
+        UncertainArm(planar2: mass of link_2 2.7 to 3.3)
+    """
+    links = arm.whole.links
+    found = []
+    for link, kinds in spread.items():
+        part = links.get(link)
+        if part is None or part.mass == 0.0:
+            raise ModelError(
+                f"link {link!r} has no mass; name one of: {listed(arm.whole.bodies())}"
+            )
+        for kind, value in kinds.items():
+            if kind not in KINDS:
+                raise ConfigurationError(f"{link}: {unknown('kind', kind, KINDS)}")
+            if kind == "com":
+                shifts = value if np.ndim(value) else [value] * 3
+                for axis, shift in zip("xyz", finite(shifts, (3,), f"com of {link}"), strict=True):
+                    if shift:
+                        size = abs(float(shift))
+                        found.append(Parameter(link, f"com {axis}", -size, size))
+            else:
+                about = part.mass if kind == "mass" else 1.0
+                found.append(Parameter(link, kind, *_interval(value, about, kind, link)))
+    if not found:
+        raise ConfigurationError("nothing is uncertain; give, for instance, {link: {'mass': 0.05}}")
+    return UncertainArm(arm, tuple(found))
+
+
+def _interval(value: object, about: float, kind: str, link: str) -> tuple[float, float]:
+    """Return the bounds of a mass [kg] or of a factor of the inertia."""
+    if isinstance(value, Real) and not isinstance(value, bool) and 0.0 < float(value) < 1.0:
+        return about * (1.0 - float(value)), about * (1.0 + float(value))
+    if isinstance(value, Sequence) and len(value) == 2 and not isinstance(value, str):
+        low, high = finite(value, (2,), f"{kind} of {link}")
+        if 0.0 < low < high:
+            return float(low), float(high)
+    raise ConfigurationError(
+        f"{kind} of {link} is {value!r}; give a share between 0 and 1, or a pair of positive, "
+        "growing bounds"
+    )
+
+
+def _changed(part: Inertial, kind: str, value: float) -> Inertial:
+    """Return a link with another mass [kg], a factor of its inertia or a shift of its CM [m]."""
+    if kind == "mass":
+        return Inertial(value, part.origin, part.inertia * (value / part.mass))
+    if kind == "inertia":
+        return part._replace(inertia=part.inertia * value)
+    shift = value * np.eye(3)["xyz".index(kind[-1])]
+    return part._replace(origin=pin.SE3(part.origin.rotation, part.origin.translation + shift))

@@ -1,0 +1,244 @@
+"""Questions to arms that are known in intervals only: distances, free paths, shells, plans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array, Result, whole
+from spacearm.errors import NoSolutionError
+from spacearm.model.joints import joint_vector
+from spacearm.motion.goal import Goal
+from spacearm.planning.planner import plan
+from spacearm.planning.result import Joints, Plan
+from spacearm.polynomial.certificate import certify
+from spacearm.singularities.report import singularity
+from spacearm.uncertainty.family import Family, family_of
+from spacearm.uncertainty.intervals import UncertainArm
+
+SAMPLES = 200
+"""Default number of random arms."""
+MOST_CORNERS = 8
+"""Parameters up to which all corners of the box are tried."""
+MOST_BOXES = 400
+"""Boxes of parameters that a proof may look at."""
+CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
+"""Clearances that are asked of plans, one after the other, until one is robust [deg]."""
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceRange(Result):
+    """The distance to the singular set over all arms tried.
+
+    Attributes:
+        nominal: That of the arm as described [rad].
+        low: The least [rad].
+        high: The largest [rad].
+        least: The values at which it is least, by name.
+        distances: (m,) those of all arms tried, random ones first [rad].
+        tried: Number of arms tried; between them it may be a little less or more.
+    """
+
+    nominal: float
+    low: float
+    high: float
+    least: dict[str, float]
+    distances: Array
+    tried: int
+
+    def __repr__(self) -> str:
+        low, high, nominal = np.degrees([self.low, self.high, self.nominal])
+        return f"DistanceRange({low:.4g}° to {high:.4g}°, {nominal:.4g}° as described)"
+
+
+@dataclass(frozen=True, eq=False)
+class RobustCertificate(Result):
+    """Whether a path meets no singularity, for all values in the intervals.
+
+    Attributes:
+        free: Whether it is free for all of them: proven, rounding included.
+        verdict: "free"; "singular": at the values `values` S changes sign at `at`, which is proven;
+            "undecided": the boxes of `MOST_BOXES` did not decide.
+        values: The counterexample, by name; None unless singular.
+        at: (n,) where on the path that arm is singular; None unless singular.
+        boxes: Number of boxes of parameters looked at.
+    """
+
+    free: bool
+    verdict: str
+    values: dict[str, float] | None
+    at: Array | None
+    boxes: int
+
+    def __bool__(self) -> bool:
+        return self.free
+
+    def __repr__(self) -> str:
+        if self.values is None:
+            return f"RobustCertificate({self.verdict}, {self.boxes} boxes)"
+        parts = ", ".join(f"{name} {value:.5g}" for name, value in self.values.items())
+        return f"RobustCertificate(singular with {parts})"
+
+
+def distance_range(
+    uncertain: UncertainArm, q: npt.ArrayLike, *, samples: int = SAMPLES, seed: int = 0
+) -> DistanceRange:
+    """Compute the range of the distance to the singular set over arms from the intervals.
+
+    The arms are random ones, and those with all parameters at ends of their intervals if there are
+    up to 8 parameters; the range is that of these arms, the true one may be a little wider.
+
+    Args:
+        uncertain: The arm; see `uncertain`.
+        q: (n,) joint positions [rad] or [m].
+        samples: Number of random arms.
+        seed: Of these.
+
+    Returns:
+        The least and the largest distance, and the values with the least.
+
+    Example:
+        >>> import numpy as np
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> about = sa.uncertain(arm, {"link_1": {"mass": 0.1}})
+        >>> found = sa.distance_range(about, np.radians([-65, 30]), samples=10)
+        >>> found.low < found.nominal < found.high
+        True
+    """
+    arm = uncertain.arm
+    q = joint_vector(arm, q, "q")
+    shares = uncertain.sample(whole(samples, "samples", 1), np.random.default_rng(seed))
+    if len(uncertain.parameters) <= MOST_CORNERS:
+        shares = np.vstack((shares, uncertain.corners()))
+    found = np.array([singularity(uncertain.realise(t).at(q)).distance for t in shares])
+    nominal = float(singularity(arm.at(q)).distance)
+    least = int(np.argmin(found))
+    return DistanceRange(
+        nominal=nominal,
+        low=min(nominal, float(found[least])),
+        high=max(nominal, float(found.max())),
+        least=uncertain.named(shares[least]),
+        distances=found,
+        tried=len(found),
+    )
+
+
+def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCertificate:
+    """Prove that a path in joint space meets no singularity, for all values in the intervals.
+
+    S is a polynomial of the parameters; its Bernstein coefficients over the box are trigonometric
+    polynomials of the joints, between which S lies. The path is free if they all keep one sign on
+    it; else the box is halved. A corner at which S changes sign is a counterexample.
+
+    Args:
+        uncertain: An arm of revolute joints, as many as its task has rows.
+        path: (m, n) joint positions, joined by straight segments.
+
+    Returns:
+        The proof, or values for which the path is singular.
+
+    Raises:
+        UnsupportedError: The arm has no singularity polynomial, or too many numbers are uncertain
+            for the proof.
+
+    Example:
+        >>> import numpy as np
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> about = sa.uncertain(arm, {"link_1": {"mass": 0.1}})
+        >>> sa.is_free_for_all(about, np.radians([[-65, 30], [20, 60]])).free
+        True
+    """
+    rows = np.array(
+        [joint_vector(uncertain.arm, q, "path") for q in np.atleast_2d(np.asarray(path))]
+    )
+    open_, looked = [_family(uncertain)], 0
+    while open_ and looked < MOST_BOXES:
+        box = open_.pop()
+        looked += 1
+        proofs = [certify([jets], rows) for jets in box.jets()]
+        numbers, corners = box.corners()
+        for number, corner in zip(numbers, corners, strict=True):
+            if proofs[number].verdict == "singular":
+                at = proofs[number].at
+                return RobustCertificate(False, "singular", uncertain.named(corner), at, looked)
+        signs = {bool(f(rows[0]) > 0.0) for f in box.control}
+        ends = {bool(box.control[number](rows[0]) > 0.0) for number in numbers}
+        if all(proofs) and len(signs) == 1:
+            continue
+        if len(ends) == 2:  # S changes sign at the start itself, between two corners
+            return _at_start(box, uncertain, rows[0], looked)
+        widest = int(np.argmax(box.high - box.low))
+        open_ += box.halves(widest)
+    if open_:
+        return RobustCertificate(False, "undecided", None, None, looked)
+    return RobustCertificate(True, "free", None, None, looked)
+
+
+def _at_start(box: Family, uncertain: UncertainArm, q: Array, looked: int) -> RobustCertificate:
+    """Return the values between two corners for which the start of a path is singular."""
+    numbers, corners = box.corners()
+    values = [box.control[number](q) for number in numbers]
+    low, high = corners[int(np.argmin(values))], corners[int(np.argmax(values))]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if box(q, middle[None])[0] < 0.0:
+            low = middle
+        else:
+            high = middle
+    return RobustCertificate(False, "singular", uncertain.named(low), q.copy(), looked)
+
+
+@lru_cache(maxsize=8)
+def _family(uncertain: UncertainArm) -> Family:
+    """Fit the polynomials once for each uncertain arm."""
+    return family_of(uncertain)
+
+
+def robust_plan(
+    uncertain: UncertainArm, q0: npt.ArrayLike, goal: Goal | Joints, **options: Any
+) -> tuple[Plan, RobustCertificate]:
+    """Plan a motion that meets no singularity, for all values in the intervals.
+
+    It is planned for the arm as described, with growing clearance until the proof holds. The joints
+    then move as planned whatever the values are; where the tip and the spacecraft come to does
+    depend on them, and is not made robust.
+
+    Args:
+        uncertain: An arm of revolute joints, as many as its task has rows.
+        q0: (n,) joint positions at the start.
+        goal: As for `plan`.
+        **options: Other arguments of `plan`.
+
+    Returns:
+        The plan and the proof.
+
+    Raises:
+        NoSolutionError: No plan was found, or none that holds for all values: carries the last.
+
+    Example:
+        >>> import spacearm as sa
+        >>> about = sa.uncertain(sa.load("planar2"), {"link_2": {"mass": 0.1}})
+        >>> plan, proof = sa.robust_plan(about, [0.3, 1.2], sa.Joints([0.6, 0.9]))
+        >>> proof.free
+        True
+    """
+    last: Plan | None = None
+    for clearance in CLEARANCES:
+        try:
+            last = plan(uncertain.arm, q0, goal, clearance=float(np.radians(clearance)), **options)
+        except NoSolutionError:
+            break
+        proof = is_free_for_all(uncertain, last.q)
+        if proof:
+            return last, proof
+    raise NoSolutionError(
+        f"{uncertain.arm.name}: no plan with a clearance up to {CLEARANCES[-1]:g}° is free of "
+        "singularities for all values in the intervals; narrow them, or go elsewhere",
+        last,
+    )

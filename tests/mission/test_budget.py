@@ -1,0 +1,104 @@
+"""Momentum budgets: the tip held, the spacecraft at rest, conservation, a clear no."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import chains
+from hypothesis import given, settings
+
+import spacearm as sa
+
+H = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+
+
+@pytest.fixture(scope="module")
+def planar():
+    return sa.momentum_budget(sa.load("planar2").at([-0.6, 1.4]), H)
+
+
+@given(chains())
+@settings(max_examples=10)
+def test_with_the_joints_locked_all_turns_as_one_body(cfg):
+    arm = cfg.arm.replace(task="position")
+    if arm.n < 3:
+        return
+    cfg = arm.at(cfg.q, base=cfg.base)
+    h = np.array([0.0, 0.0, 0.0, 0.1, -0.2, 0.3])
+    found = sa.momentum_budget(cfg, h, horizon=1e-3, limits=False)
+    arm_to_tip = cfg.tip.translation - cfg.com
+    np.testing.assert_allclose(found.drift[3:], found.spin, atol=1e-12)
+    np.testing.assert_allclose(found.drift[:3], np.cross(found.spin, arm_to_tip), atol=1e-9)
+    A_b, _ = sa.momentum_matrix(cfg)
+    np.testing.assert_allclose(A_b[3:, 3:] @ found.spin, h[3:], atol=1e-9)
+    J = sa.generalized_jacobian(cfg)[:3]
+    np.testing.assert_allclose(J @ found.rates, -found.drift[:3], atol=1e-6)
+
+
+def test_the_tip_stays_while_it_is_held(planar):
+    run = planar.holding
+    assert planar.holds > 0.0
+    np.testing.assert_allclose(run.tip[:, :2] - run.tip[0, :2], 0.0, atol=1e-7)
+    assert np.abs(run.q[-1] - run.q[0]).max() > 0.1
+    # the momentum of the sampled motion is that on board
+    i = 40
+    dt = run.t[1] - run.t[0]
+    dq = (run.q[i + 1] - run.q[i - 1]) / (2 * dt)
+    turn = pin.log3(run[i - 1].base.rotation.T @ run[i + 1].base.rotation) / (2 * dt)
+    A_b, A_q = sa.momentum_matrix(run[i])
+    w = run[i].base.rotation @ turn
+    h = A_b[3:, 3:] @ w + A_q[3:] @ dq
+    np.testing.assert_allclose(h, H[3:], atol=5e-3 * 0.5)
+
+
+def test_it_ends_at_a_singularity_or_a_limit(planar):
+    assert planar.ended in ("singularity", "joint limit")
+    end = planar.holding[-1]
+    if planar.ended == "singularity":
+        assert sa.singularity(end).distance < np.radians(2.0)
+    else:
+        arm = end.arm
+        assert min((arm.upper - end.q).min(), (end.q - arm.lower).min()) < 0.02
+
+
+def test_twice_the_momentum_lasts_half_as_long(planar):
+    cfg = planar.configuration
+    double = sa.momentum_budget(cfg, 2 * H)
+    assert double.holds == pytest.approx(planar.holds / 2, rel=1e-4)
+    assert double.carries == pytest.approx(planar.carries / 2, rel=1e-4)
+    np.testing.assert_allclose(double.rates, 2 * planar.rates)
+
+
+def test_the_spacecraft_rests_while_the_arm_carries_the_momentum(planar):
+    run = planar.carrying
+    assert planar.carries > 0.0
+    np.testing.assert_allclose(run.base[:, 3:], np.tile(run.base[0, 3:], (len(run), 1)))
+    middle = len(run) // 2
+    dq = (run.q[middle + 1] - run.q[middle]) / (run.t[middle + 1] - run.t[middle])
+    between = run.arm.at(0.5 * (run.q[middle + 1] + run.q[middle]))
+    np.testing.assert_allclose(
+        sa.momentum_matrix(between).A_q[3:] @ dq, H[3:], rtol=1e-3, atol=1e-6
+    )
+    np.testing.assert_allclose(sa.reaction(run).momentum[2:-2, 2], 0.5, rtol=2e-3)
+
+
+def test_an_arm_that_cannot_carry_it_says_no():
+    """A planar arm has no momentum about axes in its plane."""
+    cfg = sa.load("planar2").at([-0.6, 1.4])
+    found = sa.momentum_budget(cfg, [0.2, 0.0, 0.0], horizon=10.0)
+    assert found.carrying_ended == "cannot"
+    assert found.carries == 0.0
+    assert "cannot bring the spacecraft to rest" in found.verdict
+    assert "No motion of the arm takes the momentum away" in found.verdict
+
+
+def test_bad_input():
+    arm = sa.load("planar2")
+    cfg = arm.at([-0.6, 1.4])
+    with pytest.raises(sa.ConfigurationError, match="without a linear part"):
+        sa.momentum_budget(cfg, [1, 0, 0, 0, 0, 1])
+    with pytest.raises(sa.ConfigurationError, match="without a linear part"):
+        sa.momentum_budget(cfg, np.zeros(6))
+    with pytest.raises(sa.ConfigurationError, match="horizon is 0"):
+        sa.momentum_budget(cfg, H, horizon=0)
+    with pytest.raises(sa.UnsupportedError, match="task of 3 rows"):
+        sa.momentum_budget(arm.replace(task="x y rz").at(cfg.q), H)

@@ -1,0 +1,220 @@
+"""Reactions and wheels: identities of momentum, symmetric arms, the torque of inverse dynamics."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import chains, frame, joint, link, load_text, robot
+from hypothesis import given, settings
+from scipy.integrate import trapezoid
+
+import spacearm as sa
+
+
+def swing(arm, seed=0, m=400, duration=4.0, mode="free-floating", base=None):
+    """A smooth joint motion from rest to rest, the spacecraft moved by `sa.move`."""
+    rng = np.random.default_rng(seed)
+    start, span = rng.uniform(-0.5, 0.5, arm.n), rng.uniform(-1.0, 1.0, arm.n)
+    t = np.linspace(0.0, duration, m)
+    u = t / duration
+    q = start + np.outer(u**3 * (10 - 15 * u + 6 * u * u), span)
+    cfg = arm.at(q[0], base=base)
+    poses = []
+    for row in q:
+        cfg = sa.move(cfg, row) if mode == "free-floating" else arm.at(row, base=cfg.base)
+        poses.append(pin.SE3ToXYZQUAT(cfg.base))
+    return sa.Motion(arm, t, q, np.array(poses), mode=mode)
+
+
+@given(chains())
+@settings(max_examples=15)
+def test_the_momentum_is_that_of_the_arm_with_its_attitude_held(cfg):
+    """D_q dq is the angular momentum of Pinocchio with a spacecraft that only translates."""
+    arm = cfg.arm
+    run = swing(arm, m=5, mode="attitude-controlled", base=cfg.base)
+    found = sa.reaction(run)
+    for i, there in enumerate(run):
+        v = sa.base_velocity(there, run.dq[i])
+        A_b, A_q = sa.momentum_matrix(there)
+        v_b = np.zeros(6)  # linear momentum zero, angular velocity zero
+        v_b[:3] = -(A_q[:3] @ run.dq[i]) / arm.mass
+        h = (A_b @ v_b + A_q @ run.dq[i])[3:]
+        np.testing.assert_allclose(
+            found.momentum[i], there.base.rotation.T @ h, atol=1e-9 * (1 + abs(h).max())
+        )
+        # floating, the spacecraft has the rate that makes up for it: D w_0 = -D_q dq
+        D_w = A_b[3:, 3:] @ v[3:]
+        np.testing.assert_allclose(D_w, -h, atol=1e-9 * (1 + abs(h).max()))
+
+
+def test_the_torque_is_the_reaction_of_inverse_dynamics():
+    arm = sa.load("mda6")
+    run = swing(arm, m=2001, mode="attitude-controlled")
+    found = sa.reaction(run)
+    h = run.t[1] - run.t[0]
+    for i in (400, 900, 1500):
+        ddq = (run.q[i + 1] - 2 * run.q[i] + run.q[i - 1]) / h**2
+        dq = (run.q[i + 1] - run.q[i - 1]) / (2 * h)
+        reaction = sa.inverse_dynamics(run[i], dq, ddq, mode="attitude-controlled").reaction
+        np.testing.assert_allclose(reaction[:3], 0.0, atol=1e-9)
+        np.testing.assert_allclose(
+            found.torque[i], reaction[3:], atol=1e-4 * abs(found.torque).max()
+        )
+
+
+def test_the_integral_of_the_torque_is_the_momentum():
+    found = sa.reaction(swing(sa.load("mda6"), m=1000))
+    np.testing.assert_allclose(
+        trapezoid(found.torque, found.t, axis=0), found.momentum[-1] - found.momentum[0],
+        atol=1e-4 * abs(found.momentum).max(),
+    )  # fmt: skip
+    assert (found.impulse >= np.abs(found.momentum).max(axis=0) - 1e-12).all()
+    np.testing.assert_allclose(found.wheels, -found.momentum)
+
+
+def test_the_excursion_is_the_same_whether_the_motion_floated_or_was_held():
+    arm = sa.load("chaser7")
+    floating, held = (
+        sa.reaction(swing(arm, m=60, mode=mode)) for mode in ("free-floating", "fixed")
+    )
+    np.testing.assert_allclose(floating.excursion, held.excursion, atol=1e-7)
+    np.testing.assert_allclose(floating.momentum, held.momentum, atol=1e-9)
+    np.testing.assert_allclose(floating.rate, held.rate, atol=1e-7)
+
+
+def test_the_rate_is_the_derivative_of_the_excursion():
+    found = sa.reaction(swing(sa.load("planar2"), m=1000))
+    z = found.excursion[:, 2]
+    np.testing.assert_allclose(np.gradient(z, found.t), found.rate[:, 2], atol=1e-5)
+
+
+def test_two_arms_that_mirror_each_other_do_not_turn_the_spacecraft():
+    def arm_on(side):
+        x = 0.5 * side
+        return (
+            link(f"arm{side}", 2.0, com=(0.4 * side, 0, 0)),
+            joint(f"j{side}", "bus", f"arm{side}", xyz=(x, 0, 0)),
+            frame(f"hand{side}"),
+            joint(f"t{side}", f"arm{side}", f"hand{side}", "fixed", xyz=(0.8 * side, 0, 0)),
+        )
+
+    text = robot(link("bus", 50.0), *arm_on(1), *arm_on(-1))
+    arm = load_text(text, tip="hand1", joints="all")
+    t = np.linspace(0.0, 1.0, 50)
+    both = np.outer(t**2, [1.0, -1.0])
+    run = sa.Motion(arm, t, both, np.tile(np.eye(7)[6], (50, 1)), mode="attitude-controlled")
+    found = sa.reaction(run)
+    np.testing.assert_allclose(found.momentum, 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.excursion, 0.0, atol=1e-12)
+    alone = sa.reaction(sa.Motion(arm, t, both * [1, 0], run.base, mode="attitude-controlled"))
+    assert alone.angle[-1] > 0.01
+
+
+def test_reactionless_joint_rates_take_no_wheels():
+    arm = sa.load("planar3")
+    q, t = np.array([0.4, 0.8, -0.5]), np.linspace(0.0, 1.0, 200)
+    rows = [q]
+    for _ in t[1:]:  # along the null space of D_q, midpoint rule
+        step = rows[-1]
+        for _ in range(4):
+            middle = 0.5 * (rows[-1] + step)
+            D_q = sa.momentum_matrix(arm.at(middle)).A_q[5:]
+            null = np.linalg.svd(D_q)[2][1]
+            null = null * np.sign(null[np.argmax(np.abs(null))])
+            step = rows[-1] + (t[1] - t[0]) * null
+        rows.append(step)
+    run = sa.Motion(arm, t, np.array(rows), np.tile(np.eye(7)[6], (200, 1)), mode="fixed")
+    found = sa.reaction(run)
+    assert np.abs(run.q[-1] - q).max() > 0.2
+    assert found.angle.max() < 1e-4
+    inside = np.abs(found.momentum[1:-1])  # the rates at the ends are one-sided differences
+    assert inside.max() < 1e-4 * np.abs(sa.reaction(swing(arm)).momentum).max()
+
+
+def test_the_camera_sees_only_turns_across_its_line_of_sight():
+    run = swing(sa.load("planar2"))
+    along = sa.reaction(run, camera=(0, 0, 2.0))
+    across = sa.reaction(run, camera=(1.0, 1.0, 0.0))
+    np.testing.assert_allclose(along.pointing, 0.0, atol=1e-12)
+    np.testing.assert_allclose(along.smear, 0.0, atol=1e-12)
+    np.testing.assert_allclose(across.pointing, across.angle, atol=1e-12)
+    np.testing.assert_allclose(across.smear, np.abs(across.rate[:, 2]), atol=1e-12)
+    assert along.to_dict()["largest_angle"] == pytest.approx(float(across.angle.max()))
+
+
+def test_momentum_on_board_is_taken_up_by_the_wheels():
+    arm = sa.load("planar2")
+    h = np.array([0, 0, 0, 0, 0, 0.4])
+    law = sa.JointPD(target=[0.5, 0.9], kp=5.0, kd=9.0)
+    run = sa.simulate(arm, [0.3, 1.2], law, 2.0, momentum=h, events=())
+    found = sa.reaction(run)
+    np.testing.assert_allclose(found.on_board, np.tile(h[3:], (len(run), 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        found.wheels + found.momentum, np.tile(h[3:], (len(run), 1)), atol=1e-9
+    )
+    z = found.excursion[:, 2]
+    np.testing.assert_allclose(np.trapezoid(found.rate[:, 2], found.t), z[-1], atol=2e-3)
+
+
+# --- wheels ---------------------------------------------------------------------------------
+
+
+def test_no_direction_of_the_tip_takes_more_than_the_worst():
+    arm = sa.load("mda6")
+    found = sa.size_wheels(arm, tip_speed=0.2, samples=40)
+    assert len(found.momentum) == round(40 * (1.0 - found.left_out))
+    rng = np.random.default_rng(0)
+    for i in range(0, len(found.q), 7):
+        cfg = arm.at(found.q[i])
+        J = sa.generalized_jacobian(cfg, mode="attitude-controlled")
+        tried = []
+        for _ in range(300):
+            v = rng.normal(size=3)
+            dq = np.linalg.solve(J, np.append(0.2 * v / np.linalg.norm(v), np.zeros(3)))
+            tried.append(sa.momentum_matrix(cfg).A_q[3:] @ dq)
+        sizes = np.linalg.norm(tried, axis=1)
+        assert 0.9 * found.momentum[i] < sizes.max() <= found.momentum[i] * (1 + 1e-12)
+        assert (np.abs(tried).max(axis=0) <= found.axes[i] * (1 + 1e-12)).all()
+
+
+def test_wheels_grow_with_the_speed_and_cover_their_share():
+    arm = sa.load("planar2")
+    one, two = (sa.size_wheels(arm, tip_speed=v, samples=300) for v in (0.1, 0.2))
+    np.testing.assert_allclose(two.momentum, 2.0 * one.momentum)
+    each, any_axis = one.covering(90)
+    assert np.mean(one.momentum <= any_axis) == pytest.approx(0.9, abs=0.01)
+    assert each[2] == pytest.approx(any_axis)
+    np.testing.assert_allclose(one.axes[:, :2], 0.0, atol=1e-12)
+    assert one.momentum[one.worst] == one.momentum.max()
+    near = sa.size_wheels(arm, tip_speed=0.1, samples=300, near=np.radians(1.0))
+    assert near.left_out < one.left_out
+    assert near.momentum.max() > one.momentum.max()
+
+
+def test_wheels_of_motions_are_the_worst_of_each():
+    arm = sa.load("planar2")
+    runs = [swing(arm, seed) for seed in (1, 2)]
+    found = sa.size_wheels(arm, runs)
+    for i, run in enumerate(runs):
+        alone = sa.reaction(run)
+        assert found.momentum[i] == pytest.approx(np.abs(alone.wheels).max())
+        np.testing.assert_allclose(found.torque[i], np.abs(alone.torque).max(axis=0))
+    assert sa.size_wheels(arm, runs[0]).momentum == found.momentum[:1]
+
+
+def test_bad_input():
+    arm, other = sa.load("planar2"), sa.load("planar3")
+    still = sa.Motion(arm, [0.0], [[0.1, 0.2]], np.eye(7)[6:])
+    with pytest.raises(sa.ConfigurationError, match="one sample only"):
+        sa.reaction(still)
+    with pytest.raises(sa.ConfigurationError, match="camera is zero"):
+        sa.reaction(swing(arm, m=3), camera=[0, 0, 0])
+    with pytest.raises(sa.ConfigurationError, match="one of them"):
+        sa.size_wheels(arm)
+    with pytest.raises(sa.ConfigurationError, match="tip_speed is -1"):
+        sa.size_wheels(arm, tip_speed=-1)
+    with pytest.raises(sa.ConfigurationError, match="other joints"):
+        sa.size_wheels(other, swing(arm, m=3))
+    with pytest.raises(sa.ConfigurationError, match="motions is empty"):
+        sa.size_wheels(arm, [])
+    with pytest.raises(sa.NoSolutionError, match="all 20 postures"):
+        sa.size_wheels(arm.replace(task="x y rz"), tip_speed=0.1, samples=20)
