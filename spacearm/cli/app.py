@@ -8,7 +8,7 @@ import sys
 import warnings
 from collections.abc import Iterable
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
@@ -21,28 +21,38 @@ COMMANDS = {
     "models": "models.list_models",
     "info": "models.describe_model",
     "mount": "models.write_model",
+    "convert": "models.convert_model",
     "query": "queries.report_singularity",
+    "nearest": "queries.find_nearest",
+    "path": "plans.check_path",
     "view": "views.view_configuration",
     "map": "maps.draw_singular_map",
     "workspace": "workspaces.compute_workspace",
+    "risk": "workspaces.compute_risk",
     "design": "designs.sweep_designs",
     "plan": "plans.plan_motion",
+    "attitudes": "missions.commands.find_attitudes",
+    "reaction": "missions.commands.report_reaction",
+    "wheels": "missions.commands.size_wheels_of",
+    "report": "missions.commands.write_report",
     "simulate": "simulations.simulate_motion",
+    "capture": "captures.compute_capture",
     "sweep": "sweeps.run_study",
 }
 """Module and function of each command; only the module of the command called is imported."""
+HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 NO_NUMBERS = ("models", "sweep")
 """Commands without numbers: whatever starts with a minus sign is an option."""
 
 
 def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
     """Make the application with some of its commands, whose modules are imported."""
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, context_settings=HELP)
     app.callback(invoke_without_command=True)(options)
     for name in names:
-        module, _, function = COMMANDS[name].partition(".")
+        module, _, function = COMMANDS[name].rpartition(".")
         command = getattr(import_module(f"spacearm.cli.{module}"), function)
-        settings = {} if name in NO_NUMBERS else {"ignore_unknown_options": True}
+        settings = HELP if name in NO_NUMBERS else HELP | {"ignore_unknown_options": True}
         app.command(name, context_settings=settings)(command)
     return app
 
@@ -69,7 +79,7 @@ def main() -> None:
     try:
         words = join_numbers(sys.argv[1:])
         called = [word for word in words[:1] if word in COMMANDS]
-        code = application(called or COMMANDS)(words, standalone_mode=False)
+        code = application(called or COMMANDS)(words, standalone_mode=False, prog_name="spacearm")
         sys.stdout.flush()
     except (SpaceArmError, TyperException) as error:
         message = error.format_message() if isinstance(error, TyperException) else error

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from spacearm.arrays import Array
 from spacearm.cli.options import (
@@ -24,6 +23,7 @@ from spacearm.cli.output import (
     picture_path,
     print_json,
     table,
+    working,
     write_picture,
 )
 from spacearm.errors import ConfigurationError
@@ -32,6 +32,8 @@ from spacearm.workspaces.design import workspaces
 
 Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="A value or a range.")]
 COUNT = 9
+UNITS = {"base_inertia": "x", **dict.fromkeys(("mount_x", "mount_y", "mount_z"), "m")}
+"""Units of the parameters; the others are masses."""
 
 
 @on_a_model
@@ -71,15 +73,14 @@ def sweep_designs(
     grid = {name: _values(name, text) for name, text in named.items() if text is not None}
     if not grid:
         raise ConfigurationError("nothing to vary; give --base-inertia 1:20, --mount-x 0:0.8, ...")
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
-        task_id = bar.add_task("designs", total=None)
+    with working("designs") as progress:
         result = workspaces(
             arm,
             grid,
             mode=mode.value,
             limits=limits,
             effort=effort,
-            progress=lambda done, of: bar.update(task_id, completed=done, total=of),
+            progress=progress,
         )
     if as_json:
         print_json(result.to_dict())
@@ -97,7 +98,8 @@ def sweep_designs(
 
 
 def _print(result: Any, grid: Mapping[str, Array]) -> None:
-    rows = table(*grid, "path independent", "path dependent [m]")
+    headers = (f"{name} [{UNITS.get(name, 'kg')}]" for name in grid)
+    rows = table(*headers, "path independent", "path dependent [m]")
     for at in np.ndindex(result["done"].shape):
         if result["done"].values[at]:
             pdw = [r for r in result["pdw"].values[at] if np.isfinite(r).all()]

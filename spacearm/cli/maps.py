@@ -15,7 +15,7 @@ from spacearm.cli.options import (
     joint_values,
     on_a_model,
 )
-from spacearm.cli.output import check_picture, out, picture_path, print_json, write_picture
+from spacearm.cli.output import check_picture, out, picture_path, print_json, working, write_picture
 from spacearm.files import write
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
@@ -49,7 +49,8 @@ def draw_singular_map(
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
-    result = singular_map(arm, axes, q, points)
+    with working("computing the map"):
+        result = singular_map(arm, axes, q, points)
     if npz:
         _write_npz(npz, result)
     if output or not (as_json or npz):

@@ -107,5 +107,19 @@ def write_model(
     out.print(f"{path}: {arm.name}, {arm.n} joints, {number(arm.mass)} kg, tip {arm.tip}")
 
 
+@on_a_model
+def convert_model(
+    arm: SpaceArm,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
+    ],
+) -> None:
+    """Write a robot of any format (xacro, MJCF, SDF) as a URDF; what was left out is printed."""
+    path = arm.to_urdf(output)
+    for note in arm.notes:
+        out.print(f"note: {note}")
+    out.print(f"{path}: {arm.name}, {arm.n} joints, {number(arm.mass)} kg, tip {arm.tip}")
+
+
 def _system_cm(arm: SpaceArm) -> Any:
     return arm.at(np.zeros(arm.n)).com

@@ -28,8 +28,9 @@ from spacearm.description.bodies import Joint
 from spacearm.errors import ConfigurationError, listed
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.frames import pose
 from spacearm.model.task import Task
-from spacearm.motion.goal import Goal, goal_pose
+from spacearm.motion.goal import Goal, goal_of, goal_pose
 
 T = TypeVar("T")
 ModelName = Annotated[
@@ -63,7 +64,9 @@ Checked = Annotated[
         metavar="error|warn|accept",
     ),
 ]
-Degrees = Annotated[bool, typer.Option("--deg", help="Angles are in degrees.")]
+Degrees = Annotated[
+    bool, typer.Option("--deg", help="Angles are in degrees, given and printed (not --json).")
+]
 Attitude = Annotated[
     tuple[float, float, float],
     typer.Option(help="Spacecraft roll, pitch, yaw.", metavar="R P Y"),
@@ -78,6 +81,25 @@ class Spacecraft(str, Enum):
     FIXED = "fixed"
 
 
+class From(str, Enum):
+    """Where points are given from; see `motion.goal.started`."""
+
+    SPACECRAFT = "spacecraft"
+    CM = "cm"
+
+    @property
+    def words(self) -> str:
+        """In words, for help and answers."""
+        return "the system CM" if self is From.CM else "the spacecraft's frame"
+
+
+PointsFrom = Annotated[
+    From,
+    typer.Option(
+        "--origin",
+        help="Where points are given from: the spacecraft's frame or the system CM, at the start.",
+    ),
+]
 SpacecraftMode = Annotated[Spacecraft, typer.Option("--mode", help="What the spacecraft does.")]
 Picture = Annotated[
     Path | None, typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.")
@@ -179,30 +201,16 @@ def spacecraft_pose(attitude: tuple[float, float, float], deg: bool) -> pin.SE3:
     rpy = np.radians(attitude) if deg else np.array(attitude)
     if not np.isfinite(rpy).all():
         raise ConfigurationError(f"--attitude is {attitude}; give three finite angles")
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), np.zeros(3))
-
-
-def spacecraft_about_cm(
-    arm: SpaceArm, q: Array, attitude: tuple[float, float, float], deg: bool
-) -> pin.SE3:
-    """Return the spacecraft pose with this attitude and the system CM at the origin."""
-    return arm.at(q, base=spacecraft_pose(attitude, deg)).centred(np.zeros(3)).base
+    return pose(rpy=rpy)
 
 
 def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.SE3:
     """Parse the task's rows: a point, or a pose whose turns are roll, pitch and yaw."""
-    values, rows = numbers(option, text), arm.task.indices
-    if len(values) != len(rows):
-        raise ConfigurationError(
-            f"{option} has {len(values)} numbers; the task of {arm.name} takes {len(rows)}: "
-            f"{' '.join(arm.task.rows)}"
-        )
-    if max(rows) < 3:
-        return values
-    full = np.zeros(6)
-    full[rows] = values
-    rpy = np.radians(full[3:]) if deg else full[3:]
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), full[:3])
+    values = numbers(option, text)
+    turns = np.array(arm.task.indices) > 2
+    if deg and len(values) == len(turns):
+        values[turns] = np.radians(values[turns])
+    return goal_of(arm, values, option)
 
 
 def mark_of(end: Configuration, goal: Goal) -> Array | None:
@@ -240,7 +248,7 @@ def join_numbers(words: Sequence[str]) -> list[str]:
     return joined
 
 
-VECTORS = ("--q0", "--target", "--goal", "--kp", "--kd")
+VECTORS = ("--q0", "--target", "--goal", "--corner", "--kp", "--kd")
 """Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 

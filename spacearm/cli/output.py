@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterable, Sequence
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console, ConsoleOptions, RenderableType
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.segment import Segment
 from rich.table import Column, Table
 
@@ -46,7 +56,54 @@ out = Terminal(width=None if sys.stdout and sys.stdout.isatty() else WIDE)
 
 err = Terminal(stderr=True)
 
+ROUNDING = 1e-12
+"""Joint positions up to this [rad] or [m] print as 0."""
+FIRST, EVERY = 2.0, 10.0
+"""Seconds after which a command tells what it does where stderr is no terminal, and how often."""
 PICTURES = (".png", ".svg", ".pdf")
+
+
+@contextmanager
+def working(what: str) -> Iterator[Callable[[float, float], None]]:
+    """Show on stderr what goes on, for how long and, where it is reported, how long it still takes.
+
+    A terminal gets a bar, anything else a line after two seconds and every ten.
+
+    Args:
+        what: What goes on, as in "planning".
+
+    Yields:
+        Takes what is done and how much there is.
+    """
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
+        TextColumn("left:"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(what, total=None)
+        over, since = threading.Event(), time.monotonic()
+
+        def tell() -> None:
+            wait = FIRST
+            while not over.wait(wait):
+                err.print(f"spacearm: {what}: {_so_far(bar.tasks[0].percentage, since)}")
+                wait = EVERY
+
+        thread = threading.Thread(target=tell, daemon=True)
+        if not err.is_terminal:
+            thread.start()
+        try:
+            yield lambda done, of: bar.update(task, completed=done, total=of)
+        finally:
+            over.set()
+
+
+def _so_far(percentage: float, since: float) -> str:
+    """Return how far something is, and how long it still takes if that is known."""
+    took = time.monotonic() - since
+    if percentage <= 0.0:
+        return f"{took:.0f} s so far"
+    return f"{percentage:.0f} %, about {took * (100.0 / percentage - 1.0):.0f} s left"
 
 
 def check_picture(path: Path | None) -> None:
@@ -79,6 +136,17 @@ def heading(text: str) -> None:
     out.print(f"\n{text}", style="bold underline")
 
 
+def unit_power(unit: str, power: int) -> str:
+    """Return a unit to a power, as in (m/rad)^2."""
+    return unit if power == 1 else f"({unit})^{power}"
+
+
+def rotation(values: npt.ArrayLike, deg: bool) -> str:
+    """Format a rotation vector [rad] with its unit."""
+    array = np.asarray(values, dtype=np.float64)
+    return f"{vector(np.degrees(array) if deg else array)} {'°' if deg else 'rad'}, rotation vector"
+
+
 def number(value: float, digits: int = 6) -> str:
     """Format a number; rounding errors of numbers around 1 print as 0."""
     return f"{0.0 if abs(value) < 1e-15 else value:.{digits}g}"
@@ -100,6 +168,7 @@ def joint_value(value: float, kind: str, deg: bool) -> str:
     """Format an angle or a displacement with its unit."""
     if math.isinf(value):
         return "none"
+    value = value if abs(value) > ROUNDING else 0.0
     if kind == "prismatic":
         return f"{number(value, 5)} m"
     return f"{number(math.degrees(value), 5)}°" if deg else f"{number(value, 5)} rad"

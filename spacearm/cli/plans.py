@@ -1,4 +1,4 @@
-"""`spacearm plan`: a joint motion to a goal, and the methods that were tried."""
+"""`spacearm plan` and `spacearm path`: a joint motion to a goal, and the proof of one."""
 
 from __future__ import annotations
 
@@ -9,33 +9,52 @@ import numpy as np
 import pinocchio as pin
 import typer
 
+from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
     Attitude,
+    From,
     Picture,
+    PointsFrom,
+    Spacecraft,
+    SpacecraftMode,
     goal_from,
     joint_values,
     mark_of,
+    numbers,
     on_a_model,
-    spacecraft_about_cm,
     spacecraft_pose,
 )
 from spacearm.cli.output import (
     check_picture,
+    joint_value,
     out,
     picture_path,
     print_json,
+    rotation,
     table,
     vector,
+    working,
     write_picture,
 )
-from spacearm.errors import UnsupportedError
+from spacearm.cli.queries import SINGULAR
+from spacearm.collisions.obstacles import Obstacle
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.files import read
+from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
+from spacearm.model.loading import load
+from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import check_suffix
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
+from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.report import angle
+from spacearm.singularities.sets import prove_regular
 from spacearm.workspaces.path_dependent import Workspace, workspace
+
+KINDS = ("box", "sphere", "mesh", "robot")
+"""Kinds of obstacles."""
 
 
 @on_a_model
@@ -47,10 +66,11 @@ def plan_motion(
     goal: Annotated[
         str,
         typer.Option(
-            help="Task rows of the tip, from the system CM [m], turns as roll pitch yaw.",
+            help="Task rows of the tip [m], turns as roll pitch yaw; see --origin.",
             metavar="X1 X2 ...",
         ),
     ],
+    origin: PointsFrom = From.SPACECRAFT,
     attitude: Attitude = (0.0, 0.0, 0.0),
     final_attitude: Annotated[
         tuple[float, float, float] | None,
@@ -65,12 +85,22 @@ def plan_motion(
     ] = None,
     method: Annotated[
         str,
-        typer.Option(help="auto, straight, joint space, cycles or attitude first; auto tries all."),
+        typer.Option(
+            help="auto, straight, tree, joint space, cycles, attitude first; auto tries all."
+        ),
     ] = "auto",
     no_limits: Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")] = False,
     no_collisions: Annotated[
         bool, typer.Option("--no-collisions", help="Ignore collisions.")
     ] = False,
+    obstacle: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS, mesh:X,Y,Z:FILE or "
+            "robot:X,Y,Z:MODEL, [m], see --origin; then :R,P,Y and @MARGIN; may be repeated.",
+            metavar="KIND:PLACE:WHAT",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the first guesses.")] = 0,
     timeout: Annotated[float, typer.Option(help="Give up after this time [s].")] = 60.0,
     output: Picture = None,
@@ -79,19 +109,21 @@ def plan_motion(
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Plan a motion of the arm that leads the tip to a goal; the system CM is the origin."""
+    """Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt."""
     check_picture(output)
     if save:
         check_suffix(save)
     start = joint_values(arm, q0.split(), deg)
     target = goal_from(arm, "--goal", goal, deg)
-    found = plan(
-        arm, start, target, base=spacecraft_about_cm(arm, start, attitude, deg),
-        clearance=float(np.radians(clearance)) if clearance and deg else clearance,
-        final_attitude=None if final_attitude is None else spacecraft_pose(final_attitude, deg),
-        limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
-        timeout=timeout,
-    )  # fmt: skip
+    around = [_obstacle(text, deg) for text in obstacle or []]
+    with working(f"planning, at most {timeout:g} s") as tell:
+        found = plan(
+            arm, start, target, base=spacecraft_pose(attitude, deg), origin=origin.value,
+            clearance=float(np.radians(clearance)) if clearance and deg else clearance,
+            final_attitude=None if final_attitude is None else spacecraft_pose(final_attitude, deg),
+            limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
+            timeout=timeout, obstacles=around, progress=tell,
+        )  # fmt: skip
     if save:
         found.save(save)
     if as_json:
@@ -114,6 +146,38 @@ def plan_motion(
         serve_until_interrupted(show(found, open=False))
 
 
+def _obstacle(text: str, deg: bool) -> Obstacle:
+    """Parse an obstacle, such as "box:1.2,0,0.5:0.3,0.3,0.6:0,0,45@0.05"."""
+    body, _, kept = text.partition("@")
+    kind, *parts = body.split(":")
+    if kind not in KINDS:
+        raise ConfigurationError(f"--obstacle {text!r}: {unknown('kind', kind, KINDS)}")
+    if not 2 <= len(parts) <= 3:
+        raise ConfigurationError(f"--obstacle {text!r}: give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
+    turn = _counted(text, parts[2], 3) if len(parts) == 3 else np.zeros(3)
+    rotation = pin.rpy.rpyToMatrix(np.radians(turn) if deg else turn)
+    pose, what = pin.SE3(rotation, _counted(text, parts[0], 3)), parts[1]
+    margin = float(_counted(text, kept, 1)[0]) if kept else 0.0
+    if kind == "mesh":
+        return Obstacle.mesh(Path(what), pose, margin=margin)
+    if kind == "robot":
+        robot = load(what)
+        rest = np.clip(0.0, robot.lower, robot.upper)
+        return Obstacle.robot(robot.at(rest, base=pose), margin=margin)
+    if kind == "sphere":
+        return Obstacle.sphere(float(_counted(text, what, 1)[0]), pose, margin=margin)
+    size = _counted(text, what, 3 if "," in what else 1)
+    return Obstacle.box(size if len(size) == 3 else float(size[0]), pose, margin=margin)
+
+
+def _counted(whole: str, text: str, count: int) -> Array:
+    """Parse some numbers with commas between them."""
+    values = numbers(f"--obstacle {whole!r}:", text)
+    if len(values) != count:
+        raise ConfigurationError(f"--obstacle {whole!r}: {text!r} must be {count} finite numbers")
+    return values
+
+
 def _shells(arm: SpaceArm) -> Workspace | None:
     """Compute the workspace of a planar arm, if it has shells."""
     if arm.tree.plane_normal() is None:
@@ -132,12 +196,101 @@ def _print(found: Plan, deg: bool) -> None:
     out.print(rows)
     end = found[-1]
     out.print(f"tip at the end      {vector(end.tip.translation)} m")
-    turn = pin.log3(end.base.rotation)
-    what = np.degrees(turn) if deg else turn
-    out.print(f"attitude            {vector(what)} {'deg' if deg else 'rad'}, rotation vector")
+    out.print(f"origin              {found.origin}")
+    out.print(f"attitude            {rotation(pin.log3(end.base.rotation), deg)}")
     out.print(f"time                {found.t[-1]:.4g} s within the velocity limits")
     out.print(f"clear by            {found.nearest}; asked for {angle(found.clearance)}")
     if found.certificate is not None:
         out.print(f"no singularity is met: {'proven' if found.certificate else 'NOT proven'}")
     if found.apart:
         out.print("no bodies meet: proven")
+
+
+@on_a_model
+def check_path(
+    arm: SpaceArm,
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Text with the joint values of a posture in each line, or a saved motion (.npz).",
+        ),
+    ],
+    mode: SpacecraftMode = Spacecraft.FREE,
+    fail_on_singular: Annotated[
+        bool,
+        typer.Option(
+            "--fail-on-singular", help=f"Exit with code {SINGULAR} unless it is proven regular."
+        ),
+    ] = False,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> int:
+    """Prove that straight joint motions from posture to posture meet no singularity."""
+    Q = _postures(arm, file, deg)
+    with working("proving"):
+        proof = prove_regular(arm, Q, mode=mode.value)
+        if proof is None:
+            raise UnsupportedError(
+                f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "
+                "that mimic others; spacearm query looks at single postures"
+            )
+        distance = evaluate(arm, Q, ("distance",))["distance"] if mode == "free-floating" else None
+    outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
+    if as_json:
+        print_json(
+            {
+                "certificate": proof.to_dict(),
+                "outside_limits": outside,
+                "distance": distance,
+                "mode": mode.value,
+            }
+        )
+    else:
+        _print_proof(arm, Q, proof, distance, outside, deg)
+    return SINGULAR if fail_on_singular and not proof.free else 0
+
+
+def _print_proof(
+    arm: SpaceArm,
+    Q: Array,
+    proof: Certificate,
+    distance: Array | None,
+    outside: list[str],
+    deg: bool,
+) -> None:
+    words = {
+        "free": "meets no singularity: proven",
+        "singular": "meets a singularity",
+        "undecided": "comes too near to a singularity for a proof",
+    }
+    limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
+    out.print(f"{arm.name}, {len(Q)} postures: {words[proof.verdict]}{limits}")
+    if proof.at is not None:
+        first = 1 + (proof.segment or 0)
+        rows = table("joint", f"on the way from posture {first} to {first + 1}")
+        for name, q in zip(arm.joint_names, proof.at, strict=True):
+            rows.add_row(name, joint_value(q, arm.tree.joints[name].kind, deg))
+        out.print(rows)
+    if distance is not None:
+        worst = int(np.argmin(distance))
+        near = f"about {angle(float(distance[worst]))} from a singular posture"
+        out.print(f"nearest of the postures given: number {worst + 1}, {near}, to first order")
+    out.print("not checked: collisions, rates, the way of the tip")
+
+
+def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
+    """Read the joint positions (m, n) of a path."""
+    if file.suffix == ".npz":
+        return Motion.load(file, arm).q
+    try:
+        lines = read(file).decode().replace(",", " ").splitlines()
+        Q = np.loadtxt(lines, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{file}: {error}") from None
+    if Q.shape[1:] != (arm.n,) or len(Q) < 2 or not np.isfinite(Q).all():
+        raise ConfigurationError(
+            f"{file} holds {Q.shape[0]} lines of {Q.shape[1]} numbers; give two lines or more, "
+            f"each with {arm.n} finite joint values: {', '.join(arm.joint_names)}"
+        )
+    return np.where(arm.slides, Q, np.radians(Q)) if deg else Q

@@ -1,4 +1,4 @@
-"""`spacearm query`: the singularity report of one configuration."""
+"""`spacearm query` and `spacearm nearest`: one configuration, and the singular one next to it."""
 
 from __future__ import annotations
 
@@ -25,14 +25,19 @@ from spacearm.cli.output import (
     out,
     print_json,
     table,
+    unit_power,
     vector,
+    working,
 )
+from spacearm.errors import listed
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.singularities.closest import GLOBAL_DIMENSION
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport, singularity
+from spacearm.singularities.sets import singular_set
 
-ROUNDING = 1e-9
-"""Tolerance of a joint limit [rad], for values entered in degrees."""
+SINGULAR = 3
+"""Exit code of --fail-on-singular."""
 STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
@@ -58,16 +63,71 @@ def report_singularity(
             "--first-order", help="Estimate the distance only: do not find the nearest posture."
         ),
     ] = False,
+    fail_on_singular: Annotated[
+        bool,
+        typer.Option(
+            "--fail-on-singular", help=f"Exit with code {SINGULAR} if the posture is singular."
+        ),
+    ] = False,
     deg: bool = False,
     as_json: AsJson = False,
-) -> None:
+) -> int:
     """Report whether a configuration is singular, and which directions are lost."""
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
     within = TOLERANCE if tolerance is None else np.radians(tolerance) if deg else tolerance
     report = singularity(cfg, mode=mode.value, tolerance=float(within), exact=not first_order)
     if as_json:
-        return print_json(report.to_dict())
-    _print(report, deg)
+        print_json(report.to_dict())
+    else:
+        _print(report, deg)
+    return SINGULAR if fail_on_singular and report.kind != "regular" else 0
+
+
+@on_a_model
+def find_nearest(
+    arm: SpaceArm,
+    q: Annotated[
+        list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
+    ] = None,
+    mode: SpacecraftMode = Spacecraft.FREE,
+    limits: Annotated[
+        bool, typer.Option("--limits", help="Only postures within the joint limits.")
+    ] = False,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the singular posture nearest to a posture, in joint space."""
+    start = joint_values(arm, q or [], deg)
+    with working("searching"):
+        found = singular_set(arm, mode=mode.value)
+        nearest, distance = found.nearest(start, limits=limits)
+    square = found.complete and found.codimension == 1 and not arm.slides.any()
+    proven = square and not limits and 0 < len(found.relevant) <= GLOBAL_DIMENSION
+    if as_json:
+        return print_json(
+            {
+                "joints": list(arm.joint_names),
+                "q": start.tolist(),
+                "nearest": nearest.tolist(),
+                "distance": distance,
+                "proven": proven,
+                "limits": limits,
+            }
+        )
+    most = "" if proven else "at most "
+    out.print(f"{arm.name}, {mode.value}: {most}{joint_value(distance, 'revolute', True)} away")
+    rows = table("joint", "q", "nearest singular", "turn")
+    for name, here, there in zip(arm.joint_names, start, nearest, strict=True):
+        kind = arm.tree.joints[name].kind
+        rows.add_row(name, *(joint_value(x, kind, deg) for x in (here, there, there - here)))
+    out.print(rows)
+    how = "proven: no singular posture is nearer" if proven else "found by a search"
+    out.print(f"{how}; joint limits {'count' if limits else 'do not count'}")
+
+
+def _slope_unit(arm: SpaceArm) -> str:
+    joint = "m" if arm.slides.all() else "rad or m" if arm.slides.any() else "rad"
+    return f"{arm.sigma_unit} per {joint}"
 
 
 def _radius(cfg: Configuration) -> float:
@@ -79,12 +139,14 @@ def _print(report: SingularityReport, deg: bool) -> None:
     arm, task = cfg.arm, cfg.arm.task
     k = task.k
     lost = "" if report.rank == k else f", {k - report.rank} of {k} directions lost"
+    outside = f"; outside its limits: {listed(names)}" if (names := cfg.outside_limits) else ""
     out.print(
         Text.assemble(
             (arm.name, "bold"),
             f", {report.mode}: ",
             (report.verdict, STYLE[report.kind]),
             lost,
+            (outside, "bold red"),
         )
     )
     if report.way_out:
@@ -93,26 +155,28 @@ def _print(report: SingularityReport, deg: bool) -> None:
 
     heading("Posture")
     nearest = [] if report.nearest is None else ["nearest singular"]
-    joints = table("joint", "q", *nearest, "dsigma_min/dq", "")
-    inside = (arm.lower - ROUNDING <= cfg.q) & (cfg.q <= arm.upper + ROUNDING)
+    joints = table("joint", "q", *nearest, f"dsigma_min/dq [{_slope_unit(arm)}]", "")
     for j, name in enumerate(arm.joint_names):
         postures = (cfg.q,) if report.nearest is None else (cfg.q, report.nearest)
         values = (joint_value(q[j], arm.tree.joints[name].kind, deg) for q in postures)
-        slope, sound = number(report.gradient[j], 4), inside[j]
-        joints.add_row(name, *values, slope, "" if sound else "outside its limits")
+        limited = "outside its limits" if name in cfg.outside_limits else ""
+        joints.add_row(name, *values, number(report.gradient[j], 4), limited)
     out.print(joints)
 
     heading("Tip")
     facts = table("", "")
-    facts.add_row("position, inertial frame", f"{vector(cfg.tip.translation)} m")
+    facts.add_row("position, spacecraft at the origin", f"{vector(cfg.tip.translation)} m")
+    facts.add_row("position from the system CM", f"{vector(cfg.tip.translation - cfg.com)} m")
     facts.add_row("distance R from the system CM", f"{number(_radius(cfg))} m")
     if report.sigma_min <= report.error:
-        facts.add_row("sigma_min may be zero", f"rounding errors are up to {number(report.error)}")
+        error = f"{number(report.error)} {arm.sigma_unit}"
+        facts.add_row("sigma_min may be zero", f"rounding errors are up to {error}")
     facts.add_row("sigma_min", f"{number(report.sigma_min)} {arm.sigma_unit}")
-    facts.add_row("condition", number(report.condition))
-    facts.add_row("manipulability", number(report.manipulability))
+    facts.add_row("condition (ratio)", number(report.condition))
+    volume = unit_power(arm.sigma_unit, k)
+    facts.add_row("manipulability", f"{number(report.manipulability)} {volume}")
     if report.determinant is not None:
-        facts.add_row("determinant", number(report.determinant))
+        facts.add_row("determinant", f"{number(report.determinant)} {volume}")
     if report.length is not None:
         facts.add_row("linear rows divided by", f"{number(report.length)} m")
     out.print(facts)

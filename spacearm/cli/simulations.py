@@ -9,12 +9,13 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 import typer
-from rich.progress import Progress
 
 from spacearm.cli.options import (
     AsJson,
     Attitude,
+    From,
     Picture,
+    PointsFrom,
     Spacecraft,
     SpacecraftMode,
     goal_from,
@@ -22,19 +23,21 @@ from spacearm.cli.options import (
     mark_of,
     numbers,
     on_a_model,
-    spacecraft_about_cm,
+    spacecraft_pose,
 )
 from spacearm.cli.output import (
     check_picture,
-    err,
     joint_value,
     out,
     picture_path,
     print_json,
+    rotation,
     table,
     vector,
+    working,
 )
 from spacearm.cli.output import write_picture as write
+from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import (
@@ -47,6 +50,7 @@ from spacearm.motion.controllers import (
 )
 from spacearm.motion.goal import Goal
 from spacearm.motion.motion_file import check_suffix
+from spacearm.motion.plant import PassiveJoint, WheelHold
 from spacearm.motion.simulation import simulate
 from spacearm.motion.trajectory import Trajectory
 
@@ -61,6 +65,7 @@ class Law(str, Enum):
     JOINTS = "joints"
 
 
+HOLD = ("stiffness", "damping", "torque", "capacity")
 MOST = 10
 """Number of events that are printed."""
 
@@ -74,8 +79,8 @@ def simulate_motion(
     target: Annotated[
         str,
         typer.Option(
-            help="Task rows of the tip, from the system CM [m], turns as roll pitch yaw; joint "
-            "values for joints.",
+            help="Task rows of the tip [m], turns as roll pitch yaw, see --origin; joint values "
+            "for joints.",
             metavar="X1 X2 ...",
         ),
     ],
@@ -103,12 +108,55 @@ def simulate_motion(
         ),
     ] = False,
     mode: SpacecraftMode = Spacecraft.FREE,
+    origin: PointsFrom = From.SPACECRAFT,
     attitude: Attitude = (0.0, 0.0, 0.0),
     stop: Annotated[
         list[str] | None,
         typer.Option(help="End at this event; may be repeated.", metavar="EVENT"),
     ] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = 1e-8,
+    method: Annotated[str, typer.Option(help="auto, DOP853 or Radau.")] = "auto",
+    momentum: Annotated[
+        tuple[float, float, float, float, float, float],
+        typer.Option(help="Momentum at the start, linear and angular about the CM.", metavar="H"),
+    ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(help="Let effort or velocity limits cut the torques.", metavar="LIMIT"),
+    ] = None,
+    passive: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A spring with damping and dry friction at a joint; may be repeated.",
+            metavar="JOINT=STIFFNESS,REST,DAMPING,FRICTION",
+        ),
+    ] = None,
+    described: Annotated[
+        bool,
+        typer.Option("--described-friction", help="Damping and dry friction as in the file."),
+    ] = False,
+    wrench: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A constant wrench on a link, inertial axes; may be repeated.",
+            metavar="LINK=FX,FY,FZ,MX,MY,MZ",
+        ),
+    ] = None,
+    thruster: Annotated[
+        list[str] | None,
+        typer.Option(help="The same along the axes of the link.", metavar="LINK=..."),
+    ] = None,
+    hold: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(
+            help="Wheels hold the attitude: stiffness, damping, largest torque and momentum.",
+            metavar="K C T H",
+        ),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(help="Period of a controller of fixed rate [s].")
+    ] = None,
+    delay: Annotated[float, typer.Option(help="Delay of its torques [s].")] = 0.0,
     output: Picture = None,
     save: Annotated[Path | None, typer.Option(help="Write the trajectory.", metavar="NPZ")] = None,
     view: Annotated[bool, typer.Option("--view", help="Play it in the browser.")] = False,
@@ -117,20 +165,29 @@ def simulate_motion(
 ) -> None:
     """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
-    The system CM is the origin. Events: singularity, "joint limit", target.
+    Events: singularity, "joint limit", target, "wheel full". Ctrl-C
+    ends the run and keeps what there is.
     """
     check_picture(output)
     if save:
         check_suffix(save)
+    if described and passive:
+        raise ConfigurationError("--described-friction and --passive are given; give one of them")
     start = joint_values(arm, q0.split(), deg)
     believed: BaseMode = "fixed" if earthbound else mode.value
     law, goal = _law(arm, controller, target, kp, kd, gain, believed, deg)
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
-        task_id = bar.add_task("simulated", total=duration)
+    with working("simulating") as progress:
         run = simulate(
-            arm, start, law, duration, base=spacecraft_about_cm(arm, start, attitude, deg),
-            mode=mode.value, stop=stop or [], rtol=rtol,
-            progress=lambda t, _: bar.update(task_id, completed=t),
+            arm, start, law, duration, base=spacecraft_pose(attitude, deg),
+            origin=origin.value, mode=mode.value, limits=limit or (),
+            momentum=momentum if any(momentum) else None,
+            passive="described" if described else {
+                j: PassiveJoint(*v) for j, v in _vectors("--passive", passive).items()
+            },
+            wrenches=_vectors("--wrench", wrench), thrusters=_vectors("--thruster", thruster),
+            wheels=hold and WheelHold(**dict(zip(HOLD, hold, strict=True))),
+            period=period, delay=delay, stop=stop or [], rtol=rtol, method=method,
+            progress=progress,
         )  # fmt: skip
     if save:
         run.save(save)
@@ -152,6 +209,12 @@ def simulate_motion(
         from spacearm.viewer.show import view as show
 
         serve_until_interrupted(show(run, open=False))
+
+
+def _vectors(option: str, texts: list[str] | None) -> dict[str, tuple[float, ...]]:
+    """Parse NAME=X,Y,..., as often as given."""
+    pairs = [text.partition("=") for text in texts or []]
+    return {name: tuple(numbers(f"{option} {name}", values)) for name, _, values in pairs}
 
 
 def _law(
@@ -189,8 +252,11 @@ def _print(run: Trajectory, deg: bool) -> None:
     if len(run.events) > MOST:
         out.print(f"and {len(run.events) - MOST} more events")
     end = run[-1]
-    out.print(f"tip at the end  {vector(end.tip.translation)} m, sigma_min {run.sigma_min[-1]:.4g}")
-    turn = pin.log3(end.base.rotation)
-    what = np.degrees(turn) if deg else turn
-    out.print(f"attitude        {vector(what)} {'deg' if deg else 'rad'}, rotation vector")
-    out.print(f"balance         energy {run.imbalance:.1e}, momentum {run.drift:.1e}")
+    sigma = f"{run.sigma_min[-1]:.4g} {run.arm.sigma_unit}"
+    out.print(f"tip at the end  {vector(end.tip.translation)} m, sigma_min {sigma}")
+    out.print(f"origin          {run.origin}")
+    out.print(f"attitude        {rotation(pin.log3(end.base.rotation), deg)}")
+    out.print(
+        f"balance         energy off by {run.imbalance:.1e}, momentum by {run.drift:.1e} of what "
+        "came and went"
+    )

@@ -1,4 +1,4 @@
-"""`spacearm workspace`: the path dependent and path independent workspaces."""
+"""`spacearm workspace` and `spacearm risk`: where singularities are, from the system CM."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.cli.options import (
     AsJson,
     Picture,
@@ -16,10 +16,20 @@ from spacearm.cli.options import (
     SpacecraftMode,
     on_a_model,
 )
-from spacearm.cli.output import check_picture, out, picture_path, print_json, table, write_picture
+from spacearm.cli.output import (
+    check_picture,
+    out,
+    picture_path,
+    print_json,
+    table,
+    working,
+    write_picture,
+)
 from spacearm.errors import ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
+from spacearm.singularities.report import angle
+from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.path_dependent import EFFORT, Workspace, workspace
 
 
@@ -33,6 +43,12 @@ def compute_workspace(
         typer.Option(help="Number of singular configurations to search from (larger arms).", min=1),
     ] = EFFORT,
     seed: Annotated[int, typer.Option(help="Seed of that search.")] = 0,
+    free: Annotated[
+        bool,
+        typer.Option(
+            "--free", help="The free workspace too (Vafa & Dubowsky); takes as long as the rest."
+        ),
+    ] = False,
     output: Picture = None,
     path: Annotated[
         Path | None,
@@ -46,11 +62,13 @@ def compute_workspace(
     """Compute and draw the path dependent and path independent workspaces."""
     check_picture(output)
     points = None if path is None else _points(path)
-    result = workspace(arm, mode=mode.value, limits=limits, effort=effort, seed=seed)
+    with working("computing the workspace"):
+        result = workspace(arm, mode=mode.value, limits=limits, effort=effort, seed=seed)
+        more = {"free": plain(result.free)} if free else {}
     if as_json:
-        print_json(result.to_dict())
+        print_json(result.to_dict() | more)
     else:
-        _print(result)
+        _print(result, free)
     if output or not (as_json or view):
         from spacearm.plots.workspaces import draw_workspace  # imports matplotlib
 
@@ -66,20 +84,70 @@ def compute_workspace(
         serve_until_interrupted(show(result, open=False))
 
 
-def _print(result: Workspace) -> None:
-    unit = "m^2" if result.planar else "m^3"
+@on_a_model
+def compute_risk(
+    arm: SpaceArm,
+    limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
+    near: Annotated[
+        float | None,
+        typer.Option(
+            help="Distance to the singular set up to which a posture is near [rad], with --deg in "
+            "degrees; 5 degrees if not given.",
+            min=0.0,
+        ),
+    ] = None,
+    bins: Annotated[int, typer.Option(help="Number of distance classes.", min=1)] = 20,
+    samples: Annotated[int, typer.Option(help="Number of postures.", min=1)] = 200_000,
+    seed: Annotated[int, typer.Option(help="Seed of the sample.")] = 0,
+    output: Picture = None,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate how many postures are near a singularity, by the tip's distance from the CM."""
+    check_picture(output)
+    bound = None if near is None else float(np.radians(near) if deg else near)
+    with working("sampling"):
+        profile = risk_profile(
+            arm, limits=limits, distance=bound, bins=bins, samples=samples, seed=seed
+        )
+    if as_json:
+        print_json(profile.to_dict())
+    else:
+        near_by = f"within {angle(profile.bound)} of a singular posture, to first order"
+        out.print(f"{arm.name}, free-floating: share of {samples:,} postures {near_by}")
+        rows = table("R from [m]", "to [m]", "share", "standard error", "postures")
+        edges = zip(profile.edges[:-1], profile.edges[1:], strict=True)
+        for (low, high), share, error, count in zip(
+            edges, profile.share, profile.error, profile.count, strict=True
+        ):
+            known = (f"{share:.1%}", f"{error:.1%}") if count else ("none", "")
+            rows.add_row(f"{low:.4f}", f"{high:.4f}", *known, f"{count:,.0f}")
+        out.print(rows)
+        out.print("R: distance of the tip from the system CM; joint limits ", end="")
+        out.print("count" if limits else "do not count")
+    if output or not as_json:
+        from spacearm.plots.show import plot  # imports matplotlib
+
+        where = picture_path(output, arm.name, "risk")
+        write_picture(where, plot(profile))
+        if not as_json:
+            out.print(f"wrote {where}")
+
+
+def _print(result: Workspace, free: bool) -> None:
+    size = "area [m²]" if result.planar else "volume [m³]"
     how = "proven" if result.kind == "certified" else f"found, effort {result.effort:,}"
     out.print(f"{result.arm.name}, {result.mode}: distances of the tip from the system CM ({how})")
-    rows = table("workspace", "from [m]", "to [m]", f"volume [{unit}]")
-    volumes = result.volumes
+    rows = table("workspace", "from [m]", "to [m]", size)
+    sizes = result.volumes
     for label, name in (
         ("reachable", "reachable"), ("path dependent", "pdw"),
-        ("path independent", "piw"), ("free", "free"),
+        ("path independent", "piw"), *([("free", "free")] if free else []),
     ):  # fmt: skip
         radii: Array = getattr(result, name)
         for i, (low, high) in enumerate(radii):
-            volume = f"{volumes[name]:.7g}" if i == 0 and name in volumes else ""
-            rows.add_row(label if i == 0 else "", f"{low:.7f}", f"{high:.7f}", volume)
+            amount = f"{sizes[name]:.7g}" if i == 0 and name in sizes else ""
+            rows.add_row(label if i == 0 else "", f"{low:.7f}", f"{high:.7f}", amount)
         if not len(radii):
             rows.add_row(label, "none", "", "")
     out.print(rows)

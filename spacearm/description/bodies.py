@@ -117,6 +117,8 @@ class Joint:
         velocity: Largest rate [rad/s] or [m/s].
         effort: Largest torque [N m] or force [N].
         slid: Displacement at which a prismatic joint was locked [m]; the origin includes it.
+        damping: Viscous friction [N m s/rad] or [N s/m].
+        friction: Dry friction [N m] or [N].
     """
 
     name: str
@@ -131,6 +133,8 @@ class Joint:
     effort: float = math.inf
     mimic: Mimic | None = None
     slid: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
 
     @property
     def movable(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import KW_ONLY, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,10 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, plain
 from spacearm.description.bodies import Inertial
-from spacearm.description.boxes import GOLD, body, box_inertia
+from spacearm.description.boxes import GOLD, body, box_inertia, solid_box
+from spacearm.description.plausible import implausible_box
 from spacearm.description.tree import Tree
-from spacearm.errors import ModelError
+from spacearm.errors import ModelError, warn
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,9 @@ class Bus:
 
     Raises:
         ModelError: Neither size nor inertia is given, or no rigid body can have these values.
+
+    Warns:
+        ModelWarning: Its size or density is that of no spacecraft.
     """
 
     mass: float
@@ -40,7 +44,8 @@ class Bus:
     name: str = "bus"
 
     def __post_init__(self) -> None:
-        self.tree()
+        for doubt in self.tree().notes:
+            warn(doubt)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data."""
@@ -55,7 +60,11 @@ class Bus:
         return pin.SE3(np.eye(3), np.array([x, y, z + 0.5 * _edges(self.size)[2]]))
 
     def tree(self) -> Tree:
-        """Return the bus as a tree of one link."""
+        """Return the bus as a tree of one link.
+
+        Raises:
+            ModelError: Size or inertia are missing or are those of no rigid body.
+        """
         edges = None if self.size is None else _edges(self.size)
         if self.inertia is not None:
             rigid = Inertial.of(self.mass, self.inertia, self.com, body="the bus")
@@ -66,7 +75,9 @@ class Bus:
             raise ModelError("a bus needs a size [m] or an inertia [kg m^2]; give one or both")
         if rigid.point:
             raise ModelError("inertia of the bus is zero; give that of a body with extension")
-        return body(self.name, rigid, edges, GOLD)
+        box = solid_box(rigid.mass, rigid.inertia)[1] if edges is None else edges
+        notes = tuple(implausible_box(rigid.mass, box))
+        return replace(body(self.name, rigid, edges, GOLD), notes=notes)
 
 
 def _edges(size: npt.ArrayLike) -> Array:

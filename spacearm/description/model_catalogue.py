@@ -13,7 +13,7 @@ from spacearm.arrays import plain
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.reading import Check
-from spacearm.errors import ModelError, unknown
+from spacearm.errors import ModelError, listed, unknown
 
 MODELS, ARMS = "catalogue.json", "arms.json"
 
@@ -75,12 +75,30 @@ class ArmInfo(NamedTuple):
 
 
 def catalogue() -> tuple[ModelInfo, ...]:
-    """Return the models that `load` knows by name."""
+    """Return the models that `load` knows by name.
+
+    Returns:
+        The models, in the order of `spacearm models`.
+
+    Example:
+        >>> import spacearm as sa
+        >>> [model.name for model in sa.catalogue()][:3]
+        ['planar2', 'planar3', 'mda6']
+    """
     return tuple(models_by_name().values())
 
 
 def arms() -> tuple[ArmInfo, ...]:
-    """Return the arms that `mount` knows by name."""
+    """Return the arms that `mount` knows by name.
+
+    Returns:
+        The arms; `path` may lead into the package example-robot-data.
+
+    Example:
+        >>> import spacearm as sa
+        >>> [arm.name for arm in sa.arms()]
+        ['vispa', 'ur5', 'ur10', 'panda', 'kinova', 'xarm7', 'z1']
+    """
     return tuple(arms_by_name().values())
 
 
@@ -174,6 +192,11 @@ def _named(kind: str, model: RobotSource, known: Mapping[str, Entry]) -> Entry |
     """
     if isinstance(model, PINOCCHIO_MODELS):
         return None
+    if not isinstance(model, (str, os.PathLike)):
+        raise ModelError(
+            f"a {type(model).__name__} is no robot; give the path of a URDF, xacro, MJCF or SDF, a "
+            f"pin.Model, or one of the names: {listed(known)}"
+        )
     if isinstance(model, os.PathLike):
         if str(model) in known and not Path(model).exists():
             raise ModelError(
@@ -182,9 +205,11 @@ def _named(kind: str, model: RobotSource, known: Mapping[str, Entry]) -> Entry |
         return None
     if isinstance(model, str) and model in known:
         return known[model]
+    if isinstance(model, str) and (model.lstrip().startswith("<") or "://" in model):
+        return None  # no path: the reader says what it is
     try:
         path = Path(model)
-        if path.is_file() or (path.suffix and path.stem not in known) or len(path.parts) > 1:
+        if path.exists() or (path.suffix and path.stem not in known) or len(path.parts) > 1:
             return None
     except (TypeError, ValueError, OSError):
         pass  # no path at all

@@ -101,6 +101,9 @@ def _joint(joint: Joint) -> etree._Element:
         finite = {name: repr(float(x)) for name, x in limits.items() if math.isfinite(x)}
         if finite:
             element.append(E.limit(**finite))
+        resists = {name: repr(float(getattr(joint, name))) for name in ("damping", "friction")}
+        if joint.damping or joint.friction:
+            element.append(E.dynamics(**resists))
     if mimic := joint.mimic:
         numbers = {"multiplier": repr(mimic.multiplier), "offset": repr(mimic.offset)}
         element.append(E.mimic(joint=mimic.leader, **numbers))

@@ -33,10 +33,13 @@ def test_a_backend_that_does_not_exist(tmp_path):
     assert "ConfigurationError: MPLBACKEND names no backend" in done.stderr
 
 
+@pytest.mark.slow  # Python compiles all modules anew
 @pytest.mark.parametrize("words", [("--help",), ("query", "planar2", "0", "1"), ("map", "--help")])
 def test_python_without_docstrings_and_asserts(words):
     run = in_a_process(*words, PYTHONOPTIMIZE="2")
-    assert (run.returncode, run.stderr) == (0, "")
+    assert run.returncode == 0
+    told = run.stderr.splitlines()  # kernels without docstrings are others
+    assert all(line.startswith("spacearm: compiling once") for line in told), told
 
 
 def test_the_view_where_warnings_are_errors(tmp_path):

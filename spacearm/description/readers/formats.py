@@ -18,6 +18,7 @@ from spacearm.description.readers.reading import Reading
 from spacearm.description.readers.sdf.reader import read as read_sdf
 from spacearm.description.readers.xml import Source
 from spacearm.description.tree import Tree
+from spacearm.errors import ModelError
 
 RobotSource: TypeAlias = str | os.PathLike[str] | PinocchioModel
 """What describes a robot: the path of a file, or a model of Pinocchio."""
@@ -73,4 +74,20 @@ def path_of(robot: RobotSource) -> Path:
     """Return the path of a robot file, or the name of a model of Pinocchio in its place."""
     if isinstance(robot, PINOCCHIO_MODELS):
         return pinocchio_model.name_of(robot)
+    if isinstance(robot, str):
+        _require_path(robot)
     return Path(robot)
+
+
+def _require_path(text: str) -> None:
+    """Refuse the text of a robot file and the address of one in place of its path."""
+    if text.lstrip().startswith("<"):
+        raise ModelError(
+            f"{text.strip()[:40]!r} is the text of a robot file, not its path; write it to a file "
+            'first: path = pathlib.Path("robot.urdf"); path.write_text(text); sa.load(path)'
+        )
+    if "://" in text and not text.startswith("package://"):
+        raise ModelError(
+            f"{text[:200]!r} is an address, and nothing is downloaded; fetch the file with its "
+            "meshes first (git clone, curl -O), then load its path"
+        )

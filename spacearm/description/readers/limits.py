@@ -1,4 +1,7 @@
-"""Limits: <limit> of the joints of a URDF, with what its writers mean by infinite and by zero."""
+"""Limits and friction: <limit> and <dynamics> of the joints of a URDF.
+
+Writers of limits mean different things by infinite and by zero.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST
 from spacearm.description.bodies import Joint
+from spacearm.description.readers.arithmetic import evaluate
 from spacearm.description.readers.xml import Source, describe
 from spacearm.errors import listed
 
@@ -84,6 +88,26 @@ def _bound(
     except ValueError:
         huge = False
     return math.copysign(math.inf, float(text)) if huge else source.number(limit, name, default)
+
+
+def read_dynamics(source: Source, joint: etree._Element) -> tuple[float, float]:
+    """Read the damping and the dry friction of a joint; what is not a number from 0 on is not one.
+
+    Args:
+        source: The file, which is warned.
+        joint: Its <joint>.
+    """
+    dynamics, found = joint.find("dynamics"), [0.0, 0.0]
+    for i, name in enumerate(("damping", "friction")):
+        text = "" if dynamics is None else dynamics.get(name, "").strip()
+        if not text:
+            continue
+        value = evaluate(text)
+        if value is not None and 0.0 <= value <= LARGEST:
+            found[i] = value
+        else:
+            source.warn(f"{name}={text[:60]!r} of joint {joint.get('name')!r} is taken as none")
+    return found[0], found[1]
 
 
 def warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, Joint]) -> None:

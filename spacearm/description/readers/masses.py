@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from spacearm.description.bodies import TRIANGLE_TOLERANCE, Inertial
 from spacearm.description.couplings import coupling
+from spacearm.description.plausible import implausible
 from spacearm.description.readers.flat import with_flat_bodies
 from spacearm.description.readers.xml import Source
 from spacearm.description.tree import Tree
@@ -50,6 +51,8 @@ def checked(source: Source, tree: Tree) -> Tree:
     if source.reading.check != "accept":
         tree = _without_idle_leaves(source, tree)
     _check_motions(source, tree)
+    for doubt in implausible(tree, bodies(tree)):
+        source.warn(doubt)
     return tree
 
 

@@ -17,7 +17,7 @@ from lxml import etree
 
 from spacearm.arrays import LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.limits import read_limits, warn_of_limits
+from spacearm.description.readers.limits import read_dynamics, read_limits, warn_of_limits
 from spacearm.description.readers.masses import checked
 from spacearm.description.readers.mimics import check_mimics
 from spacearm.description.readers.reading import Reading
@@ -133,7 +133,11 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
             source.fail(f"joint {name!r} has a zero axis", "give the direction it moves along")
         direction = direction / length
     limits, mimic = read_limits(source, element, kind), _mimic(source, element, kind)
-    return Joint(name, kind, parent, child, source.pose(element), direction, *limits, mimic)
+    joint = Joint(name, kind, parent, child, source.pose(element), direction, *limits, mimic)
+    if not joint.movable:
+        return joint
+    damping, friction = read_dynamics(source, element)
+    return replace(joint, damping=damping, friction=friction)
 
 
 def _end(source: Source, joint: etree._Element, end: str, links: Collection[str]) -> str:

@@ -14,11 +14,13 @@ from spacearm.arrays import LARGEST, MOST_LINKS, Array
 from spacearm.description.readers.arithmetic import evaluate, split
 from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.reading import Reading
-from spacearm.errors import ModelError, warn
+from spacearm.errors import ModelError, listed, warn
 from spacearm.files import read
 
 SHORTEST = 1e-6
 """Least length of a quaternion that a direction can be read from."""
+ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".world")
+"""Suffixes of robot files."""
 SHOWN = 3
 """Missing meshes that the warning about them names; the note names all."""
 LONGEST = 300
@@ -86,6 +88,10 @@ class Source:
             text = read(self.path)
         except FileNotFoundError:
             self.fail("no such file", "check the path")
+        except IsADirectoryError:
+            inside = sorted(p.name for p in self.path.iterdir() if p.suffix.lower() in ROBOTS)
+            there = f"one of those in it: {listed(inside)}" if inside else "a robot file"
+            self.fail("is a folder", f"give the path of {there}")
         except (OSError, ValueError) as error:
             why = getattr(error, "strerror", None) or error
             self.fail(f"cannot be read ({why})", "give the path of a robot file")

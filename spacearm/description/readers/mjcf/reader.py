@@ -168,9 +168,12 @@ class _Reader:
         lower, upper = model.jnt_range[i].tolist() if limited else (-math.inf, math.inf)
         effort = np.abs(model.jnt_actfrcrange[i]).min() if model.jnt_actfrclimited[i] else math.inf
         kind = "prismatic" if slides else "revolute" if limited else "continuous"
+        resists = (model.dof_damping, model.dof_frictionloss)
+        damping, friction = (float(np.ravel(values[model.jnt_dofadr[i]])[0]) for values in resists)
         joint = Joint(
-            name, kind, "", "", origin, model.jnt_axis[i].copy(), lower, upper, effort=float(effort)
-        )
+            name, kind, "", "", origin, model.jnt_axis[i].copy(), lower, upper,
+            effort=float(effort), damping=damping, friction=friction,
+        )  # fmt: skip
         zero = float(model.qpos0[model.jnt_qposadr[i]])
         return [replace(joint, origin=origin * joint.motion(-zero)) if zero else joint]
 

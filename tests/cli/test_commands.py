@@ -1,0 +1,179 @@
+"""Commands for what Python has: nearest, path, capture, risk, convert; exit codes, help."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from helpers.commands import answer, spacearm
+
+import spacearm as sa
+from spacearm.cli.app import COMMANDS
+from spacearm.cli.output import working
+
+HOME = ("0", "60", "-100", "-50", "30", "0")
+
+
+def test_nearest_is_what_query_finds():
+    got = answer("nearest", "planar2", "--deg", 30, 40)
+    report = answer("query", "planar2", "--deg", 30, 40)
+    assert got["distance"] == pytest.approx(report["distance"], abs=1e-9)
+    assert got["proven"]
+    assert sa.singularity(sa.load("planar2").at(got["nearest"])).kind == "dynamic"
+    shown = spacearm("nearest", "planar2", "--deg", 30, 40).stdout
+    assert shown.startswith("planar2, free-floating: 31.678° away")
+    assert "proven: no singular posture is nearer" in shown
+
+
+def test_nearest_within_the_limits_is_inside_and_no_nearer():
+    free, limited = (answer("nearest", "mda6", "--deg", *HOME, *x) for x in ((), ("--limits",)))
+    arm = sa.load("mda6")
+    assert limited["distance"] >= free["distance"] - 1e-6
+    q = np.array(limited["nearest"])
+    assert ((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9)).all()
+    assert not limited["proven"]
+    assert "at most" in spacearm("nearest", "mda6", "--deg", *HOME).stdout
+
+
+def test_path_proves_or_names_the_singular_posture(tmp_path):
+    free, through = tmp_path / "free.csv", tmp_path / "through.txt"
+    free.write_text("0, 60\n20, 90\n")
+    through.write_text("0 60\n0 -60\n")
+    run = spacearm("path", "planar2", free, "--deg", "--fail-on-singular")
+    assert (run.returncode, "meets no singularity: proven" in run.stdout) == (0, True)
+    run = spacearm("path", "planar2", through, "--deg", "--fail-on-singular")
+    assert run.returncode == 3
+    assert "meets a singularity" in run.stdout
+    got = answer("path", "planar2", through, "--deg")
+    at = np.array(got["certificate"]["at"])
+    assert abs(sa.singularity_polynomial(sa.load("planar2"))(at)) < 1e-9
+    assert "not checked: collisions" in run.stdout
+
+
+def test_path_takes_saved_motions_and_refuses_other_files(tmp_path):
+    arm = sa.load("planar2")
+    sa.plan(arm, [0.3, 1.2], sa.Joints([0.4, 1.3])).save(tmp_path / "plan.npz")
+    assert answer("path", "planar2", tmp_path / "plan.npz")["certificate"]["free"]
+    (tmp_path / "wrong.txt").write_text("1 2 3\n4 5 6\n")
+    run = spacearm("path", "planar2", tmp_path / "wrong.txt")
+    assert run.returncode == 2
+    assert "2 lines of 3 numbers; give two lines or more, each with 2" in run.stderr
+
+
+def test_capture_conserves_momentum():
+    words = ("--mass", 100, "--velocity", 0.01, 0, 0, "--spin", 0, 0, 1, "--inertia", 9, 10, 11)
+    got = answer("capture", "mda6", "--deg", *HOME, *words)
+    np.testing.assert_allclose(got["momentum"][:3], [1.0, 0.0, 0.0], atol=1e-12)
+    assert got["energy_lost"] > 0.0
+    twist = (0.01, 0, 0, 0, 0, np.radians(1))
+    cfg = sa.load("mda6").at(np.radians([0, 60, -100, -50, 30, 0]))
+    same = sa.capture(cfg, twist, 100.0, np.diag([9.0, 10.0, 11.0]))
+    np.testing.assert_allclose(got["dq"], same.dq)
+    assert "°/s" in spacearm("capture", "mda6", "--deg", *HOME, *words).stdout
+
+
+def test_risk_is_the_profile(tmp_path):
+    words = ("risk", "planar2", "--bins", 4, "--samples", 2000)
+    got = answer(*words)
+    profile = sa.risk_profile(sa.load("planar2"), bins=4, samples=2000)
+    np.testing.assert_array_equal(got["share"], profile.share)
+    run = spacearm(*words, cwd=tmp_path)
+    assert "share of 2,000 postures within 5° of a singular posture" in run.stdout
+    assert (tmp_path / "planar2_risk.png").is_file()
+
+
+def test_convert_writes_what_loads_to_the_same_arm(tmp_path):
+    run = spacearm("convert", "mda6", "-o", tmp_path / "x.urdf")
+    assert run.returncode == 0, run.stderr
+    q = np.full(6, 0.3)
+    J = [sa.generalized_jacobian(sa.load(m).at(q)) for m in ("mda6", tmp_path / "x.urdf")]
+    np.testing.assert_allclose(*J, atol=1e-12)
+
+
+def test_exit_codes_for_scripts():
+    singular = ("query", "planar2", "--deg", -65, -11.41)
+    assert spacearm(*singular).returncode == 0
+    assert spacearm(*singular, "--fail-on-singular").returncode == 3
+    assert spacearm("query", "planar2", "--deg", 30, 40, "--fail-on-singular").returncode == 0
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_short_help(name):
+    run = spacearm(name, "-h")
+    assert run.returncode == 0
+    assert run.stdout == spacearm(name, "--help").stdout
+
+
+def test_the_shell_completes_commands_and_options():
+    cases = (("spacearm ne", 1, "nearest"), ("spacearm plan --g", 2, "--goal"))
+    for words, number, expected in cases:
+        env = os.environ | {
+            "_SPACEARM_COMPLETE": "complete_bash",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(number),
+        }
+        command = [sys.executable, "-m", "spacearm"]
+        run = subprocess.run(command, capture_output=True, text=True, env=env, check=False)
+        assert run.stdout.split() == [expected], run.stderr
+
+
+def test_joints_outside_their_limits_stand_in_the_headline_and_in_json():
+    words = ("query", "mda6", 0, 60, -100, -50, 0, 0)
+    first = spacearm(*words).stdout.splitlines()[0]
+    assert first.endswith("outside its limits: joint_2, joint_3, joint_4")
+    assert answer(*words)["configuration"]["outside_limits"] == ["joint_2", "joint_3", "joint_4"]
+    inside = ("query", "mda6", "--deg", *HOME)
+    assert "outside" not in spacearm(*inside).stdout
+    assert answer(*inside)["configuration"]["outside_limits"] == []
+
+
+def test_the_plane_has_areas_and_the_free_workspace_is_not_computed_unasked(tmp_path, monkeypatch):
+    flat = answer("workspace", "planar2")
+    assert flat["areas"]["reachable"] == pytest.approx(np.pi * flat["reachable"][0][1] ** 2)
+    assert "volumes" not in flat
+    shown = spacearm("workspace", "planar2", cwd=tmp_path).stdout
+    assert "area [m²]" in shown
+    assert "volume" not in shown
+    assert "\nfree" not in shown
+    free = answer("workspace", "planar2", "--free")["free"]
+    np.testing.assert_allclose(free, sa.workspace(sa.load("planar2")).free)
+
+    def refuse(*_):
+        raise AssertionError("computed unasked")
+
+    monkeypatch.setattr("spacearm.workspaces.path_dependent.free_workspace", refuse)
+    assert "free" not in answer("workspace", "planar2")
+
+
+def test_what_takes_long_says_so_on_stderr(capsys, monkeypatch):
+    monkeypatch.setattr("spacearm.cli.output.FIRST", 0.01)
+    monkeypatch.setattr("spacearm.cli.output.EVERY", 0.01)
+    import time
+
+    with working("digging") as progress:
+        time.sleep(0.1)
+        progress(1.0, 4.0)
+        time.sleep(0.2)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("spacearm: digging: 0 s so far")
+    assert "25 %, about" in lines[-1]
+
+
+def test_ctrl_c_in_a_plan_keeps_the_best_attempt(monkeypatch):
+    import spacearm.planning.methods as methods
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(methods.METHODS, "straight", interrupted)
+    with pytest.raises(sa.NoSolutionError, match="straight: stopped by Ctrl-C") as caught:
+        sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
+    assert isinstance(caught.value.best, sa.Plan)
+    assert len(caught.value.best.tried) == 1
+
+
+def test_json_is_strict_for_the_new_commands():
+    for words in (("nearest", "planar2", 0.1, 0.2), ("capture", "planar2", 0, 1, "--mass", 5)):
+        json.loads(spacearm(*words, "--json").stdout)

@@ -1,0 +1,75 @@
+"""`spacearm attitudes`, `reaction`, `wheels` and `report`, as a user calls them."""
+
+import re
+
+import numpy as np
+import pytest
+from helpers.commands import answer, spacearm
+
+import spacearm as sa
+
+START = ("--q0", "-57.936", "60.337", "--attitude", "0", "0", "21", "--deg")
+PATH = ("--corner", "2", "0", "--corner", "1.5", "1.5")
+
+
+def test_attitudes_of_figure_5(tmp_path):
+    run = spacearm("attitudes", "planar2", *START, *PATH, "--samples", 90, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    (ends,) = re.findall(r"feasible +(\S+)° to (\S+)°", run.stdout)
+    np.testing.assert_allclose([float(end) for end in ends], (57.33478, 65.15616), atol=6e-5)
+    assert "not checked: collisions" in run.stdout
+    assert (tmp_path / "planar2_attitudes.png").stat().st_size > 5000
+    got = answer("attitudes", "planar2", *START, *PATH, "--samples", "90", "--margin", "5")
+    np.testing.assert_allclose(np.degrees(got["intervals"]), [[57.506, 65.156]], atol=1e-3)
+    assert got["path"] == [[2.0, 0.0], [1.5, 1.5]]
+    wrong = spacearm("attitudes", "planar2", *PATH, "--momentum", "1,2")
+    assert wrong.returncode == 2
+    assert "three numbers" in wrong.stderr
+
+
+def test_reaction_and_wheels(tmp_path):
+    file = tmp_path / "way.npz"
+    arm = sa.load("planar2")
+    way = sa.follow(arm, [0.3, 1.2], [(1.5, 1.2)])
+    way.save(file)
+    run = spacearm("reaction", "planar2", "--motion", file, "--camera", "1,0,0", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert f"{np.degrees(sa.reaction(way).angle.max()):.4g}°" in run.stdout
+    got = answer("reaction", "planar2", "--motion", str(file))
+    assert got["largest_angle"] == pytest.approx(sa.reaction(way).angle.max())
+    run = spacearm("wheels", "planar2", "--tip-speed", 0.1, "--samples", 50, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "left out" in run.stdout
+    assert answer("wheels", "planar2", "--motion", str(file))["cases"] == "motions"
+    assert spacearm("wheels", "planar2").returncode == 2
+
+
+@pytest.mark.parametrize("model", ["planar2"])
+def test_a_report_is_one_page_with_the_command_of_every_figure(tmp_path, model):
+    run = spacearm("report", model, "-o", "report.html", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    check_page(text)
+    assert "spacearm wheels planar2 --tip-speed 0.1" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["planar3", "mda6", "chaser7", "vispa_cubesat"])
+def test_reports_of_larger_arms(tmp_path, model):
+    run = spacearm("report", model, "-o", "report.html", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    check_page((tmp_path / "report.html").read_text(encoding="utf-8"))
+
+
+def check_page(text):
+    """Nothing is fetched from elsewhere, and every figure has its command."""
+    assert text.startswith("<!doctype html>")
+    assert not re.search(r'(src|href)="(?!data:|#)', text)
+    figures = text.count("<figure>")
+    assert figures >= 5
+    assert len(re.findall(r'</figure><p class="command"><code>', text)) == figures
+    for title in ("The arm", "Where it is singular", "Turning the spacecraft", "Wheels"):
+        assert f"<h2>{title}" in text
+    assert "@media print" in text
+    for command in re.findall(r"<code>python -c (.*?)</code>", text):
+        assert "sa.plot(" in command
