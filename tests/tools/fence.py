@@ -18,7 +18,7 @@ from weakref import WeakSet
 
 import spacearm as sa
 
-KERNELS = Path(sa.__file__).with_name("kernels") / "__pycache__"
+KERNELS = Path(sa.__file__).with_name("kernels")
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = {
     "os.chmod": ((0, 2),),
@@ -89,8 +89,9 @@ class Fence:
 
     def _strays(self, event: str, path: Path) -> str | None:
         """What is wrong with changing a path."""
-        allowed = (self._folder, KERNELS)
-        if path == Path(os.devnull) or any(path.is_relative_to(part) for part in allowed):
+        kept = path.is_relative_to(KERNELS) and "__pycache__" in path.parts
+        kept = kept or path.is_relative_to(Path.home() / ".cache" / "numba")
+        if path == Path(os.devnull) or kept or path.is_relative_to(self._folder):
             return None
         return f"{event} {path}"
 

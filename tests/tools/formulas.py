@@ -161,7 +161,7 @@ MUTANTS = [
         "mechanics/test_momentum mechanics/test_jacobian",
     ),
     Mutant(
-        "J* = J_q - J_b A_b^-1 A_q", "mechanics/jacobian.py",
+        "J* = J_q - J_b A_b^-1 A_q", "mechanics/reduction.py",
         "return J[..., 6:] - J[..., : X", "return J[..., 6:] + J[..., : X",
         "mechanics/test_jacobian mechanics/test_barycentric_formulation",
     ),
@@ -170,7 +170,7 @@ MUTANTS = [
         '"attitude-controlled": 3', '"attitude-controlled": 6', "mechanics/test_jacobian singularities/test_report",
     ),
     Mutant(
-        "derivative of J*", "mechanics/jacobian.py",
+        "derivative of J*", "mechanics/reduction.py",
         "dA[..., :f, 6:] - dA[..., :f, :f] @ X", "dA[..., :f, 6:] + dA[..., :f, :f] @ X", "mechanics/test_jacobian",
     ),
     Mutant(
@@ -227,8 +227,8 @@ MUTANTS = [
         "np.where(arm.slides, slide, 1.0)", "np.ones(arm.n)", "singularities/test_distance",
     ),
     Mutant(
-        "descent to the singular set", "mechanics/descents.py",
-        "A @ x - b", "-b", "singularities/test_distance",
+        "descent to the singular set", "mechanics/nearness.py",
+        "along[:, 0] -= seen.distance", "along[:, 0] += seen.distance", "singularities/test_distance",
     ),
     Mutant(
         "compiled derivative of J*: momentum carried along", "kernels/slopes.py",
@@ -272,8 +272,9 @@ MUTANTS = [
         "companion[:, :, -1] = -monic", "companion[:, :, -1] = monic", "polynomial/test_trig",
     ),
     Mutant(
-        "redundant arms: U^T J* V = 0", "singularities/rank_loss.py",
-        "residual[0] = sigma[-1]", "residual[0] = sigma[0]", "singularities/test_sets",
+        "loss of rank: found is sigma_min = 0", "singularities/rank_loss.py",
+        "return q if near.sigma <= LOST * most", "return q if near.sigma <= 1e-3 * most",
+        "singularities/test_sets",
     ),
     Mutant(
         "certificate: off the chord", "polynomial/certificate.py",
@@ -298,7 +299,7 @@ MUTANTS = [
     # --- dynamics and control ---------------------------------------------------------------
     Mutant(
         "H*, the inertia that joints feel", "mechanics/dynamics.py",
-        "H = M[6:, 6:] - M[6:, :f] @ _solve", "H = M[6:, 6:] + M[6:, :f] @ _solve", "mechanics/test_dynamics",
+        "H = M[6:, 6:] - M[6:, :f] @ solve", "H = M[6:, 6:] + M[6:, :f] @ solve", "mechanics/test_dynamics",
     ),
     Mutant(
         "c* of the reduced form", "mechanics/dynamics.py",

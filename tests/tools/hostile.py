@@ -14,8 +14,8 @@ import numpy as np
 from mutations import mutated, other_numbers, urdf_sources
 
 import spacearm as sa
+from spacearm.collisions.separation import Collisions
 from spacearm.description.model_catalogue import models_folder
-from spacearm.planning.collisions import Collisions
 
 JOINTS = 4
 """Joints that move in `motions`, the others locked: what many of them take is the user's affair."""

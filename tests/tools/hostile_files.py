@@ -20,7 +20,7 @@ from mutations import HOSTILE, altered, changed_text
 
 import spacearm as sa
 import spacearm.sweeps.processes
-from spacearm.planning.collisions import Collisions
+from spacearm.collisions.separation import Collisions
 from spacearm.plots.motions import draw_motion
 from spacearm.sweeps.runner import status
 from spacearm.sweeps.study import Chunk, Recipe

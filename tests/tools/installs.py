@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FILES = (
     "mechanics/test_momentum", "mechanics/test_jacobian", "mechanics/test_barycentric_formulation",
     "mechanics/test_dynamics", "mechanics/test_batch", "description/test_urdf", "model/test_mount",
-    "planning/test_collisions", "singularities/test_map", "singularities/test_sets",
+    "collisions/test_separation", "singularities/test_map", "singularities/test_sets",
     "cli/test_simulations", "viewer/test_viewer", "motion/test_simulation", "sweeps/test_runner",
     "sweeps/test_dask",
 )  # fmt: skip
