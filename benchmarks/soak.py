@@ -45,9 +45,8 @@ ALLOWED = {
 }
 """Growth in each part: so much, and so much for each call [kB].
 
-An array that every call keeps is over 0.1 kB of Python. LSODA of scipy keeps 1.8 kB of each of the
-fourteen simulations in a part, allocators grow by some kB. The browser's processes hold caches that
-come and go by megabytes.
+An array that every call keeps is over 0.1 kB of Python; allocators grow by some kB. The browser's
+processes hold caches that come and go by megabytes.
 """
 BATCH = 1_000_000
 """Configurations in a call of `evaluate`."""

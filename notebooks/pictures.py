@@ -9,6 +9,7 @@ Needs `pip install -e '.[test]'`, and chromium for the picture of the browser vi
 from __future__ import annotations
 
 import sys
+from itertools import product
 from pathlib import Path
 from shutil import which
 
@@ -16,14 +17,18 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from playwright.sync_api import sync_playwright
 
 import spacearm as sa
 from spacearm.plots.maps import draw_map
 from spacearm.plots.motions import draw_motion
 from spacearm.plots.postures import draw_posture, draw_velocities
-from spacearm.plots.style import BLUE, RED, style
+from spacearm.plots.style import BLUE, GREY, RED, style
 from spacearm.plots.workspaces import draw_workspace
+from spacearm.polynomial.level_set import surface
+from spacearm.polynomial.univariate import wrap
 
 FOLDER = Path(__file__).parent / "pictures"
 START = np.radians([-57.936, 60.337])
@@ -114,9 +119,70 @@ def workspace_planar2() -> Figure:
     return draw_workspace(sa.workspace(sa.load("planar2")))
 
 
+def construction() -> Figure:
+    """The singular set of a 7-joint servicer in three joints: where two minors vanish together."""
+    found = sa.singular_set(sa.load("chaser7"))
+    q, joints = np.array([0.0, 0.4, -0.5, 0.3, 1.0, 2.0, 0.1]), [3, 4, 5]
+    held = {j: float(q[j]) for j in range(len(q)) if j not in joints}
+    figure = plt.figure(figsize=(7.2, 6.0))
+    axes = figure.add_subplot(projection="3d", computed_zorder=False)
+    for minor, colour in zip(found.triangle.polynomials, (GREY, BLUE), strict=True):
+        mesh = surface(minor.fix(held))
+        corners = np.degrees(mesh.vertices[mesh.triangles])
+        inside = np.ptp(corners, axis=1).max(axis=1) < 180.0  # not across the seams of the torus
+        axes.add_collection3d(Poly3DCollection(corners[inside], fc=colour, ec="none", alpha=0.08))
+    for curve in found.curves(joints, q):
+        points = np.degrees(wrap(curve[:, joints]))
+        points[np.abs(np.diff(points, axis=0, prepend=points[:1])).max(axis=1) > 180.0] = np.nan
+        axes.plot(*points.T, color=RED, lw=2.5, zorder=10)
+    turn = range(-180, 181, 90)
+    axes.set(xticks=turn, yticks=turn, zticks=turn, xlim=(-180, 180), ylim=(-180, 180))
+    axes.set(zlim=(-180, 180), xlabel="q4 [deg]", ylabel="q5 [deg]", zlabel="q6 [deg]")
+    axes.view_init(elev=20.0, azim=-62.0)
+    return figure
+
+
+def distance() -> Figure:
+    """What the distance to the singular set is: the radius of the largest circle free of it."""
+    arm, q = sa.load("planar2"), np.radians([40.0, 60.0])
+    nearest, radius = sa.singular_set(arm).nearest(q)
+    figure, axes = plt.subplots(figsize=(6.4, 5.6), layout="constrained")
+    for curve in sa.singular_set(arm).curves():
+        for turns in product((-360.0, 0.0, 360.0), repeat=2):
+            axes.plot(*(np.degrees(curve) + turns).T, color=RED, lw=2)
+    axes.add_patch(Circle(np.degrees(q), np.degrees(radius), color=BLUE, alpha=0.15))
+    axes.annotate("", np.degrees(nearest), np.degrees(q), arrowprops={"arrowstyle": "->", "lw": 2})
+    axes.plot(*np.degrees(q), "o", color=BLUE, ms=8)
+    axes.plot(*np.degrees(nearest), "o", color=RED, ms=8)
+    axes.annotate("posture", np.degrees(q), (8, 6), textcoords="offset points")
+    below = {"textcoords": "offset points", "ha": "center"}
+    axes.annotate("nearest singular posture", np.degrees(nearest), (30, -30), **below)
+    turn = range(-180, 181, 90)
+    axes.set(xlim=(-180, 180), ylim=(-180, 180), xticks=turn, yticks=turn, aspect="equal")
+    axes.set(xlabel="q1 [deg]", ylabel="q2 [deg]", title=f"Distance {np.degrees(radius):.1f}°")
+    return figure
+
+
+def closed_loop() -> Figure:
+    """The joints go once round a square and come back; the spacecraft does not."""
+    arm, steps = sa.load("planar2"), np.radians([(0, 0), (110, 0), (110, 110), (0, 110), (0, 0)])
+    motion = [arm.at(np.radians([-80.0, 20.0]) + steps[0]).centred(np.zeros(3))]
+    for step in steps[1:]:
+        motion.append(sa.move(motion[-1], np.radians([-80.0, 20.0]) + step))
+    figure, axes = plt.subplots(1, 3, figsize=(13, 4.6), layout="constrained")
+    corners = np.degrees([cfg.q for cfg in motion])
+    axes[0].plot(*corners.T, "o-", color=BLUE, lw=2)
+    axes[0].set(xlabel="q1 [deg]", ylabel="q2 [deg]", aspect="equal", title="The joints: a loop")
+    for ax, cfg, when in ((axes[1], motion[0], "Before"), (axes[2], motion[-1], "After")):
+        draw_posture(ax, cfg)
+        turned = np.degrees(pin.log3(cfg.base.rotation)[2])
+        ax.set(xlim=(-2.2, 2.2), ylim=(-2.2, 2.2), title=f"{when}: attitude {turned:.1f}°")
+    return figure
+
+
 PICTURES = (
-    singular_posture, map_planar2, workspace_planar2, simulation_planar2, figure_7, plan_planar2,
-    view,
+    singular_posture, distance, closed_loop, map_planar2, workspace_planar2, simulation_planar2,
+    figure_7, plan_planar2, view, construction,
 )  # fmt: skip
 
 if __name__ == "__main__":

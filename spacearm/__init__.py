@@ -9,7 +9,7 @@
 Names by what they are for:
 
 ===========  ====================================================================================
-load         load mount catalogue arms SpaceArm Configuration Task Bus ModelInfo ArmInfo
+load         load mount pose catalogue arms SpaceArm Configuration Task Bus ModelInfo ArmInfo
 query        singularity generalized_jacobian generalized_jacobian_derivative
              generalized_jacobian_rate fixed_base_jacobian prescribed_motion error_bars evaluate
              generalized_jacobians SingularityReport PrescribedMotion ErrorBars
@@ -19,11 +19,16 @@ dynamics     momentum_matrix base_velocity generalized_inertia forward_dynamics 
 sets         singular_set singular_map singularity_polynomial SingularSet FoundSet SingularMap
              TrigPolynomial Certificate
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
-motion       simulate follow move JointPD TransposedJacobian ResolvedRate DampedLeastSquares
-             Reactionless Motion Trajectory Followed Event
-planning     plan Joints Plan Attempt
+motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
+             ResolvedRate DampedLeastSquares Reactionless PassiveJoint WheelHold Phase Grasp Release
+             Motion Trajectory Followed Flight Event
+planning     plan collision_check Joints Plan Attempt Obstacle CollisionReport
+mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
+             FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
+uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
+             DistanceRange RobustCertificate ShellBands
 sweeps       sweep Study
-show         plot view
+show         plot view design_report
 errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
              StoreError SweepError ModelWarning
 ===========  ====================================================================================
@@ -35,7 +40,12 @@ twist        [linear; angular] of the frame's origin, inertial axes (Pinocchio's
              LOCAL_WORLD_ALIGNED)
 momentum     [linear; angular about the system CM], inertial axes
 quaternion   xyzw, as Pinocchio and scipy have it
-pose         pin.SE3; `base` and `tip` are placements in the inertial frame
+pose         pin.SE3, also given as a (4, 4) matrix or made by `pose(xyz=, rpy=)`; `base` and `tip`
+             are placements in the inertial frame
+points       in the inertial frame. The spacecraft's frame starts at its origin (`base` puts it
+             elsewhere), as in `SpaceArm.at`; with origin="cm" (--origin cm) the system CM does.
+             `Workspace`, which knows no start, takes points from the system CM, or with `start=`
+             in the frame of a configuration. Answers say which (`origin`)
 angles       rad; the command line takes degrees with --deg
 q            (n,) one number per joint that counts, in the model's order, spacecraft excluded
 task         rows named "x y z rx ry rz"; aliases "pose", "position", "orientation"; a length [m]
@@ -49,174 +59,10 @@ symbols      q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & 
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from spacearm.description.bus import Bus
-    from spacearm.description.model_catalogue import ArmInfo, ModelInfo, arms, catalogue
-    from spacearm.errors import (
-        ConfigurationError,
-        ModelError,
-        ModelWarning,
-        NoSolutionError,
-        SpaceArmError,
-        StoreError,
-        SweepError,
-        UnsupportedError,
-    )
-    from spacearm.mechanics.barycentric_formulation import (
-        Barycentric,
-        VirtualManipulator,
-        barycentric,
-    )
-    from spacearm.mechanics.batch import evaluate, generalized_jacobians
-    from spacearm.mechanics.dynamics import (
-        Dynamics,
-        forward_dynamics,
-        generalized_inertia,
-        inverse_dynamics,
-        kinetic_energy,
-    )
-    from spacearm.mechanics.floating import move
-    from spacearm.mechanics.impact import Capture, capture
-    from spacearm.mechanics.jacobian import (
-        PrescribedMotion,
-        fixed_base_jacobian,
-        generalized_jacobian,
-        generalized_jacobian_derivative,
-        generalized_jacobian_rate,
-        prescribed_motion,
-    )
-    from spacearm.mechanics.momentum import MomentumMatrix, base_velocity, momentum_matrix
-    from spacearm.model.arm import SpaceArm
-    from spacearm.model.configuration import Configuration
-    from spacearm.model.loading import load, mount
-    from spacearm.model.task import Task
-    from spacearm.motion.controllers import (
-        DampedLeastSquares,
-        JointPD,
-        Reactionless,
-        ResolvedRate,
-        TransposedJacobian,
-    )
-    from spacearm.motion.events import Event
-    from spacearm.motion.following import Followed, follow
-    from spacearm.motion.motion import Motion
-    from spacearm.motion.simulation import simulate
-    from spacearm.motion.trajectory import Trajectory
-    from spacearm.planning.planner import plan
-    from spacearm.planning.result import Attempt, Joints, Plan
-    from spacearm.plots.show import plot
-    from spacearm.polynomial.certificate import Certificate
-    from spacearm.polynomial.trig import TrigPolynomial
-    from spacearm.singularities.abstract_set import SingularSet
-    from spacearm.singularities.map import SingularMap, singular_map
-    from spacearm.singularities.polynomial import singularity_polynomial
-    from spacearm.singularities.report import SingularityReport, singularity
-    from spacearm.singularities.risk import PoseRisk, RiskProfile, pose_risk, risk_profile
-    from spacearm.singularities.rounding import ErrorBars, error_bars
-    from spacearm.singularities.searched_set import FoundSet
-    from spacearm.singularities.sets import singular_set
-    from spacearm.sweeps.runner import sweep
-    from spacearm.sweeps.study import Study
-    from spacearm.viewer.show import view
-    from spacearm.workspaces import design
-    from spacearm.workspaces.path_dependent import Workspace, workspace
-    from spacearm.workspaces.regions import Region
-
-    __version__: str
-
-__all__ = ["__version__"]
-__all__ += [
-    "ArmInfo",
-    "Bus",
-    "Configuration",
-    "ModelInfo",
-    "SpaceArm",
-    "Task",
-    "arms",
-    "catalogue",
-    "load",
-    "mount",
-]  # load
-__all__ += [
-    "ErrorBars",
-    "PrescribedMotion",
-    "SingularityReport",
-    "error_bars",
-    "evaluate",
-    "fixed_base_jacobian",
-    "generalized_jacobian",
-    "generalized_jacobian_derivative",
-    "generalized_jacobian_rate",
-    "generalized_jacobians",
-    "prescribed_motion",
-    "singularity",
-]  # query
-__all__ += [
-    "Barycentric",
-    "Capture",
-    "Dynamics",
-    "MomentumMatrix",
-    "VirtualManipulator",
-    "barycentric",
-    "base_velocity",
-    "capture",
-    "forward_dynamics",
-    "generalized_inertia",
-    "inverse_dynamics",
-    "kinetic_energy",
-    "momentum_matrix",
-]  # dynamics
-__all__ += [
-    "Certificate",
-    "FoundSet",
-    "SingularMap",
-    "SingularSet",
-    "TrigPolynomial",
-    "singular_map",
-    "singular_set",
-    "singularity_polynomial",
-]  # sets
-__all__ += [
-    "PoseRisk",
-    "Region",
-    "RiskProfile",
-    "Workspace",
-    "design",
-    "pose_risk",
-    "risk_profile",
-    "workspace",
-]  # workspaces
-__all__ += [
-    "DampedLeastSquares",
-    "Event",
-    "Followed",
-    "JointPD",
-    "Motion",
-    "Reactionless",
-    "ResolvedRate",
-    "Trajectory",
-    "TransposedJacobian",
-    "follow",
-    "move",
-    "simulate",
-]  # motion
-__all__ += ["Attempt", "Joints", "Plan", "plan"]  # planning
-__all__ += ["Study", "sweep"]  # sweeps
-__all__ += ["plot", "view"]  # show
-__all__ += [
-    "ConfigurationError",
-    "ModelError",
-    "ModelWarning",
-    "NoSolutionError",
-    "SpaceArmError",
-    "StoreError",
-    "SweepError",
-    "UnsupportedError",
-]  # errors
 
 _HOMES = {
+    "collisions.obstacles": "Obstacle",
+    "collisions.report": "CollisionReport collision_check",
     "description.bus": "Bus",
     "description.model_catalogue": "ArmInfo ModelInfo arms catalogue",
     "errors": (
@@ -235,14 +81,25 @@ _HOMES = {
         "generalized_jacobian_derivative generalized_jacobian_rate prescribed_motion"
     ),
     "mechanics.momentum": "MomentumMatrix base_velocity momentum_matrix",
+    "mission.attitude_search": "feasible_attitudes",
+    "mission.attitudes": "FeasibleAttitudes",
+    "mission.budget": "MomentumBudget momentum_budget",
+    "mission.envelope": "LevelEnvelope level_envelope",
+    "mission.level": "LevelReach level_reach",
+    "mission.reactions": "Reaction reaction",
+    "mission.wheel_sizing": "WheelSizing size_wheels",
     "model.arm": "SpaceArm",
     "model.configuration": "Configuration",
+    "model.frames": "pose",
     "model.loading": "load mount",
     "model.task": "Task",
     "motion.controllers": "DampedLeastSquares JointPD Reactionless ResolvedRate TransposedJacobian",
     "motion.events": "Event",
+    "motion.flight": "Flight Grasp Phase Release simulate_phases",
     "motion.following": "Followed follow",
+    "motion.many_runs": "simulate_many",
     "motion.motion": "Motion",
+    "motion.plant": "PassiveJoint WheelHold",
     "motion.simulation": "simulate",
     "motion.trajectory": "Trajectory",
     "planning.planner": "plan",
@@ -250,6 +107,7 @@ _HOMES = {
     "plots.show": "plot",
     "polynomial.certificate": "Certificate",
     "polynomial.trig": "TrigPolynomial",
+    "reports.sections": "design_report",
     "singularities.abstract_set": "SingularSet",
     "singularities.map": "SingularMap singular_map",
     "singularities.polynomial": "singularity_polynomial",
@@ -260,12 +118,19 @@ _HOMES = {
     "singularities.sets": "singular_set",
     "sweeps.runner": "sweep",
     "sweeps.study": "Study",
+    "uncertainty.bands": "ShellBands shell_bands",
+    "uncertainty.intervals": "UncertainArm uncertain",
+    "uncertainty.robust": (
+        "DistanceRange RobustCertificate distance_range is_free_for_all robust_plan"
+    ),
     "viewer.show": "view",
     "workspaces.design": "design",
     "workspaces.path_dependent": "Workspace workspace",
     "workspaces.regions": "Region",
 }
 """Public names by the modules that hold them, which are imported when a name is first used."""
+
+__all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names.split())])
 
 
 def __getattr__(name: str) -> object:

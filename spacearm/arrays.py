@@ -21,6 +21,8 @@ Array: TypeAlias = npt.NDArray[np.floating[Any]]
 LARGEST = 1e12
 """Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are
 mistakes and would overflow."""
+NO_NUMBERS = (TypeError, ValueError, RuntimeError)
+"""What conversions to an array raise: RuntimeError is that of tensors that want a gradient."""
 LEAST_MASS = 1e-12
 """Least mass of a body [kg]: Pinocchio divides by masses."""
 
@@ -82,6 +84,12 @@ class Result:
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
+def read_only(array: Array) -> Array:
+    """Return the array itself, read-only."""
+    array.flags.writeable = False
+    return array
+
+
 def whole(value: object, name: str, least: int) -> int:
     """Check a whole number and return it as an int.
 
@@ -119,7 +127,7 @@ def shape_of(values: object) -> tuple[int, ...]:
     """Return the shape of what a caller gave as numbers; () where it has none, as ragged lists."""
     try:
         return np.shape(np.asarray(values))
-    except ValueError:
+    except NO_NUMBERS:
         return ()
 
 
@@ -137,7 +145,7 @@ def finite(values: object, shape: tuple[int, ...], name: str, meaning: str = "")
     """
     try:
         array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except NO_NUMBERS:
         array = np.empty(0)
     if array.shape != shape or not (np.abs(array) <= LARGEST).all():
         size = f"{shape[0]} finite numbers" if shape else "a finite number"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 import warnings
 from collections.abc import Collection, Iterable, Mapping
 from difflib import SequenceMatcher
 from heapq import nsmallest
-from itertools import islice, takewhile
+from itertools import dropwhile, islice, takewhile
 from traceback import walk_stack
+from types import FrameType
 
 MOST_NAMES = 10
 """Names that a message lists."""
@@ -120,7 +122,24 @@ def warn(message: str) -> None:
     `warnings.warn` can skip the files of a package from Python 3.12 on only; until then the frames
     of this package are counted.
     """
-    names = (f.f_globals.get("__name__", "") for f, _ in walk_stack(inspect.currentframe()))
-    ours = takewhile(lambda name: name.partition(".")[0] == "spacearm", names)
+    frames = walk_stack(inspect.currentframe())
+    ours = sum(1 for _ in takewhile(lambda frame: _is_ours(frame[0]), frames))
     text = printable(shortened(message))
-    warnings.warn(text, ModelWarning, stacklevel=1 + len(list(ours)))
+    warnings.warn(text, ModelWarning, stacklevel=1 + ours)
+
+
+def call_site() -> tuple[str, int]:
+    """Return file and line of the caller outside this package."""
+    frames = dropwhile(lambda frame: _is_ours(frame[0]), walk_stack(inspect.currentframe()))
+    frame, line = next(frames)
+    return frame.f_code.co_filename, line
+
+
+def called_from_outside(calls: int) -> bool:
+    """Tell whether what asks was called from outside this package, through so many calls."""
+    return not _is_ours(sys._getframe(1 + calls))
+
+
+def _is_ours(frame: FrameType) -> bool:
+    name = frame.f_globals.get("__name__", "")
+    return bool(name.partition(".")[0] == "spacearm")

@@ -1,10 +1,12 @@
 """Errors travel; arguments that make no sense are said by name and value."""
 
+import inspect
 import pickle
 import types
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import spacearm as sa
@@ -157,3 +159,85 @@ def test_messages_hold_nothing_that_commands_a_terminal(bad):
     with pytest.warns(sa.ModelWarning) as caught:
         errors.warn(f"link {bad} is odd")
     assert str(caught[0].message).isprintable()
+
+
+class Gradient:
+    """A tensor that wants a gradient, as torch has them."""
+
+    def __array__(self, *_, **__):
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad.")
+
+
+FIRST_DAY = {
+    "an arm for a configuration": (
+        lambda: sa.generalized_jacobian(arm(), [0, 1]),
+        r"takes a configuration, not an arm: sa.generalized_jacobian\(arm.at\(q\)\)",
+    ),
+    "the same in a report": (
+        lambda: sa.singularity(arm(), [0, 1]),
+        r"sa.singularity\(arm.at\(q\)\)",
+    ),
+    "numbers for a configuration": (
+        lambda: sa.momentum_matrix([0, 1]),
+        r"not a list; make one of an arm and joint positions: sa.momentum_matrix\(arm.at\(q\)\)",
+    ),
+    "a name for an arm": (
+        lambda: sa.workspace("planar2"),
+        r"takes an arm; load it first: arm = sa.load\('planar2'\)",
+    ),
+    "a configuration for an arm": (lambda: sa.singular_set(arm().at([0, 1])), "that is cfg.arm"),
+    "a model of Pinocchio": (
+        lambda: sa.evaluate(pin.Model(), [[0, 1]]),
+        "a Model is none; load one: arm = sa.load",
+    ),
+    "a word for a law": (
+        lambda: sa.simulate(arm(), [0, 1], "joints", 5),
+        "controller is 'joints'; give a law, such as sa.JointPD",
+    ),
+    "a class for a law": (lambda: sa.simulate(arm(), [0, 1], sa.JointPD, 5), "such as sa.JointPD"),
+    "the text of a URDF": (
+        lambda: sa.load('<robot name="r"><link name="bus"/></robot>'),
+        "is the text of a robot file, not its path; write it to a file first",
+    ),
+    "the text of a URDF for an arm": (
+        lambda: sa.mount('<?xml version="1.0"?><robot/>', sa.Bus(mass=9, size=(1, 1, 1))),
+        "is the text of a robot file",
+    ),
+    "an address": (lambda: sa.load("https://example.org/arm.urdf"), "nothing is downloaded"),
+    "a number for a robot": (lambda: sa.load(5), "a int is no robot; give the path"),
+    "a tensor with a gradient": (lambda: arm().at(Gradient()), "q must be 2 numbers: .*grad"),
+    "the same in a batch": (lambda: sa.evaluate(arm(), Gradient()), "Q"),
+}
+
+
+@pytest.mark.parametrize("name", FIRST_DAY)
+def test_mistakes_of_the_first_day(name):
+    call, message = FIRST_DAY[name]
+    with pytest.raises((sa.ConfigurationError, sa.ModelError), match=message):
+        call()
+
+
+def test_a_folder_names_the_robots_in_it(tmp_path):
+    for name in ("b.urdf", "a.xacro", "notes.txt"):
+        (tmp_path / name).write_text("")
+    message = "is a folder; give the path of one of those in it: a.xacro, b.urdf"
+    for path in (tmp_path, str(tmp_path)):
+        with pytest.raises(sa.ModelError, match=message):
+            sa.load(path)
+
+
+def test_what_pinocchio_users_have_is_taken():
+    model = sa.load("planar2").model
+    wrapper = pin.RobotWrapper(model)
+    J = sa.generalized_jacobian(sa.load(wrapper, tip="tip", task="x y").at([0.3, 0.9]))
+    assert J.shape == (6, 2)
+
+
+def test_checked_functions_keep_their_names_and_their_help():
+    for name in ("singularity", "evaluate", "plan", "generalized_jacobian"):
+        function = getattr(sa, name)
+        assert function.__name__ == name
+        assert "Args:" in function.__doc__
+        assert "arm" in inspect.signature(function).parameters or (
+            "cfg" in inspect.signature(function).parameters
+        )

@@ -53,8 +53,20 @@ def run():
 
 
 @cache
+def unsure():
+    return sa.uncertain(arm(), {"link_2": {"mass": 0.05}})
+
+
+@cache
 def plan():
     return sa.plan(arm(), [0.3, 1.2], sa.Joints([0.4, 1.3]))
+
+
+@cache
+def flight():
+    law = sa.JointPD(target=[0.2, 0.3], kp=5.0, kd=9.0)
+    phases = [sa.Phase(law, 0.2, sa.Grasp(mass=2.0)), sa.Phase(law, 0.2, sa.Release())]
+    return sa.simulate_phases(arm(), [0.1, 0.2], phases)
 
 
 RESULTS = {
@@ -65,30 +77,43 @@ RESULTS = {
     "Capture": grasp,
     "Certificate": lambda: singular_set().is_free([0.1, 0.2], [0.2, 0.3]),
     "Certificate of a singularity": lambda: singular_set().is_free([0.1, -2.0], [0.1, 2.0]),
+    "CollisionReport": lambda: sa.collision_check(configuration(), sa.Obstacle.sphere(9.0)),
     "Component": lambda: singular_set().components()[0],
     "Configuration": configuration,
     "DampedLeastSquares": lambda: sa.DampedLeastSquares(target=(1.0, 1.0)),
+    "DistanceRange": lambda: sa.distance_range(unsure(), [0.3, 0.4], samples=2),
     "Dynamics": lambda: sa.forward_dynamics(configuration(), [0.1, 0.2], [1.0, 0.0]),
     "ErrorBars": lambda: sa.error_bars(configuration()),
     "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
     "Followed": lambda: sa.follow(arm(), [0.3, 1.2], [(1.5, 1.2)]),
+    "FeasibleAttitudes": lambda: sa.feasible_attitudes(arm(), [(1.5, 0.2), (1.5, 0.5)], samples=16),
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
     "Joints": lambda: sa.Joints([0.1, 0.2]),
     "ModelInfo": lambda: sa.catalogue()[0],
     "MomentumMatrix": lambda: sa.momentum_matrix(configuration()),
+    "LevelEnvelope": lambda: sa.level_envelope(arm(), [-0.6, 1.4], [0.02], [30.0], directions=8),
+    "LevelReach": lambda: sa.level_reach(arm(), [-0.6, 1.4], 0.02, directions=8),
+    "MomentumBudget": lambda: sa.momentum_budget(arm().at([-0.6, 1.4]), [0, 0, 1]),
     "Mounted": lambda: sa.design.optimise_mount(arm(), {"mount_x": (0.4, 0.5)}, most=2),
     "Motion": motion,
+    "Obstacle": lambda: sa.Obstacle.robot(motion(), margin=0.1),
     "Plan": plan,
     "PoseRisk": lambda: sa.pose_risk(arm(), poses=3, neighbours=2, samples=50),
     "PrescribedMotion": lambda: sa.prescribed_motion(configuration(), {"joint_1": 0.1}),
+    "Reaction": lambda: sa.reaction(motion()),
     "Reactionless": lambda: sa.Reactionless(target=(1.0, 1.0)),
     "Region": lambda: workspace().regions([2.0, 0.0]),
     "ResolvedRate": lambda: sa.ResolvedRate(target=pin.SE3.Random()),
     "RiskProfile": lambda: sa.risk_profile(arm(), bins=3, samples=100),
     "RiskProfile of empty classes": lambda: sa.risk_profile(arm(), bins=[9.0, 10.0], samples=9),
     "Roots": lambda: singular_set().roots([0.1, 0.2]),
+    "RobustCertificate": lambda: sa.is_free_for_all(unsure(), [[0.1, 0.2], [0.3, 0.4]]),
+    "RobustCertificate of a singularity": lambda: sa.is_free_for_all(
+        unsure(), [[0.1, -2.0], [0.1, 2.0]]
+    ),
     "Shell": lambda: workspace().shells[0],
+    "ShellBands": lambda: sa.shell_bands(unsure(), samples=1),
     "SingularMap": lambda: sa.singular_map(arm(), points=5),
     "SingularSet": singular_set,
     "SingularityReport": lambda: sa.singularity(configuration()),
@@ -97,8 +122,16 @@ RESULTS = {
     "Task": lambda: arm().task,
     "Trajectory": run,
     "TransposedJacobian": lambda: sa.TransposedJacobian(target=(1.0, 1.0), kp=5.0, kd=9.0),
+    "Flight": flight,
+    "Grasp": lambda: sa.Grasp(mass=2.0, inertia=np.eye(3)),
+    "Phase": lambda: sa.Phase(lambda _t, q, _dq: 0.0 * q, 1.0, sa.Release(), {"stop": ["target"]}),
+    "Release": lambda: sa.Release(),
+    "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
+    "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
+    "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),
+    "WheelHold": lambda: sa.WheelHold(stiffness=1.0, damping=2.0, torque=0.1, capacity=5.0),
     "Workspace": workspace,
 }
 

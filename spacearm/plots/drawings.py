@@ -6,12 +6,19 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from spacearm.collisions.report import CollisionReport
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.mechanics.dynamics import Dynamics
 from spacearm.mechanics.impact import Capture
 from spacearm.mechanics.jacobian import PrescribedMotion
 from spacearm.mechanics.momentum import MomentumMatrix
+from spacearm.mission.attitudes import FeasibleAttitudes
+from spacearm.mission.budget import MomentumBudget
+from spacearm.mission.envelope import LevelEnvelope
+from spacearm.mission.level import LevelReach
+from spacearm.mission.reactions import Reaction
+from spacearm.mission.wheel_sizing import WheelSizing
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
@@ -23,7 +30,16 @@ from spacearm.plots.configurations import (
     draw_virtual_manipulator_alone,
 )
 from spacearm.plots.maps import draw_map, draw_singular_set
+from spacearm.plots.mission import (
+    draw_attitudes,
+    draw_budget,
+    draw_envelope,
+    draw_level,
+    draw_reaction,
+    draw_wheel_sizing,
+)
 from spacearm.plots.motions import draw_motion
+from spacearm.plots.obstacles import draw_collision_report
 from spacearm.plots.polynomials import draw_polynomial
 from spacearm.plots.reports import (
     draw_capture,
@@ -33,6 +49,7 @@ from spacearm.plots.reports import (
     draw_prescribed_motion,
     draw_report,
 )
+from spacearm.plots.uncertainty import draw_distance_range, draw_shell_bands
 from spacearm.plots.workspaces import draw_design, draw_pose_risk, draw_profile, draw_workspace
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
@@ -40,6 +57,8 @@ from spacearm.singularities.map import SingularMap
 from spacearm.singularities.report import SingularityReport
 from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.singularities.rounding import ErrorBars
+from spacearm.uncertainty.bands import ShellBands
+from spacearm.uncertainty.robust import DistanceRange
 from spacearm.workspaces.path_dependent import Workspace
 from spacearm.workspaces.regions import Region
 
@@ -57,11 +76,20 @@ DRAWINGS: Mapping[type, Callable[..., Any]] = {
     TrigPolynomial: draw_polynomial,
     SingularMap: draw_map,
     SingularSet: draw_singular_set,
+    CollisionReport: draw_collision_report,
     Workspace: draw_workspace,
     Region: draw_region,
     RiskProfile: draw_profile,
     PoseRisk: draw_pose_risk,
     Motion: draw_motion,
+    FeasibleAttitudes: draw_attitudes,
+    Reaction: draw_reaction,
+    WheelSizing: draw_wheel_sizing,
+    LevelReach: draw_level,
+    LevelEnvelope: draw_envelope,
+    MomentumBudget: draw_budget,
+    DistanceRange: draw_distance_range,
+    ShellBands: draw_shell_bands,
 }
 """What draws each kind of result. A function without the parameter `ax` draws several panels."""
 

@@ -15,6 +15,7 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import draw_stick_figure
+from spacearm.plots.obstacles import draw_obstacles
 from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, style
 from spacearm.workspaces.path_dependent import Workspace
 
@@ -47,13 +48,16 @@ def draw_motion(
         both: Any = whole.subfigures(1, 2, width_ratios=[1.0, 1.1])
         left, right = both
         _draw_path(left, motion, mark, workspace)
-        attitude, joints, nearness = right.subplots(3, 1, sharex=True)
+        held = getattr(motion, "wheels", np.empty((len(motion), 0)))
+        attitude, joints, *wheels, nearness = right.subplots(3 + bool(held.size), 1, sharex=True)
         _draw_attitude(attitude, motion)
+        for axes in wheels:
+            _draw_wheels(axes, motion, held)
         _draw_joints(joints, motion)
         nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=RED, lw=1.8)
         nearness.set(ylabel="to a singular\nposture [deg]", xlabel="time [s]", ylim=(0.0, FAR))
         nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
-        for axes in (attitude, joints, nearness):
+        for axes in (attitude, joints, *wheels, nearness):
             for t in motion.singular_times:
                 axes.axvline(t, color=RED, lw=0.8, ls=":", alpha=0.7)
         whole.align_ylabels()
@@ -84,6 +88,9 @@ def _draw_path(
         draw_stick_figure(axes, cfg, label=False)
         for artist in set(axes.get_children()) - before:
             artist.set_alpha(alpha)
+    draw_obstacles(
+        axes, getattr(motion, "obstacles", ()), along, (motion.t[0], motion.t[-1]), normal
+    )
     if normal is not None:
         x, singular = np.delete(x, normal, axis=1), np.delete(singular, normal, axis=1)
         axes.grid(alpha=0.3)
@@ -172,6 +179,14 @@ def _draw_joints(axes: Any, motion: Motion) -> None:
     _legend(axes)
     unit = "cm" if arm.slides.all() else "deg" if not arm.slides.any() else "deg, cm"
     axes.set_ylabel(f"joints\n[{unit}]")
+
+
+def _draw_wheels(axes: Any, motion: Motion, held: Array) -> None:
+    names = tuple(wheel.name for wheel in motion.arm.wheels)
+    for i, name in enumerate(_short(names)):
+        axes.plot(motion.t, held[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5, label=name)
+    _legend(axes)
+    axes.set_ylabel("wheels\n[N m s]")
 
 
 def _legend(axes: Any) -> None:

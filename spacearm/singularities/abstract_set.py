@@ -13,6 +13,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array, named
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
+from spacearm.notebook.tables import shown, table
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
@@ -126,17 +127,17 @@ class SingularSet(ABC):
     def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
         """Find the singular configuration nearest to q (n,) in joint space.
 
-        A set with one equation and up to three relevant joints: the global one, proven by branch
-        and bound to 1e-4 rad. Others: the best of a search from many starts about q, an upper bound
-        of the distance: of redundant arms another search may find a nearer one.
+        A set with one equation and up to three relevant joints, none of which slides: the global
+        one, proven by branch and bound to 1e-4 rad. Others, and all within joint limits: the best
+        of descents from some 200 starts about q, an upper bound of the distance.
 
         Args:
             q: (n,) joint positions.
-            limits: Whether only configurations within the joint limits count. The distance is then
-                the motion of the joints; otherwise whole turns do not count.
+            limits: Whether only configurations within the joint limits count.
 
         Returns:
-            (n,) configuration and its distance [rad], or [rad, m] with sliding joints.
+            (n,) configuration, no whole turns away, and its distance [rad]: the root of the sum of
+            the squares of the joints' ways. Sliding joints count as in `SingularityReport.radian`.
 
         Raises:
             NoSolutionError: None was found.
@@ -216,3 +217,15 @@ class SingularSet(ABC):
             "complete": self.complete,
             "codimension": self.codimension,
         }
+
+    def _repr_html_(self) -> str:
+        found = "every one" if self.complete else "those that a search finds; others may exist"
+        facts = [
+            ("mode", self.mode),
+            ("singular configurations", found),
+            ("equations that they fulfil", self.codimension),
+        ]
+        if self.complete:
+            joints = ", ".join(self.arm.joint_names[j] for j in self.relevant)
+            facts += [("dimension", self.dimension), ("joints that matter", joints or "none")]
+        return shown(repr(self), table(("", ""), facts))

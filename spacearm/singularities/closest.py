@@ -1,146 +1,268 @@
-"""The singular configuration nearest to a given one, and members of a set about it."""
+"""The singular configuration nearest to a given one, by descents from many starts.
+
+Offsets x from the configuration count in radians of each joint (`radians`), so that |x| is the
+distance. Each step of a descent goes to the point nearest to the configuration on the singular set
+as it looks from here, to first order (`nearness.foot`), T(x). Nearest points are fixed points of T.
+The best ends are then moved onto the set and along it, by Newton's method on T(x) = x, its
+derivatives taken as differences, or by shorter steps towards T(x) where that is no nearer.
+
+J* itself and its derivative are all that this takes, so it works for every arm, and nothing is
+found that is not singular. That nothing nearer is missed is proven only by `branch_and_bound`, for
+sets with one equation in up to three joints.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
+from spacearm.mechanics import nearness
+from spacearm.mechanics.nearness import Tangent, foot
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.nearest import branch_and_bound, nearest_root
-from spacearm.polynomial.triangle import Triangle
-from spacearm.polynomial.univariate import wrap
-from spacearm.singularities.rank_loss import is_singular
+from spacearm.model.scale import radians
+from spacearm.polynomial.nearest import branch_and_bound
+from spacearm.polynomial.newton import shortened
+from spacearm.polynomial.trig import TrigPolynomial
 
-KEPT = 40
-"""Nearest members from which a nearer one is sought."""
-AROUND = 12
-"""Points about the configuration, members or not, from which one is sought too."""
+Booleans = npt.NDArray[np.bool_]
+
 GLOBAL_DIMENSION = 3
 """Up to this many joints the nearest root of one polynomial is proven."""
-STARTS, FEW_STARTS = 384, 32
-"""Lines about a configuration on which the nearest member is sought: along the joint of the
-triangle and along other joints."""
+STARTS, FEW_STARTS = (128, 96), (12, 6)
+"""Starts within reach of the configuration, and within that of the best found so far; the second
+numbers are for arms without compiled kernels."""
+REACH, BEYOND = 2.0, 1.2
+"""That reach [rad]; the share of the best distance in which others are looked for."""
+STEPS = 8
+"""Steps of each descent."""
+ENDS, FEW_ENDS = 12, 3
+"""Ends that are moved along the set, as long as they lie apart."""
+APART = 0.05
+"""Ends nearer to each other than this are one [rad]."""
+SETTLING, PRUNED_AFTER, PRUNED = 20, 3, 5
+"""Steps along the set; after how many only the nearest are moved further, and how many."""
+SHARES = np.array([1.0, 0.25, 0.06, 0.01])
+"""Shares of the way to T(x) that are tried where Newton's method comes no nearer."""
+STRIDE = 0.5
+"""Longest step [rad]."""
+NUDGE = 1e-5
+"""Step of the differences [rad]."""
+FAR = 10.0
+"""Distance of a set that is nowhere in sight [rad]."""
+THERE = 1e-8
+"""Configurations are singular that have the set no farther than this, to first order [rad]."""
+RESTING = 1e-13
+"""Offsets that come nearer by less than this are at rest [rad]."""
 
 
 def nearest_singular(
     arm: SpaceArm,
     mode: BaseMode,
-    families: Sequence[Sequence[Jets]],
     q: Array,
-    about: Callable[[float], Array],
-    relevant: Sequence[int],
-    limits: bool,
+    limits: bool = False,
+    S: TrigPolynomial | None = None,
 ) -> tuple[Array, float]:
     """Find the singular configuration nearest to q.
-
-    Members with free joints anywhere bound the distance; others are then drawn within that
-    distance, since no other free joints belong to a nearer one. From the nearest of these, and from
-    points that are no members, roots of the minors are found whose distance is stationary.
 
     Args:
         arm: The arm.
         mode: What the spacecraft does.
-        families: Minors whose common roots hold the set. Where the columns that the minors of one
-            family share are dependent, they have common roots that are no members, and members are
-            better found by another family.
         q: (n,) configuration.
-        about: Draws members of the set (m, n) with free joints up to a distance from q.
-        relevant: Numbers of the joints that the set depends on.
         limits: Whether only configurations within the joint limits count.
+        S: The polynomial of all n joint angles that vanishes on the set and nowhere else, to prove
+            that none is nearer.
 
     Returns:
-        (n,) configuration and its distance [rad], or [rad, m] with sliding joints.
+        (n,) configuration and its distance [rad], sliding joints in units of `radians`.
 
     Raises:
         NoSolutionError: None was found.
     """
-    low = arm.lower if limits else np.full(arm.n, -np.inf)
-    high = arm.upper if limits else np.full(arm.n, np.inf)
-    within = np.clip(q, low, high)
-    idle = [j for j in range(arm.n) if j not in relevant]
-
-    def members(distance: float) -> Array:
-        found = np.where(arm.slides, M := about(distance), _turned(M, q, low, high))
-        found[:, idle] = within[idle]
-        return found[((found >= low) & (found <= high)).all(axis=1)]
-
-    far = members(np.inf)
-    bound = float(np.linalg.norm(far - q, axis=1).min(initial=np.pi))
-    every = np.concatenate((far, members(bound)))
-    nearest = np.argsort(np.linalg.norm(every - q, axis=1))[:KEPT]
-    rng = np.random.default_rng(1)
-    spread = bound * np.linspace(0.0, 1.0, AROUND)[:, None]
-    around = np.clip(q + spread * rng.uniform(-1.0, 1.0, (AROUND, arm.n)), low, high)
-
-    def singular(at: Array, closeness: float) -> bool:
-        return is_singular(arm, at, mode, tolerance=closeness)
-
-    starts = np.concatenate((every[nearest], around))
-    one = len(families[0]) == 1
-    found = [
-        nearest_root(minors, q, starts, low, high, None if one else singular) for minors in families
-    ]
-    best = min((x for x in found if x is not None), key=np.linalg.norm, default=None)
-    if one and not (limits or arm.slides.any()):
-        best = _proven(families[0][0], q, relevant, best)
+    unit = radians(arm)
+    low = (arm.lower - q) / unit if limits else np.full(arm.n, -np.inf)
+    high = (arm.upper - q) / unit if limits else np.full(arm.n, np.inf)
+    search = Search(*_looking(arm, mode, q), low, high)
+    best = search.nearest()
+    if S is not None and not limits:
+        best = _proven(S, q, best, search)
     if best is None:
         raise NoSolutionError(f"{arm.name}: no singular configuration was found")
-    return q + best, float(np.linalg.norm(best))
+    return q + unit * best, float(np.linalg.norm(best))
 
 
-def _turned(members: Array, q: Array, low: Array, high: Array) -> Array:
-    """Move angles (m, n) by whole turns next to q, and then into the limits if they can be."""
-    near = q + wrap(members - q)
-    up = np.maximum(np.ceil((low - near) / (2.0 * np.pi)), 0.0)
-    down = np.maximum(np.ceil((near - high) / (2.0 * np.pi)), 0.0)
-    return near + 2.0 * np.pi * (up - down)
+def _looking(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Callable[[Array], Tangent], bool]:
+    """Return how the set looks from offsets (m, n), and whether compiled code tells."""
+    unit = radians(arm)
+    if len(arm.tips) > 1:
+        return lambda X: nearness.tangent(arm, q + unit * X, mode), False
+    from spacearm.mechanics import compiled  # slow to import
+
+    return lambda X: compiled.tangent(arm, q + unit * X, mode), True
 
 
-def _proven(minor: Jets, q: Array, relevant: Sequence[int], best: Array | None) -> Array | None:
+@dataclass(frozen=True)
+class Search:
+    """A search for the offset nearest to the origin at which J* loses rank.
+
+    Attributes:
+        look: Returns how the set looks from offsets (m, n).
+        compiled: Whether it is fast.
+        low: (n,) least offsets.
+        high: (n,) largest offsets.
+    """
+
+    look: Callable[[Array], Tangent]
+    compiled: bool
+    low: Array
+    high: Array
+
+    def nearest(self) -> Array | None:
+        """Return the best offset (n,) of descents from starts about the origin, or None."""
+        rng, reach = np.random.default_rng(0), REACH
+        ends, merits = [], []
+        for m in STARTS if self.compiled else FEW_STARTS:
+            X, merit = self.descended(self.within(_ball(rng, m, len(self.low), reach)))
+            ends.append(X)
+            merits.append(merit)
+            reach = min(reach, BEYOND * float(merit.min()))
+        return self.settled(np.concatenate(ends), np.concatenate(merits))
+
+    def within(self, X: Array) -> Array:
+        """Move offsets (m, n) into the limits."""
+        return np.clip(X, self.low, self.high)
+
+    def foot(self, X: Array) -> tuple[Array, Array, Tangent]:
+        """Compute T(x) (m, n), the merit (m,) of X (m, n) itself, and how the set looks from there.
+
+        The merit is the distance from the origin and twice that from the set, to first order.
+        """
+        seen = self.look(X)
+        seen = seen._replace(distance=np.where(np.isfinite(seen.distance), seen.distance, FAR))
+        target = foot(seen, X)
+        if np.isfinite(self.low).any() or np.isfinite(self.high).any():
+            target = self._foot_within(seen, X)
+        return target, np.linalg.norm(X, axis=1) + 2.0 * seen.distance, seen
+
+    def _foot_within(self, seen: Tangent, X: Array) -> Array:
+        """Compute the points nearest to the origin on the set as it looks from X, in the limits."""
+        wanted = (seen.rows @ X[:, :, None])[..., 0]
+        wanted[:, 0] -= seen.distance
+        free, offset = np.ones_like(X), np.zeros_like(X)
+        for _ in range(len(self.low)):
+            rest = wanted - (seen.rows @ (offset * (1.0 - free))[:, :, None])[..., 0]
+            rows = seen.rows * free[:, None]
+            least = (np.linalg.pinv(rows, rcond=1e-9) @ rest[:, :, None])[..., 0]
+            offset = np.where(free > 0.0, least, offset)
+            over = ((offset < self.low) | (offset > self.high)) & (free > 0.0)
+            offset = self.within(offset)
+            if not over.any():
+                break
+            free[over] = 0.0
+        return offset
+
+    def onto(self, X: Array, steps: int) -> Array:
+        """Move offsets (m, n) onto the set, by the Gauss-Newton method."""
+        for _ in range(steps):
+            seen = self.look(X)
+            stride = np.where(np.isfinite(seen.distance), np.minimum(seen.distance, STRIDE), 0.0)
+            X = self.within(X - stride[:, None] * seen.rows[:, 0])
+        return X
+
+    def descended(self, X: Array) -> tuple[Array, Array]:
+        """Descend from X (m, n), by steps that are shortened where the merit does not fall.
+
+        Returns:
+            The ends (m, n), and their merits.
+        """
+        target, merit, _ = self.foot(X)
+        share = np.ones(len(X))
+        for _ in range(STEPS):
+            tried = self.within(X + share[:, None] * shortened(target - X, STRIDE))
+            new_target, new_merit, _ = self.foot(tried)
+            better = new_merit < merit
+            X = np.where(better[:, None], tried, X)
+            target = np.where(better[:, None], new_target, target)
+            merit = np.where(better, new_merit, merit)
+            share = np.where(better, np.minimum(2.0 * share, 1.0), share / 4.0)
+        return X, merit
+
+    def settled(self, X: Array, merit: Array) -> Array | None:
+        """Return the nearest offset (n,) of the set that is reached along it from X, or None."""
+        X = self.onto(_apart(X, merit, ENDS if self.compiled else FEW_ENDS), 4)
+        merit, moving = np.full(len(X), np.inf), np.arange(len(X))
+        for i in range(SETTLING):
+            X[moving], merit[moving], rests = self._moved(X[moving])
+            moving = moving[~rests]
+            if i == PRUNED_AFTER:
+                moving = moving[merit[moving] <= np.sort(merit)[:PRUNED][-1]]
+            if not moving.size:
+                break
+        X = self.onto(X, 2)
+        X = X[self.look(X).distance <= THERE]
+        return X[np.argmin(np.linalg.norm(X, axis=1))] if len(X) else None
+
+    def _moved(self, X: Array) -> tuple[Array, Array, Booleans]:
+        """Move offsets (m, n) along the set; returns their merits and which are at rest, too."""
+        m, n = X.shape
+        nudges = NUDGE * np.concatenate((np.zeros((1, n)), np.eye(n), -np.eye(n)))
+        target, merit, _ = self.foot((X[:, None] + nudges).reshape(-1, n))
+        target, merit = target.reshape(m, -1, n), merit.reshape(m, -1)[:, 0]
+        slopes = (target[:, 1 : n + 1] - target[:, n + 1 :]).swapaxes(1, 2) / (2.0 * NUDGE)
+        way = target[:, 0] - X
+        newton = np.linalg.pinv(np.eye(n) - slopes) @ way[:, :, None]
+        steps = (
+            shortened(newton[..., 0], STRIDE)[:, None],
+            SHARES[:, None] * shortened(way, STRIDE)[:, None],
+        )
+        tried = self.onto((X[:, None] + np.concatenate(steps, axis=1)).reshape(-1, n), 2)
+        merits = self.foot(tried)[1].reshape(m, -1)
+        best = merits.argmin(axis=1)
+        rests = merits[range(m), best] >= merit - RESTING
+        X = np.where(rests[:, None], X, tried.reshape(m, -1, n)[range(m), best])
+        return X, np.minimum(merit, merits[range(m), best]), rests
+
+
+def _ball(rng: np.random.Generator, m: int, n: int, reach: float) -> Array:
+    """Return the origin and offsets (m, n) that are uniform in a ball about it."""
+    ways = rng.normal(size=(m, n))
+    ways *= reach * rng.uniform(size=(m, 1)) ** (1.0 / n) / np.linalg.norm(ways, axis=1)[:, None]
+    ways[0] = 0.0
+    return ways
+
+
+def _apart(X: Array, merit: Array, most: int) -> Array:
+    """Return the best of offsets (m, n) that lie apart."""
+    chosen: list[Array] = []
+    for x in X[np.argsort(merit)]:
+        if all(np.abs(x - other).max() > APART for other in chosen):
+            chosen.append(x)
+        if len(chosen) == most:
+            break
+    return np.array(chosen)
+
+
+def _proven(S: TrigPolynomial, q: Array, best: Array | None, search: Search) -> Array | None:
     """Improve an offset from q by branch and bound, if few joints matter."""
-    if not 0 < len(relevant) <= GLOBAL_DIMENSION:
+    chosen = [j for j, degree in enumerate(S.degrees) if degree]
+    if not 0 < len(chosen) <= GLOBAL_DIMENSION:
         return best
-    S, chosen = minor.polynomial, list(relevant)
-    others = {j: float(q[j]) for j in range(S.n) if j not in relevant}
+    others = {j: float(q[j]) for j in range(S.n) if j not in chosen}
     centred = (S.fix(others) if others else S).shifted(q[chosen])
-    found = branch_and_bound(centred, None if best is None else best[chosen])
-    if found is None:
-        return None
-    offset = np.zeros(S.n)
-    offset[chosen] = found
-    return offset
 
+    def whole(X: Array) -> Array:
+        full = np.zeros((len(X), S.n))
+        full[:, chosen] = X
+        return full
 
-def members(triangle: Triangle, chart: Chart, angles: Array) -> Array:
-    """Return the members (r, n) that have the free angles of rows (m, n), of all sheets."""
-    sheets = [triangle.solve(angles, sheet=sheet) for sheet in (None, *triangle.sheets)]
-    return proper(chart, np.concatenate(sheets))
+    def improve(X: Array) -> Array | None:
+        found = search.settled(*search.descended(whole(X)))
+        return None if found is None else found[chosen]
 
-
-def proper(chart: Chart, angles: Array) -> Array:
-    """Return the positions of angles (m, n), without the second angle of a sliding joint."""
-    return chart.positions(angles[(angles[:, chart.slides] >= 0.0).all(axis=1)])
-
-
-def members_about(triangle: Triangle, chart: Chart, q: Array, distance: float) -> Array:
-    """Return members (r, n) whose free joints are up to a distance from q (n,)."""
-    rng = np.random.default_rng(0)
-    low, high = chart.centre - chart.half, chart.centre + chart.half
-    free = [j for j in triangle.relevant if j not in triangle.joints]
-    ways = rng.normal(size=(STARTS, len(free)))
-    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
-    lengths = rng.uniform(0.0, 1.0, (STARTS, 1)) ** (1.0 / max(len(free), 1))
-    Q = np.tile(q, (STARTS, 1))
-    Q[:, free] += min(distance, np.pi) * lengths * ways
-    angles = chart.angles(np.where(chart.slides, np.clip(Q, low, high), Q))
-    found = [members(triangle, chart, angles)]
-    if len(triangle.equations) == 1 and distance < np.inf:  # along other joints one may be nearer
-        f = triangle.polynomials[0]
-        for j in (j for j in triangle.relevant if j != triangle.joints[0]):
-            found.append(proper(chart, Triangle((f,), (j,)).solve(angles[:FEW_STARTS])))
-    return np.concatenate(found)
+    found = branch_and_bound(centred, None if best is None else best[chosen], improve)
+    return None if found is None else whole(found[None])[0]

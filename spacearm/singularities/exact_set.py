@@ -9,9 +9,8 @@ member nearest to a configuration.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from numbers import Integral
 
 import numpy as np
@@ -27,7 +26,7 @@ from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots
 from spacearm.singularities.abstract_set import Component, SingularSet
-from spacearm.singularities.closest import members, members_about, nearest_singular, proper
+from spacearm.singularities.closest import nearest_singular
 from spacearm.singularities.components import component, connected
 from spacearm.singularities.free_paths import prove_free
 from spacearm.singularities.minors import minors_of
@@ -95,17 +94,6 @@ class ExactSet(SingularSet):
         """The minors with their derivatives, functions of the joint positions, of scale 1."""
         return [Jets.of(f, self.chart) for f in self.triangle.equations]
 
-    @cached_property
-    def _families(self) -> list[list[Jets]]:
-        """The minors, and of a redundant arm those that share the last columns, to search with."""
-        if self.codimension == 1:
-            return [self._jets]
-        n = self.arm.n
-        minors, last = minors_of(self.arm, self.mode), tuple(range(n - self.arm.task.k + 1, n))
-        with suppress(UnsupportedError):  # too large
-            return [self._jets, minors.with_columns(last)]
-        return [self._jets]
-
     def __repr__(self) -> str:
         degrees = ", ".join(str(f.degrees) for f in self.triangle.equations)
         return f"ExactSet({self.arm.name}, degrees {degrees})"
@@ -131,7 +119,7 @@ class ExactSet(SingularSet):
     def solve(self, q: npt.ArrayLike) -> Array:
         """Find all singular configurations that have the free joints of q; see `SingularSet`."""
         point = self._angles(joint_vector(self.arm, q, "q"), *self.triangle.joints)
-        return proper(self.chart, self.triangle.solve(point[None]))
+        return self._proper(self.triangle.solve(point[None]))
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
         """Sample m singular configurations that cover the set, angles in (-pi, pi].
@@ -144,8 +132,8 @@ class ExactSet(SingularSet):
         found, count, lines = [], 0, 0
         while count < m:
             draws = max(256, int((m - count) * (lines + 1) / (count + 1) * 1.1))
-            draws = min(draws, m, 1 << 16) if lines else min(256, m)
-            batch = members(self.triangle, self.chart, self._draw(draws, rng))
+            draws = min(draws, 1 << 16) if lines else min(256, m)
+            batch = self._members(self._draw(draws, rng))
             found.append(rng.permutation(batch))
             count, lines = count + len(batch), lines + draws
             if not count and (lines > MOST_LINES or not self.relevant):
@@ -171,21 +159,10 @@ class ExactSet(SingularSet):
         return proof
 
     def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
-        """Find the singular configuration nearest to q; see `SingularSet.nearest`.
-
-        The search for arms with more than three relevant joints starts from members that the
-        triangle gives for free joints about q, each moved to the nearest one about it.
-        """
+        """Find the singular configuration nearest to q; see `SingularSet.nearest`."""
+        one = self.codimension == 1 and not self.chart.slides.any()
         centre = joint_vector(self.arm, q, "q")
-        return nearest_singular(
-            self.arm,
-            self.mode,
-            self._families,
-            centre,
-            partial(members_about, self.triangle, self.chart, centre),
-            self.relevant,
-            limits,
-        )
+        return nearest_singular(self.arm, self.mode, centre, limits, self.S if one else None)
 
     def curves(
         self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
@@ -246,6 +223,16 @@ class ExactSet(SingularSet):
         """Draw angles (m, n), such that positions are uniform."""
         turns = rng.uniform(-np.pi, np.pi, (m, self.arm.n))
         return np.where(self.chart.slides, np.arccos(turns / np.pi), turns)
+
+    def _members(self, angles: Array) -> Array:
+        """Return the members (r, n) that have the free angles of rows (m, n), of all sheets."""
+        sheets = [self.triangle.solve(angles, sheet=s) for s in (None, *self.triangle.sheets)]
+        return self._proper(np.concatenate(sheets))
+
+    def _proper(self, angles: Array) -> Array:
+        """Return the positions of angles (m, n), without the second angle of a sliding joint."""
+        kept = (angles[:, self.chart.slides] >= 0.0).all(axis=1)
+        return self.chart.positions(angles[kept])
 
     def _are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
         """Return which common roots of the minors (m, n) are singular: of one minor all are."""

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Result, whole
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.batch import evaluate
+from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.singularities.abstract_set import SingularSet
@@ -46,6 +47,7 @@ class SingularMap(Result):
         return f"SingularMap({self.arm}, {self.joints[0]} x {self.joints[1]}, {len(self.angles)})"
 
 
+@of_arm
 def singular_map(
     arm: SpaceArm,
     joints: tuple[str, str] | None = None,
@@ -61,9 +63,18 @@ def singular_map(
         q: (n,) positions of the other joints; zeros if None.
         points: Grid points in each joint.
 
+    Returns:
+        Distances and sigma_min on the grid, and the curves.
+
     Raises:
         ConfigurationError: A joint does not exist, is prismatic or is named twice, or `points` is
             no whole number from 2 on.
+
+    Example:
+        >>> import spacearm as sa
+        >>> found = sa.singular_map(sa.load("planar2"), points=31)
+        >>> len(found.curves)  # figure 4 of the paper
+        2
     """
     found = singular_set(arm)
     centre = joint_vector(arm, np.zeros(arm.n) if q is None else q, "q")

@@ -19,6 +19,7 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import compiled
 from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
@@ -35,6 +36,7 @@ NEVER = 1e-9
 """A task whose sigma_min / sigma_max is below this everywhere is one that the arm can never do."""
 
 
+@of_arm
 def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPolynomial:
     """Compute S(q), which vanishes exactly where the task Jacobian is singular.
 
@@ -57,6 +59,11 @@ def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -
     Raises:
         UnsupportedError: The arm is redundant (lock a joint or add task rows), has prismatic
             or mimic joints, or can never do the task.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.singularity_polynomial(sa.load("mda6")).degrees  # the last joint does not matter
+        (2, 4, 3, 2, 1, 0)
     """
     return _fitted(arm, mode)
 
@@ -116,6 +123,19 @@ def _compiled_sampler(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler
     if not fitting or (np.abs(values) <= ROUNDING_OF_MINORS * sizes).all():
         raise _impossible(arm)
     return lambda Q: compiled.minors(arm, Q.T.copy(), mode, rows, columns)
+
+
+def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
+    """Return the function that computes S of an arm, with the factor of another's.
+
+    Both have the same joints; S is then a polynomial of the arm's masses and moments.
+    """
+    rows, free = _rows_and_free_directions(like, "free-floating")
+    columns = np.array([[*free, *range(6, 6 + like.n)]])
+    mine, its = (
+        compiled.unit_of_minors(one, "free-floating", rows, columns) for one in (arm, like)
+    )
+    return lambda Q: compiled.minors(arm, Q.T.copy(), "free-floating", rows, columns) * (its / mine)
 
 
 def _impossible(arm: SpaceArm) -> UnsupportedError:

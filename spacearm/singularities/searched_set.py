@@ -7,9 +7,7 @@ the same, as long as the arm has minors (`Minors`).
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import NoReturn
 
 import numpy as np
@@ -20,15 +18,11 @@ from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.joints import joint_vector
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.polynomial.univariate import wrap
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.closest import nearest_singular
 from spacearm.singularities.free_paths import prove_free
-from spacearm.singularities.minors import chart_of, has_minors, minors_of
-from spacearm.singularities.rank_loss import independent_columns, lose_rank
-
-STARTS = 24
-"""Starts about a configuration from which the nearest singular one is searched."""
+from spacearm.singularities.minors import chart_of, minors_of
+from spacearm.singularities.rank_loss import lose_rank
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,60 +124,9 @@ class FoundSet(SingularSet):
         return prove_free(self.arm, self.mode, every, path, limits)
 
     def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
-        """Find the nearest of the singular configurations found from starts about q.
-
-        Each found is moved to the nearest one about it, unless joints mimic others.
-
-        Returns:
-            (n,) configuration and its distance in joint space [rad, m].
-
-        Raises:
-            NoSolutionError: None was found.
-        """
-        centre = joint_vector(self.arm, q, "q")
-        rng = np.random.default_rng(0)
-        spread = np.append(0.0, np.geomspace(0.05, np.pi, STARTS - 1))[:, None]
-        starts = centre + spread * rng.uniform(-1.0, 1.0, (STARTS, self.arm.n))
-        ends = [
-            end for start in starts if (end := lose_rank(self.arm, start, self.mode)) is not None
-        ]
-        if not ends:
-            raise NoSolutionError(f"{self.arm.name}: no singular configuration found")
-        found = self._moved(centre, np.array(ends), limits)
-        if not found:
-            raise NoSolutionError(f"{self.arm.name}: none was found within the joint limits")
-        return min(found, key=lambda result: result[1])
-
-    def _moved(self, q: Array, ends: Array, limits: bool) -> list[tuple[Array, float]]:
-        """Move singular configurations (m, n) to those nearest to q about them."""
-        arm, mode = self.arm, self.mode
-        whole_turns = limits or arm.coupling is not None
-        offsets = ends - q if whole_turns else self._offsets(q, ends)
-        if limits:
-            offsets = offsets[((ends >= arm.lower) & (ends <= arm.upper)).all(axis=1)]
-        found = [(q + offset, float(np.linalg.norm(offset))) for offset in offsets]
-        if not has_minors(arm):
-            return found
-        minors, groups = minors_of(arm, mode), dict[tuple[int, ...], list[Array]]()
-        for end in ends:
-            groups.setdefault(independent_columns(arm, end, mode), []).append(end)
-        for B, members in groups.items():
-            with suppress(NoSolutionError, UnsupportedError):  # too large, or none in the limits
-                equations, near = minors.with_columns(B), partial(_whatever, np.array(members))
-                found.append(
-                    nearest_singular(arm, mode, [equations], q, near, range(arm.n), limits)
-                )
-        return found
-
-    def _offsets(self, q: Array, ends: Array) -> Array:
-        """Return the offsets from q (m, n), whole turns removed."""
-        return np.where(self.arm.slides, ends - q, wrap(ends - q))
+        """Find the singular configuration nearest to q; see `SingularSet.nearest`."""
+        return nearest_singular(self.arm, self.mode, joint_vector(self.arm, q, "q"), limits)
 
     def _random(self, rng: np.random.Generator) -> Array:
         """Draw a start: revolute joints anywhere, prismatic ones in their range."""
         return chart_of(self.arm).positions(rng.uniform(-np.pi, np.pi, self.arm.n))
-
-
-def _whatever(members: Array, _: float) -> Array:
-    """Return members at whatever distance."""
-    return members

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.mechanics.descents import descents
+from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
-from spacearm.model.scale import radians
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart
 from spacearm.polynomial.triangle import Triangle
 from spacearm.singularities.abstract_set import SingularSet
+from spacearm.singularities.closest import nearest_singular
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.minors import has_minors, minors_of
 from spacearm.singularities.polynomial import singularity_polynomial
 from spacearm.singularities.searched_set import FoundSet
 
 
+@of_arm
 def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> SingularSet:
     """Return the set of all singular configurations of an arm.
 
@@ -38,6 +41,12 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
 
     Raises:
         UnsupportedError: The arm can never do its task.
+
+    Example:
+        >>> import spacearm as sa
+        >>> found = sa.singular_set(sa.load("planar2"))
+        >>> found.complete, found.roots([0.3, 0.0], "joint_2").angles.round(4)
+        (True, array([-3.0748,  0.0841]))
     """
     k, n = arm.task.k, arm.n
     turns = not arm.slides.any() and arm.coupling is None
@@ -66,28 +75,19 @@ def prove_regular(
 
 
 def nearest_posture(cfg: Configuration, mode: BaseMode) -> tuple[Array | None, float]:
-    """Find the singular configuration nearest to cfg, and its distance as `radians` measures it.
-
-    The better of `SingularSet.nearest`, where the set is complete, and of descents from cfg and
-    from random starts about it. Nothing that they find is wrong, but a nearer one could be missed
-    unless the set proves that there is none.
+    """Find the singular configuration nearest to cfg, and its distance, as `SingularSet.nearest`.
 
     Returns:
         (n,) the configuration and its distance [rad]; None and inf if none was found. An arm that
         can never do its task is singular where it is.
     """
-    arm, q = cfg.arm, cfg.q
+    arm, S = cfg.arm, None
     if arm.n < arm.task.k:
-        return q.copy(), 0.0
-    ends = descents(arm, q, mode)
+        return cfg.q.copy(), 0.0
+    if arm.n == arm.task.k:
+        with suppress(UnsupportedError):  # sliding or mimic joints, several tips
+            S = singularity_polynomial(arm, mode=mode)
     try:
-        found = singular_set(arm, mode=mode)
-        if found.complete:
-            ends.append(found.nearest(q)[0])
-    except (NoSolutionError, UnsupportedError):  # no member, or no such set
-        pass
-    distances = [float(np.linalg.norm((end - q) / radians(arm))) for end in ends]
-    if not ends:
+        return nearest_singular(arm, mode, cfg.q, S=S)
+    except NoSolutionError:
         return None, np.inf
-    best = int(np.argmin(distances))
-    return ends[best], distances[best]

@@ -31,6 +31,7 @@ LAYERS = {
     "ellipsoid": "#0072b2",
     "directions": "#d62728",
     "shells": "#56b4e9",
+    "obstacles": "#8c564b",
     "trace": "#0072b2",
 }
 """Layers, and their colours in the panel."""

@@ -43,7 +43,8 @@ def view(
               and `base`, which is played;
             - a `Workspace`: its path dependent shells about the system CM;
             - a singular set: the arm at the singular posture nearest to q;
-            - a `Region`: its first singular configuration.
+            - a `Region`: its first singular configuration;
+            - `FeasibleAttitudes`: the motion along the path from the best of them.
         q: (n,) joint positions of an arm, a workspace or a singular set; zeros (or the nearest
             limits) if None.
         base: Pose of the spacecraft for the same things; the identity if None.
@@ -57,6 +58,11 @@ def view(
         ConfigurationError: The thing cannot be shown, q, base or the motion has the wrong shape or
             is not finite, or q or base is given for a thing that has its own.
         SpaceArmError: The port is in use.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.view(sa.load("planar2"), [0.3, 1.2], open=False)  # open=None: in the browser
+        Viewer(planar2, not served)
     """
     rule = next((rule for rule in RULES if rule.holds(thing)), None)
     if rule is None:
@@ -165,6 +171,7 @@ RULES = (
         lambda found, q, base: _nearest(found, _start(found.arm, q, base)),
         True,
     ),
+    _Rule("feasible attitudes", _has("arm", "motion", "start"), lambda f, *_: _motion(f.motion())),
     _Rule("a Region", _has("singular", "kind"), lambda region, *_: _region(region)),
     _Rule(
         "a result with a configuration",

@@ -23,6 +23,7 @@ from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import singularity
+from spacearm.viewer.obstacles import ObstacleLayer
 from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
 from spacearm.viewer.scene import LAYERS, Scene
 from spacearm.viewer.server import Server
@@ -62,6 +63,9 @@ class Viewer:
         self._server: Server | None = None
         self._hidden: set[str] = set()
         self._time = float(motion.t[0]) if motion else 0.0
+        self._obstacles = ObstacleLayer(
+            self._scene.root["obstacles"], getattr(motion, "obstacles", ())
+        )
         self._scene.aim(cfg)
         self.draw()
         if motion:
@@ -140,6 +144,7 @@ class Viewer:
         """Draw the configuration."""
         with self._lock:
             self._scene.draw(self.session.cfg, self.session.report)
+            self._obstacles.draw(self._time)
 
     def about(self) -> dict[str, Any]:
         """Return what the page needs once."""
@@ -280,6 +285,7 @@ class Viewer:
                 recorder.frame = float(t - first) * FRAMES_PER_SECOND
                 cfg = motion.at(float(t))
                 self._scene.draw(cfg, singularity(cfg))
+                self._obstacles.draw(float(t))
         finally:
             self.window.recorder = None
         self.window.send(recorder)

@@ -24,6 +24,8 @@ from spacearm.workspaces.path_dependent import Workspace, workspace
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["Mounted", "optimise_mount", "shell_measures", "vary", "workspaces"]
+
 MOUNTS = ("mount_x", "mount_y", "mount_z")
 PARAMETERS = {
     "base_mass": "kg",
@@ -66,9 +68,18 @@ def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
             "mount_x", "mount_y", "mount_z" (first joint in the spacecraft frame [m]), "payload"
             (point mass at the tip [kg]), "mass:LINK" (mass of a link [kg]).
 
+    Returns:
+        Another arm; the one given stays as it is.
+
     Raises:
         ConfigurationError: A name is none of these.
         ModelError: No rigid body can have such a mass.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> sa.design.vary(arm, {"payload": 10.0, "mount_x": 0.2})
+        SpaceArm(planar2: 2 joints, 57 kg, tip 'tip', task 'x y')
     """
     mount, link_mass = arm.mount, {}
     for name, value in parameters.items():
@@ -98,6 +109,14 @@ def shell_measures(arm: SpaceArm, **options: Any) -> dict[str, Any]:
     Returns:
         `piw` and `reachable` (volumes [m^3], areas [m^2] for planar arms), `fraction` (path
         independent share) and `pdw` (k, 2) (radii [m]).
+
+    Raises:
+        UnsupportedError: The arm has no shells; see `workspace`.
+
+    Example:
+        >>> import spacearm as sa
+        >>> round(sa.design.shell_measures(sa.load("planar2"))["fraction"], 4)
+        0.3592
     """
     found = workspace(arm, **options)
     sizes = {name: found.volumes[name] for name in ("piw", "reachable")}
@@ -136,6 +155,12 @@ def workspaces(
         ConfigurationError: A parameter does not exist or has no values.
         UnsupportedError: The arm has no shells (see `workspace`), or risk profiles are asked for of
             a spacecraft that does not float.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> sa.design.workspaces(arm, {"base_inertia": [1, 5]}).fraction.values.round(4)
+        array([0.3592, 0.37  ])
     """
     import xarray as xr
 
@@ -211,8 +236,17 @@ def optimise_mount(
         limits: See `workspace`.
         most: Largest number of mounting points that the global search tries.
 
+    Returns:
+        The arm at its best mounting point, with its workspace.
+
     Raises:
         ConfigurationError: A name or a bound is not valid.
+
+    Example:
+        >>> import spacearm as sa
+        >>> best = sa.design.optimise_mount(sa.load("planar2"), {"mount_x": (0, 0.5)}, most=5)
+        >>> round(best.workspace.fraction, 2)  # of 0.36: the mount has moved towards the CM
+        0.96
     """
     from scipy.optimize import Bounds, direct, minimize  # slow to import
 

@@ -19,7 +19,9 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, Result, plain, whole
 from spacearm.errors import UnsupportedError
+from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.polynomial import check_square
 from spacearm.singularities.risk import RiskProfile, risk_profile
@@ -124,25 +126,28 @@ class Workspace(Result):
         """
         return free_workspace(self.arm, self.mode, self.limits, self.reachable[0])
 
-    def regions(self, point: npt.ArrayLike) -> Region:
+    def regions(self, point: npt.ArrayLike, *, start: Configuration | None = None) -> Region:
         """Tell whether a point is unreachable, path independent or path dependent.
 
         Args:
             point: (3,) from the system CM in inertial axes [m], or (2,) in the plane of a planar
                 arm, beside which all points are unreachable.
+            start: A configuration in whose inertial frame the point is given instead, such as the
+                start of a plan: a workspace has none, and knows the system CM only.
 
         Raises:
             ConfigurationError: The point has the wrong shape or is not finite.
         """
-        p = position(self.arm, point, self.mode)
+        p = position(self.arm, point, self.mode, start)
         R = float(np.linalg.norm(p))
         beside = off_plane(self.arm, p, self.mode) > TOLERANCE
         if beside or not _within(R, self.reachable):
-            return Region("unreachable", R, ())
+            return Region("unreachable", R, (), p)
         if not _within(R, self.pdw):
-            return Region("path independent", R, ())
+            return Region("path independent", R, (), p)
         box = Box.of(self.arm.lower, self.arm.upper, self.limits)
-        return Region("path dependent", R, singular_at(p, self.arm, self.mode, box, self.shells))
+        found = singular_at(p, self.arm, self.mode, box, self.shells)
+        return Region("path dependent", R, found, p)
 
     def profile(self, **options: Any) -> RiskProfile:
         """Estimate how likely singularities are at each distance; see `risk_profile`.
@@ -160,9 +165,12 @@ class Workspace(Result):
         return risk_profile(self.arm, limits=self.limits, **options)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return fields, `volumes`, `fraction` and `free` as plain JSON data."""
-        more = {name: getattr(self, name) for name in ("volumes", "fraction", "free")}
-        return super().to_dict() | plain(more)
+        """Return fields, `fraction` and `volumes` as plain JSON data, those of a plane as `areas`.
+
+        `free`, which takes as long as all the rest, is not among them.
+        """
+        sizes = "areas" if self.planar else "volumes"
+        return super().to_dict() | plain({sizes: self.volumes, "fraction": self.fraction})
 
     def __repr__(self) -> str:
         def text(radii: Array) -> str:
@@ -174,6 +182,7 @@ class Workspace(Result):
         )
 
 
+@of_arm
 def workspace(
     arm: SpaceArm,
     *,
@@ -196,10 +205,19 @@ def workspace(
         effort: Singular configurations to search from, for arms of more than three joints.
         seed: Seed of that search.
 
+    Returns:
+        The radii of all workspaces, and how far they are proven.
+
     Raises:
         ConfigurationError: An argument is not valid.
         UnsupportedError: The arm is redundant, has prismatic or mimic joints, or can never do its
             task.
+
+    Example:
+        >>> import spacearm as sa
+        >>> sa.workspace(sa.load("planar2")).pdw.round(4)  # the paper: 0.352 0.554, 1.436 2.288
+        array([[0.3511, 0.5537],
+               [1.4362, 2.2872]])
     """
     effort = whole(effort, "effort", 1)
     check_shells(arm)

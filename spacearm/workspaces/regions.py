@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named, shape_of
+from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
@@ -18,6 +19,8 @@ from spacearm.singularities.polynomial import radius_squared, tips_from_centre
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.shells import Box, Shell
 
+UPRIGHT = 1.0 - 1e-9
+"""Cosine between the normal of a planar arm and the inertial axis from which it stands in plane."""
 SAMPLE = 20_000
 """Singular configurations sampled in the search for one at a given distance."""
 BEST = 20
@@ -33,25 +36,53 @@ class Region(NamedTuple):
         radius: Distance of the point from the system CM [m].
         singular: Singular configurations with the tip at the point and the system CM at the
             origin, one for each shell that contains the point; empty unless path dependent.
+        point: (3,) the point from the system CM, inertial axes [m].
     """
 
     kind: Literal["unreachable", "path independent", "path dependent"]
     radius: float
     singular: tuple[Configuration, ...]
+    point: Array
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data."""
         return named(self)
 
 
-def position(arm: SpaceArm, point: npt.ArrayLike, mode: BaseMode) -> Array:
-    """Check a point and return it as (3,); (2,) is a point in the plane of a planar arm."""
-    normal, meaning = arm.tree.plane_normal(), "from the system CM [m]"
+def position(
+    arm: SpaceArm, point: npt.ArrayLike, mode: BaseMode, start: Configuration | None = None
+) -> Array:
+    """Check a point and return it as (3,) from the system CM, inertial axes.
+
+    Args:
+        arm: The arm.
+        point: (3,) the point [m], or (2,) in the plane of a planar arm.
+        mode: What the spacecraft does.
+        start: A configuration in whose inertial frame it is given; from the system CM if None.
+
+    Raises:
+        ConfigurationError: It is no such point, or a planar arm is tilted at the start.
+    """
+    normal = arm.tree.plane_normal()
+    meaning = "[m], from the system CM" if start is None else "[m], in the inertial frame of start"
+    centre = np.zeros(3) if start is None else centre_of(start, mode)
+    if start is not None and normal is not None and start.base.rotation[normal, normal] < UPRIGHT:
+        raise ConfigurationError(
+            "start is tilted out of the inertial plane; give the point from the system CM, along "
+            "the plane of the arm, and no start"
+        )
     if normal is None:
-        return finite(point, (3,), "point", meaning)
+        return finite(point, (3,), "point", meaning) - centre
     in_plane = shape_of(point) == (2,)
     p = finite(point, (2,) if in_plane else (3,), "point", f"{meaning}, or 2 in the plane")
-    return np.insert(p, normal, _height(arm, normal, mode)) if in_plane else p
+    if not in_plane:
+        return p - centre
+    return np.insert(p - np.delete(centre, normal), normal, _height(arm, normal, mode))
+
+
+def centre_of(cfg: Configuration, mode: BaseMode) -> Array:
+    """Return (3,) what distances count from: the system CM, or that of a fixed spacecraft."""
+    return cfg.base.act(cfg.arm.model.inertias[1].lever) if mode == "fixed" else cfg.com
 
 
 def off_plane(arm: SpaceArm, point: Array, mode: BaseMode) -> float:
@@ -88,7 +119,7 @@ def singular_at(
 def _brought_to(arm: SpaceArm, q: Array, point: Array, mode: BaseMode) -> Configuration:
     """Turn the configuration about the CM so that the tip, at its distance, is at the point."""
     cfg = arm.at(q)
-    centre = arm.model.inertias[1].lever if mode == "fixed" else cfg.com
+    centre = centre_of(cfg, mode)
     tip = cfg.tip.translation - centre
     normal = arm.tree.plane_normal()
     if normal is None or not tip.any():

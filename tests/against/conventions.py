@@ -41,7 +41,7 @@ import spacearm as sa
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.tree import Tree
 from spacearm.description.urdf_writer import document
-from spacearm.mechanics.dynamics import mass_matrix
+from spacearm.mechanics.mass_matrix import mass_matrix
 
 
 class State(NamedTuple):
@@ -65,8 +65,10 @@ class Answers(NamedTuple):
 
 
 def urdf(arm: sa.SpaceArm) -> str:
-    """The arm's URDF without what is drawn."""
-    return document(replace(arm.tree, visuals={}), arm.tips).decode()
+    """The arm's URDF without what is drawn and without friction, which is no part of J* or tau."""
+    robot = etree.fromstring(document(replace(arm.tree, visuals={}), arm.tips))
+    etree.strip_elements(robot, "dynamics")
+    return etree.tostring(robot).decode()
 
 
 def floating(M, J):

@@ -52,3 +52,9 @@ def planar_singularity(q1, q2):
         + beta * gamma * D0 * np.sin(q2)
         - alpha * gamma * D1 * np.sin(q1 + q2)
     )
+
+
+def planar_radius(q1, q2):
+    """R, distance of the tip from the system CM, equation (45)."""
+    cross = alpha * beta * np.cos(q1) + alpha * gamma * np.cos(q1 + q2) + beta * gamma * np.cos(q2)
+    return np.sqrt(alpha**2 + beta**2 + gamma**2 + 2 * cross)

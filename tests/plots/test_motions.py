@@ -123,3 +123,13 @@ def test_a_few_postures_are_drawn_where_the_arm_was():
     assert len(sticks) == len(FADES)
     for stick, at in ((sticks[0], 0), (sticks[-1], -1)):
         np.testing.assert_allclose(stick.get_xydata()[-1], followed.tip[at, :2], atol=1e-9)
+
+
+def test_wheels_are_drawn_with_what_they_hold():
+    arm = sa.load("chaser7", wheels=["joint_7"])
+    hold = sa.WheelHold(stiffness=40.0, damping=60.0)
+    law = sa.JointPD(target=np.full(6, 0.35), kp=5.0, kd=15.0)
+    run = sa.simulate(arm, np.full(6, 0.3), law, 2.0, wheels0=[0.7], wheels=hold, dt=0.1)
+    drawn = [axes for axes in sa.plot(run).axes if axes.get_ylabel().startswith("wheels")]
+    assert len(drawn) == 1
+    np.testing.assert_array_equal(drawn[0].lines[0].get_ydata(), run.wheels[:, 0])

@@ -14,6 +14,17 @@ Q6 = np.radians([0, 60, -100, -50, 30, 0])
 SINGULAR = np.radians([-65, -11.4108])
 
 
+def unsure(arm):
+    """The arm with the mass of a link in an interval."""
+    return sa.uncertain(arm, {"link_2": {"mass": 0.1}})
+
+
+def line(cfg):
+    """A short straight path of the tip from a posture."""
+    home = cfg.centred(np.zeros(3)).tip
+    return [home, pin.SE3(home.rotation, home.translation + np.array([-0.1, 0.1, 0.1]))]
+
+
 @pytest.fixture(scope="module")
 def results():
     """One result of every kind that can be drawn, and how many panels its figure has."""
@@ -37,6 +48,32 @@ def results():
         "a momentum matrix": (sa.momentum_matrix(cfg), 1),
         "a prescribed motion": (sa.prescribed_motion(cfg, {"joint_2": 0.1}), 1),
         "dynamics": (sa.forward_dynamics(cfg, np.zeros(6), np.ones(6)), 4),
+        "attitudes of a planar arm": (
+            sa.feasible_attitudes(planar, [(1.5, 0.2), (1.5, 0.5)], samples=24),
+            1,
+        ),
+        "attitudes of a spatial arm": (
+            sa.feasible_attitudes(spatial, line(cfg), Q6, samples=72, refine=1),
+            2,
+        ),
+        "a reaction": (sa.reaction(run), 4),
+        "a level reach": (
+            sa.level_reach(planar, [-0.6, 1.4], 0.03, directions=12, planned=True, cell=0.1),
+            1,
+        ),
+        "a level reach in space": (sa.level_reach(spatial, Q6, 0.01, directions=30), 1),
+        "a level envelope": (
+            sa.level_envelope(planar, [-0.6, 1.4], [0.02], [20.0, 200.0], directions=8),
+            2,
+        ),
+        "a momentum budget": (sa.momentum_budget(planar.at([-0.6, 1.4]), [0, 0, 1]), 2),
+        "a range of distances": (sa.distance_range(unsure(planar), [0.3, 0.8], samples=5), 1),
+        "bands of shells": (sa.shell_bands(unsure(planar), samples=2), 1),
+        "a wheel sizing": (sa.size_wheels(planar, tip_speed=0.1, samples=30), 1),
+        "collisions": (
+            sa.collision_check(run, sa.Obstacle.sphere(0.2, sa.pose((3.0, 0.0, 0.0)))),
+            1,
+        ),
         "a capture": (sa.capture(cfg, [0, 0, 0.1, 0.05, 0.1, 0], 50.0, 4.0 * np.eye(3)), 3),
         "planar barycentric": (sa.barycentric(flat), 1),
         "spatial barycentric": (sa.barycentric(cfg), 1),

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from scipy.optimize import brentq
 
 import spacearm as sa
-from spacearm.singularities.report import singular_values
+from spacearm.mechanics.jacobian import singular_values
 
 
 def test_figure_3_is_a_dynamic_singularity():

@@ -11,6 +11,8 @@ from ill_conditioned import CATALOGUE, FAMILIES, coaxial_rods, measured, out_and
 
 import spacearm as sa
 
+pytestmark = pytest.mark.filterwarnings("ignore::spacearm.errors.ModelWarning")  # frames far out
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)

@@ -97,7 +97,8 @@ def test_a_region_shows_its_first_singular_configuration(arm):
 def test_what_has_no_posture_is_refused(thing):
     message = (
         f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
-        r"\(with arm, t, q and base\), a Workspace, a singular set, a Region, a result with a conf"
+        r"\(with arm, t, q and base\), a Workspace, a singular set, feasible attitudes, "
+        r"a Region, a result with a conf"
     )
     with pytest.raises(sa.ConfigurationError, match=message):
         shown(thing)

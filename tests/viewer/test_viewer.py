@@ -406,6 +406,7 @@ def resident():
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_browser_that_does_not_read_costs_no_memory(viewer):
     url = viewer.serve()
@@ -580,7 +581,8 @@ def test_layers_and_shells(viewer):
     with pytest.raises(sa.ConfigurationError, match="shell radius is -1"):
         viewer.shells([-1])
     assert set(scene.LAYERS) == {"bodies", "centre of mass", "virtual manipulator", "tip frame",
-                                 "ellipsoid", "directions", "shells", "trace"}  # fmt: skip
+                                 "ellipsoid", "directions", "shells", "trace",
+                                 "obstacles"}  # fmt: skip
 
 
 def test_the_window_keeps_only_what_matters(viewer):

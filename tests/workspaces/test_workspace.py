@@ -540,7 +540,9 @@ def run(*arguments, cwd):
 
 def test_command_prints_and_draws(tmp_path):
     (tmp_path / "path.txt").write_text("2 0\n1.7 0.8\n1.5 1.5\n")
-    done = run("workspace", "planar2", "--path", "path.txt", "--output", "w.svg", cwd=tmp_path)
+    done = run(
+        "workspace", "planar2", "--path", "path.txt", "--output", "w.svg", "--free", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     for number in ("0.3510638", "0.5536773", "1.4361702", "2.2872340", "0.5000000", "35.92%"):
         assert number in done.stdout

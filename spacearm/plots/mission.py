@@ -1,0 +1,248 @@
+"""Feasible attitudes, level reach, reactions, wheels, momentum budgets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Wedge
+
+from spacearm.errors import ConfigurationError
+from spacearm.mission.attitudes import FeasibleAttitudes
+from spacearm.mission.budget import MomentumBudget
+from spacearm.mission.envelope import LevelEnvelope
+from spacearm.mission.level import LevelReach
+from spacearm.mission.reactions import Reaction
+from spacearm.mission.wheel_sizing import PERCENTILES, WheelSizing
+from spacearm.plots.style import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    axes_for,
+    equal_axes,
+    figure,
+    style,
+    write_powers,
+)
+
+AXES = (("x", BLUE), ("y", ORANGE), ("z", GREEN))
+
+
+def draw_attitudes(result: FeasibleAttitudes, *, ax: Any = None) -> Figure:
+    """Draw the feasible attitudes: a ring of a planar arm, a map of directions of others.
+
+    The map shows the direction of the spacecraft's z axis, equal areas as such, and at each the
+    share of feasible rolls about it.
+
+    Args:
+        result: The attitudes.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    if result.intervals is not None:
+        axes = axes_for(ax, 6.4, 6.0)
+        with style():
+            _draw_ring(axes, result)
+    else:
+        axes = axes_for(ax, 8.4, 5.0)
+        with style():
+            _draw_directions(axes, result)
+    return axes.figure
+
+
+def draw_reaction(result: Reaction) -> Figure:
+    """Draw over time what the spacecraft does, and what holding it takes.
+
+    Args:
+        result: The reaction.
+    """
+    with style():
+        whole = figure(8.0, 8.4)
+        panels = whole.subplots(4, 1, sharex=True)
+        turns, wheels, torque, camera = panels
+        for i, (name, color) in enumerate(AXES):
+            turns.plot(result.t, np.degrees(result.excursion[:, i]), color=color, label=name)
+            wheels.plot(result.t, result.wheels[:, i], color=color)
+            torque.plot(result.t, result.torque[:, i], color=color)
+        turns.plot(result.t, np.degrees(result.angle), color=GREY, ls="--", label="angle")
+        turns.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        camera.plot(result.t, np.degrees(result.smear), color=RED)
+        turns.set_ylabel("turn, floating [°]")
+        wheels.set_ylabel("wheels, held [N m s]")
+        torque.set_ylabel("torque, held [N m]")
+        camera.set(xlabel="time [s]", ylabel="smear, floating [°/s]")
+        what = "any line of sight" if result.camera is None else "the line of sight"
+        turns.set_title(
+            f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
+            f"{np.degrees(result.pointing.max()):.3g}°"
+        )
+        return whole
+
+
+def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
+    """Draw which share of the cases a momentum of the wheels covers.
+
+    Args:
+        result: The sizing.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.2, 4.6)
+    with style():
+        share = 100.0 * (np.arange(len(result.momentum)) + 1.0) / len(result.momentum)
+        axes.plot(np.sort(result.momentum), share, color=GREY, lw=2, label="about any axis")
+        for i, (name, color) in enumerate(AXES):
+            axes.plot(np.sort(result.axes[:, i]), share, color=color, label=f"about {name}")
+        axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=RED, lw=1, ls=":")
+        axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
+        axes.set_ylim(0.0, 101.0)
+        axes.legend(frameon=False)
+        speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g}"
+        axes.set_title(f"{result.arm.name}{speed}: 99 % below the dotted line")
+    return axes.figure
+
+
+def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
+    if result.intervals is None:
+        raise ConfigurationError("these attitudes are no ring")
+    axes.add_patch(Wedge((0, 0), 1.0, 0, 360, width=0.22, facecolor="#e8ebee", edgecolor="none"))
+    for low, high in np.degrees(result.intervals):
+        axes.add_patch(Wedge((0, 0), 1.0, low, high, width=0.22, facecolor=GREEN))
+        if high - low < 359.9:
+            for end in np.radians((low, high)):
+                axes.text(
+                    1.1 * np.cos(end), 1.1 * np.sin(end), f"{np.degrees(end):.2f}°", ha="center",
+                    va="center",
+                )  # fmt: skip
+    started = result.ended != 6
+    top = float(np.nanmax(result.distance, initial=0.0)) or 1.0
+    radius = np.where(started, 0.72 * result.distance / top, np.nan)
+    axes.plot(radius * np.cos(result.angle), radius * np.sin(result.angle), color=BLUE, lw=1.5)
+    for angle in np.arange(-135, 181, 45):
+        at = np.radians(angle)
+        axes.plot([0.78 * np.cos(at), 0.76 * np.cos(at)], [0.78 * np.sin(at), 0.76 * np.sin(at)],
+                  color=GREY)  # fmt: skip
+        axes.text(0.68 * np.cos(at), 0.68 * np.sin(at), f"{angle}°", color=GREY, ha="center",
+                  va="center", fontsize=9)  # fmt: skip
+    axes.set(xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), aspect="equal")
+    axes.set_axis_off()
+    axes.set_title(
+        f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes\n"
+        f"green: margin {np.degrees(result.margin):.3g}° kept; blue: least distance to the\n"
+        f"singular set, up to {np.degrees(top):.3g}°",
+        fontsize=10,
+    )
+
+
+def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
+    x, y, z, w = result.attitude.T
+    axis = np.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), axis=1)
+    least = result.cell[:, 0].min()
+    parent = result.cell[:, 1] // 4 ** (result.cell[:, 0] - least)
+    parts = [np.bincount(parent, result.weight * f) for f in (result.feasible, 1.0)]
+    middle = np.stack([np.bincount(parent, axis[:, i]) for i in range(3)], axis=1)
+    middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    around = np.degrees(np.arctan2(middle[:, 1], middle[:, 0]))
+    shown = axes.scatter(
+        around, middle[:, 2], c=100.0 * parts[0] / parts[1], cmap="cividis", marker="D", vmin=0.0,
+        s=90.0 * 192.0 / len(middle),
+    )  # fmt: skip
+    axes.figure.colorbar(shown, ax=axes, label="feasible rolls about that axis [%]")
+    axes.set(
+        xlim=(-180, 180), ylim=(-1.02, 1.02), xlabel="longitude of the spacecraft's z axis [°]",
+        ylabel="sine of its latitude",
+    )  # fmt: skip
+    axes.set_xticks(range(-180, 181, 60))
+    ball = "" if result.ball is None else f", a ball of {np.degrees(result.ball.radius):.3g}°"
+    axes.set_title(
+        f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes"
+        f"{ball}"
+    )
+
+
+def draw_level(result: LevelReach, *, ax: Any = None) -> Figure:
+    """Draw where the tip can go with a level spacecraft.
+
+    Args:
+        result: The reach.
+        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
+            figure.
+    """
+    spatial = result.axis is None
+    axes = axes_for(ax, 6.8, 6.2, spatial=spatial)
+    rows = [i for i in range(3) if i != result.axis]
+    with style():
+        ends = (result.tip + result.straight[:, None] * result.direction)[:, rows]
+        cells = result.point[1:, rows]
+        if spatial:
+            axes.scatter(*ends.T, color=BLUE, s=6, label="straight lines end")
+        else:
+            axes.fill(*ends.T, color=BLUE, alpha=0.35, label="straight lines")
+        if len(cells):
+            axes.scatter(*cells.T, color=ORANGE, s=10, marker="s", label="broken lines")
+        axes.scatter(*result.tip[rows][:, None], color="black", marker="P", label="start")
+        equal_axes(axes, "".join("xyz"[i] for i in rows))
+        axes.legend(frameon=False, loc="upper right")
+        axes.set_title(
+            f"{result.arm.name}: the tip, the spacecraft turned by at most "
+            f"{np.degrees(result.tilt):.3g}°\nfrom the system CM"
+        )
+    return axes.figure
+
+
+def draw_envelope(result: LevelEnvelope) -> Figure:
+    """Draw reach and turn over the mass of the bus.
+
+    Args:
+        result: The envelope.
+    """
+    with style():
+        whole = figure(10.0, 4.4)
+        reach, turn = whole.subplots(1, 2)
+        for j, tilt in enumerate(result.tilt):
+            color = COLOURS[j % len(COLOURS)]
+            label = f"turned by {np.degrees(tilt):.3g}°"
+            reach.plot(result.base_mass, result.mean[:, j], "o-", color=color, label=label)
+            reach.plot(result.base_mass, result.least[:, j], ":", color=color)
+        turn.plot(result.base_mass, np.degrees(result.turn), "o-", color=BLUE, label="median")
+        turn.plot(result.base_mass, np.degrees(result.largest_turn), ":", color=BLUE, label="worst")
+        reach.set(xscale="log", xlabel="mass of the bus [kg]", ylabel="straight lines reach [m]")
+        turn.set(
+            xscale="log", yscale="log", xlabel="mass of the bus [kg]",
+            ylabel=f"turn by {result.travel:g} m of the tip [°]",
+        )  # fmt: skip
+        for axis in (reach.xaxis, turn.xaxis, turn.yaxis):
+            write_powers(axis)
+        reach.legend(frameon=False)
+        turn.legend(frameon=False)
+        reach.set_title(f"{result.arm.name}: mean over directions, dotted the worst")
+        return whole
+
+
+def draw_budget(result: MomentumBudget) -> Figure:
+    """Draw the joints over time while they hold the tip, and while they hold the spacecraft.
+
+    Args:
+        result: The budget.
+    """
+    with style():
+        whole = figure(10.0, 4.2)
+        panels = whole.subplots(1, 2, sharey=True)
+        for axes, run, title in (
+            (panels[0], result.holding, f"tip held for {result.holds:.4g} s: {result.ended}"),
+            (
+                panels[1],
+                result.carrying,
+                f"spacecraft at rest for {result.carries:.4g} s: {result.carrying_ended}",
+            ),
+        ):
+            for j, name in enumerate(run.arm.joint_names):
+                color = COLOURS[j % len(COLOURS)]
+                axes.plot(run.t, run.q[:, j], color=color, label=name)
+            axes.set(xlabel="time [s]")
+            axes.set_title(title, fontsize=11)
+        panels[0].set_ylabel("joints [rad] or [m]")
+        panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        return whole
