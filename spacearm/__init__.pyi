@@ -16,6 +16,9 @@ from spacearm.errors import SpaceArmError as SpaceArmError
 from spacearm.errors import StoreError as StoreError
 from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError
+from spacearm.export.c_files import to_c as to_c
+from spacearm.export.casadi_functions import to_casadi as to_casadi
+from spacearm.export.jax_functions import to_jax as to_jax
 from spacearm.mechanics.barycentric_formulation import Barycentric as Barycentric
 from spacearm.mechanics.barycentric_formulation import VirtualManipulator as VirtualManipulator
 from spacearm.mechanics.barycentric_formulation import barycentric as barycentric
