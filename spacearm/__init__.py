@@ -28,7 +28,7 @@ mission      feasible_attitudes reaction size_wheels level_reach level_envelope 
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
              DistanceRange RobustCertificate ShellBands
 sweeps       sweep Study
-export       to_jax to_casadi to_c
+export       to_jax to_casadi to_c GeneralizedJacobianTask MomentumConservation SingularityBarrier
 show         plot view design_report
 errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
              StoreError SweepError ModelWarning
@@ -72,6 +72,9 @@ _HOMES = {
     ),
     "export.c_files": "to_c",
     "export.casadi_functions": "to_casadi",
+    "export.inverse_kinematics": (
+        "GeneralizedJacobianTask MomentumConservation SingularityBarrier"
+    ),
     "export.jax_functions": "to_jax",
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
     "mechanics.batch": "evaluate generalized_jacobians",

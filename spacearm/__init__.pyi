@@ -18,6 +18,11 @@ from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError
 from spacearm.export.c_files import to_c as to_c
 from spacearm.export.casadi_functions import to_casadi as to_casadi
+from spacearm.export.inverse_kinematics import (
+    GeneralizedJacobianTask as GeneralizedJacobianTask,
+)
+from spacearm.export.inverse_kinematics import MomentumConservation as MomentumConservation
+from spacearm.export.inverse_kinematics import SingularityBarrier as SingularityBarrier
 from spacearm.export.jax_functions import to_jax as to_jax
 from spacearm.mechanics.barycentric_formulation import Barycentric as Barycentric
 from spacearm.mechanics.barycentric_formulation import VirtualManipulator as VirtualManipulator
