@@ -24,6 +24,9 @@ from spacearm.export.inverse_kinematics import (
 from spacearm.export.inverse_kinematics import MomentumConservation as MomentumConservation
 from spacearm.export.inverse_kinematics import SingularityBarrier as SingularityBarrier
 from spacearm.export.jax_functions import to_jax as to_jax
+from spacearm.export.mjcf_files import to_mjcf as to_mjcf
+from spacearm.export.motion_files import write_motion as write_motion
+from spacearm.export.sdf_files import to_sdf as to_sdf
 from spacearm.mechanics.barycentric_formulation import Barycentric as Barycentric
 from spacearm.mechanics.barycentric_formulation import VirtualManipulator as VirtualManipulator
 from spacearm.mechanics.barycentric_formulation import barycentric as barycentric

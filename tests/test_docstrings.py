@@ -26,7 +26,7 @@ SLOW = {
     "view",
 }
 """Whose examples take over a second."""
-NEEDS = {"sweep": "zarr", "to_casadi": "casadi", "to_jax": "jax"}
+NEEDS = {"sweep": "zarr", "to_casadi": "casadi", "to_jax": "jax", "to_mjcf": "mujoco"}
 """Whose examples take a package that the plain install does not bring."""
 
 
