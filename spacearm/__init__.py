@@ -30,7 +30,7 @@ uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan Un
 sweeps       sweep Study
 show         plot view design_report
 errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
-             StoreError SweepError ModelWarning
+             StoppedError StoreError SweepError ModelWarning
 ===========  ====================================================================================
 
 Conventions, everywhere:
@@ -66,8 +66,8 @@ _HOMES = {
     "description.bus": "Bus",
     "description.model_catalogue": "ArmInfo ModelInfo arms catalogue",
     "errors": (
-        "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError StoreError "
-        "SweepError UnsupportedError"
+        "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError "
+        "StoppedError StoreError SweepError UnsupportedError"
     ),
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
     "mechanics.batch": "evaluate generalized_jacobians",

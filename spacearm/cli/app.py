@@ -24,7 +24,7 @@ COMMANDS = {
     "convert": "models.convert_model",
     "query": "queries.report_singularity",
     "nearest": "queries.find_nearest",
-    "path": "plans.check_path",
+    "path": "queries.check_path",
     "view": "views.view_configuration",
     "map": "maps.draw_singular_map",
     "workspace": "workspaces.compute_workspace",

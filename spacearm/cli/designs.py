@@ -17,15 +17,17 @@ from spacearm.cli.options import (
     on_a_model,
 )
 from spacearm.cli.output import (
+    INTERRUPTED,
     check_picture,
-    err,
     out,
     picture_path,
     print_json,
+    say_stopped,
     table,
     working,
     write_picture,
 )
+from spacearm.cli.workspaces import EFFORT_HELP
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.workspaces.design import workspaces
@@ -53,11 +55,11 @@ def sweep_designs(
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
         int | None,
-        typer.Option(help="Number of singular configurations to search from (larger arms).", min=1),
+        typer.Option(help=EFFORT_HELP, min=1),
     ] = None,
     output: Picture = None,
     as_json: AsJson = False,
-) -> None:
+) -> int:
     """Draw the path independent share over design parameters; Ctrl-C keeps what is done.
 
     base-inertia is a factor at constant mass, mount-* are in m, masses in kg.
@@ -86,8 +88,9 @@ def sweep_designs(
         print_json(result.to_dict())
     else:
         _print(result, grid)
-    if not bool(result["done"].all()):
-        err.print(f"stopped: {int(result['done'].sum())} of {result['done'].size} designs done")
+    stopped = not bool(result["done"].all())
+    if stopped:
+        say_stopped(f"{int(result['done'].sum())} of {result['done'].size} designs done")
     if output or not as_json:
         from spacearm.plots.workspaces import draw_design  # imports matplotlib
 
@@ -95,6 +98,7 @@ def sweep_designs(
         write_picture(where, draw_design(result))
         if not as_json:
             out.print(f"wrote {where}")
+    return INTERRUPTED if stopped else 0
 
 
 def _print(result: Any, grid: Mapping[str, Array]) -> None:

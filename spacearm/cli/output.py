@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
+    ProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -26,12 +27,13 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.table import Column, Table
 
-from spacearm.errors import UNPRINTABLE, ConfigurationError, printable, unknown
+from spacearm.errors import UNPRINTABLE, ConfigurationError, StoppedError, printable, unknown
 from spacearm.files import name_part, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+T = TypeVar("T")
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 WIDE = 1000
@@ -64,19 +66,20 @@ PICTURES = (".png", ".svg", ".pdf")
 
 
 @contextmanager
-def working(what: str) -> Iterator[Callable[[float, float], None]]:
+def working(what: str, *more: ProgressColumn) -> Iterator[Callable[[float, float], None]]:
     """Show on stderr what goes on, for how long and, where it is reported, how long it still takes.
 
     A terminal gets a bar, anything else a line after two seconds and every ten.
 
     Args:
         what: What goes on, as in "planning".
+        *more: More columns of the bar.
 
     Yields:
         Takes what is done and how much there is.
     """
     columns = (
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
+        TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(),
         TextColumn("left:"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
@@ -96,6 +99,29 @@ def working(what: str) -> Iterator[Callable[[float, float], None]]:
             yield lambda done, of: bar.update(task, completed=done, total=of)
         finally:
             over.set()
+
+
+def kept(what: str, compute: Callable[[Callable[[float, float], None]], T]) -> tuple[T, int]:
+    """Compute something, its progress shown; after Ctrl-C there is what it had come to.
+
+    Args:
+        what: What goes on; see `working`.
+        compute: Takes what is told of its progress, and raises `StoppedError` after Ctrl-C.
+
+    Returns:
+        The result, and the exit code.
+    """
+    try:
+        with working(what) as progress:
+            return compute(progress), 0
+    except StoppedError as stop:
+        say_stopped(str(stop))
+        return cast("T", stop.best), INTERRUPTED
+
+
+def say_stopped(what: str) -> None:
+    """Say on stderr that Ctrl-C has stopped a command that keeps what there is."""
+    err.print(f"spacearm: stopped: {what}; what there is is kept")
 
 
 def _so_far(percentage: float, since: float) -> str:

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from spacearm.arrays import Array
 from spacearm.cli.options import (
@@ -25,12 +24,12 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import (
     check_picture,
-    err,
     out,
     picture_path,
     print_json,
     table,
     vector,
+    working,
     write_picture,
 )
 from spacearm.errors import ConfigurationError
@@ -84,8 +83,7 @@ def find_attitudes(
     given = MARGIN if margin is None else float(np.radians(margin)) if deg else margin
     corners = [goal_from(arm, "--corner", text, deg) for text in corner]
     h = None if momentum is None else np.append(np.zeros(3), _three("--momentum", momentum))
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
-        task_id = bar.add_task("attitudes (compiling once)", total=None)
+    with working("trying attitudes") as progress:
         found = feasible_attitudes(
             arm,
             corners,
@@ -96,9 +94,7 @@ def find_attitudes(
             speed=speed,
             limits=not no_limits,
             samples=samples,
-            progress=lambda done, of: bar.update(
-                task_id, description="attitudes", completed=done, total=of
-            ),
+            progress=progress,
         )
     if as_json:
         print_json(found.to_dict())
@@ -128,7 +124,8 @@ def report_reaction(
     """Report what a motion does to the spacecraft, and what holding the attitude takes."""
     check_picture(output)
     sight = None if camera is None else _three("--camera", camera)
-    found = reaction(Motion.load(motion, arm), camera=sight)
+    with working("computing reactions"):
+        found = reaction(Motion.load(motion, arm), camera=sight)
     if as_json:
         print_json(found.to_dict())
     else:
@@ -160,7 +157,8 @@ def size_wheels_of(
     check_picture(output)
     apart = NEAR if near is None else float(np.radians(near)) if deg else near
     runs = None if not motion else [Motion.load(path, arm) for path in motion]
-    found = size_wheels(arm, runs, tip_speed=tip_speed, samples=samples, near=apart, seed=seed)
+    with working("sizing wheels"):
+        found = size_wheels(arm, runs, tip_speed=tip_speed, samples=samples, near=apart, seed=seed)
     if as_json:
         print_json(found.to_dict())
     else:
@@ -186,12 +184,10 @@ def write_report(
     from spacearm.reports.sections import design_report  # imports matplotlib
 
     start = None if q0 is None else joint_values(arm, q0.split(), deg)
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
-        task_id = bar.add_task("sections", total=None)
+    with working("writing the report") as progress:
         path = design_report(
-            arm, output, q0=start, words=_describing(sys.argv[2:]),
-            progress=lambda done, of: bar.update(task_id, completed=done, total=of),
-        )  # fmt: skip
+            arm, output, q0=start, words=_describing(sys.argv[2:]), progress=progress
+        )
     out.print(f"wrote {path}")
 
 
