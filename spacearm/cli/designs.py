@@ -34,7 +34,7 @@ from spacearm.workspaces.design import workspaces
 
 Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="A value or a range.")]
 COUNT = 9
-UNITS = {"base_inertia": "x", **dict.fromkeys(("mount_x", "mount_y", "mount_z"), "m")}
+UNITS = {"base_inertia": "times", **dict.fromkeys(("mount_x", "mount_y", "mount_z"), "m")}
 """Units of the parameters; the others are masses."""
 
 
@@ -85,7 +85,7 @@ def sweep_designs(
             progress=progress,
         )
     if as_json:
-        print_json(result.to_dict())
+        print_json(_told(result, grid))
     else:
         _print(result, grid)
     stopped = not bool(result["done"].all())
@@ -99,6 +99,23 @@ def sweep_designs(
         if not as_json:
             out.print(f"wrote {where}")
     return INTERRUPTED if stopped else 0
+
+
+def _told(result: Any, grid: Mapping[str, Array]) -> dict[str, Any]:
+    """Return the designs as plain data, with the fields that `spacearm workspace --json` has."""
+    sizes = "areas" if result["piw"].attrs["units"] == "m^2" else "volumes"
+    designs = []
+    for at in np.ndindex(result["done"].shape):
+        here = {name: float(values[i]) for (name, values), i in zip(grid.items(), at, strict=True)}
+        told = {"parameters": here, "done": bool(result["done"].values[at])}
+        if told["done"]:
+            told[sizes] = {name: float(result[name].values[at]) for name in ("reachable", "piw")}
+            told["fraction"] = float(result["fraction"].values[at])
+            pdw = result["pdw"].values[at]
+            told["pdw"] = pdw[np.isfinite(pdw).all(axis=1)].tolist()
+        designs.append(told)
+    facts = {"arm": result.attrs["arm"], "mode": result.attrs["base_mode"]}
+    return {**facts, "limits": bool(result.attrs["limits"]), "designs": designs}
 
 
 def _print(result: Any, grid: Mapping[str, Array]) -> None:

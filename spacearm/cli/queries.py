@@ -112,6 +112,8 @@ def find_nearest(
     if as_json:
         return print_json(
             {
+                "arm": arm.name,
+                "mode": mode.value,
                 "joints": list(arm.joint_names),
                 "q": start.tolist(),
                 "nearest": nearest.tolist(),
@@ -165,6 +167,7 @@ def check_path(
     if as_json:
         print_json(
             {
+                "arm": arm.name,
                 "certificate": proof.to_dict(),
                 "outside_limits": outside,
                 "distance": distance,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +47,8 @@ class SingularMap(Result):
     sigma_min: Array
     unit: str
     curves: list[Array] | None
+
+    JSON: ClassVar[Mapping[str, str]] = {"unit": "sigma_unit"}
 
     def __repr__(self) -> str:
         return f"SingularMap({self.arm}, {self.joints[0]} x {self.joints[1]}, {len(self.angles)})"

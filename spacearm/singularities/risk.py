@@ -8,10 +8,10 @@ planning"). These statistics give the share of configurations near a singularity
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +50,8 @@ class RiskProfile(Result):
     measure: str
     bound: float
     unit: str
+
+    JSON: ClassVar[Mapping[str, str]] = {"error": "standard_error", "unit": "bound_unit"}
 
     @property
     def radius(self) -> Array:

@@ -10,9 +10,10 @@ the *path independent workspace* (PIW). Papadopoulos & Dubowsky (1993), section 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -92,6 +93,8 @@ class Workspace(Result):
     kind: Kind
     gap: float
     effort: int
+
+    JSON: ClassVar[Mapping[str, str]] = {"kind": "bounds"}
 
     @property
     def planar(self) -> bool:

@@ -124,7 +124,7 @@ def test_ctrl_c_in_a_workspace_keeps_what_is_attained(tmp_path, monkeypatch):
     assert run.returncode == 130
     assert "stopped: shells may be missing" in run.stderr
     kept = json.loads(run.stdout)
-    assert (kept["kind"], kept["pdw"], kept["gap"]) == ("stopped", [], None)
+    assert (kept["bounds"], kept["pdw"], kept["gap"]) == ("stopped", [], None)
     np.testing.assert_allclose(kept["reachable"], whole.reachable, atol=1e-6)
     drawn = spacearm("workspace", "planar2", cwd=tmp_path)
     assert "from the system CM (stopped)" in drawn.stdout
@@ -186,4 +186,4 @@ def test_effort_counts_where_it_says(tmp_path, monkeypatch):
         monkeypatch.setattr(f"spacearm.workspaces.{module}.STARTS", 1)
     words = ("workspace", "mda6", "--effort", 300, "--json")
     few = json.loads(spacearm(*words, cwd=tmp_path).stdout)
-    assert (few["effort"], few["kind"]) == (300, "found")
+    assert (few["effort"], few["bounds"]) == (300, "found")
