@@ -26,6 +26,7 @@ from spacearm.cli.options import (
 from spacearm.cli.output import (
     check_picture,
     err,
+    in_own_words,
     out,
     picture_path,
     print_json,
@@ -190,7 +191,7 @@ def _shells(arm: SpaceArm) -> Workspace | None:
 
 
 def _print(found: Plan, deg: bool) -> None:
-    out.print(f"{found.arm.name}: planned by {found.method}; {found.checked}")
+    out.print(f"{found.arm.name}: planned by {found.method}; {in_own_words(found.checked)}")
     rows = table("method", "", "")
     for method, arrived, story in found.tried:
         rows.add_row(method, "arrives" if arrived else "fails", story)

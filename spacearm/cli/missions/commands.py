@@ -24,6 +24,7 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import (
     check_picture,
+    joint_value,
     out,
     picture_path,
     print_json,
@@ -40,6 +41,8 @@ from spacearm.mission.wheel_sizing import PERCENTILES, WheelSizing, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import NEAR
+
+AXES = ("about x", "about y", "about z", "about any axis")
 
 
 @on_a_model
@@ -99,7 +102,7 @@ def find_attitudes(
     if as_json:
         print_json(found.to_dict())
     else:
-        _print_attitudes(found)
+        _print_attitudes(found, deg)
     _draw(found, output, arm.name, "attitudes", quiet=as_json or view, silent=as_json)
     if view:
         from spacearm.cli.views import serve_until_interrupted
@@ -215,10 +218,11 @@ def _draw(
             out.print(f"wrote {where}")
 
 
-def _print_attitudes(found: FeasibleAttitudes) -> None:
+def _print_attitudes(found: FeasibleAttitudes, deg: bool) -> None:
+    unit = "m" if min(found.arm.task.indices) < 3 else "rad"
     out.print(
-        f"{found.arm.name}: the path of {found.length:.4g} can be followed from {found.share:.2%} "
-        f"of the attitudes, {np.degrees(found.margin):.3g}° from singularities"
+        f"{found.arm.name}: the path of {found.length:.4g} {unit} can be followed from "
+        f"{found.share:.2%} of the attitudes, {np.degrees(found.margin):.3g}° from singularities"
         + ("" if found.limits else ", limits ignored")
         + ("" if found.intervals is not None else f" (standard error {found.error:.2%})")
     )
@@ -231,9 +235,11 @@ def _print_attitudes(found: FeasibleAttitudes) -> None:
     if found.ball is None:
         return
     best = found.start()
+    kinds = [best.arm.tree.joints[name].kind for name in best.arm.joint_names]
+    q = ", ".join(joint_value(x, kind, deg) for x, kind in zip(best.q, kinds, strict=True))
     out.print(
         f"best          keeps {np.degrees(found.distance[found.best]):.4g}°, attitude (xyzw) "
-        f"{vector(found.attitude[found.best])}, q {vector(best.q)} rad"
+        f"{vector(found.attitude[found.best])}, q ({q})"
     )
     out.print(
         f"largest ball  {np.degrees(found.ball.radius):.4g}° about the attitude (xyzw) "
@@ -262,7 +268,7 @@ def _print_reaction(found: Reaction) -> None:
 
 def _print_wheels(found: WheelSizing) -> None:
     out.print(repr(found))
-    rows = table("covered", "about x", "about y", "about z", "about any axis [N m s]")
+    rows = table("covered", *(f"{axis} [N m s]" for axis in AXES))
     for percent in PERCENTILES:
         each, whole = found.covering(percent)
         rows.add_row(f"{percent:g} %", *(f"{value:.4g}" for value in each), f"{whole:.4g}")
