@@ -85,6 +85,7 @@ def _write_npz(path: Path, result: SingularMap) -> None:
         "angles": result.angles,
         "distance": result.distance,
         "sigma_min": result.sigma_min,
+        "joint_limits": result.joint_limits,
     }
     arrays |= {f"curve_{i}": curve for i, curve in enumerate(result.curves or [])}
     np.savez(buffer, **arrays)

@@ -35,6 +35,7 @@ class SingularMap(Result):
         unit: Its unit.
         curves: Singular curves, closed polylines (m, 2), exact to rounding; None for arms without
             a singularity polynomial (redundant ones, sliding or mimic joints).
+        joint_limits: (2, 2) lower and upper limit of both joints [rad]; inf where there is none.
 
     After Ctrl-C numbers that were not computed are NaN, and curves that were not traced None.
     """
@@ -47,6 +48,7 @@ class SingularMap(Result):
     sigma_min: Array
     unit: str
     curves: list[Array] | None
+    joint_limits: Array
 
     JSON: ClassVar[Mapping[str, str]] = {"unit": "sigma_unit"}
 
@@ -111,6 +113,7 @@ def singular_map(
         sigma_min=sigma,
         unit=arm.sigma_unit,
         curves=None,
+        joint_limits=np.stack((arm.lower, arm.upper), axis=1)[[a, b]],
     )
     curved = found.complete and found.codimension == 1
     tell = progress or _nothing

@@ -209,3 +209,17 @@ def test_a_notebook_shows_the_last_line_of_a_cell():
     png, size = drawn._repr_png_()
     assert png.startswith(b"\x89PNG")
     assert size == {"width": 180, "height": 90}
+
+
+def test_a_map_shows_the_joint_limits_and_its_colours_reach_as_far_as_it_does():
+    arm = sa.load("mda6")
+    found = sa.singular_map(arm, ("joint_2", "joint_3"), points=7)
+    np.testing.assert_array_equal(found.joint_limits[0], (arm.lower[1], arm.upper[1]))
+    axes, bar = sa.plot(found).axes
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "outside the joint limits"
+    ]
+    most = np.degrees(found.distance.max())
+    assert min(most, 45.0) <= bar.get_ylim()[1] <= max(2.5 * most, 1.0)
+    whole = sa.plot(sa.singular_map(sa.load("planar2"), points=7))
+    assert whole.axes[0].get_legend() is None
