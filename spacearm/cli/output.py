@@ -57,7 +57,7 @@ class Terminal(Console):
 
 out = Terminal(width=None if sys.stdout and sys.stdout.isatty() else WIDE)
 
-err = Terminal(stderr=True)
+err = Terminal(stderr=True, width=None if sys.stderr and sys.stderr.isatty() else WIDE)
 
 ROUNDING = 1e-12
 """Joint positions up to this [rad] or [m] print as 0."""
