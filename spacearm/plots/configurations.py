@@ -13,7 +13,7 @@ from spacearm.arrays import Array
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.plots.postures import GOLD, draw_posture
+from spacearm.plots.postures import GOLD, draw_posture, draw_velocities
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -39,7 +39,12 @@ SIZE = (7.2, 6.0)
 
 
 def draw_configuration(
-    cfg: Configuration, *, ax: Any = None, color: str = GREY, label: bool = True
+    cfg: Configuration,
+    *,
+    ax: Any = None,
+    color: str = GREY,
+    label: bool = True,
+    velocities: bool = False,
 ) -> Figure:
     """Draw spacecraft, arm and system CM: in the plane for planar arms, in space for others.
 
@@ -49,10 +54,14 @@ def draw_configuration(
             figure.
         color: Colour of the arm.
         label: Whether to name the system CM and the tip.
+        velocities: Whether to draw what unit joint rates give to the tip, and the lost direction:
+            for planar arms whose task is the position of the tip.
     """
     axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
     with style():
         draw_stick_figure(axes, cfg, color=color, label=label)
+        if velocities:
+            draw_velocities(axes, cfg)
         axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM (+)")
     return axes.figure
 
