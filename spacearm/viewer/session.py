@@ -13,13 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.model_catalogue import catalogue
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.singularities.report import IN_WORDS, SingularityReport, singularity
-from spacearm.viewer.shapes import missing_meshes
+from spacearm.singularities.report import SingularityReport, angle, singularity
+from spacearm.viewer.panel import readouts
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -37,11 +36,13 @@ class Session:
         report: Its singularity report.
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
+        note: What the last request did, in one line; empty if there is nothing to say.
     """
 
     def __init__(self, arm: SpaceArm, cfg: Configuration) -> None:
         self.arm = arm
         self.mode = "posture"
+        self.note = ""
         self._rng = np.random.default_rng(0)
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "joint": self._joint,
@@ -102,6 +103,7 @@ class Session:
         kind = message.get("do") if isinstance(message, dict) else message
         if not isinstance(message, dict) or str(kind) not in self._handlers:
             raise ConfigurationError(unknown("message", str(kind)[:40], self._handlers))
+        self.note = ""
         self._handlers[str(kind)](message)
 
     def _joint(self, message: dict[str, Any]) -> None:
@@ -111,10 +113,10 @@ class Session:
         lower, upper = (end[index] for end in self.range)
         slack = 1e-6 * (upper - lower)  # a slider's end is rounded
         if not lower - slack <= value <= upper + slack:
-            raise ConfigurationError(
-                f"{self.arm.joint_names[index]} at {value:.6g} is outside its range "
-                f"({lower:.6g} to {upper:.6g})"
-            )
+            kind = "prismatic" if self.arm.slides[index] else "revolute"
+            at, low, high = (readouts.joint_value(x, kind) for x in (value, lower, upper))
+            name = self.arm.joint_names[index]
+            raise ConfigurationError(f"{name} at {at} is outside its range ({low} to {high})")
         q = self.cfg.q.copy()
         q[index] = value
         self.go(q)
@@ -146,58 +148,17 @@ class Session:
             raise ConfigurationError(f"{self.arm.name}: no singular configuration was found")
         if found.distance == 0.0:
             raise ConfigurationError(f"{self.arm.name} is singular here already")
+        way = found.nearest - self.cfg.q
         self.go(found.nearest)
+        self.note = f"went {angle(found.distance)}: {readouts.turns(self.arm, way)}"
 
     def about(self) -> dict[str, Any]:
         """Return what the panel needs once: model, task, unit and joints."""
-        lower, upper = self.range
-        joints = [self.arm.tree.joints[name] for name in self.arm.joint_names]
-        return {
-            "model": self.arm.name,
-            "task": list(self.arm.task.rows),
-            "unit": self.arm.sigma_unit,
-            "meaning": IN_WORDS,
-            "missing": listed(missing_meshes(self.arm)),
-            "joints": [
-                {"name": j.name, "angle": j.kind != "prismatic", "lower": lo, "upper": hi}
-                for j, lo, hi in zip(joints, lower.tolist(), upper.tolist(), strict=True)
-            ],
-        }
+        return {**readouts.about(self.arm), "joints": readouts.joints(self.arm, *self.range)}
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        cfg, report = self.cfg, self.report
-        rpy = pin.rpy.matrixToRpy(cfg.base.rotation)
-        return {
-            "mode": self.mode,
-            "q": cfg.q.tolist(),
-            "attitude": rpy.tolist(),
-            "distance": report.distance if math.isfinite(report.distance) else None,
-            "away": report.way_out,
-            "sigma": report.sigma.tolist(),
-            "sigma_min": report.sigma_min,
-            "condition": report.condition if math.isfinite(report.condition) else None,
-            "kind": report.kind,
-            "rank": report.rank,
-            "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
-            "tip": cfg.tip.translation.tolist(),
-            "python": self.as_python(),
-        }
-
-    def as_python(self) -> str:
-        """Write the configuration as Python code."""
-        cfg = self.cfg
-        pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
-        known = {info.name for info in catalogue()}
-        source = self.arm.name if self.arm.name in known else str(self.arm.path)
-        written = "" if self.arm.name in known or self.arm.path.is_file() else "  # by arm.to_urdf"
-        return (
-            "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
-            f"arm = sa.load({source!r}, tip={self.arm.tip!r}, task={self.arm.task.names!r})"
-            f"{written}\n"
-            f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
-            f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"
-        )
+        return {"mode": self.mode, "note": self.note, **readouts.readout(self.report)}
 
 
 def number(value: object, what: str) -> float:

@@ -5,9 +5,6 @@ from __future__ import annotations
 import html
 import math
 import os
-import shutil
-import subprocess
-import tempfile
 import threading
 import webbrowser
 from collections.abc import Sequence
@@ -18,29 +15,23 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.errors import ConfigurationError, SpaceArmError, unknown
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import singularity
+from spacearm.viewer.ghost import draw_ghost
 from spacearm.viewer.obstacles import ObstacleLayer
+from spacearm.viewer.panel.motions import account
+from spacearm.viewer.pictures import render
 from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
 from spacearm.viewer.scene import LAYERS, Scene
 from spacearm.viewer.server import Server
 from spacearm.viewer.session import Session, number
 from spacearm.viewer.window import Window
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-HEADLESS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run",
-    "--disable-sync", "--disable-component-update", "--hide-scrollbars",
-    "--virtual-time-budget=4000",
-)  # fmt: skip
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
-RENDERING = 120.0
-"""Longest time that a picture may take [s]."""
 FAR = float(np.radians(30.0))
 """Distance to the singular set from which on the colour of a path does not change [rad]."""
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
@@ -66,7 +57,6 @@ class Viewer:
         self._obstacles = ObstacleLayer(
             self._scene.root["obstacles"], getattr(motion, "obstacles", ())
         )
-        self._scene.aim(cfg)
         self.draw()
         if motion:
             self._draw_trace(motion)
@@ -148,9 +138,8 @@ class Viewer:
 
     def about(self) -> dict[str, Any]:
         """Return what the page needs once."""
-        motion = self._motion
-        span = [float(motion.t[0]), float(motion.t[-1])] if motion else None
-        return {**self.session.about(), "layers": LAYERS, "motion": span}
+        motion = account(self._motion) if self._motion else None
+        return {**self.session.about(), "layers": LAYERS, "motion": motion}
 
     def _seek(self, motion: Motion, t: object) -> None:
         self._time = float(np.clip(number(t, "time"), motion.t[0], motion.t[-1]))
@@ -202,8 +191,9 @@ class Viewer:
         """
         with self._lock:
             self.draw()
-            span = self._animate(self._motion) if self._motion else None
-            about = {"layers": LAYERS, "hidden": sorted(self._hidden), "motion": span}
+            if self._motion:
+                self._animate(self._motion)
+            about = {"about": self.about(), "readout": self.readout()}
             return self.window.static_html(f"{self.session.arm.name} - spacearm", about)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -234,30 +224,7 @@ class Viewer:
             SpaceArmError: No browser is found, it draws nothing in two minutes, or the file cannot
                 be written.
         """
-        browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-        if browser is None:
-            raise SpaceArmError(
-                f"no browser to render with; install one of {', '.join(BROWSERS)} "
-                "(Debian: apt-get install chromium), or use .save(path) and open the page"
-            )
-        with tempfile.TemporaryDirectory() as folder:
-            page, picture = Path(folder, "scene.html"), Path(folder, "scene.png")
-            page.write_text(self.html(), encoding="utf-8")
-            options = [
-                *HEADLESS, f"--user-data-dir={folder}/profile", f"--screenshot={picture}",
-                f"--window-size={size[0]},{size[1]}", f"--force-device-scale-factor={scale}",
-            ]  # fmt: skip
-            command = [browser, *options, page.as_uri() + "#picture"]
-            try:
-                run = subprocess.run(command, capture_output=True, timeout=RENDERING, check=False)
-            except subprocess.TimeoutExpired:
-                raise SpaceArmError(
-                    f"{browser} has not drawn the picture after {RENDERING:g} s; use .save(path) "
-                    "and open the page"
-                ) from None
-            if not picture.is_file():
-                raise SpaceArmError(f"{browser} drew nothing: {run.stderr.decode()[-300:]}")
-            return write(Path(path), picture.read_bytes())
+        return write(Path(path), render(self.html(), size, scale))
 
     def _repr_html_(self) -> str:
         """Embed the scene in a notebook as a page of its own, which stays without a server."""
@@ -271,11 +238,16 @@ class Viewer:
     # --- motions ----------------------------------------------------------------------------
 
     def _draw_trace(self, motion: Motion) -> None:
-        """Draw the tip path, coloured by the distance to the singular set, up to `FAR`."""
-        self._scene.trace(motion.tip[:, :3], motion.distance / FAR)
+        """Draw the tip path, coloured by the distance to the singular set up to `FAR`, and its end.
 
-    def _animate(self, motion: Motion) -> list[float]:
-        """Record the motion into the window and return its first and last time [s]."""
+        Several tips have no one path.
+        """
+        if len(motion.arm.tips) == 1:
+            self._scene.trace(motion.tip[:, :3], motion.distance / FAR)
+            draw_ghost(self._scene.root["goal"], motion[len(motion) - 1], self._scene.size)
+
+    def _animate(self, motion: Motion) -> None:
+        """Record the motion into the window."""
         first, last = float(motion.t[0]), float(motion.t[-1])
         recorder = Recorder()
         self.window.recorder = recorder
@@ -289,4 +261,3 @@ class Viewer:
         finally:
             self.window.recorder = None
         self.window.send(recorder)
-        return [first, last]
