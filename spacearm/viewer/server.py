@@ -40,8 +40,8 @@ class Panel(Protocol):
 
     window: Window
 
-    def handle(self, message: object) -> None:
-        """Do what a message asks.
+    def handle(self, message: object) -> dict[str, Any] | None:
+        """Do what a message asks, and return what the one who asked is told besides.
 
         Raises:
             SpaceArmError: It cannot be done.
@@ -155,7 +155,8 @@ class Server:
     def received(self, browser: _Socket, text: str | bytes) -> None:
         """Do what a browser asks, or send it the error."""
         try:
-            self._panel.handle(json.loads(text))
+            if answer := self._panel.handle(json.loads(text)):
+                browser.tell(answer)
         except SpaceArmError as error:
             browser.tell({"error": str(error)})
         except (ValueError, RecursionError) as error:  # json's, numbers of thousands of digits too

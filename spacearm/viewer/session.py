@@ -6,7 +6,7 @@ It knows no browser and no drawing: messages and answers are plain dictionaries 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,7 @@ class Session:
         self._rng = np.random.default_rng(0)
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "joint": self._joint,
+            "joints": self._joints,
             "attitude": self._attitude,
             "mode": self._mode,
             "home": lambda _: self._home(),
@@ -107,9 +108,29 @@ class Session:
         self._handlers[str(kind)](message)
 
     def _joint(self, message: dict[str, Any]) -> None:
-        index, value = message.get("index"), number(message.get("value"), "value")
-        if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < self.arm.n:
-            raise ConfigurationError(f"joint index is {index!r}; give 0 to {self.arm.n - 1}")
+        self._move([message.get("index")], [message.get("value")])
+
+    def _joints(self, message: dict[str, Any]) -> None:
+        indices, values = message.get("indices"), message.get("values")
+        if not (isinstance(indices, list) and isinstance(values, list)):
+            raise ConfigurationError("joints: give lists of indices and values")
+        if len(indices) != len(values) or len(indices) > self.arm.n:
+            raise ConfigurationError(
+                f"joints: {len(indices)} indices and {len(values)} values; give a value for each"
+            )
+        self._move(indices, values)
+
+    def _move(self, indices: Sequence[object], values: Sequence[object]) -> None:
+        q = self.cfg.q.copy()
+        for index, given in zip(indices, values, strict=True):
+            value = number(given, "value")
+            if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(q):
+                raise ConfigurationError(f"joint index is {index!r}; give 0 to {len(q) - 1}")
+            q[index] = self._within(index, value)
+        self.go(q)
+
+    def _within(self, index: int, value: float) -> float:
+        """Return a joint position; an error if it is outside the range of its slider."""
         lower, upper = (end[index] for end in self.range)
         slack = 1e-6 * (upper - lower)  # a slider's end is rounded
         if not lower - slack <= value <= upper + slack:
@@ -117,9 +138,7 @@ class Session:
             at, low, high = (readouts.joint_value(x, kind) for x in (value, lower, upper))
             name = self.arm.joint_names[index]
             raise ConfigurationError(f"{name} at {at} is outside its range ({low} to {high})")
-        q = self.cfg.q.copy()
-        q[index] = value
-        self.go(q)
+        return value
 
     def _attitude(self, message: dict[str, Any]) -> None:
         rpy = message.get("rpy")

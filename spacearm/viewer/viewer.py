@@ -22,6 +22,7 @@ from spacearm.motion.motion import Motion
 from spacearm.singularities.report import singularity
 from spacearm.viewer.ghost import draw_ghost
 from spacearm.viewer.obstacles import ObstacleLayer
+from spacearm.viewer.panel.joint_map import joint_map
 from spacearm.viewer.panel.motions import account
 from spacearm.viewer.pictures import render
 from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
@@ -114,16 +115,19 @@ class Viewer:
 
     # --- the panel (see server.Panel) -------------------------------------------------------
 
-    def handle(self, message: object) -> None:
-        """Do what a message of the page asks."""
+    def handle(self, message: object) -> dict[str, Any] | None:
+        """Do what a message of the page asks; return what the one who asked is told."""
         with self._lock:
             kind = message.get("do") if isinstance(message, dict) else None
             if isinstance(message, dict) and kind == "layer":
                 self.layer(str(message.get("name")), bool(message.get("visible")))
             elif isinstance(message, dict) and kind == "time" and self._motion:
                 self._seek(self._motion, message.get("t"))
+            elif isinstance(message, dict) and kind == "map":
+                return {"map": joint_map(self.session.cfg, message.get("joints"))}
             else:
                 self.session.handle(message)
+        return None
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""

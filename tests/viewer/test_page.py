@@ -325,3 +325,38 @@ def test_a_saved_page_has_name_values_and_joints(browser, tmp_path):
     assert not page.page.is_visible("#attitude")
     assert outside(page) <= 0.95
     shut(viewer, page)
+
+
+@pytest.mark.slow
+def test_the_posture_is_dragged_on_the_map_which_follows_the_other_joints(browser):
+    viewer, page = opened(browser, sa.load("planar3"), [0.3, 1.2, 0.7], width=1366, height=768)
+    page.page.wait_for_function("document.querySelector('#mapnote').textContent !== ''")
+    picture = "document.querySelector('#mapcanvas').toDataURL()"
+    page.page.wait_for_timeout(200)
+    before = page.page.evaluate(picture)
+    free = [i for i in range(3) if str(i) not in page.page.eval_on_selector_all(
+        "#map select", "all => all.map(x => x.value)")]  # fmt: skip
+    page.move(free[0], 75)
+    page.page.wait_for_function(f"before => {picture} !== before", arg=before)
+    chosen = [int(page.page.input_value(f"#map-{axis}")) for axis in "xy"]
+    box = page.page.locator("#mapcanvas").bounding_box()
+    left, right, top_, bottom = 34, 8, 8, 22
+    width, height = box["width"] - left - right, box["height"] - top_ - bottom
+    page.page.mouse.move(box["x"] + left + 0.5 * width, box["y"] + top_ + 0.5 * height)
+    page.page.mouse.down()
+    for share in (0.55, 0.6, 0.75):
+        page.page.mouse.move(box["x"] + left + share * width, box["y"] + top_ + 0.25 * height)
+    page.page.mouse.up()
+    numbers = page.page.locator(".joint input[type=number]")
+    page.page.wait_for_function(
+        "i => Math.abs(document.querySelectorAll('.joint input[type=number]')[i].value - 90) < 2",
+        arg=chosen[0],
+    )
+    assert float(numbers.nth(chosen[1]).input_value()) == pytest.approx(90, abs=2)
+    assert float(numbers.nth(free[0]).input_value()) == 75
+    was = viewer.session.cfg.q[chosen[0]]
+    page.page.focus("#mapcanvas")
+    page.page.keyboard.press("Shift+ArrowLeft")
+    page.page.wait_for_timeout(300)
+    assert viewer.session.cfg.q[chosen[0]] == pytest.approx(was - np.radians(10), abs=1e-6)
+    shut(viewer, page)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import spacearm as sa
+from spacearm.viewer.panel.joint_map import joint_map
 from spacearm.viewer.panel.labels import short_names
 from spacearm.viewer.panel.motions import account
 from spacearm.viewer.panel.readouts import about, joints, readout
@@ -105,3 +106,29 @@ def test_paths_are_tubes_coloured_by_the_distance():
     rings = mesh.vertices.reshape(len(points), -1, 3)
     np.testing.assert_allclose(np.linalg.norm(rings - points[:, None], axis=2), 0.1, rtol=1e-4)
     assert mesh.faces.max() == len(mesh.vertices) - 1
+
+
+def test_the_map_is_that_of_the_other_joints_and_its_curves_are_singular():
+    arm = sa.load("planar3")
+    cfg = arm.at([0.3, 1.2, -0.7])
+    told = joint_map(cfg, [2, 0])
+    expected = sa.singular_map(arm, (arm.joint_names[2], arm.joint_names[0]), cfg.q, points=61)
+    assert told["joints"] == [2, 0]
+    np.testing.assert_allclose(
+        np.array(told["shares"]),
+        np.clip(expected.distance.T / np.radians(30), 0, 1) * 100,
+        atol=0.51,
+    )
+    square = sa.load("mda6")
+    told = joint_map(square.at(np.full(6, 0.4)), None)
+    for x, y in (curve[len(curve) // 2] for curve in told["curves"]):
+        q = np.full(6, 0.4)
+        q[told["joints"]] = x, y
+        assert sa.singularity(square.at(q)).distance < 1e-3
+    json.dumps(told, allow_nan=False)
+
+
+@pytest.mark.parametrize("joints", [[0], "ab", [0, 9], [0, True], [0, -1], [1, 1], {}])
+def test_a_map_of_other_joints_is_refused(joints):
+    with pytest.raises(sa.ConfigurationError, match="joint"):
+        joint_map(sa.load("planar2").at([0.3, 1.2]), joints)

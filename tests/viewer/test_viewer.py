@@ -121,6 +121,9 @@ def test_readout_is_the_report_and_the_code_is_the_configuration(session):
             {"do": "joint", "index": 0, "value": 3.5},
             r"joint_1 at 200.54° is outside its range \(-180° to 180°\)",
         ),
+        ({"do": "joints"}, "give lists of indices and values"),
+        ({"do": "joints", "indices": [0], "values": []}, "1 indices and 0 values"),
+        ({"do": "joints", "indices": [0, 1], "values": [1, 9]}, "joint_2 at .* is outside"),
         ({"do": "attitude", "rpy": [1, 2]}, "attitude is"),
         ({"do": "attitude", "rpy": [1, 2, None]}, "attitude is 'None'"),
         ({"do": "mode", "mode": "fast"}, "unknown mode 'fast'"),
@@ -225,6 +228,8 @@ def test_page_and_socket_answer(viewer):
         assert get(url, name) == 200
     (answer,) = talk(url, json.dumps({"do": "joint", "index": 1, "value": -0.1991}))
     assert answer["readout"]["kind"] == "dynamic"
+    first, _ = talk(url, json.dumps({"do": "map", "joints": [1, 0]}), answers=2)
+    assert first["map"]["joints"] == [1, 0]
 
 
 @pytest.mark.parametrize("path", ["", "page.js", "socket"])

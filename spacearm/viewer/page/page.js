@@ -4,12 +4,13 @@ import { createCamera } from "./camera.js";
 import { createChart } from "./chart.js";
 import { DEGREE, byId, fixed } from "./format.js";
 import { createJoints, refuse } from "./joints.js";
+import { createMap } from "./map.js";
 import { createPlayback } from "./playback.js";
 import { createReadouts, setKind } from "./readouts.js";
 import { createViewer, legend } from "./scene.js";
 
 const viewer = createViewer(byId("scene"));
-let [about, readout, socket, camera, joints, showState, playback, drawTime] = [];
+let [about, readout, socket, camera, joints, showState, map, playback, drawTime] = [];
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
 
@@ -56,6 +57,7 @@ async function reconnect() {
 
 function receive(message) {
   if (message.about && !about) build((about = message.about), message.readout);
+  if (message.map) map.draw(message.map);
   if (message.error) complain(message.error);
   if (message.readout) {
     underWay = null;
@@ -77,6 +79,9 @@ function build(told, { hidden }) {
     complain("");
     ask({ do: "joint", index, value }, `joint ${index}`);
   });
+  if (window.innerWidth < 1200) byId("map").toggleAttribute("data-closed", true);
+  byId("mapfold").setAttribute("aria-expanded", String(window.innerWidth >= 1200));
+  map = createMap(told.joints, ask, (indices, values) => ask({ do: "joints", indices, values }));
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
   if (told.motion) {
@@ -138,6 +143,7 @@ function show(state) {
     button.removeAttribute("aria-busy");
   }
   byId("note").textContent = state.note;
+  map.show(state);
   playback?.show(state.t);
   drawTime?.(state.t);
   if (document.body.dataset.ready) requestAnimationFrame(camera.keep);
