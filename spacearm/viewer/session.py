@@ -17,8 +17,10 @@ from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
 from spacearm.singularities.report import SingularityReport, angle, singularity
 from spacearm.viewer.panel import readouts
+from spacearm.viewer.panel.grab import pulled
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -37,16 +39,21 @@ class Session:
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
         note: What the last request did, in one line; empty if there is nothing to say.
+        blocked: Why the tip did not follow the last pull; empty if it did.
     """
 
     def __init__(self, arm: SpaceArm, cfg: Configuration) -> None:
         self.arm = arm
         self.mode = "posture"
         self.note = ""
+        self.blocked = ""
+        self._grip = 0.0
+        self._grabbed: pin.SE3 | None = None
         self._rng = np.random.default_rng(0)
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "joint": self._joint,
             "joints": self._joints,
+            "grab": self._grab,
             "attitude": self._attitude,
             "mode": self._mode,
             "home": lambda _: self._home(),
@@ -104,7 +111,7 @@ class Session:
         kind = message.get("do") if isinstance(message, dict) else message
         if not isinstance(message, dict) or str(kind) not in self._handlers:
             raise ConfigurationError(unknown("message", str(kind)[:40], self._handlers))
-        self.note = ""
+        self.note = self.blocked = ""
         self._handlers[str(kind)](message)
 
     def _joint(self, message: dict[str, Any]) -> None:
@@ -139,6 +146,23 @@ class Session:
             name = self.arm.joint_names[index]
             raise ConfigurationError(f"{name} at {at} is outside its range ({low} to {high})")
         return value
+
+    def _grab(self, message: dict[str, Any]) -> None:
+        """Pull the tip by a shift [m] and a turn [rad] from where it was grabbed."""
+        grip = number(message.get("grip"), "grip")
+        if grip != self._grip or self._grabbed is None:
+            self._grip, self._grabbed = grip, self.cfg.tip
+        shift, turn = (vector(message.get(name), name) for name in ("shift", "turn"))
+        grabbed = self._grabbed
+        goal = pin.SE3(pin.exp3(turn) @ grabbed.rotation, grabbed.translation + shift)
+        mode: BaseMode = "fixed" if self.mode == "posture" else "free-floating"
+        found = pulled(self.cfg, goal, mode, self._moved, self.range)
+        self.blocked = found.blocked
+        self.show(found.cfg)
+
+    def _moved(self, cfg: Configuration, q: Array) -> Configuration:
+        """Return a configuration after a short joint motion in the present mode."""
+        return move(cfg, q) if self.mode == "free-floating" else cfg.arm.at(q, base=cfg.base)
 
     def _attitude(self, message: dict[str, Any]) -> None:
         rpy = message.get("rpy")
@@ -177,7 +201,12 @@ class Session:
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        return {"mode": self.mode, "note": self.note, **readouts.readout(self.report)}
+        return {
+            "mode": self.mode,
+            "note": self.note,
+            "blocked": self.blocked,
+            **readouts.readout(self.report),
+        }
 
 
 def number(value: object, what: str) -> float:
@@ -189,3 +218,16 @@ def number(value: object, what: str) -> float:
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST:
         return float(value)
     raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give a finite number")
+
+
+def vector(value: object, what: str) -> Array:
+    """Return a vector (3,) out of a message, zero if it is left out.
+
+    Raises:
+        ConfigurationError: It is no list of three finite numbers; names it by `what`.
+    """
+    if value is None:
+        return np.zeros(3)
+    if not isinstance(value, list) or len(value) != 3:
+        raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give three numbers")
+    return np.array([number(x, what) for x in value])

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import write
 from spacearm.model.configuration import Configuration
@@ -78,6 +79,17 @@ class Viewer:
             cfg = self.session.cfg
             self.session.show(cfg.arm.at(q, base=cfg.base if base is None else base))
         self._changed()
+
+    @property
+    def configuration(self) -> Configuration:
+        """The configuration on show, moved in the page or by `show`."""
+        with self._lock:
+            return self.session.cfg
+
+    @property
+    def q(self) -> Array:
+        """(n,) joint positions on show [rad] or [m]."""
+        return self.configuration.q.copy()
 
     def shells(self, radii: Sequence[float]) -> None:
         """Draw translucent spheres about the system CM.

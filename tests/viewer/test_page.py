@@ -360,3 +360,39 @@ def test_the_posture_is_dragged_on_the_map_which_follows_the_other_joints(browse
     page.page.wait_for_timeout(300)
     assert viewer.session.cfg.q[chosen[0]] == pytest.approx(was - np.radians(10), abs=1e-6)
     shut(viewer, page)
+
+
+@pytest.mark.slow
+def test_the_drawing_is_kept_as_a_picture_and_a_motion_as_a_video(browser, tmp_path):
+    base = np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1))
+    motion = sa.Motion(sa.load("planar2"), np.array([0, 0.5]), np.array([[0.3, 1.2], [0, 1]]), base)
+    viewer = sa.view(motion, open=False)
+    for url in (viewer.serve(), viewer.save(tmp_path / "motion.html").as_uri()):
+        page = Page(browser, url, width=700, height=700)
+        page.page.wait_for_selector("#motion:not([hidden])")
+        page.page.wait_for_timeout(300)
+        for button, name, start in (
+            ("#shot", "planar2.png", b"\x89PNG"),
+            ("#film", "planar2.webm", b"\x1aE\xdf\xa3"),
+        ):
+            with page.page.expect_download() as kept:
+                page.page.click(button)
+            assert kept.value.suggested_filename == name
+            kept.value.save_as(tmp_path / name)
+            assert (tmp_path / name).read_bytes().startswith(start)
+            assert (tmp_path / name).stat().st_size > 2_000
+        page.page.wait_for_selector("#film:not([aria-busy])")
+        assert page.errors == []
+        page.close()
+    viewer.close()
+
+
+@pytest.mark.slow
+def test_python_reads_what_the_page_has_moved(browser):
+    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2])
+    page.move(0, 45)
+    assert viewer.q == pytest.approx([np.radians(45), 1.2])
+    assert viewer.configuration.q == pytest.approx(viewer.q)
+    viewer.q[0] = 9.0
+    assert viewer.q[0] == pytest.approx(np.radians(45))
+    shut(viewer, page)

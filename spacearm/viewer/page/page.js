@@ -3,14 +3,16 @@
 import { createCamera } from "./camera.js";
 import { createChart } from "./chart.js";
 import { DEGREE, byId, fixed } from "./format.js";
+import { createGrab } from "./grab.js";
 import { createJoints, refuse } from "./joints.js";
 import { createMap } from "./map.js";
 import { createPlayback } from "./playback.js";
 import { createReadouts, setKind } from "./readouts.js";
+import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
 
 const viewer = createViewer(byId("scene"));
-let [about, readout, socket, camera, joints, showState, map, playback, drawTime] = [];
+let [about, readout, socket, camera, joints, showState, map, grab, playback, drawTime] = [];
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
 
@@ -82,11 +84,14 @@ function build(told, { hidden }) {
   if (window.innerWidth < 1200) byId("map").toggleAttribute("data-closed", true);
   byId("mapfold").setAttribute("aria-expanded", String(window.innerWidth >= 1200));
   map = createMap(told.joints, ask, (indices, values) => ask({ do: "joints", indices, values }));
+  grab = createGrab(viewer, told, (pull) => ask({ do: "grab", ...pull }));
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
+  const film = createRecorder(viewer, told.model);
   if (told.motion) {
     playback = createPlayback(told.motion, (t) => ask({ do: "time", t }));
     drawTime = createChart(told.motion, playback.seek);
+    film(playback.playOnce);
   }
 }
 
@@ -139,14 +144,16 @@ function show(state) {
   for (const box of document.querySelectorAll("[data-layer]")) {
     box.checked = !state.hidden.includes(box.dataset.layer);
   }
-  for (const button of document.querySelectorAll("[aria-busy]")) {
+  for (const button of document.querySelectorAll("[data-do][aria-busy]")) {
     button.removeAttribute("aria-busy");
   }
   byId("note").textContent = state.note;
+  byId("blocked").textContent = state.blocked;
   map.show(state);
+  grab.show(state);
   playback?.show(state.t);
   drawTime?.(state.t);
-  if (document.body.dataset.ready) requestAnimationFrame(camera.keep);
+  if (document.body.dataset.ready && !grab.isHeld()) requestAnimationFrame(camera.keep);
 }
 
 function complain(text) {

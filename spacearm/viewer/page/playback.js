@@ -16,7 +16,9 @@ export function createPlayback({ span: [first, last], events, story }, onTime) {
   const span = last - first;
   speed.value = SPEEDS.find((x) => span / x <= 60) ?? SPEEDS.at(-1);
   if (speed.value < 1) speed.value = 1;
-  let [playing, before, now] = [false, 0, first];
+  let [playing, before, now, ended] = [false, 0, first, () => {}];
+
+  let once = false;
 
   function show(t) {
     now = t;
@@ -27,6 +29,10 @@ export function createPlayback({ span: [first, last], events, story }, onTime) {
 
   function setPlaying(on) {
     playing = on;
+    if (!on) {
+      ended();
+      ended = () => {};
+    }
     button.textContent = on ? "Pause" : "Play";
     before = performance.now();
     if (on) requestAnimationFrame(tick);
@@ -36,12 +42,22 @@ export function createPlayback({ span: [first, last], events, story }, onTime) {
     if (!playing) return;
     let t = now + ((moment - before) / 1000) * Number(speed.value);
     before = moment;
-    if (t >= last && loop.checked) t = span > 0 ? first + ((t - first) % span) : first;
+    if (t >= last && loop.checked && !once) t = span > 0 ? first + ((t - first) % span) : first;
     t = Math.min(Math.max(t, first), last);
     show(t);
     onTime(t);
-    if (t >= last && !loop.checked) setPlaying(false);
+    if (t >= last && (!loop.checked || once)) setPlaying(false);
     else requestAnimationFrame(tick);
+  }
+
+  function playOnce(done) {
+    show(first);
+    once = true;
+    ended = () => {
+      once = false;
+      done();
+    };
+    setPlaying(true);
   }
 
   function toggle() {
@@ -74,5 +90,5 @@ export function createPlayback({ span: [first, last], events, story }, onTime) {
     byId("events").append(mark);
   }
   show(first);
-  return { show: (t) => playing || show(t), seek, toggle };
+  return { show: (t) => playing || show(t), seek, playOnce };
 }

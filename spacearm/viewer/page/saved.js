@@ -5,6 +5,7 @@ import { createChart } from "./chart.js";
 import { DEGREE, byId, element, fixed } from "./format.js";
 import { createPlayback } from "./playback.js";
 import { createReadouts, gauge, setKind } from "./readouts.js";
+import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
 
 function start({ about, readout }, commands) {
@@ -19,7 +20,8 @@ function start({ about, readout }, commands) {
   });
   show(readout);
   list(about.joints, readout.q);
-  if (about.motion) play(viewer, about);
+  const film = createRecorder(viewer, about.model);
+  if (about.motion) play(viewer, about, film);
   if (location.hash === "#picture") document.body.classList.add("picture");
   viewer?.set_3d_pane_size();
   camera.fit();
@@ -51,7 +53,7 @@ function at({ t, curves }, time, name) {
     (v[i] === null || v[j] === null ? null : (1 - s) * v[i] + s * v[j]));
 }
 
-function play(viewer, { motion, joints, near }) {
+function play(viewer, { motion, joints, near }, film) {
   viewer?.animator.play();
   viewer?.animator.pause();
   document.body.classList.add("played"); // what stands still for the first posture alone is hidden
@@ -71,6 +73,7 @@ function play(viewer, { motion, joints, near }) {
   };
   const playback = createPlayback(motion, seek);
   drawTime = createChart(motion, playback.seek);
+  film(playback.playOnce);
   seek(motion.span[0]);
 }
 

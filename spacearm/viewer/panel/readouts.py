@@ -80,6 +80,7 @@ def readout(report: SingularityReport) -> dict[str, Any]:
         "outside": list(cfg.outside_limits),
         "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
         "tip": cfg.tip.translation.tolist(),
+        "axes": report.axes.T.tolist(),
         "contacts": _contacts(cfg),
         "python": as_python(cfg),
     }
