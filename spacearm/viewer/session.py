@@ -20,6 +20,7 @@ from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.report import SingularityReport, angle, singularity
 from spacearm.viewer.panel import readouts
+from spacearm.viewer.panel.choices import Origin
 from spacearm.viewer.panel.grab import pulled
 
 MODES = ("posture", "free-floating")
@@ -36,14 +37,16 @@ class Session:
         arm: The arm.
         cfg: The configuration on show.
         report: Its singularity report.
+        origin: Where it comes from.
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
         note: What the last request did, in one line; empty if there is nothing to say.
         blocked: Why the tip did not follow the last pull; empty if it did.
     """
 
-    def __init__(self, arm: SpaceArm, cfg: Configuration) -> None:
+    def __init__(self, arm: SpaceArm, cfg: Configuration, origin: Origin | None = None) -> None:
         self.arm = arm
+        self.origin = origin or Origin.of(arm)
         self.mode = "posture"
         self.note = ""
         self.blocked = ""
@@ -201,12 +204,9 @@ class Session:
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        return {
-            "mode": self.mode,
-            "note": self.note,
-            "blocked": self.blocked,
-            **readouts.readout(self.report),
-        }
+        said = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
+        code = readouts.as_python(self.cfg, self.origin.source, self.origin.locked)
+        return {**said, **readouts.readout(self.report), "python": code}
 
 
 def number(value: object, what: str) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import math
 import os
+import tempfile
 import threading
 import webbrowser
 from collections.abc import Sequence
@@ -21,10 +22,11 @@ from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import singularity
-from spacearm.viewer.ghost import draw_ghost
 from spacearm.viewer.obstacles import ObstacleLayer
+from spacearm.viewer.panel.choices import chosen, offered
 from spacearm.viewer.panel.joint_map import joint_map
 from spacearm.viewer.panel.motions import account
+from spacearm.viewer.panel.opening import opening_posture
 from spacearm.viewer.pictures import render
 from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
 from spacearm.viewer.scene import LAYERS, Scene
@@ -34,8 +36,6 @@ from spacearm.viewer.window import Window
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
-FAR = float(np.radians(30.0))
-"""Distance to the singular set from which on the colour of a path does not change [rad]."""
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 
@@ -49,11 +49,15 @@ class Viewer:
 
     def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
         self.window = Window()
-        self.session = Session(cfg.arm, cfg)
-        self._motion = motion
-        self._scene = Scene(self.window, cfg.arm)
         self._lock = threading.RLock()
         self._server: Server | None = None
+        self._edition = 0
+        self._start(Session(cfg.arm, cfg), motion)
+
+    def _start(self, session: Session, motion: Motion | None = None) -> None:
+        """Show an arm in place of the present one, if there is one."""
+        self._scene = Scene(self.window, session.arm)
+        self.session, self._motion = session, motion
         self._hidden: set[str] = set()
         self._time = float(motion.t[0]) if motion else 0.0
         self._obstacles = ObstacleLayer(
@@ -61,7 +65,21 @@ class Viewer:
         )
         self.draw()
         if motion:
-            self._draw_trace(motion)
+            self._scene.show_motion(motion)
+
+    def _change_arm(self, message: dict[str, Any]) -> None:
+        """Show the arm that the page asks for, in the present posture if it has the same joints."""
+        before = self.session
+        with tempfile.TemporaryDirectory() as folder:
+            arm, origin, said = chosen(before.cfg, before.origin, message, Path(folder))
+            arm.require_one_tip()
+            same = arm.joint_names == before.arm.joint_names
+            q = before.cfg.q if same else opening_posture(arm)
+            session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
+            session.mode, session.note = before.mode, said
+            with self.window.replaced():
+                self._start(session)
+        self._edition += 1
 
     # --- what is shown ----------------------------------------------------------------------
 
@@ -135,6 +153,8 @@ class Viewer:
                 self.layer(str(message.get("name")), bool(message.get("visible")))
             elif isinstance(message, dict) and kind == "time" and self._motion:
                 self._seek(self._motion, message.get("t"))
+            elif isinstance(message, dict) and kind == "arm":
+                self._change_arm(message)
             elif isinstance(message, dict) and kind == "map":
                 return {"map": joint_map(self.session.cfg, message.get("joints"))}
             else:
@@ -144,7 +164,8 @@ class Viewer:
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
         with self._lock:
-            return {**self.session.readout(), "hidden": sorted(self._hidden), "t": self._time}
+            more = {"hidden": sorted(self._hidden), "t": self._time, "edition": self._edition}
+            return {**self.session.readout(), **more}
 
     def draw(self) -> None:
         """Draw the configuration."""
@@ -155,7 +176,12 @@ class Viewer:
     def about(self) -> dict[str, Any]:
         """Return what the page needs once."""
         motion = account(self._motion) if self._motion else None
-        return {**self.session.about(), "layers": LAYERS, "motion": motion}
+        more = {"layers": LAYERS, "motion": motion, "edition": self._edition}
+        return {
+            **self.session.about(),
+            **more,
+            "choices": offered(self.session.arm, self.session.origin),
+        }
 
     def _seek(self, motion: Motion, t: object) -> None:
         self._time = float(np.clip(number(t, "time"), motion.t[0], motion.t[-1]))
@@ -252,15 +278,6 @@ class Viewer:
         return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"
 
     # --- motions ----------------------------------------------------------------------------
-
-    def _draw_trace(self, motion: Motion) -> None:
-        """Draw the tip path, coloured by the distance to the singular set up to `FAR`, and its end.
-
-        Several tips have no one path.
-        """
-        if len(motion.arm.tips) == 1:
-            self._scene.trace(motion.tip[:, :3], motion.distance / FAR)
-            draw_ghost(self._scene.root["goal"], motion[len(motion) - 1], self._scene.size)
 
     def _animate(self, motion: Motion) -> None:
         """Record the motion into the window."""

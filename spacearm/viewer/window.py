@@ -12,6 +12,7 @@ import json
 import re
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,20 @@ class Window:
             key = Key(tuple(path), content.get("property", kind))
             for listener in self.listeners:
                 listener(key, data)
+
+    @contextmanager
+    def replaced(self) -> Iterator[None]:
+        """Draw another scene in place of the present one, which stays if that fails."""
+        with self._lock:
+            before, self._tree = self._tree, SceneTree()
+            listeners, self.listeners = self.listeners, []  # browsers load the new scene as a whole
+            try:
+                yield
+            except BaseException:
+                self._tree = before
+                raise
+            finally:
+                self.listeners = listeners
 
     def commands(self) -> list[bytes]:
         """Return the commands that draw the present scene."""

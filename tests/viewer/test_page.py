@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.arms import frame, joint, robot, two_links
 from helpers.pages import Page
 
 import spacearm as sa
@@ -54,8 +55,12 @@ def test_the_whole_robot_is_in_view_at_every_size(browser, name):
         for view in ("front", "side", "top", "3-D"):
             page.page.click(f"[data-view='{view}']")
             assert outside(page) <= 0.95
+    pages[0].page.bring_to_front()
     viewer.show(np.full(viewer.session.arm.n, 1.5))
-    pages[0].page.wait_for_timeout(500)
+    for _ in range(50):
+        pages[0].page.wait_for_timeout(100)
+        if outside(pages[0]) <= 1.0:
+            break
     assert outside(pages[0]) <= 1.0
     shut(viewer, *pages)
 
@@ -396,3 +401,61 @@ def test_python_reads_what_the_page_has_moved(browser):
     viewer.q[0] = 9.0
     assert viewer.q[0] == pytest.approx(np.radians(45))
     shut(viewer, page)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+def test_arm_tip_and_file_are_chosen_in_the_page_and_every_client_follows(browser, tmp_path):
+    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2], width=1366, height=768)
+    other = Page(browser, viewer.url).ready()
+    page.page.click("#choices summary")
+    page.page.select_option("#robot", "mda6")
+    for each in (page, other):
+        each.wait_text("#model", "mda6")
+        each.ready()
+        assert each.page.locator(".joint").count() == 6
+    path = tmp_path / "<b>bold<b>.urdf"
+    bus, arm, elbow = two_links()
+    path.write_text(robot(bus, arm, elbow, frame("tip"), joint("end", "arm", "tip", "fixed")))
+    page.page.click("#choices summary")
+    page.page.set_input_files("#file", path)
+    page.page.wait_for_function("document.querySelectorAll('.joint').length === 1")
+    page.ready()
+    (tmp_path / "bad.urdf").write_text("<robot><link/></robot>")
+    page.page.evaluate(
+        """() => {
+          const data = new DataTransfer();
+          data.items.add(new File(["<robot><link/></robot>"], "bad.urdf"));
+          document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+        }"""
+    )
+    page.page.wait_for_function("document.querySelector('#error').textContent !== ''")
+    assert page.page.locator(".joint").count() == 1
+    page.page.evaluate(
+        """() => {
+          const data = new DataTransfer();
+          data.items.add(new File(["x".repeat(1e5)], "<img src=x>.urdf"));
+          document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+        }"""
+    )
+    page.wait_text("#error", "<img src=x>.urdf has 100000 bytes")
+    shut(viewer, page, other)
+
+
+@pytest.mark.slow
+def test_an_address_brings_the_posture_back(browser):
+    viewer, page = opened(
+        browser, sa.load("planar2"), [0.3, 1.2], permissions=["clipboard-read", "clipboard-write"]
+    )
+    page.page.click("#choices summary")
+    page.page.click("#link")
+    page.wait_text("#link", "Copied")
+    address = page.page.evaluate("navigator.clipboard.readText()")
+    viewer.show([-1.0, -1.0])
+    again = Page(browser, address).ready()
+    again.page.wait_for_function(
+        "document.querySelector('.joint input[type=number]').value === '17.19'"
+    )
+    assert viewer.q == pytest.approx([0.3, 1.2])
+    assert "#" not in again.page.url
+    shut(viewer, page, again)

@@ -704,3 +704,76 @@ def test_the_command_writes_a_page(tmp_path):
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
     assert (tmp_path / "a.html").stat().st_size > 800_000
+
+
+# --- choices of the page ----------------------------------------------------------------------
+
+
+def described():
+    bus, arm, elbow = two_links()
+    return robot(bus, arm, elbow, frame("tip"), joint("end", "arm", "tip", "fixed"))
+
+
+def test_the_page_chooses_arm_tip_task_and_joints(viewer):
+    viewer.handle({"do": "arm", "robot": "mda6"})
+    assert (viewer.session.arm.name, viewer.readout()["edition"]) == ("mda6", 1)
+    assert viewer.session.report.kind == "regular"
+    names = viewer.session.arm.joint_names
+    q = viewer.q
+    viewer.handle({"do": "arm", "task": "position"})
+    assert viewer.session.arm.task.rows == ("x", "y", "z")
+    assert np.array_equal(viewer.q, q), "the same joints stay where they are"
+    viewer.handle({"do": "arm", "joints": list(names[:4])})
+    assert viewer.session.arm.joint_names == names[:4]
+    loaded = {}
+    exec(viewer.readout()["python"], loaded)
+    assert loaded["arm"].joint_names == names[:4]
+    np.testing.assert_allclose(loaded["cfg"].tip.homogeneous, viewer.configuration.tip.homogeneous)
+    assert viewer.about()["choices"]["joints"] == list(names)
+    viewer.handle({"do": "arm", "joints": list(names)})
+    assert viewer.session.arm.joint_names == names
+    viewer.handle({"do": "arm", "tip": "link_3"})
+    assert viewer.session.arm.tip == "link_3"
+    loaded = {}
+    exec(viewer.readout()["python"], loaded)
+    assert loaded["arm"].tip == "link_3"
+    assert b"link_6" in b"".join(viewer.window.commands())
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+def test_a_file_that_is_dropped_is_read_with_all_checks(viewer):
+    viewer.handle({"do": "arm", "file": {"name": "../my robot.urdf", "text": described()}})
+    assert viewer.session.arm.tip == "tip"
+    assert "no visuals for bus" in viewer.readout()["note"] or viewer.readout()["note"] == ""
+    assert "sa.load('my_robot.urdf'" in viewer.readout()["python"]
+    commands = viewer.window.commands()
+    heavy = described().replace('<mass value="', '<mass value="-')
+    for text, error in ((heavy, "mass"), ("<robot", "a.urdf"), ("", "a.urdf")):
+        with pytest.raises(sa.SpaceArmError, match=error):
+            viewer.handle({"do": "arm", "file": {"name": "a.urdf", "text": text}})
+    assert viewer.window.commands() == commands
+    assert viewer.readout()["edition"] == 1
+
+
+@pytest.mark.parametrize(
+    ("message", "error"),
+    [
+        ({"robot": "nobody"}, "unknown robot 'nobody'"),
+        ({"robot": "../../etc/passwd"}, "unknown robot"),
+        ({"robot": ["planar2"]}, "unknown robot"),
+        ({"tip": 3}, "tip is '3'; give a text"),
+        ({"tip": "nowhere"}, "nowhere"),
+        ({"task": "fly"}, "fly"),
+        ({"joints": "all of them"}, "give a list of names"),
+        ({"joints": ["no_joint"]}, "no_joint"),
+        ({"file": "x"}, "give its name and its text"),
+        ({"file": {"name": "a.py", "text": "import os"}}, r"'a.py' is none of .urdf"),
+        ({"file": {"name": "a.urdf", "text": 3}}, "give its name and its text"),
+    ],
+)
+def test_choices_that_cannot_be_are_refused_and_change_nothing(viewer, message, error):
+    before, commands = viewer.readout(), viewer.window.commands()
+    with pytest.raises(sa.SpaceArmError, match=error):
+        viewer.handle({"do": "arm", **message})
+    assert viewer.readout() == before
+    assert viewer.window.commands() == commands

@@ -2,6 +2,7 @@
 
 import { createCamera } from "./camera.js";
 import { createChart } from "./chart.js";
+import { createChoices } from "./choices.js";
 import { DEGREE, byId, fixed } from "./format.js";
 import { createGrab } from "./grab.js";
 import { createJoints, refuse } from "./joints.js";
@@ -12,7 +13,7 @@ import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
 
 const viewer = createViewer(byId("scene"));
-let [about, readout, socket, camera, joints, showState, map, grab, playback, drawTime] = [];
+let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, drawTime] = [];
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
 
@@ -37,12 +38,25 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.addEventListener("message", ({ data }) => {
     if (typeof data === "string") receive(JSON.parse(data));
-    else viewer?.handle_command_bytearray(new Uint8Array(data));
+    else draw(new Uint8Array(data));
   });
   socket.addEventListener("close", () => {
     underWay = null;
     setKind({ kind: "" }, "disconnected");
     setTimeout(reconnect, 1000);
+  });
+}
+
+let framing = false;
+
+/* Draws what came, and has the camera look once a frame whether the robot is still in view. */
+function draw(command) {
+  viewer?.handle_command_bytearray(command);
+  if (framing || !document.body.dataset.ready || grab.isHeld()) return;
+  framing = true;
+  requestAnimationFrame(() => {
+    framing = false;
+    camera.keep();
   });
 }
 
@@ -61,6 +75,10 @@ function receive(message) {
   if (message.about && !about) build((about = message.about), message.readout);
   if (message.map) map.draw(message.map);
   if (message.error) complain(message.error);
+  if (message.readout && message.readout.edition !== about.edition) {
+    location.reload(); // another arm is shown now
+    return;
+  }
   if (message.readout) {
     underWay = null;
     show((readout = message.readout));
@@ -69,6 +87,7 @@ function receive(message) {
   if (message.complete) {
     camera.fit();
     document.body.dataset.ready = "yes";
+    choices.restore();
   }
 }
 
@@ -84,6 +103,7 @@ function build(told, { hidden }) {
   if (window.innerWidth < 1200) byId("map").toggleAttribute("data-closed", true);
   byId("mapfold").setAttribute("aria-expanded", String(window.innerWidth >= 1200));
   map = createMap(told.joints, ask, (indices, values) => ask({ do: "joints", indices, values }));
+  choices = createChoices(told, ask, complain, () => readout);
   grab = createGrab(viewer, told, (pull) => ask({ do: "grab", ...pull }));
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
@@ -153,7 +173,6 @@ function show(state) {
   grab.show(state);
   playback?.show(state.t);
   drawTime?.(state.t);
-  if (document.body.dataset.ready && !grab.isHeld()) requestAnimationFrame(camera.keep);
 }
 
 function complain(text) {

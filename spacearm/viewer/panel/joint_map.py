@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,10 @@ import numpy as np
 from spacearm.errors import ConfigurationError
 from spacearm.model.configuration import Configuration
 from spacearm.singularities.map import singular_map
+from spacearm.viewer.panel.readouts import FAR
 
 POINTS = 61
 """Grid points in each joint: what is computed and drawn well within 100 ms."""
-FAR = math.radians(30.0)
-"""Distance to the singular set from which on the colour does not change [rad]."""
 SHARES = 100
 """Number that stands for `FAR`."""
 

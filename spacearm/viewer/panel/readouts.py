@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,8 @@ from spacearm.viewer.panel.labels import short_names
 
 NEAR = math.radians(5.0)
 """Distance to the singular set below which a posture counts as near it [rad]."""
+FAR = math.radians(30.0)
+"""Distance to the singular set from which on colours do not change [rad]."""
 STILL = math.radians(0.05)
 """Joint motions below this are not named [rad] or [m]."""
 
@@ -82,20 +86,32 @@ def readout(report: SingularityReport) -> dict[str, Any]:
         "tip": cfg.tip.translation.tolist(),
         "axes": report.axes.T.tolist(),
         "contacts": _contacts(cfg),
-        "python": as_python(cfg),
     }
 
 
-def as_python(cfg: Configuration) -> str:
-    """Write a configuration as Python code."""
+def source_of(arm: SpaceArm) -> str:
+    """Return what `load` is given for an arm: its name in the catalogue, or its file."""
+    known = {info.name for info in catalogue()}
+    return arm.name if arm.name in known else str(arm.path)
+
+
+def as_python(cfg: Configuration, source: str, locked: Mapping[str, float]) -> str:
+    """Write a configuration as Python code.
+
+    Args:
+        cfg: The configuration.
+        source: What `load` is given for the arm.
+        locked: Joints that are locked besides, with their values [rad] or [m].
+    """
     arm = cfg.arm
     pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
     known = {info.name for info in catalogue()}
-    source = arm.name if arm.name in known else str(arm.path)
-    written = "" if arm.name in known or arm.path.is_file() else "  # by arm.to_urdf"
+    written = "" if source in known or Path(source).is_file() else "  # by arm.to_urdf"
+    more = f", joints={arm.joints!r}" if arm.joints != "tip" else ""
+    more += f", locked={dict(locked)!r}" if locked else ""
     return (
         "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
-        f"arm = sa.load({source!r}, tip={arm.tip!r}, task={arm.task.names!r})"
+        f"arm = sa.load({source!r}, tip={arm.tip!r}, task={arm.task.names!r}{more})"
         f"{written}\n"
         f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
         f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"
