@@ -59,10 +59,12 @@ suppress_warnings = ["ref.python"]  # fields of several classes have one name
 def setup(app):
     """Write what is generated, copy the lessons; check all links of the pages at the end."""
     generated.write(HERE)
+    app.extensions["sphinx-mathjax-offline"].parallel_read_safe = True  # it adds files alone
     copy_lessons()
     app.connect("autodoc-process-docstring", escape_bars)
     app.connect("autodoc-skip-member", skip_fields)
     app.connect("build-finished", links.check)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
 def copy_lessons() -> None:

@@ -28,6 +28,8 @@ mission      feasible_attitudes reaction size_wheels level_reach level_envelope 
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
              DistanceRange RobustCertificate ShellBands
 sweeps       sweep Study
+export       to_jax to_casadi to_c to_mjcf to_sdf write_motion GeneralizedJacobianTask
+             MomentumConservation SingularityBarrier
 show         plot view design_report
 errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
              StoreError SweepError ModelWarning
@@ -69,6 +71,15 @@ _HOMES = {
         "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError StoreError "
         "SweepError UnsupportedError"
     ),
+    "export.c_files": "to_c",
+    "export.casadi_functions": "to_casadi",
+    "export.inverse_kinematics": (
+        "GeneralizedJacobianTask MomentumConservation SingularityBarrier"
+    ),
+    "export.jax_functions": "to_jax",
+    "export.mjcf_files": "to_mjcf",
+    "export.motion_files": "write_motion",
+    "export.sdf_files": "to_sdf",
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
     "mechanics.batch": "evaluate generalized_jacobians",
     "mechanics.dynamics": (

@@ -22,9 +22,12 @@ SLOW = {
     "simulate",
     "simulate_many",
     "sweep",
+    "to_jax",
     "view",
 }
 """Whose examples take over a second."""
+NEEDS = {"sweep": "zarr", "to_casadi": "casadi", "to_jax": "jax", "to_mjcf": "mujoco"}
+"""Whose examples take a package that the plain install does not bring."""
 
 
 def public_functions():
@@ -101,8 +104,8 @@ def test_what_is_raised_is_told_and_public():
     "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in FUNCTIONS]
 )
 def test_every_function_has_an_example_that_runs(name, tmp_path, monkeypatch):
-    if name == "sweep":
-        pytest.importorskip("zarr")  # which needs Python 3.11
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
     monkeypatch.chdir(tmp_path)
     (example,) = doctest.DocTestFinder(recurse=False).find(FUNCTIONS[name], name, globs={})
     runner, said = doctest.DocTestRunner(), []

@@ -24,6 +24,7 @@ TITLES = {
     "mission": "Mission design",
     "uncertainty": "Uncertain arms",
     "sweeps": "Sweeps",
+    "export": "Export and files",
     "show": "Plots and the page",
     "errors": "Errors",
 }

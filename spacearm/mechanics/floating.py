@@ -59,24 +59,45 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
     for step in range(steps):
         w1, w2 = (_attitude_rate(arm.at(cfg.q + (step + s) / steps * dq), dq) for s in GAUSS)
         T = T @ pin.exp3(magnus_step(w1, w2, 1.0 / steps))
-    attitude = pin.Quaternion(T).normalized().matrix()
-    return arm.at(cfg.q + dq, base=pin.SE3(attitude, np.zeros(3))).centred(cfg.com)
+    return placed(cfg, cfg.q + dq, T)
 
 
 def walk(start: Configuration, Q: Array) -> list[Configuration]:
-    """Return the configurations along straight joint segments, by `move`.
+    """Return the configurations along straight joint segments, as `move` after `move` does.
 
     Args:
         start: Where the motion begins.
         Q: (m, n) the ends of the segments, the first of them start.q.
     """
-    motion = [start]
-    for q in Q[1:]:
-        motion.append(move(motion[-1], q))
-    return motion
+    T = attitudes(start, Q)
+    return [start, *(placed(start, q, R) for q, R in zip(Q[1:], T[1:], strict=True))]
 
 
-def magnus_step(w1: Array, w2: Array, h: float) -> Array:
+def attitudes(start: Configuration, Q: Array) -> Array:
+    """Return the attitudes (m, 3, 3) of the spacecraft in `walk`, by compiled kernels."""
+    from spacearm.mechanics.compiled import reactions  # imports the compiler
+
+    still_wheels(start, "the spacecraft then turns with time, not with the joints alone")
+    dq = np.diff(Q, axis=0)
+    steps = np.maximum(1, np.ceil(np.abs(dq).max(axis=1) / STEP)).astype(int)
+    segment, last = np.repeat(np.arange(len(dq)), steps), np.cumsum(steps)
+    step = np.arange(len(segment)) - np.repeat(last - steps, steps)
+    rate, h = dq[segment], 1.0 / steps[segment, None]
+    nodes = [Q[segment] + h * (step[:, None] + s) * rate for s in GAUSS]
+    w1, w2 = (np.einsum("mij,mj->mi", reactions(start.arm, q.T).A, rate) for q in nodes)
+    T = [start.base.rotation]
+    for angle in magnus_step(w1, w2, h):
+        T.append(T[-1] @ pin.exp3(angle))
+    return np.array(T)[np.append(0, last)]
+
+
+def placed(start: Configuration, q: Array, T: Array) -> Configuration:
+    """Return the configuration at q (n,) and attitude T (3, 3) with the system CM of `start`."""
+    attitude = pin.Quaternion(T).normalized().matrix()  # without the rounding of many products
+    return start.arm.at(q, base=pin.SE3(attitude, np.zeros(3))).centred(start.com)
+
+
+def magnus_step(w1: Array, w2: Array, h: float | Array) -> Array:
     """Compute the rotation of one step of T' = T [w]x, fourth-order Magnus method.
 
     Iserles & Norsett, Phil. Trans. R. Soc. A 357, 983-1019 (1999), DOI 10.1098/rsta.1999.0362.
@@ -84,7 +105,7 @@ def magnus_step(w1: Array, w2: Array, h: float) -> Array:
     Args:
         w1: (..., 3) angular velocity at the first of the nodes `GAUSS` of the step, body axes.
         w2: (..., 3) that at the second.
-        h: Length of the step.
+        h: Length of the step, or of each, (..., 1).
 
     Returns:
         (..., 3) rotation vector phi [rad] of T -> T exp([phi]x).

@@ -21,7 +21,12 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.momentum import base_velocity, momentum_vector
+from spacearm.mechanics.momentum import (
+    base_velocity,
+    momentum_derivatives,
+    momentum_vector,
+    unit_rates,
+)
 from spacearm.mechanics.reduction import (
     base_response,
     base_response_derivative,
@@ -179,7 +184,8 @@ def generalized_jacobian_derivative(
         (2, 6, 2)
     """
     f = free_components(mode)
-    dA, dJ = partial_derivatives(cfg.arm, cfg.full_at_origin)
+    dA = momentum_derivatives(cfg.arm, cfg.full_at_origin)
+    dJ = tip_derivatives(cfg.arm, cfg.full_at_origin)
     X = base_response(cfg.A, f)
     return reduced_jacobian_derivative(cfg.J, dJ, X, base_response_derivative(cfg.A, dA, X))
 
@@ -261,27 +267,17 @@ def singular_values_of(J: Array) -> Array:
     return np.append(sigma, np.zeros(len(J) - len(sigma)))
 
 
-def partial_derivatives(arm: SpaceArm, full: Array) -> tuple[Array, Array]:
-    """Compute dA/dq_j and dJ/dq_j: the rates at dq = e_j with the spacecraft at rest.
-
-    Args:
-        arm: The arm.
-        full: (nq,) configuration of its Pinocchio model.
-
-    Returns:
-        (n, 6, 6 + n) and (n, 6 tips, 6 + n).
-    """
-    n, tips = arm.n, arm.tip_frames
-    dA, dJ = np.empty((n, 6, 6 + n)), np.empty((n, 6 * len(tips), 6 + n))
-    data = arm.borrow()
-    for j, dq in enumerate(np.eye(n)):
-        v = np.concatenate((np.zeros(6), arm.all_rates(dq)))
-        dA[j] = arm.project(pin.computeCentroidalMapTimeVariation(arm.model, data, full, v))
+def tip_derivatives(arm: SpaceArm, full: Array) -> Array:
+    """Compute dJ/dq_j (n, 6 tips, 6 + n), as `momentum_derivatives` does dA/dq_j."""
+    data, dJ = arm.borrow(), []
+    for v in unit_rates(arm):
         pin.computeJointJacobiansTimeVariation(arm.model, data, full, v)
-        rates = [pin.getFrameJacobianTimeVariation(arm.model, data, tip, LWA) for tip in tips]
-        dJ[j] = arm.project(np.vstack(rates))
+        rates = [
+            pin.getFrameJacobianTimeVariation(arm.model, data, tip, LWA) for tip in arm.tip_frames
+        ]
+        dJ.append(arm.project(np.vstack(rates)))
     arm.give_back(data)
-    return dA, dJ
+    return np.array(dJ)
 
 
 def _task_rows(cfg: Configuration, J: Array, axes: Array | None) -> Array:

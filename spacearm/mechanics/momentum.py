@@ -6,9 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named
 from spacearm.model.arguments import of_configuration
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.joints import joint_vector
 
@@ -100,3 +102,24 @@ def momentum_vector(momentum: npt.ArrayLike | None) -> Array:
     """Check a momentum and return it, (6,); zeros if None."""
     meaning = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
     return np.zeros(6) if momentum is None else finite(momentum, (6,), "momentum", meaning)
+
+
+def momentum_derivatives(arm: SpaceArm, full: Array) -> Array:
+    """Compute dA/dq_j (n, 6, 6 + n): the rates of A at dq = e_j with the spacecraft at rest.
+
+    Args:
+        arm: The arm.
+        full: (nq,) configuration of its Pinocchio model.
+    """
+    data = arm.borrow()
+    dA = [
+        arm.project(pin.computeCentroidalMapTimeVariation(arm.model, data, full, v))
+        for v in unit_rates(arm)
+    ]
+    arm.give_back(data)
+    return np.array(dA)
+
+
+def unit_rates(arm: SpaceArm) -> list[Array]:
+    """Return the rates (nv,) at which one joint turns at a time, the spacecraft at rest."""
+    return [np.concatenate((np.zeros(6), arm.all_rates(dq))) for dq in np.eye(arm.n)]

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
@@ -128,9 +129,9 @@ class Task:
             turned = 2.0 * np.outer(turned[axis - 2], turned[axis - 2]) - turned
         e = turned[:, axis]
         cosine = e @ R[:, axis]
-        x, y, z = np.cross(e, R[:, axis])
-        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        rest = 1.0 + cosine if cosine > 0.0 else (x * x + y * y + z * z) / (1.0 - cosine)
+        sine = pin.skew(e) @ R[:, axis]
+        K = pin.skew(sine)
+        rest = 1.0 + cosine if cosine > 0.0 else sine @ sine / (1.0 - cosine)
         tilt = np.eye(3) + K + K @ K / rest  # rest = 1 + cosine, without cancellation
         return tilt @ turned
 

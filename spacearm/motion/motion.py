@@ -153,12 +153,14 @@ class Motion(Result):
     @cached_property
     def sigma_min(self) -> Array:
         """(m,) least singular value of the task Jacobian, as in `sa.singularity`."""
+        if self._compiled:
+            return read_only(evaluate(self.arm, self.q, ("sigma_min",))["sigma_min"])
         return self._each(lambda cfg: singular_values(cfg, mode=self.mode)[-1])
 
     @cached_property
     def distance(self) -> Array:
         """(m,) distance to the singular set [rad], to first order; see `sa.singularity`."""
-        if self.mode == "free-floating" and len(self.arm.tips) == 1:
+        if self._compiled:
             return read_only(evaluate(self.arm, self.q, ("distance",))["distance"])
         return self._each(lambda cfg: singularity(cfg, mode=self.mode).distance)
 
@@ -275,6 +277,11 @@ class Motion(Result):
         if name not in kinds:
             raise ConfigurationError(unknown("kind of motion", name, kinds))
         return kinds[name]
+
+    @property
+    def _compiled(self) -> bool:
+        """Whether there are kernels for the measures of its configurations."""
+        return self.mode == "free-floating" and len(self.arm.tips) == 1
 
     def _each(self, value: Callable[[Configuration], npt.ArrayLike]) -> Array:
         """Return the values of a function of the configuration at all samples."""

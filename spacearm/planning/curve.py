@@ -20,12 +20,11 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.mechanics.floating import GAUSS, magnus_step, magnus_step_derivative
-from spacearm.mechanics.jacobian import partial_derivatives
+from spacearm.mechanics.momentum import momentum_derivatives
 from spacearm.mechanics.reduction import (
     base_response,
     base_response_derivative,
     reduced_jacobian,
-    reduced_jacobian_derivative,
 )
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import kinematics
@@ -33,20 +32,18 @@ from spacearm.model.configuration import kinematics
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Jacobians and their derivatives at m configurations, the spacecraft at the identity.
+    """Matrices at m configurations, the spacecraft at the identity.
 
     Attributes:
         A: (m, 6, 6 + n) centroidal momentum matrices.
         J: (m, 6, 6 + n) tip Jacobians.
-        dA: (m, n, 6, 6 + n) derivatives with respect to each joint.
-        dJ: (m, n, 6, 6 + n) likewise.
+        dA: (m, n, 6, 6 + n) derivatives of A with respect to each joint.
         tip: m tip poses from the system CM.
     """
 
     A: Array
     J: Array
     dA: Array
-    dJ: Array
     tip: list[pin.SE3]
 
     @cached_property
@@ -64,21 +61,14 @@ class Samples:
         """(m, 6, n) J*."""
         return reduced_jacobian(self.J, self.X)
 
-    @cached_property
-    def dJ_star(self) -> Array:
-        """(m, n, 6, n) derivatives of J* with respect to each joint."""
-        return reduced_jacobian_derivative(self.J, self.dJ, self.X, self.dX)
-
 
 def sample(arm: SpaceArm, Q: Array) -> Samples:
     """Compute the samples at joint positions Q (m, n)."""
     at = [kinematics(arm, q, pin.SE3.Identity()).centred(np.zeros(3)) for q in Q]
-    derivatives = [partial_derivatives(arm, cfg.full_at_origin) for cfg in at]
     return Samples(
         A=np.array([cfg.A for cfg in at]),
         J=np.array([cfg.J for cfg in at]),
-        dA=np.array([dA for dA, _ in derivatives]),
-        dJ=np.array([dJ for _, dJ in derivatives]),
+        dA=np.array([momentum_derivatives(arm, cfg.full_at_origin) for cfg in at]),
         tip=[cfg.tip for cfg in at],
     )
 

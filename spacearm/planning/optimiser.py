@@ -19,8 +19,7 @@ from scipy.optimize import minimize
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.floating import walk
-from spacearm.mechanics.nearness import nearness_of
+from spacearm.mechanics.floating import attitudes, placed, walk
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.scale import radians
@@ -104,7 +103,7 @@ class CurveOptimiser:
         self.arm: SpaceArm = start.arm
         self.family = CurveFamily(self.arm, start.q, waves, INTERVALS)
         J = self._task_jacobians(sample(self.arm, start.q[None]))[0]
-        self.sense = math.copysign(1.0, np.linalg.det(J[0])) if self._square else 1.0
+        self.sense = math.copysign(1.0, np.linalg.det(J)) if self._square else 1.0
         self._turns = list(turning_axes(self.arm))
         self._axes = goal_axes(start)
         self._last: tuple[bytes, _Values] | None = None
@@ -125,10 +124,9 @@ class CurveOptimiser:
         """Whether J* is square in the task's rows."""
         return self.arm.task.k == self.arm.n
 
-    def _task_jacobians(self, at: Samples) -> tuple[Array, Array]:
-        """Return task Jacobians (m, k, n) and their derivatives (m, n, k, n), spacecraft axes."""
-        rows, scale = self.arm.task.indices, self.arm.task.scale
-        return scale * at.J_star[:, rows], scale * at.dJ_star[:, :, rows]
+    def _task_jacobians(self, at: Samples) -> Array:
+        """Return task Jacobians (m, k, n), spacecraft axes."""
+        return self.arm.task.scale * at.J_star[:, self.arm.task.indices]
 
     def values(self, x: Array) -> _Values:
         """Return all constraints on a motion, computed once for the same x."""
@@ -144,7 +142,7 @@ class CurveOptimiser:
             Q = self.family.points(p)
             at = sample(self.arm, Q)
             turns.append(self.family.turn(p, at))
-            for gap, slope in (self._singularity_margins(at), self._limit_margins(Q)):
+            for gap, slope in (self._singularity_margins(Q, at), self._limit_margins(Q)):
                 wide = np.zeros((len(gap), self.size))
                 if i == 0:
                     end, wide[:, : p.size] = at, slope
@@ -207,19 +205,20 @@ class CurveOptimiser:
             slopes.append(-np.eye(n, self.size))
         return self._residual(q, T, reached), np.vstack(slopes)
 
-    def _singularity_margins(self, at: Samples) -> tuple[Array, Array]:
+    def _singularity_margins(self, Q: Array, at: Samples) -> tuple[Array, Array]:
         """Return signed distances to the singular set less the clearance (m,), and derivatives.
 
         The sign is that of det J*, so that the margin goes through zero at a singularity. The
         derivative is that to first order, along the shortest way: right where the margin binds.
         """
-        J, dJ = self._task_jacobians(at)
-        near = [nearness_of(self.arm, J[i], dJ[i]) for i in range(len(J))]
-        distance = np.minimum([found.distances[-1] for found in near], FAR)
-        away = np.array([found.away for found in near]) / radians(self.arm) ** 2
-        sign = self.sense * np.sign(np.linalg.det(J)) if self._square else np.ones(len(J))
+        from spacearm.mechanics.compiled import tangent  # imports the compiler
+
+        near, sign = tangent(self.arm, Q), np.ones(len(Q))
+        if self._square:
+            sign = self.sense * np.sign(np.linalg.det(self._task_jacobians(at)))
+        distance, away = np.minimum(near.distance, FAR), near.rows[:, 0] / radians(self.arm)
         slope = np.einsum("m,ma,mk->mak", sign, self.family.basis, away)
-        return sign * distance - MARGIN * self.target.clearance, slope.reshape(len(J), -1)
+        return sign * distance - MARGIN * self.target.clearance, slope.reshape(len(Q), -1)
 
     def _limit_margins(self, Q: Array) -> tuple[Array, Array]:
         """Return the least distance of every joint to each of its limits, and its derivatives."""
@@ -271,12 +270,12 @@ class CurveOptimiser:
             if (length := self.cost(x)[0] ** 0.5) > LONGEST:
                 raise NoSolutionError(f"a curve grew to {length:.3g} rad")
             self._check_time()
-            rows = walk(self.start, self.positions(x))
-            left = self.residual(rows[-1])
+            Q = self.positions(x)
+            left = self.residual(placed(self.start, Q[-1], attitudes(self.start, Q)[-1]))
             if np.linalg.norm(left) <= ARRIVED:
-                return rows
+                return walk(self.start, Q)
             x = x - np.linalg.lstsq(self.values(x).d_end, left, rcond=1e-9)[0]
-        raise NoSolutionError(f"the end stays {np.linalg.norm(left):.1e} off", rows)
+        raise NoSolutionError(f"the end stays {np.linalg.norm(left):.1e} off", walk(self.start, Q))
 
     def positions(self, x: Array) -> Array:
         """Return the joint positions (m, n) along loops and curve."""

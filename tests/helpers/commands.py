@@ -49,7 +49,7 @@ def in_a_process(*words, cwd=None, **environment):
     command = [sys.executable, "-m", "spacearm", *map(str, words)]
     env = os.environ | {"COLUMNS": "100", "NO_COLOR": "1"} | environment
     run = subprocess.run(
-        command, capture_output=True, text=True, env=env, timeout=60, check=False, cwd=cwd
+        command, capture_output=True, text=True, env=env, timeout=300, check=False, cwd=cwd
     )
     return Finished(run.returncode, run.stdout, run.stderr)
 

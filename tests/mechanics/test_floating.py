@@ -47,6 +47,18 @@ def test_moving_is_of_fourth_order(monkeypatch):
     assert (orders > 3.7).all()
 
 
+@given(trees())
+@settings(max_examples=10)
+def test_a_walk_is_one_motion_after_another(cfg):
+    n, rng = cfg.arm.n, np.random.default_rng(2)
+    Q = cfg.q + np.vstack((np.zeros(n), np.cumsum(rng.normal(size=(4, n)) / 5, axis=0)))
+    rows = reaction.walk(cfg, Q)
+    for q, row in zip(Q[1:], rows[1:], strict=True):
+        cfg = reaction.move(cfg, q)
+        np.testing.assert_array_equal(row.q, q)
+        np.testing.assert_allclose(row.base.homogeneous, cfg.base.homogeneous, atol=1e-10)
+
+
 def test_there_and_back_is_where_it_was_and_a_loop_is_not():
     cfg = sa.load("planar2").at([0.3, -0.4], base=random_base(np.random.default_rng(3)))
     back = sa.move(sa.move(cfg, [1.3, 0.6]), cfg.q)

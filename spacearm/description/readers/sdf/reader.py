@@ -39,7 +39,7 @@ AXES = {
     "ball": (),
 }
 """Axes of each type of joint."""
-MODEL_AXES = 1.5
+MODEL_AXES = (1, 5)
 """Before this version all axes are in the axes of the model."""
 
 
@@ -65,7 +65,7 @@ class _Reader:
     def __init__(self, source: Source, root: etree._Element) -> None:
         self._source = source
         try:
-            self._version = float(root.get("version", "1.5"))
+            self._version = tuple(map(int, root.get("version", "1.5").split(".")))
         except ValueError:
             source.fail(f"has version={root.get('version')!r}", "give one such as version='1.9'")
         self._contents = Contents(source, root)

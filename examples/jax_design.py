@@ -1,0 +1,16 @@
+"""How S changes with the masses: a derivative through the equations, by JAX.
+
+Takes pip install "spacearm[jax]".
+"""
+
+import jax
+import numpy as np
+
+import spacearm as sa
+
+jax.config.update("jax_enable_x64", True)
+fly = sa.to_jax(sa.load("planar2"))
+q = np.radians([-65.0, 30.0])
+slope = jax.grad(fly.S, argnums=1)(q, fly.parameters)
+print("S", float(fly.S(q)))
+print("by the masses of spacecraft and links", np.round(slope.masses, 4))

@@ -1,0 +1,10 @@
+"""How near to a dynamic singularity is a posture, and what can the tip not do there?"""
+
+import numpy as np
+
+import spacearm as sa
+
+arm = sa.load("planar2")
+report = sa.singularity(arm.at(np.radians([-65.0, -11.41])))  # figure 3 of the paper
+print(report.kind, f"singularity, {np.degrees(report.distance):.4f} degrees away")
+print("the tip cannot move along", report.lost.round(3))

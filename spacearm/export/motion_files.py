@@ -1,0 +1,142 @@
+"""A motion as a table, for MATLAB, for ROS, and as NetCDF."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.files import write
+from spacearm.motion.motion import Motion
+
+COLUMNS = {
+    "component": ("px", "py", "pz", "hx", "hy", "hz"),
+    "axis": ("x", "y", "z"),
+}
+"""Names of columns by what they stand for; those of wheels are numbers."""
+
+
+def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
+    """Write a motion for other programs, in the format that the suffix names.
+
+    - .csv: a table with a line a time; the first line names the columns with their units.
+    - .mat: a MATLAB file with an array for each quantity, `joint` names and `units`.
+    - .json: a JointTrajectory as ROS 2's messages have it (trajectory_msgs): names of the joints,
+      and points with positions, velocities and time from start.
+    - .nc: NetCDF, as `Motion.to_xarray` has it.
+
+    `Motion.save` writes files that `Motion.load` reads.
+
+    Args:
+        motion: Any motion: a trajectory, a followed path, a plan.
+        path: The file to write.
+
+    Returns:
+        The path.
+
+    Raises:
+        ConfigurationError: The suffix is none of these.
+        UnsupportedError: What was given is no motion.
+        SpaceArmError: The file cannot be written.
+
+    Example:
+        >>> import spacearm as sa
+        >>> way = sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)])
+        >>> path = sa.write_motion(way, "way.csv")
+        >>> path.read_text().split(",")[:2]
+        ['t [s]', 'q joint_1 [rad]']
+    """
+    if not isinstance(motion, Motion):
+        raise UnsupportedError(f"a {type(motion).__name__} is no motion; give one, as sa.plan does")
+    path = Path(path)
+    if path.suffix not in WRITERS:
+        raise ConfigurationError(unknown("suffix of a motion's file", path.suffix, WRITERS))
+    return write(path, WRITERS[path.suffix](motion))
+
+
+def _csv(motion: Motion) -> bytes:
+    """Write a table."""
+    heads, columns = ["t [s]"], [np.asarray(motion.t)]
+    for name, values in motion.to_xarray().data_vars.items():
+        unit = values.attrs["units"]
+        if values.ndim == 1:
+            heads.append(f"{name} [{unit}]")
+            columns.append(values.values)
+        else:
+            kind, size = str(values.dims[1]), values.shape[1]
+            heads += [f"{name} {column}" for column in _columns(motion, kind, unit, size)]
+            columns += list(values.values.T)
+    text = io.StringIO()
+    text.write(",".join(heads) + "\n")
+    np.savetxt(text, np.column_stack(columns), fmt="%.17g", delimiter=",")
+    return text.getvalue().encode()
+
+
+def _columns(motion: Motion, kind: str, unit: str, size: int) -> list[str]:
+    """Return the heads of the columns of a quantity; a comma in them would part cells."""
+    if kind == "pose":
+        return [*(f"{x} [m]" for x in "xyz"), *(f"q{x} [1]" for x in "xyzw")]
+    if kind == "joint":
+        units = (unit.split(" or ")[-1 if slides else 0] for slides in motion.arm.slides)
+        names = (name.replace(",", "_") for name in motion.arm.joint_names)
+        return [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+    columns = COLUMNS.get(kind) or tuple(str(i + 1) for i in range(size))
+    return [f"{column} [{unit.replace(',', ';')}]" for column in columns]
+
+
+def _mat(motion: Motion) -> bytes:
+    """Write a MATLAB file."""
+    from scipy.io import savemat
+
+    data = motion.to_xarray()
+    content: dict[str, Any] = {str(name): values.values for name, values in data.data_vars.items()}
+    content |= {"t": np.asarray(motion.t)[:, None], "arm": motion.arm.name}
+    content["joint"] = np.array(motion.arm.joint_names, dtype=object)
+    content["units"] = {str(name): values.attrs["units"] for name, values in data.data_vars.items()}
+    file: Any = io.BytesIO()  # which the stubs of scipy do not know
+    savemat(file, content, long_field_names=True)
+    return bytes(file.getvalue())
+
+
+def _joint_trajectory(motion: Motion) -> bytes:
+    """Write a JointTrajectory."""
+    t = np.asarray(motion.t) - motion.t[0]
+    points = [
+        {
+            "positions": q.tolist(),
+            "velocities": dq.tolist(),
+            "time_from_start": _duration(float(time)),
+        }
+        for time, q, dq in zip(t, motion.q, motion.dq, strict=True)
+    ]
+    message = {"joint_names": list(motion.arm.joint_names), "points": points}
+    return json.dumps(message, indent=1).encode() + b"\n"
+
+
+def _duration(time: float) -> dict[str, int]:
+    """Return a time [s] as seconds and nanoseconds."""
+    nanoseconds = round(1e9 * (time - math.floor(time)))
+    return {
+        "sec": math.floor(time) + nanoseconds // 10**9,
+        "nanosec": nanoseconds % 10**9,
+    }
+
+
+def _netcdf(motion: Motion) -> bytes:
+    """Write NetCDF."""
+    return bytes(motion.to_xarray().to_netcdf())
+
+
+WRITERS: dict[str, Callable[[Motion], bytes]] = {
+    ".csv": _csv,
+    ".mat": _mat,
+    ".json": _joint_trajectory,
+    ".nc": _netcdf,
+}
