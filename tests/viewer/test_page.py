@@ -244,6 +244,11 @@ def test_every_control_has_a_name_and_can_be_reached_by_keyboard(browser):
 def test_on_a_phone_the_panel_folds_away(browser):
     viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2], width=390, height=844)
     assert page.page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.page.evaluate("window.scrollTo(0, 1e4)")
+    assert page.page.is_visible("#distance")
+    assert 0 <= top(page, "#kind") < 844
+    assert top(page, "#scene") == 0
+    page.page.evaluate("window.scrollTo(0, 0)")
     page.page.click("#fold")
     assert not page.page.is_visible("#panel")
     assert page.page.get_attribute("#fold", "aria-expanded") == "false"
@@ -459,3 +464,28 @@ def test_an_address_brings_the_posture_back(browser):
     assert viewer.q == pytest.approx([0.3, 1.2])
     assert "#" not in again.page.url
     shut(viewer, page, again)
+
+
+@pytest.mark.slow
+def test_a_saved_motion_shows_the_values_of_its_time(browser, tmp_path):
+    arm, q = sa.load("planar2"), np.radians([[-65, -30], [-65, -11.41], [-65, 20]])
+    base = np.tile([0, 0, 0, 0, 0, 0, 1.0], (3, 1))
+    motion = sa.Motion(arm, np.array([0.0, 1.0, 2.0]), q, base)
+    viewer = sa.view(motion, open=False)
+    page = Page(browser, viewer.save(tmp_path / "m.html").as_uri(), width=900, height=700)
+    page.page.wait_for_selector("#motion:not([hidden])")
+    assert page.page.is_visible("#away")
+    for t, kind in ((0.0, "regular"), (1.0, "singular"), (2.0, "regular")):
+        page.seek(t)
+        cfg = motion.at(t)
+        assert page.text("#kind") == kind
+        tip = [float(x) for x in page.text("#tip").removesuffix(" m").split(",")]
+        np.testing.assert_allclose(tip, cfg.tip.translation, atol=6e-4)
+        radius = float(page.text("#radius").removesuffix(" m"))
+        assert radius == pytest.approx(np.linalg.norm(cfg.tip.translation - cfg.com), abs=1e-3)
+        assert (
+            page.page.locator(".joint output").nth(1).text_content()
+            == f"{np.degrees(cfg.q[1]):.2f}"
+        )
+    assert not page.page.is_visible("#away"), "it is known for the start alone"
+    shut(viewer, page)

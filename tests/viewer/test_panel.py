@@ -89,7 +89,8 @@ def test_a_motion_has_curves_in_degrees_and_its_events():
     base = np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1))
     told = account(Run(arm, np.array([0.0, 2.0]), np.array([[0.3, 1.2], [0.5, 1.0]]), base))
     curves = {curve["name"]: curve for curve in told["curves"]}
-    assert {"joints", "attitude", "distance", "sigma_min", "torques"} == set(curves)
+    shown = {"joints", "attitude", "distance", "sigma_min", "tip", "R from the CM", "torques"}
+    assert set(curves) == shown
     first = [column[0] for column in curves["joints"]["values"]]
     np.testing.assert_allclose(first, np.degrees([0.3, 1.2]))
     assert all(len(column) == len(told["t"]) for c in told["curves"] for column in c["values"])

@@ -29,7 +29,7 @@ export function createChart({ t, curves }, seek) {
       cursor: { drag: { x: false, y: false }, y: false },
       scales: { x: { time: false } },
       axes: [{ ...axis, label: "t [s]", labelSize: 18, size: 34 },
-        { ...axis, label: `[${unit}]`, labelSize: 18, size: 54 }],
+        { ...axis, label: `[${unit}]`, labelSize: 18, size: 54, space: 22 }],
       series: [{ label: "t" }, ...labels.map((label, i) => ({
         label, stroke: COLOURS[i % COLOURS.length], width: 2,
         dash: i >= COLOURS.length ? [6, 4] : undefined, points: { show: t.length < 3 },

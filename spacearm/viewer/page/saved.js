@@ -2,7 +2,7 @@
 
 import { createCamera } from "./camera.js";
 import { createChart } from "./chart.js";
-import { DEGREE, byId, element, fixed } from "./format.js";
+import { DEGREE, byId, digits, element, fixed } from "./format.js";
 import { createPlayback } from "./playback.js";
 import { createReadouts, gauge, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
@@ -53,10 +53,9 @@ function at({ t, curves }, time, name) {
     (v[i] === null || v[j] === null ? null : (1 - s) * v[i] + s * v[j]));
 }
 
-function play(viewer, { motion, joints, near }, film) {
+function play(viewer, { motion, joints, near, tolerance }, film) {
   viewer?.animator.play();
   viewer?.animator.pause();
-  document.body.classList.add("played"); // what stands still for the first posture alone is hidden
   let drawTime = () => {};
   const seek = (t) => {
     viewer?.animator.seek(t - motion.span[0]);
@@ -64,7 +63,13 @@ function play(viewer, { motion, joints, near }, film) {
     const degrees = at(motion, t, "distance")[0];
     gauge(degrees === null ? null : degrees * DEGREE);
     const close = degrees !== null && degrees * DEGREE < near;
-    setKind({ kind: "regular", near: close });
+    const singular = degrees !== null && degrees * DEGREE < tolerance;
+    setKind({ kind: singular ? "dynamic" : "regular", near: close && !singular },
+      singular ? "singular" : "");
+    const place = at(motion, t, "tip");
+    if (place.length) byId("tip").textContent = `${place.map((x) => fixed(x, 3)).join(", ")} m`;
+    byId("radius").textContent = `${digits(at(motion, t, "R from the CM")[0], 5)} m`;
+    document.body.classList.toggle("played", t !== motion.span[0]); // known for the start alone
     const [turning, sliding] = ["joints", "sliding joints"].map((name) => at(motion, t, name));
     const outputs = byId("joints").querySelectorAll("output");
     joints.forEach(({ angle }, i) => {
@@ -74,7 +79,6 @@ function play(viewer, { motion, joints, near }, film) {
   const playback = createPlayback(motion, seek);
   drawTime = createChart(motion, playback.seek);
   film(playback.playOnce);
-  seek(motion.span[0]);
 }
 
 start(DATA, COMMANDS);

@@ -54,6 +54,11 @@ def _curves(motion: Motion, rows: Array) -> list[dict[str, Any]]:
     distance = np.degrees(motion.distance[rows])[:, None]
     groups.append(_group("distance", "°", ["to a singular posture"], distance))
     groups.append(_group("sigma_min", arm.sigma_unit, ["sigma_min"], motion.sigma_min[rows, None]))
+    if len(arm.tips) == 1:
+        tip, com = motion.tip[rows, :3], motion.com[rows]
+        groups.append(_group("tip", "m", ["x", "y", "z"], tip))
+        radius = np.linalg.norm(tip - com, axis=1)[:, None]
+        groups.append(_group("R from the CM", "m", ["R"], radius))
     if (torque := getattr(motion, "torque", None)) is not None:
         groups.append(_group("torques", "N m" if not len(sliding) else "N m or N", names,
                              torque[rows]))  # fmt: skip

@@ -18,7 +18,7 @@ from spacearm.description.visuals import Mesh
 from spacearm.errors import SpaceArmError, listed
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.singularities.report import IN_WORDS, SingularityReport
+from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
 from spacearm.viewer.panel.labels import short_names
 
 NEAR = math.radians(5.0)
@@ -43,6 +43,7 @@ def about(arm: SpaceArm) -> dict[str, Any]:
         "contacts": _checked(arm),
         "held": dict(arm.held),
         "near": NEAR,
+        "tolerance": TOLERANCE,
         "view": [0.55, -0.75, 0.5] if normal is None else _over_the_plane(normal),
         "normal": None if normal is None else np.eye(3)[normal].tolist(),
     }
