@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 MISSING = "UnsupportedError", "ModuleNotFoundError"
@@ -19,10 +21,15 @@ def write(docs: Path) -> None:
     """
     folder = docs / "generated" / "examples"
     folder.mkdir(parents=True, exist_ok=True)
-    for path in sorted((docs.parent / "examples").glob("*.py")):
-        said = folder / f"{path.stem}.txt"
-        if not said.exists() or said.stat().st_mtime < path.stat().st_mtime:
-            said.write_text(_output(path.resolve(), folder), encoding="utf-8")
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # they run in processes of their own
+        list(pool.map(partial(_keep, folder), (docs.parent / "examples").glob("*.py")))
+
+
+def _keep(folder: Path, path: Path) -> None:
+    """Write what an example prints, unless that is newer than the example."""
+    said = folder / f"{path.stem}.txt"
+    if not said.exists() or said.stat().st_mtime < path.stat().st_mtime:
+        said.write_text(_output(path.resolve(), folder), encoding="utf-8")
 
 
 def _output(path: Path, folder: Path) -> str:

@@ -15,7 +15,6 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
 from spacearm.description.model_catalogue import arms, catalogue
-from spacearm.errors import ModelError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.loading import load
@@ -26,16 +25,11 @@ def list_models(as_json: AsJson = False) -> None:
     if as_json:
         return print_json([{**info.to_dict(), **_masses(info.name)} for info in catalogue()])
     rows = table("name", "n", "tip", "task", "spacecraft", "arm", "what it is", "source")
-    missing = False
     for info in catalogue():
-        masses = _masses(info.name).values()
-        spacecraft, arm = ("-" if mass is None else f"{number(mass)} kg" for mass in masses)
-        missing = missing or None in masses
+        spacecraft, arm = (f"{number(mass)} kg" for mass in _masses(info.name).values())
         facts = (info.name, str(info.n), info.tip, info.task, spacecraft, arm)
         rows.add_row(*facts, info.summary, info.source)
     out.print(rows)
-    if missing:
-        out.print("-: its arm is not installed: pip install 'spacearm[arms]'")
     heading("Arms for sa.mount")
     rows = table("name", "tip", "what it is", "source")
     for arm_info in arms():
@@ -43,15 +37,9 @@ def list_models(as_json: AsJson = False) -> None:
     out.print(rows)
 
 
-def _masses(name: str) -> dict[str, float | None]:
-    """Return the masses of the spacecraft with all that is fixed to it, and of the rest [kg].
-
-    None if the model is put together with an arm that is not installed.
-    """
-    try:
-        arm = load(name)
-    except ModelError:
-        return {"spacecraft_mass": None, "arm_mass": None}
+def _masses(name: str) -> dict[str, float]:
+    """Return the masses of the spacecraft with all that is fixed to it, and of the rest [kg]."""
+    arm = load(name)
     spacecraft = float(arm.model.inertias[1].mass)
     return {"spacecraft_mass": spacecraft, "arm_mass": arm.mass - spacecraft}
 

@@ -125,7 +125,9 @@ def find_arm(arm: RobotSource) -> ArmInfo | None:
     """
     info = _named("arm", arm, arms_by_name())
     if info and not info.path.is_file():
-        raise ModelError(f"{info.name}: {info.path} is missing: pip install 'spacearm[arms]'")
+        raise ModelError(
+            f"{info.name}: {info.path} is missing; pip install 'example-robot-data>=6,<7'"
+        )
     return info
 
 

@@ -97,23 +97,6 @@ def test_models_and_info():
     assert [body["mass"] for body in facts["bodies"]] == [40, 4, 3]
 
 
-def test_models_of_arms_that_are_not_installed_are_listed(monkeypatch):
-    from spacearm.cli import models
-
-    def load(name):
-        if name == "servicer_ur5":
-            raise sa.ModelError("ur5 is missing")
-        return sa.load(name)
-
-    monkeypatch.setattr(models, "load", load)
-    run = spacearm("models")
-    assert run.returncode == 0
-    assert "pip install 'spacearm[arms]'" in run.stdout
-    masses = {entry["name"]: entry["arm_mass"] for entry in answer("models")}
-    assert masses["servicer_ur5"] is None
-    assert masses["planar2"] == 7.0
-
-
 def test_help_and_version():
     assert "query" in spacearm().stdout
     assert "query" in spacearm("--help").stdout

@@ -276,7 +276,7 @@ def test_robots_whose_package_is_not_installed_say_so(monkeypatch):
 
     missing = sa.arms()[1]._replace(path=Path("nowhere.urdf"))
     monkeypatch.setattr(catalogue, "arms_by_name", lambda: {"ur5": missing})
-    with pytest.raises(sa.ModelError, match=r"pip install 'spacearm\[arms\]'"):
+    with pytest.raises(sa.ModelError, match="pip install 'example-robot-data"):
         sa.mount("ur5", SERVICER)
 
 
