@@ -144,8 +144,9 @@ def draw(family: str, number: int) -> Problem:
     while True:
         corners = [rng.uniform(low, high)]
         for _ in range(WAYPOINTS):
-            corner = corners[-1] + SPREAD * rng.normal(size=arm.n)
-            corners.append(np.clip(corner, low, high) if limited else corner)
+            corners.append(corners[-1] + SPREAD * rng.normal(size=arm.n))
+            while limited and ((corners[-1] < low) | (corners[-1] > high)).any():
+                corners[-1] = corners[-2] + SPREAD * rng.normal(size=arm.n)
         Q = PchipInterpolator(np.arange(len(corners)), corners)(np.linspace(0, WAYPOINTS, SAMPLES))
         if not free(arm, Q, limited):
             continue

@@ -176,7 +176,7 @@ def test_metadata_is_complete(archives):
         found = Metadata.from_email(wheel.read(name))  # refuses what is not valid
     assert found.version == Version(sa.__version__)
     assert found.license_expression == "BSD-3-Clause"
-    assert found.license_files == ["LICENSE"]
+    assert found.license_files == ["LICENSE", "spacearm/viewer/page/uplot/LICENSE"]
     assert found.summary
     assert found.keywords
     assert found.author
