@@ -27,7 +27,21 @@ VALUES = (
 )  # fmt: skip
 PANEL = {
     "joint": {"index": (0, 1, 2), "value": (0.3, -0.7, 3.0, 250.0, 1e6, -1e12)},
+    "joints": {"indices": ([0, 1], [1], [0, 0]), "values": ([0.3, -0.7], [3.0], [1e6, -1e12])},
     "attitude": {"rpy": ([0, 0, 1], [1e12, -1e12, 3])},
+    "grab": {
+        "grip": (1, 2),
+        "shift": ([0.1, 0.2, 0], [1e12, -1e12, 3], None),
+        "turn": ([0, 0, 0.3], [1e12, 0, 3], None),
+    },
+    "map": {"joints": ([0, 1], [1, 0], [1, 1], [0, 40], None)},
+    "arm": {
+        "robot": ("planar2", "nobody", None),
+        "file": ({"name": "../a.urdf", "text": "<robot/>"}, {"name": "a.py", "text": ""}, None),
+        "tip": ("link_2", "tip", None),
+        "task": ("x y", "position", "z z", None),
+        "joints": (["joint_1"], [], None),
+    },
     "mode": {"mode": ("posture", "free-floating", "free-floating")},
     "time": {"t": (-1, 0.3, 3.0, 1e9)},
     "layer": {"name": ("spacecraft", "labels"), "visible": (True, False)},
@@ -36,7 +50,10 @@ PANEL = {
     "home": {},
 }
 """What a page does send, or would if its arm had such limits."""
-KEYS = ("do", "index", "value", "rpy", "mode", "name", "visible", "t", "x")
+KEYS = (
+    "do", "index", "value", "rpy", "mode", "name", "visible", "t", "x", "indices", "values", "grip",
+    "shift", "turn", "joints", "robot", "file", "tip", "task",
+)  # fmt: skip
 
 
 ARMS = ("planar2", "mda6", "chaser7", "dual_ur5", "wide", "sliding")
