@@ -78,7 +78,7 @@ def test_every_public_name_is_there_and_documented():
         assert name == "__version__" or thing.__doc__, name
 
 
-BUILT = [ROOT / "docs" / name for name in ("api", "generated", "lessons")]
+BUILT = [ROOT / "docs" / name for name in ("api", "generated", "generated/examples", "lessons")]
 """Folders that the build of the site fills; it checks the links to them."""
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
