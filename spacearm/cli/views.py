@@ -6,7 +6,6 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from spacearm.cli.options import (
@@ -28,7 +27,9 @@ def view_configuration(
     arm: SpaceArm,
     q: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; zeros if left out."),
+        typer.Argument(
+            metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; a regular posture if left out."
+        ),
     ] = None,
     attitude: Attitude = (0.0, 0.0, 0.0),
     port: Annotated[
@@ -47,7 +48,7 @@ def view_configuration(
     deg: bool = False,
 ) -> None:
     """Show a configuration in the browser, with sliders; Ctrl-C ends it."""
-    start = joint_values(arm, q, deg) if q else np.clip(0.0, arm.lower, arm.upper)
+    start = joint_values(arm, q, deg) if q else None
     viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
     if save:
         out.print(f"wrote {viewer.save(save)}")

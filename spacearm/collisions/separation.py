@@ -117,6 +117,11 @@ class Collisions:
         """Tell whether bodies of the arm meet each other at joint positions (n,)."""
         return bool((self.distances(q) < self._near[: self._own]).any())
 
+    def touching(self, q: Array) -> list[tuple[str, str]]:
+        """Return the names of the bodies of the arm that meet each other at positions (n,)."""
+        pairs = np.flatnonzero(self.distances(q) < self._near[: self._own])
+        return list(dict.fromkeys(self.links(int(pair)) for pair in pairs))
+
     def clear(self, cfg: Configuration, com: Array) -> bool:
         """Tell whether the bodies of a configuration meet none of the bodies that rest.
 

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.solids import corners
 
-BROWN = 0x8C564B
+SLATE = 0x5F6B7A
 
 
 class ObstacleLayer:
@@ -27,7 +27,7 @@ class ObstacleLayer:
         for i, part in enumerate(part for o in obstacles for part in o.parts):
             points = corners(part.solid)
             mesh = g.TriangularMeshGeometry(points, ConvexHull(points).simplices)
-            material = g.MeshPhongMaterial(color=BROWN, opacity=0.6, side="DoubleSide")
+            material = g.MeshPhongMaterial(color=SLATE, opacity=0.6, side="DoubleSide")
             node[str(i)].set_object(mesh, material)
         self._place(0.0, self._obstacles)
 

@@ -16,30 +16,35 @@ from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport
+from spacearm.viewer.ghost import draw_ghost
+from spacearm.viewer.panel.readouts import FAR, NEAR
+from spacearm.viewer.paths import distance_colors, tube
 from spacearm.viewer.shapes import along, shapes
 from spacearm.viewer.window import Window
 
-RED, GREEN, BLUE, PURPLE, ORANGE = 0xD62728, 0x009E73, 0x0072B2, 0x9467BD, 0xE69F00
-INK = 0x30363D
+AXES = (0xD62728, 0x2CA02C, 0x1F4FD8)
+BROWN, PURPLE, CYAN, AMBER, MAGENTA, PINK = (
+    0x7A4A00, 0x7B52C7, 0x17BECF, 0xF5A800, 0xD6007F, 0xF065B5,
+)  # fmt: skip
 
 LAYERS = {
     "bodies": "#8a8f98",
-    "centre of mass": "#e69f00",
-    "virtual manipulator": "#9467bd",
-    "tip frame": "#555555",
-    "ellipsoid": "#0072b2",
-    "directions": "#d62728",
+    "centre of mass": "#7a4a00",
+    "virtual manipulator": "#7b52c7",
+    "tip frame": "#2ca02c",
+    "ellipsoid": "#17becf",
+    "directions": "#d6007f",
     "shells": "#56b4e9",
-    "obstacles": "#8c564b",
-    "trace": "#0072b2",
+    "obstacles": "#5f6b7a",
+    "trace": "#d55e00",
+    "goal": "#7d8794",
 }
-"""Layers, and their colours in the panel."""
+"""Layers, and their colours in the panel; red, green and blue are for axes alone."""
 
-NEAR = float(np.radians(5.0))
-"""Distance to the singular set below which the weakest direction is drawn [rad]."""
-FIT = 1.5
-"""Distance of the camera over the radius of the system, for meshcat's view of 75 degrees."""
+MOST_POINTS = 600
+"""Largest number of points of a drawn path."""
 ELLIPSOID_SECONDS = 0.3
 """Scale of the ellipsoid: the tip motion in this time at joint rates of 1 rad/s or 1 m/s."""
 
@@ -62,6 +67,8 @@ class Scene:
         self._draw_bodies()
         self.size = self._extent(arm.at(np.zeros(arm.n)))[1]
         self._draw_markers()
+        for name in ("/Grid", "/Axes"):  # meshcat's own; the page draws a grid of the arm's size
+            meshcat.Visualizer(window=window)[name].set_property("visible", False)
 
     # --- once -----------------------------------------------------------------------------
 
@@ -80,21 +87,21 @@ class Scene:
     def _draw_markers(self) -> None:
         size = self.size
         ball = self._layer("centre of mass")["ball"]
-        ball.set_object(g.Sphere(0.022 * size), _overlay(ORANGE))
+        ball.set_object(g.Sphere(0.022 * size), _overlay(BROWN))
         tip = self._layer("tip frame")["axes"]
-        for axis, color in enumerate((RED, GREEN, BLUE)):
+        for axis, color in enumerate(AXES):
             node = tip[str(axis)]
             node.set_object(g.Cylinder(0.14 * size, 0.005 * size), _overlay(color))
             node.set_transform(along(np.zeros(3), 0.14 * size * np.eye(3)[axis]))
         ellipsoid = self._layer("ellipsoid")["body"]
-        ellipsoid.set_object(g.Sphere(1.0), g.MeshPhongMaterial(color=BLUE, opacity=0.35))
+        ellipsoid.set_object(g.Sphere(1.0), g.MeshPhongMaterial(color=CYAN, opacity=0.35))
         arrow = self._layer("directions")
-        for name, color in (("lost", RED), ("weak", ORANGE)):
+        for name, color in (("lost", MAGENTA), ("weak", PINK)):
             _arrow(arrow[name], color)
-        arrow["line"].set_object(g.Cylinder(1.0, 0.007 * size), _overlay(GREEN))
+        arrow["line"].set_object(g.Cylinder(1.0, 0.007 * size), _overlay(AMBER))
         disc = g.Cylinder(0.004 * size, 0.3 * size)
-        arrow["plane"].set_object(disc, g.MeshBasicMaterial(color=GREEN, opacity=0.3))
-        arrow["turn"].set_object(_ring(0.16 * size, 0.008 * size), _overlay(RED))
+        arrow["plane"].set_object(disc, g.MeshBasicMaterial(color=AMBER, opacity=0.3))
+        arrow["turn"].set_object(_ring(0.16 * size, 0.008 * size), _overlay(MAGENTA))
 
     # --- at every configuration -------------------------------------------------------------
 
@@ -203,28 +210,22 @@ class Scene:
             layer[str(i)].set_object(g.Sphere(radius), material)
 
     def trace(self, points: Array, values: Array) -> None:
-        """Draw a path (m, 3) [m], coloured by values (m,) from red at 0 to blue at 1."""
-        low, high = np.array([0.84, 0.15, 0.16]), np.array([0.0, 0.45, 0.7])
-        colors = low + np.clip(values, 0.0, 1.0)[:, None] * (high - low)
-        pairs, hues = (np.repeat(a, 2, axis=0)[1:-1].T.astype(np.float32) for a in (points, colors))
-        geometry = g.PointsGeometry(pairs, hues)
-        material = g.LineBasicMaterial(vertexColors=True, linewidth=3)
-        self._layer("trace")["line"].set_object(g.LineSegments(geometry, material))
+        """Draw a path (m, 3) [m], coloured by values (m,): vermilion at 0, yellow, blue at 1."""
+        rows = np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).round().astype(int)
+        geometry = tube(points[rows], distance_colors(values[rows]), 0.006 * self.size)
+        material = g.MeshBasicMaterial(
+            vertexColors=True, transparent=True, depthTest=False, depthWrite=False
+        )
+        self._layer("trace")["line"].set_object(geometry, material)
 
-    def aim(self, cfg: Configuration) -> None:
-        """Move the camera to where the system fills the view."""
-        centre, radius = self._extent(cfg)
-        normal = self.arm.tree.plane_normal()
-        view = np.array([0.55, -0.75, 0.5]) if normal is None else _over_the_plane(normal)
-        x, y, z = FIT * radius * view / np.linalg.norm(view)
-        self.root.set_transform(_at(-centre))  # the camera turns about the origin, always
-        root = meshcat.Visualizer(window=self.root.window)
-        camera = root["/Cameras/default/rotated/<object>"]
-        camera.set_property("position", [x, z, -y])
-        camera.set_property("near", 0.01 * radius)
-        camera.set_property("far", 100.0 * radius)
-        for name in ("/Grid", "/Axes"):
-            root[name].set_property("visible", False)
+    def show_motion(self, motion: Motion) -> None:
+        """Draw the tip's path, coloured by the distance to the singular set, and where it ends.
+
+        Several tips have no one path.
+        """
+        if len(motion.arm.tips) == 1:
+            self.trace(motion.tip[:, :3], motion.distance / FAR)
+            draw_ghost(self._layer("goal"), motion[len(motion) - 1], self.size)
 
     def _extent(self, cfg: Configuration) -> tuple[Array, float]:
         """Compute centre (3,) and radius of a ball around the system [m]."""
@@ -237,11 +238,6 @@ class Scene:
         low = np.minimum(points.min(axis=0), body - gyration)
         high = np.maximum(points.max(axis=0), body + gyration)
         return (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-3)
-
-
-def _over_the_plane(normal: int) -> Array:
-    """Return the direction to view a planar arm from: near the normal of its plane."""
-    return np.array([(1.0, -0.2, 0.3), (0.2, -1.0, 0.3), (0.0, -0.35, 1.0)][normal])
 
 
 def _name(link: str) -> str:

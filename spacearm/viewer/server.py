@@ -25,7 +25,7 @@ import tornado.websocket
 from spacearm.errors import SpaceArmError
 from spacearm.viewer.outbox import Key, Outbox
 from spacearm.viewer.port import LOOPBACK, listen
-from spacearm.viewer.window import PAGE, VIEWER_SCRIPT, Window
+from spacearm.viewer.window import LIBRARIES, PAGE, Window
 
 LARGEST_MESSAGE = 100_000
 """Size of a message of the page, and of the body of a request [bytes]."""
@@ -40,8 +40,8 @@ class Panel(Protocol):
 
     window: Window
 
-    def handle(self, message: object) -> None:
-        """Do what a message asks.
+    def handle(self, message: object) -> dict[str, Any] | None:
+        """Do what a message asks, and return what the one who asked is told besides.
 
         Raises:
             SpaceArmError: It cannot be done.
@@ -116,12 +116,12 @@ class Server:
 
     async def _serve(self, listener: socket.socket) -> None:
         options = {"server": self, "hosts": {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}}
-        files = {name: PAGE / name for name in ("page.css", "page.js", "scene.js")}
+        own = {path.name: path for path in (*PAGE.glob("*.js"), *PAGE.glob("*.css"))}
         application = tornado.web.Application([
             (r"/", _Page, options),
             (r"/socket", _Socket, options),
             *((f"/({name})", _File, {**options, "path": path})
-              for name, path in {**files, "meshcat.js": VIEWER_SCRIPT}.items()),
+              for name, path in (own | LIBRARIES).items()),
         ], websocket_max_message_size=LARGEST_MESSAGE, log_function=lambda _: None)  # fmt: skip
         server = tornado.httpserver.HTTPServer(
             application,
@@ -155,7 +155,8 @@ class Server:
     def received(self, browser: _Socket, text: str | bytes) -> None:
         """Do what a browser asks, or send it the error."""
         try:
-            self._panel.handle(json.loads(text))
+            if answer := self._panel.handle(json.loads(text)):
+                browser.tell(answer)
         except SpaceArmError as error:
             browser.tell({"error": str(error)})
         except (ValueError, RecursionError) as error:  # json's, numbers of thousands of digits too

@@ -6,20 +6,22 @@ It knows no browser and no drawing: messages and answers are plain dictionaries 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.model_catalogue import catalogue
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.singularities.report import IN_WORDS, SingularityReport, singularity
-from spacearm.viewer.shapes import missing_meshes
+from spacearm.model.mode import BaseMode
+from spacearm.singularities.report import SingularityReport, angle, singularity
+from spacearm.viewer.panel import readouts
+from spacearm.viewer.panel.choices import Origin
+from spacearm.viewer.panel.grab import pulled
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -35,16 +37,26 @@ class Session:
         arm: The arm.
         cfg: The configuration on show.
         report: Its singularity report.
+        origin: Where it comes from.
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
+        note: What the last request did, in one line; empty if there is nothing to say.
+        blocked: Why the tip did not follow the last pull; empty if it did.
     """
 
-    def __init__(self, arm: SpaceArm, cfg: Configuration) -> None:
+    def __init__(self, arm: SpaceArm, cfg: Configuration, origin: Origin | None = None) -> None:
         self.arm = arm
+        self.origin = origin or Origin.of(arm)
         self.mode = "posture"
+        self.note = ""
+        self.blocked = ""
+        self._grip = 0.0
+        self._grabbed: pin.SE3 | None = None
         self._rng = np.random.default_rng(0)
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "joint": self._joint,
+            "joints": self._joints,
+            "grab": self._grab,
             "attitude": self._attitude,
             "mode": self._mode,
             "home": lambda _: self._home(),
@@ -102,22 +114,58 @@ class Session:
         kind = message.get("do") if isinstance(message, dict) else message
         if not isinstance(message, dict) or str(kind) not in self._handlers:
             raise ConfigurationError(unknown("message", str(kind)[:40], self._handlers))
+        self.note = self.blocked = ""
         self._handlers[str(kind)](message)
 
     def _joint(self, message: dict[str, Any]) -> None:
-        index, value = message.get("index"), number(message.get("value"), "value")
-        if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < self.arm.n:
-            raise ConfigurationError(f"joint index is {index!r}; give 0 to {self.arm.n - 1}")
+        self._move([message.get("index")], [message.get("value")])
+
+    def _joints(self, message: dict[str, Any]) -> None:
+        indices, values = message.get("indices"), message.get("values")
+        if not (isinstance(indices, list) and isinstance(values, list)):
+            raise ConfigurationError("joints: give lists of indices and values")
+        if len(indices) != len(values) or len(indices) > self.arm.n:
+            raise ConfigurationError(
+                f"joints: {len(indices)} indices and {len(values)} values; give a value for each"
+            )
+        self._move(indices, values)
+
+    def _move(self, indices: Sequence[object], values: Sequence[object]) -> None:
+        q = self.cfg.q.copy()
+        for index, given in zip(indices, values, strict=True):
+            value = number(given, "value")
+            if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(q):
+                raise ConfigurationError(f"joint index is {index!r}; give 0 to {len(q) - 1}")
+            q[index] = self._within(index, value)
+        self.go(q)
+
+    def _within(self, index: int, value: float) -> float:
+        """Return a joint position; an error if it is outside the range of its slider."""
         lower, upper = (end[index] for end in self.range)
         slack = 1e-6 * (upper - lower)  # a slider's end is rounded
         if not lower - slack <= value <= upper + slack:
-            raise ConfigurationError(
-                f"{self.arm.joint_names[index]} at {value:.6g} is outside its range "
-                f"({lower:.6g} to {upper:.6g})"
-            )
-        q = self.cfg.q.copy()
-        q[index] = value
-        self.go(q)
+            kind = "prismatic" if self.arm.slides[index] else "revolute"
+            at, low, high = (readouts.joint_value(x, kind) for x in (value, lower, upper))
+            name = self.arm.joint_names[index]
+            raise ConfigurationError(f"{name} at {at} is outside its range ({low} to {high})")
+        return value
+
+    def _grab(self, message: dict[str, Any]) -> None:
+        """Pull the tip by a shift [m] and a turn [rad] from where it was grabbed."""
+        grip = number(message.get("grip"), "grip")
+        if grip != self._grip or self._grabbed is None:
+            self._grip, self._grabbed = grip, self.cfg.tip
+        shift, turn = (vector(message.get(name), name) for name in ("shift", "turn"))
+        grabbed = self._grabbed
+        goal = pin.SE3(pin.exp3(turn) @ grabbed.rotation, grabbed.translation + shift)
+        mode: BaseMode = "fixed" if self.mode == "posture" else "free-floating"
+        found = pulled(self.cfg, goal, mode, self._moved, self.range)
+        self.blocked = found.blocked
+        self.show(found.cfg)
+
+    def _moved(self, cfg: Configuration, q: Array) -> Configuration:
+        """Return a configuration after a short joint motion in the present mode."""
+        return move(cfg, q) if self.mode == "free-floating" else cfg.arm.at(q, base=cfg.base)
 
     def _attitude(self, message: dict[str, Any]) -> None:
         rpy = message.get("rpy")
@@ -146,58 +194,19 @@ class Session:
             raise ConfigurationError(f"{self.arm.name}: no singular configuration was found")
         if found.distance == 0.0:
             raise ConfigurationError(f"{self.arm.name} is singular here already")
+        way = found.nearest - self.cfg.q
         self.go(found.nearest)
+        self.note = f"went {angle(found.distance)}: {readouts.turns(self.arm, way)}"
 
     def about(self) -> dict[str, Any]:
         """Return what the panel needs once: model, task, unit and joints."""
-        lower, upper = self.range
-        joints = [self.arm.tree.joints[name] for name in self.arm.joint_names]
-        return {
-            "model": self.arm.name,
-            "task": list(self.arm.task.rows),
-            "unit": self.arm.sigma_unit,
-            "meaning": IN_WORDS,
-            "missing": listed(missing_meshes(self.arm)),
-            "joints": [
-                {"name": j.name, "angle": j.kind != "prismatic", "lower": lo, "upper": hi}
-                for j, lo, hi in zip(joints, lower.tolist(), upper.tolist(), strict=True)
-            ],
-        }
+        return {**readouts.about(self.arm), "joints": readouts.joints(self.arm, *self.range)}
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        cfg, report = self.cfg, self.report
-        rpy = pin.rpy.matrixToRpy(cfg.base.rotation)
-        return {
-            "mode": self.mode,
-            "q": cfg.q.tolist(),
-            "attitude": rpy.tolist(),
-            "distance": report.distance if math.isfinite(report.distance) else None,
-            "away": report.way_out,
-            "sigma": report.sigma.tolist(),
-            "sigma_min": report.sigma_min,
-            "condition": report.condition if math.isfinite(report.condition) else None,
-            "kind": report.kind,
-            "rank": report.rank,
-            "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
-            "tip": cfg.tip.translation.tolist(),
-            "python": self.as_python(),
-        }
-
-    def as_python(self) -> str:
-        """Write the configuration as Python code."""
-        cfg = self.cfg
-        pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
-        known = {info.name for info in catalogue()}
-        source = self.arm.name if self.arm.name in known else str(self.arm.path)
-        written = "" if self.arm.name in known or self.arm.path.is_file() else "  # by arm.to_urdf"
-        return (
-            "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
-            f"arm = sa.load({source!r}, tip={self.arm.tip!r}, task={self.arm.task.names!r})"
-            f"{written}\n"
-            f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
-            f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"
-        )
+        said = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
+        code = readouts.as_python(self.cfg, self.origin.source, self.origin.locked)
+        return {**said, **readouts.readout(self.report), "python": code}
 
 
 def number(value: object, what: str) -> float:
@@ -209,3 +218,16 @@ def number(value: object, what: str) -> float:
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST:
         return float(value)
     raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give a finite number")
+
+
+def vector(value: object, what: str) -> Array:
+    """Return a vector (3,) out of a message, zero if it is left out.
+
+    Raises:
+        ConfigurationError: It is no list of three finite numbers; names it by `what`.
+    """
+    if value is None:
+        return np.zeros(3)
+    if not isinstance(value, list) or len(value) != 3:
+        raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give three numbers")
+    return np.array([number(x, what) for x in value])

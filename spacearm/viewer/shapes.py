@@ -59,13 +59,6 @@ def shapes(arm: SpaceArm) -> list[DrawnShape]:
     return drawn
 
 
-def missing_meshes(arm: SpaceArm) -> list[str]:
-    """Return the names of the mesh files that the visuals of an arm name and that are not there."""
-    parts = (part for drawn in arm.tree.visuals.values() for part in drawn.visual)
-    meshes = (part.geometry for part in parts if isinstance(part.geometry, Mesh))
-    return sorted({mesh.name for mesh in meshes if mesh.file is None})
-
-
 def _drawn(arm: SpaceArm, link: str, shape: Shape) -> DrawnShape | None:
     """Make a shape one of meshcat; None, and as a rule a warning, if it cannot be drawn."""
     pose, color = shape.pose.homogeneous, shape.rgba or GREY

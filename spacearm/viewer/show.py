@@ -15,6 +15,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
+from spacearm.viewer.panel.opening import opening_posture
 
 if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer
@@ -45,8 +46,8 @@ def view(
             - a singular set: the arm at the singular posture nearest to q;
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them.
-        q: (n,) joint positions of an arm, a workspace or a singular set; zeros (or the nearest
-            limits) if None.
+        q: (n,) joint positions of an arm, a workspace or a singular set. If None, zeros (or the
+            nearest limits); an arm that is singular there is shown bent.
         base: Pose of the spacecraft for the same things; the identity if None.
         port: Port of the page; the first free one from 7400 on if None.
         open: Whether to serve the page and open the browser; if None, unless in a notebook.
@@ -89,6 +90,11 @@ def in_notebook() -> bool:
 def _start(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Configuration:
     """Return the configuration at q; at zeros, or the limits nearest to them, if q is None."""
     return arm.at(np.clip(0.0, arm.lower, arm.upper) if q is None else q, base=base)
+
+
+def _arm(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
+    """Show an arm at q; bent, if nothing is asked for and it is singular at zeros."""
+    return _posture(arm.at(opening_posture(arm) if q is None else q, base=base))
 
 
 def _posture(cfg: Configuration, motion: Motion | None = None) -> Viewer:
@@ -152,7 +158,7 @@ def _has(*names: str) -> Callable[[Any], bool]:
 
 
 RULES = (
-    _Rule("a SpaceArm", _a(SpaceArm), lambda arm, q, base: _posture(_start(arm, q, base)), True),
+    _Rule("a SpaceArm", _a(SpaceArm), lambda arm, q, base: _arm(arm, q, base), True),
     _Rule("a Configuration", _a(Configuration), lambda cfg, *_: _posture(cfg)),
     _Rule(
         "a motion (with arm, t, q and base)",

@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 import math
 import os
-import shutil
-import subprocess
 import tempfile
 import threading
 import webbrowser
@@ -18,31 +16,26 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.errors import ConfigurationError, SpaceArmError, unknown
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import singularity
 from spacearm.viewer.obstacles import ObstacleLayer
+from spacearm.viewer.panel.choices import chosen, offered
+from spacearm.viewer.panel.joint_map import joint_map
+from spacearm.viewer.panel.motions import account
+from spacearm.viewer.panel.opening import opening_posture
+from spacearm.viewer.pictures import render
 from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
 from spacearm.viewer.scene import LAYERS, Scene
 from spacearm.viewer.server import Server
 from spacearm.viewer.session import Session, number
 from spacearm.viewer.window import Window
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-HEADLESS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run",
-    "--disable-sync", "--disable-component-update", "--hide-scrollbars",
-    "--virtual-time-budget=4000",
-)  # fmt: skip
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
-RENDERING = 120.0
-"""Longest time that a picture may take [s]."""
-FAR = float(np.radians(30.0))
-"""Distance to the singular set from which on the colour of a path does not change [rad]."""
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 
@@ -56,20 +49,37 @@ class Viewer:
 
     def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
         self.window = Window()
-        self.session = Session(cfg.arm, cfg)
-        self._motion = motion
-        self._scene = Scene(self.window, cfg.arm)
         self._lock = threading.RLock()
         self._server: Server | None = None
+        self._edition = 0
+        self._start(Session(cfg.arm, cfg), motion)
+
+    def _start(self, session: Session, motion: Motion | None = None) -> None:
+        """Show an arm in place of the present one, if there is one."""
+        self._scene = Scene(self.window, session.arm)
+        self.session, self._motion = session, motion
         self._hidden: set[str] = set()
         self._time = float(motion.t[0]) if motion else 0.0
         self._obstacles = ObstacleLayer(
             self._scene.root["obstacles"], getattr(motion, "obstacles", ())
         )
-        self._scene.aim(cfg)
         self.draw()
         if motion:
-            self._draw_trace(motion)
+            self._scene.show_motion(motion)
+
+    def _change_arm(self, message: dict[str, Any]) -> None:
+        """Show the arm that the page asks for, in the present posture if it has the same joints."""
+        before = self.session
+        with tempfile.TemporaryDirectory() as folder:
+            arm, origin, said = chosen(before.cfg, before.origin, message, Path(folder))
+            arm.require_one_tip()
+            same = arm.joint_names == before.arm.joint_names
+            q = before.cfg.q if same else opening_posture(arm)
+            session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
+            session.mode, session.note = before.mode, said
+            with self.window.replaced():
+                self._start(session)
+        self._edition += 1
 
     # --- what is shown ----------------------------------------------------------------------
 
@@ -87,6 +97,17 @@ class Viewer:
             cfg = self.session.cfg
             self.session.show(cfg.arm.at(q, base=cfg.base if base is None else base))
         self._changed()
+
+    @property
+    def configuration(self) -> Configuration:
+        """The configuration on show, moved in the page or by `show`."""
+        with self._lock:
+            return self.session.cfg
+
+    @property
+    def q(self) -> Array:
+        """(n,) joint positions on show [rad] or [m]."""
+        return self.configuration.q.copy()
 
     def shells(self, radii: Sequence[float]) -> None:
         """Draw translucent spheres about the system CM.
@@ -124,21 +145,27 @@ class Viewer:
 
     # --- the panel (see server.Panel) -------------------------------------------------------
 
-    def handle(self, message: object) -> None:
-        """Do what a message of the page asks."""
+    def handle(self, message: object) -> dict[str, Any] | None:
+        """Do what a message of the page asks; return what the one who asked is told."""
         with self._lock:
             kind = message.get("do") if isinstance(message, dict) else None
             if isinstance(message, dict) and kind == "layer":
                 self.layer(str(message.get("name")), bool(message.get("visible")))
             elif isinstance(message, dict) and kind == "time" and self._motion:
                 self._seek(self._motion, message.get("t"))
+            elif isinstance(message, dict) and kind == "arm":
+                self._change_arm(message)
+            elif isinstance(message, dict) and kind == "map":
+                return {"map": joint_map(self.session.cfg, message.get("joints"))}
             else:
                 self.session.handle(message)
+        return None
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
         with self._lock:
-            return {**self.session.readout(), "hidden": sorted(self._hidden), "t": self._time}
+            more = {"hidden": sorted(self._hidden), "t": self._time, "edition": self._edition}
+            return {**self.session.readout(), **more}
 
     def draw(self) -> None:
         """Draw the configuration."""
@@ -148,9 +175,13 @@ class Viewer:
 
     def about(self) -> dict[str, Any]:
         """Return what the page needs once."""
-        motion = self._motion
-        span = [float(motion.t[0]), float(motion.t[-1])] if motion else None
-        return {**self.session.about(), "layers": LAYERS, "motion": span}
+        motion = account(self._motion) if self._motion else None
+        more = {"layers": LAYERS, "motion": motion, "edition": self._edition}
+        return {
+            **self.session.about(),
+            **more,
+            "choices": offered(self.session.arm, self.session.origin),
+        }
 
     def _seek(self, motion: Motion, t: object) -> None:
         self._time = float(np.clip(number(t, "time"), motion.t[0], motion.t[-1]))
@@ -202,8 +233,9 @@ class Viewer:
         """
         with self._lock:
             self.draw()
-            span = self._animate(self._motion) if self._motion else None
-            about = {"layers": LAYERS, "hidden": sorted(self._hidden), "motion": span}
+            if self._motion:
+                self._animate(self._motion)
+            about = {"about": self.about(), "readout": self.readout()}
             return self.window.static_html(f"{self.session.arm.name} - spacearm", about)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -234,30 +266,7 @@ class Viewer:
             SpaceArmError: No browser is found, it draws nothing in two minutes, or the file cannot
                 be written.
         """
-        browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-        if browser is None:
-            raise SpaceArmError(
-                f"no browser to render with; install one of {', '.join(BROWSERS)} "
-                "(Debian: apt-get install chromium), or use .save(path) and open the page"
-            )
-        with tempfile.TemporaryDirectory() as folder:
-            page, picture = Path(folder, "scene.html"), Path(folder, "scene.png")
-            page.write_text(self.html(), encoding="utf-8")
-            options = [
-                *HEADLESS, f"--user-data-dir={folder}/profile", f"--screenshot={picture}",
-                f"--window-size={size[0]},{size[1]}", f"--force-device-scale-factor={scale}",
-            ]  # fmt: skip
-            command = [browser, *options, page.as_uri() + "#picture"]
-            try:
-                run = subprocess.run(command, capture_output=True, timeout=RENDERING, check=False)
-            except subprocess.TimeoutExpired:
-                raise SpaceArmError(
-                    f"{browser} has not drawn the picture after {RENDERING:g} s; use .save(path) "
-                    "and open the page"
-                ) from None
-            if not picture.is_file():
-                raise SpaceArmError(f"{browser} drew nothing: {run.stderr.decode()[-300:]}")
-            return write(Path(path), picture.read_bytes())
+        return write(Path(path), render(self.html(), size, scale))
 
     def _repr_html_(self) -> str:
         """Embed the scene in a notebook as a page of its own, which stays without a server."""
@@ -270,12 +279,8 @@ class Viewer:
 
     # --- motions ----------------------------------------------------------------------------
 
-    def _draw_trace(self, motion: Motion) -> None:
-        """Draw the tip path, coloured by the distance to the singular set, up to `FAR`."""
-        self._scene.trace(motion.tip[:, :3], motion.distance / FAR)
-
-    def _animate(self, motion: Motion) -> list[float]:
-        """Record the motion into the window and return its first and last time [s]."""
+    def _animate(self, motion: Motion) -> None:
+        """Record the motion into the window."""
         first, last = float(motion.t[0]), float(motion.t[-1])
         recorder = Recorder()
         self.window.recorder = recorder
@@ -289,4 +294,3 @@ class Viewer:
         finally:
             self.window.recorder = None
         self.window.send(recorder)
-        return [first, last]

@@ -7,9 +7,12 @@ and one port for everything. It builds on private modules of meshcat, whose vers
 from __future__ import annotations
 
 import base64
+import html
 import json
+import re
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +22,18 @@ from meshcat.servers.zmqserver import VIEWER_ROOT
 
 from spacearm.viewer.outbox import DELETE, Key
 
-VIEWER_SCRIPT = Path(VIEWER_ROOT) / "main.min.js"
 PAGE = Path(__file__).parent / "page"
+LIBRARIES = {
+    "meshcat.js": Path(VIEWER_ROOT) / "main.min.js",
+    "uplot.js": PAGE / "uplot" / "uplot.js",
+    "uplot.css": PAGE / "uplot" / "uplot.css",
+}
+"""What the page is built on, by the names that it asks for."""
+SAVED = (
+    "format.js", "scene.js", "camera.js", "readouts.js", "playback.js", "chart.js", "record.js",
+    "saved.js",
+)  # fmt: skip
+"""Modules of a saved page, each after those that it needs."""
 
 
 class Window:
@@ -59,6 +72,20 @@ class Window:
             for listener in self.listeners:
                 listener(key, data)
 
+    @contextmanager
+    def replaced(self) -> Iterator[None]:
+        """Draw another scene in place of the present one, which stays if that fails."""
+        with self._lock:
+            before, self._tree = self._tree, SceneTree()
+            listeners, self.listeners = self.listeners, []  # browsers load the new scene as a whole
+            try:
+                yield
+            except BaseException:
+                self._tree = before
+                raise
+            finally:
+                self.listeners = listeners
+
     def commands(self) -> list[bytes]:
         """Return the commands that draw the present scene."""
         with self._lock:
@@ -76,25 +103,41 @@ class Window:
             if node.animation is not None:
                 yield node.animation
 
-    def static_html(self, title: str, about: dict[str, Any]) -> str:
+    def static_html(self, title: str, shown: dict[str, Any]) -> str:
         """Return a page that shows the scene without a server or a network.
 
         Args:
             title: Title of the page.
-            about: Data for the script of the page: layers, and the time span of an animation.
+            shown: What its script shows: `about` and `readout` of a panel.
         """
         commands = [base64.b64encode(data).decode() for data in self.commands()]
+        data = f"const DATA = {_script_json(shown)};\nconst COMMANDS = {_script_json(commands)};\n"
+        libraries = "\n".join(_text(LIBRARIES[name]) for name in ("meshcat.js", "uplot.js"))
         parts = {
-            "TITLE": title.replace("&", "&amp;").replace("<", "&lt;"),
-            "STYLE": (PAGE / "page.css").read_text(encoding="utf-8"),
-            "VIEWER": VIEWER_SCRIPT.read_text(encoding="utf-8"),
-            "ABOUT": _script_json(about),
-            "COMMANDS": _script_json(commands),
-            "SCENE": (PAGE / "scene.js").read_text(encoding="utf-8").replace("export ", ""),
+            '<link rel="stylesheet" href="uplot.css">': f"<style>{_text(LIBRARIES['uplot.css'])}",
+            '<link rel="stylesheet" href="page.css">': f"{_text(PAGE / 'page.css')}</style>",
+            '<script src="meshcat.js"></script>': f"<script>{libraries}</script>",
+            '<script src="uplot.js"></script>': "",
+            '<script type="module" src="page.js"></script>': (
+                f'<script type="module">{data}{"".join(map(_module, SAVED))}</script>'
+            ),
+            "<title>spacearm</title>": f"<title>{html.escape(title)}</title>",
+            "<body>": '<body class="saved">',
         }
-        page = (PAGE / "saved.html").read_text(encoding="utf-8")
-        pieces = page.split("%%")
-        return "".join(parts.get(piece, piece) for piece in pieces)
+        pieces = re.split("|".join(map(re.escape, parts)), _text(PAGE / "index.html"))
+        found = re.findall("|".join(map(re.escape, parts)), _text(PAGE / "index.html"))
+        return pieces[0] + "".join(
+            parts[f] + piece for f, piece in zip(found, pieces[1:], strict=True)
+        )
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def _module(name: str) -> str:
+    """Return a module of the page to stand with others in one script."""
+    return re.sub(r"(?m)^import [^;]*;\n|^export ", "", _text(PAGE / name))
 
 
 def _script_json(value: Any) -> str:

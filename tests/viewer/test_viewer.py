@@ -28,7 +28,7 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer import scene
+    from spacearm.viewer import pictures, scene
     from spacearm.viewer import viewer as pages
     from spacearm.viewer.outbox import DELETE, Key, Outbox
     from spacearm.viewer.session import Session
@@ -117,7 +117,13 @@ def test_readout_is_the_report_and_the_code_is_the_configuration(session):
         ({"do": "joint", "index": 0, "value": "1"}, "value is '1'; give a finite number"),
         ({"do": "joint", "index": 0, "value": float("nan")}, "value is 'nan'"),
         ({"do": "joint", "index": 0, "value": 10**400}, "give a finite number"),
-        ({"do": "joint", "index": 0, "value": 3.5}, "joint_1 at 3.5 is outside its range"),
+        (
+            {"do": "joint", "index": 0, "value": 3.5},
+            r"joint_1 at 200.54° is outside its range \(-180° to 180°\)",
+        ),
+        ({"do": "joints"}, "give lists of indices and values"),
+        ({"do": "joints", "indices": [0], "values": []}, "1 indices and 0 values"),
+        ({"do": "joints", "indices": [0, 1], "values": [1, 9]}, "joint_2 at .* is outside"),
         ({"do": "attitude", "rpy": [1, 2]}, "attitude is"),
         ({"do": "attitude", "rpy": [1, 2, None]}, "attitude is 'None'"),
         ({"do": "mode", "mode": "fast"}, "unknown mode 'fast'"),
@@ -222,6 +228,8 @@ def test_page_and_socket_answer(viewer):
         assert get(url, name) == 200
     (answer,) = talk(url, json.dumps({"do": "joint", "index": 1, "value": -0.1991}))
     assert answer["readout"]["kind"] == "dynamic"
+    first, _ = talk(url, json.dumps({"do": "map", "joints": [1, 0]}), answers=2)
+    assert first["map"]["joints"] == [1, 0]
 
 
 @pytest.mark.parametrize("path", ["", "page.js", "socket"])
@@ -582,7 +590,7 @@ def test_layers_and_shells(viewer):
         viewer.shells([-1])
     assert set(scene.LAYERS) == {"bodies", "centre of mass", "virtual manipulator", "tip frame",
                                  "ellipsoid", "directions", "shells", "trace",
-                                 "obstacles"}  # fmt: skip
+                                 "obstacles", "goal"}  # fmt: skip
 
 
 def test_the_window_keeps_only_what_matters(viewer):
@@ -643,7 +651,7 @@ def test_a_motion_is_saved_with_its_animation():
     with pytest.raises(sa.ConfigurationError, match="time is"):
         viewer.handle({"do": "time", "t": "x"})
     text = viewer.html()
-    assert '"motion": [0.0, 1.0]' in text
+    assert '"span": [0.0, 1.0]' in text
     assert b"set_animation" in b"".join(viewer.window.commands())
 
 
@@ -668,7 +676,7 @@ def test_a_browser_that_does_not_end(viewer, tmp_path, monkeypatch):
     browser.write_text("#!/bin/sh\nexec sleep 60\n")
     browser.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
-    monkeypatch.setattr(pages, "RENDERING", 0.2)
+    monkeypatch.setattr(pictures, "RENDERING", 0.2)
     with pytest.raises(sa.SpaceArmError, match=r"has not drawn the picture after 0.2 s; use .save"):
         viewer.png(tmp_path / "scene.png")
 
@@ -682,7 +690,7 @@ def test_bad_input_to_view():
 
 def test_view_starts_inside_the_limits():
     viewer = sa.view(sa.load("planar2"), open=False)
-    assert np.array_equal(viewer.session.cfg.q, [0, 0])
+    assert (np.abs(viewer.session.cfg.q) < np.pi).all()
     assert "planar2" in repr(viewer)
     assert isinstance(viewer.session.cfg.base, pin.SE3)
 
@@ -696,3 +704,76 @@ def test_the_command_writes_a_page(tmp_path):
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
     assert (tmp_path / "a.html").stat().st_size > 800_000
+
+
+# --- choices of the page ----------------------------------------------------------------------
+
+
+def described():
+    bus, arm, elbow = two_links()
+    return robot(bus, arm, elbow, frame("tip"), joint("end", "arm", "tip", "fixed"))
+
+
+def test_the_page_chooses_arm_tip_task_and_joints(viewer):
+    viewer.handle({"do": "arm", "robot": "mda6"})
+    assert (viewer.session.arm.name, viewer.readout()["edition"]) == ("mda6", 1)
+    assert viewer.session.report.kind == "regular"
+    names = viewer.session.arm.joint_names
+    q = viewer.q
+    viewer.handle({"do": "arm", "task": "position"})
+    assert viewer.session.arm.task.rows == ("x", "y", "z")
+    assert np.array_equal(viewer.q, q), "the same joints stay where they are"
+    viewer.handle({"do": "arm", "joints": list(names[:4])})
+    assert viewer.session.arm.joint_names == names[:4]
+    loaded = {}
+    exec(viewer.readout()["python"], loaded)
+    assert loaded["arm"].joint_names == names[:4]
+    np.testing.assert_allclose(loaded["cfg"].tip.homogeneous, viewer.configuration.tip.homogeneous)
+    assert viewer.about()["choices"]["joints"] == list(names)
+    viewer.handle({"do": "arm", "joints": list(names)})
+    assert viewer.session.arm.joint_names == names
+    viewer.handle({"do": "arm", "tip": "link_3"})
+    assert viewer.session.arm.tip == "link_3"
+    loaded = {}
+    exec(viewer.readout()["python"], loaded)
+    assert loaded["arm"].tip == "link_3"
+    assert b"link_6" in b"".join(viewer.window.commands())
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+def test_a_file_that_is_dropped_is_read_with_all_checks(viewer):
+    viewer.handle({"do": "arm", "file": {"name": "../my robot.urdf", "text": described()}})
+    assert viewer.session.arm.tip == "tip"
+    assert "no visuals for bus" in viewer.readout()["note"] or viewer.readout()["note"] == ""
+    assert "sa.load('my_robot.urdf'" in viewer.readout()["python"]
+    commands = viewer.window.commands()
+    heavy = described().replace('<mass value="', '<mass value="-')
+    for text, error in ((heavy, "mass"), ("<robot", "a.urdf"), ("", "a.urdf")):
+        with pytest.raises(sa.SpaceArmError, match=error):
+            viewer.handle({"do": "arm", "file": {"name": "a.urdf", "text": text}})
+    assert viewer.window.commands() == commands
+    assert viewer.readout()["edition"] == 1
+
+
+@pytest.mark.parametrize(
+    ("message", "error"),
+    [
+        ({"robot": "nobody"}, "unknown robot 'nobody'"),
+        ({"robot": "../../etc/passwd"}, "unknown robot"),
+        ({"robot": ["planar2"]}, "unknown robot"),
+        ({"tip": 3}, "tip is '3'; give a text"),
+        ({"tip": "nowhere"}, "nowhere"),
+        ({"task": "fly"}, "fly"),
+        ({"joints": "all of them"}, "give a list of names"),
+        ({"joints": ["no_joint"]}, "no_joint"),
+        ({"file": "x"}, "give its name and its text"),
+        ({"file": {"name": "a.py", "text": "import os"}}, r"'a.py' is none of .urdf"),
+        ({"file": {"name": "a.urdf", "text": 3}}, "give its name and its text"),
+    ],
+)
+def test_choices_that_cannot_be_are_refused_and_change_nothing(viewer, message, error):
+    before, commands = viewer.readout(), viewer.window.commands()
+    with pytest.raises(sa.SpaceArmError, match=error):
+        viewer.handle({"do": "arm", **message})
+    assert viewer.readout() == before
+    assert viewer.window.commands() == commands

@@ -1,13 +1,41 @@
-/* The drawing, the same on the live page and in saved ones: theme, size, layers' legend. */
+/* The drawing, the same on the live page and in saved ones: theme, size, legend of the layers. */
+
+import { element } from "./format.js";
 
 const BACKGROUND = {
   light: { top_color: [0.97, 0.98, 0.99], bottom_color: [0.84, 0.87, 0.91] },
   dark: { top_color: [0.15, 0.17, 0.2], bottom_color: [0.06, 0.07, 0.09] },
 };
 
-export function createViewer(element) {
-  const viewer = new MeshCat.Viewer(element);
-  viewer.gui.domElement.style.display = "none"; // meshcat's own controls; the panel has ours
+const MEANING = {
+  "bodies": "The spacecraft and the links of the arm.",
+  "centre of mass": "The centre of mass of the whole system, which stays at rest while it floats.",
+  "virtual manipulator": "An arm on the fixed centre of mass that moves the tip as the floating one does.",
+  "tip frame": "The axes of the tip: x red, y green, z blue.",
+  "ellipsoid": "How far the tip goes within 0.3 s in each direction, with joint rates of 1 rad/s together.",
+  "directions": "Magenta arrow and ring: motion and turn that the tip has lost; pink: the one that is nearly lost; amber line or disc: what is left.",
+  "shells": "Spheres about the centre of mass that bound workspaces.",
+  "obstacles": "What must not be met.",
+  "trace": "The path of the tip, vermilion where a singular posture is near, blue from 30° on.",
+  "goal": "Where the motion ends.",
+};
+
+/* Returns null, and says so in the page, where the browser cannot draw in three dimensions. */
+export function createViewer(node) {
+  let viewer;
+  try {
+    viewer = new MeshCat.Viewer(node);
+  } catch {
+    node.replaceChildren(element(
+      "p",
+      "This browser does not draw in 3-D: WebGL is off or missing. The panel works without it. To "
+        + "see the arm, allow hardware acceleration in the browser's settings, or open the page in "
+        + "another browser.",
+      "notice",
+    ));
+    return null;
+  }
+  viewer.gui.domElement.style.display = "none"; // meshcat's own controls; the page has ours
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const paint = () => {
     for (const [name, rgb] of Object.entries(BACKGROUND[dark.matches ? "dark" : "light"])) {
@@ -16,66 +44,24 @@ export function createViewer(element) {
   };
   paint();
   dark.addEventListener("change", paint);
-  new ResizeObserver(() => {
-    viewer.set_3d_pane_size(element.clientWidth, element.clientHeight);
-  }).observe(element);
+  const resize = viewer.set_3d_pane_size.bind(viewer);
+  viewer.set_3d_pane_size = () => resize(node.clientWidth || 1, node.clientHeight || 1);
+  new ResizeObserver(() => viewer.set_3d_pane_size()).observe(node);
   return viewer;
 }
 
-export function legend(list, layers, onChange) {
-  for (const [name, color] of Object.entries(layers)) {
+export function legend(list, layers, hidden, onChange) {
+  for (const [name, colour] of Object.entries(layers)) {
     const label = document.createElement("label");
+    label.title = MEANING[name] ?? "";
     const box = document.createElement("input");
     box.type = "checkbox";
-    box.checked = true;
+    box.checked = !hidden.includes(name);
     box.dataset.layer = name;
     box.addEventListener("change", () => onChange(name, box.checked));
-    const swatch = document.createElement("span");
-    swatch.className = "swatch";
-    swatch.style.background = color;
+    const swatch = element("span", "", "swatch");
+    swatch.style.background = colour;
     label.append(box, swatch, name);
     list.append(label);
   }
-}
-
-/* Play button and time slider: calls onTime(t) while time runs or is dragged. */
-export function timeControls(element, [first, last], onTime) {
-  element.hidden = false;
-  const button = element.querySelector("button");
-  const slider = element.querySelector("input");
-  const output = element.querySelector("output");
-  Object.assign(slider, { min: first, max: last, step: (last - first) / 1000 || 1, value: first });
-  let playing = false;
-  let before = 0;
-  const show = (t) => {
-    slider.value = t;
-    output.textContent = `${Number(t).toFixed(2)} s`;
-  };
-  const setPlaying = (on) => {
-    playing = on;
-    button.textContent = on ? "Pause" : "Play";
-    before = performance.now();
-    if (on) requestAnimationFrame(tick);
-  };
-  const tick = (now) => {
-    if (!playing) return;
-    const t = Math.min(Number(slider.value) + (now - before) / 1000, last);
-    before = now;
-    show(t);
-    onTime(t);
-    if (t >= last) setPlaying(false);
-    else requestAnimationFrame(tick);
-  };
-  button.addEventListener("click", () => {
-    if (!playing && Number(slider.value) >= last) show(first);
-    setPlaying(!playing);
-  });
-  slider.addEventListener("input", () => {
-    setPlaying(false);
-    show(slider.value);
-    onTime(Number(slider.value));
-  });
-  slider.step = "any";
-  show(first);
-  return show;
 }

@@ -1,0 +1,54 @@
+/* Curves of a motion in step with the drawing; a click in them goes to that time. */
+
+import { byId } from "./format.js";
+
+const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#777777"];
+
+export function createChart({ t, curves }, seek) {
+  const box = byId("chart");
+  const choice = byId("curves");
+  curves.forEach(({ name, unit }, i) => choice.append(new Option(`${name} [${unit}]`, i)));
+  choice.value = Math.max(curves.findIndex(({ name }) => name === "distance"), 0);
+  let plot = null;
+  let now = t[0];
+
+  const height = () => Math.max(110, Math.min(180, 0.2 * window.innerHeight));
+  const line = () => {
+    if (plot) plot.setCursor({ left: plot.valToPos(now, "x"), top: 10 }, false);
+  };
+
+  function draw() {
+    plot?.destroy();
+    const { unit, labels, values } = curves[choice.value];
+    const ink = getComputedStyle(document.body).color;
+    const axis = { stroke: ink, grid: { stroke: "#8888", width: 0.5 }, ticks: { stroke: "#8888" } };
+    plot = new uPlot({
+      width: Math.max(box.clientWidth, 100),
+      height: height(),
+      legend: { live: true },
+      cursor: { drag: { x: false, y: false }, y: false },
+      scales: { x: { time: false } },
+      axes: [{ ...axis, label: "t [s]", labelSize: 18, size: 34 },
+        { ...axis, label: `[${unit}]`, labelSize: 18, size: 54, space: 22 }],
+      series: [{ label: "t" }, ...labels.map((label, i) => ({
+        label, stroke: COLOURS[i % COLOURS.length], width: 2,
+        dash: i >= COLOURS.length ? [6, 4] : undefined, points: { show: t.length < 3 },
+        value: (_, x) => (x === null ? "–" : String(Number(x.toPrecision(4)))),
+      }))],
+    }, [t, ...values], box);
+    plot.over.addEventListener("click", () => seek(plot.posToVal(plot.cursor.left, "x")));
+    line();
+  }
+
+  choice.addEventListener("change", draw);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  new ResizeObserver(() => {
+    if (plot && box.clientWidth) plot.setSize({ width: box.clientWidth, height: height() });
+    line();
+  }).observe(box);
+  draw();
+  return (time) => {
+    now = time;
+    line();
+  };
+}

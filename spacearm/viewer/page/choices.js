@@ -1,0 +1,95 @@
+/* Which arm is shown, and what of it counts: from the catalogue, from a file, from an address. */
+
+import { byId } from "./format.js";
+
+const LARGEST = 90_000; // bytes of a file; the server takes no larger messages
+
+export function createChoices({ model, tip, choices }, ask, complain, getState) {
+  const [robot, link, task, counted] = ["robot", "tiplink", "task", "counted"].map(byId);
+  if (!choices.robots.includes(model)) robot.append(new Option(model, ""));
+  for (const name of choices.robots) robot.append(new Option(name, name));
+  robot.value = choices.robots.includes(model) ? model : "";
+  for (const name of choices.links) link.append(new Option(name, name));
+  if (!choices.links.includes(tip)) link.append(new Option(tip, tip));
+  link.value = tip;
+  task.value = choices.task;
+  for (const name of choices.joints) {
+    const label = document.createElement("label");
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name });
+    box.checked = choices.counted.includes(name);
+    label.append(box, ` ${name}`);
+    counted.append(label);
+  }
+
+  robot.addEventListener("change", () => robot.value && ask({ do: "arm", robot: robot.value }));
+  link.addEventListener("change", () => ask({ do: "arm", tip: link.value }));
+  byId("apply").addEventListener("click", () => {
+    const boxes = [...counted.querySelectorAll("input")];
+    const message = { do: "arm", tip: link.value };
+    if (task.value.trim() !== choices.task) message.task = task.value.trim();
+    const names = boxes.filter(({ checked }) => checked).map(({ value }) => value);
+    if (names.join("\n") !== choices.counted.join("\n")) message.joints = names;
+    ask(message);
+  });
+
+  async function take(file) {
+    if (!file) return;
+    if (file.size > LARGEST) {
+      complain(`${file.name} has ${file.size} bytes, the page takes up to ${LARGEST}: `
+        + "open it with spacearm view");
+      return;
+    }
+    complain("");
+    ask({ do: "arm", file: { name: file.name, text: await file.text() } });
+  }
+
+  byId("file").addEventListener("change", ({ target }) => take(target.files[0]));
+  const isFile = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
+  document.addEventListener("dragover", (event) => {
+    if (!isFile(event)) return;
+    event.preventDefault();
+    document.body.classList.add("dropping");
+  });
+  document.addEventListener("dragleave", (event) => {
+    if (!event.relatedTarget) document.body.classList.remove("dropping");
+  });
+  document.addEventListener("drop", (event) => {
+    document.body.classList.remove("dropping");
+    if (!isFile(event)) return;
+    event.preventDefault();
+    take(event.dataTransfer.files[0]);
+  });
+
+  byId("link").addEventListener("click", async () => {
+    const { q, attitude, mode } = getState();
+    const state = encodeURIComponent(JSON.stringify({ model, q, attitude, mode }));
+    try {
+      await navigator.clipboard.writeText(`${location.href.split("#")[0]}#${state}`);
+      byId("link").textContent = "Copied";
+    } catch {
+      complain("the browser does not allow copying");
+    }
+    setTimeout(() => (byId("link").textContent = "Copy link"), 1500);
+  });
+
+  /* Brings back what stands behind the # of the address, once. */
+  function restore() {
+    const told = location.hash.slice(1);
+    if (!told) return;
+    history.replaceState(null, "", location.href.split("#")[0]);
+    try {
+      const { model: wanted, q, attitude, mode } = JSON.parse(decodeURIComponent(told));
+      if (wanted !== model) {
+        complain(`the address is that of ${wanted}, this is ${model}`);
+        return;
+      }
+      ask({ do: "mode", mode: "posture" }, "mode before");
+      ask({ do: "attitude", rpy: attitude });
+      ask({ do: "joints", indices: q.map((_, i) => i), values: q });
+      ask({ do: "mode", mode });
+    } catch {
+      complain("the part of the address behind # is not understood");
+    }
+  }
+  return { restore };
+}

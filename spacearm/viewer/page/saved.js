@@ -1,0 +1,84 @@
+/* A saved page: the drawing, its values and its motion, without a server or a network. */
+
+import { createCamera } from "./camera.js";
+import { createChart } from "./chart.js";
+import { DEGREE, byId, digits, element, fixed } from "./format.js";
+import { createPlayback } from "./playback.js";
+import { createReadouts, gauge, setKind } from "./readouts.js";
+import { createRecorder } from "./record.js";
+import { createViewer, legend } from "./scene.js";
+
+function start({ about, readout }, commands) {
+  const viewer = createViewer(byId("scene"));
+  for (const text of viewer ? commands : []) {
+    viewer.handle_command_bytearray(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));
+  }
+  const show = createReadouts(about);
+  const camera = createCamera(viewer, about.view);
+  legend(byId("layers"), about.layers, readout.hidden, (name, on) => {
+    viewer?.set_property(["spacearm", name], "visible", on);
+  });
+  show(readout);
+  list(about.joints, readout.q);
+  const film = createRecorder(viewer, about.model);
+  if (about.motion) play(viewer, about, film);
+  if (location.hash === "#picture") document.body.classList.add("picture");
+  viewer?.set_3d_pane_size();
+  camera.fit();
+  window.spacearm = { viewer, points: () => camera.points() };
+}
+
+function list(joints, q) {
+  const box = byId("joints");
+  box.closest("section").classList.remove("live");
+  box.closest("section").querySelectorAll("fieldset, .buttons").forEach((part) => part.remove());
+  joints.forEach(({ label, name, angle }, i) => {
+    const row = element("div", "", "joint");
+    const title = element("span", label, "name");
+    title.title = name;
+    row.append(title, element("output", angle ? fixed(q[i] / DEGREE, 2) : fixed(q[i], 3)),
+      element("span", angle ? "°" : "m", "unit"));
+    box.append(row);
+  });
+}
+
+/* Values between two samples of a curve are on the line between them. */
+function at({ t, curves }, time, name) {
+  const curve = curves.find((each) => each.name === name);
+  let i = t.findIndex((each) => each > time) - 1;
+  if (i < 0) i = time <= t[0] ? 0 : Math.max(t.length - 2, 0);
+  const j = Math.min(i + 1, t.length - 1);
+  const s = j > i ? Math.min(Math.max((time - t[i]) / (t[j] - t[i]), 0), 1) : 0;
+  return (curve?.values ?? []).map((v) =>
+    (v[i] === null || v[j] === null ? null : (1 - s) * v[i] + s * v[j]));
+}
+
+function play(viewer, { motion, joints, near, tolerance }, film) {
+  viewer?.animator.play();
+  viewer?.animator.pause();
+  let drawTime = () => {};
+  const seek = (t) => {
+    viewer?.animator.seek(t - motion.span[0]);
+    drawTime(t);
+    const degrees = at(motion, t, "distance")[0];
+    gauge(degrees === null ? null : degrees * DEGREE);
+    const close = degrees !== null && degrees * DEGREE < near;
+    const singular = degrees !== null && degrees * DEGREE < tolerance;
+    setKind({ kind: singular ? "dynamic" : "regular", near: close && !singular },
+      singular ? "singular" : "");
+    const place = at(motion, t, "tip");
+    if (place.length) byId("tip").textContent = `${place.map((x) => fixed(x, 3)).join(", ")} m`;
+    byId("radius").textContent = `${digits(at(motion, t, "R from the CM")[0], 5)} m`;
+    document.body.classList.toggle("played", t !== motion.span[0]); // known for the start alone
+    const [turning, sliding] = ["joints", "sliding joints"].map((name) => at(motion, t, name));
+    const outputs = byId("joints").querySelectorAll("output");
+    joints.forEach(({ angle }, i) => {
+      outputs[i].textContent = angle ? fixed(turning.shift(), 2) : fixed(sliding.shift(), 3);
+    });
+  };
+  const playback = createPlayback(motion, seek);
+  drawTime = createChart(motion, playback.seek);
+  film(playback.playOnce);
+}
+
+start(DATA, COMMANDS);

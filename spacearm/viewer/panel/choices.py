@@ -1,0 +1,141 @@
+"""Choices: the arm, its tip, task and counted joints, as the page offers and asks for them."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from spacearm.description.model_catalogue import catalogue
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.files import write
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.model.loading import load
+from spacearm.viewer.panel.readouts import source_of
+
+KINDS = (".urdf", ".xacro", ".xml", ".sdf")
+LONGEST_NAME = 60
+"""Characters of a file's name that are kept."""
+MOST_WARNINGS = 5
+
+
+class Origin(NamedTuple):
+    """Where the arm on show comes from.
+
+    Attributes:
+        source: What `load` is given for it.
+        arm: The arm before joints were locked in the page.
+        locked: Those joints, with their values [rad] or [m].
+    """
+
+    source: str
+    arm: SpaceArm
+    locked: Mapping[str, float]
+
+    @classmethod
+    def of(cls, arm: SpaceArm) -> Origin:
+        """Return the origin of an arm that was made in Python."""
+        return cls(source_of(arm), arm, {})
+
+
+class Chosen(NamedTuple):
+    """An arm that was asked for.
+
+    Attributes:
+        arm: The arm.
+        origin: Where it comes from.
+        said: The warnings of its reading.
+    """
+
+    arm: SpaceArm
+    origin: Origin
+    said: str
+
+
+def offered(arm: SpaceArm, origin: Origin) -> dict[str, Any]:
+    """Return the catalogue's names, and the tips and joints of an arm."""
+    tree = origin.arm.whole
+    moved = {joint.child for joint in tree.joints.values()}
+    return {
+        "robots": [info.name for info in catalogue()],
+        "links": [link for link in tree.links if link in moved],
+        "joints": list(dict.fromkeys((*arm.joint_names, *origin.locked, *arm.held))),
+        "counted": list(arm.joint_names),
+        "task": " ".join(arm.task.rows),
+    }
+
+
+def chosen(cfg: Configuration, origin: Origin, message: dict[str, Any], folder: Path) -> Chosen:
+    """Return the arm that a message asks for.
+
+    Args:
+        cfg: The configuration on show; joints that are locked stay where they are in it.
+        origin: Where its arm comes from.
+        message: `robot`, a name of the catalogue, or `file` with `name` and `text`, or neither for
+            the present arm; `tip`, `task` and `joints`, the names of all that count, where they are
+            not to be found as `load` does, or not to stay.
+        folder: Where a file may be written.
+
+    Raises:
+        ConfigurationError: The message makes no sense.
+        SpaceArmError: The robot cannot be loaded.
+    """
+    options, joints = _options(message), _joints(message)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        arm, source, locked = origin.arm, origin.source, dict(origin.locked)
+        if (file := message.get("file")) is not None:
+            path = _written(file, folder)
+            arm, source, locked = load(path), path.name, {}
+        elif (robot := message.get("robot")) is not None:
+            names = [info.name for info in catalogue()]
+            if robot not in names:
+                raise ConfigurationError(unknown("robot", str(robot)[:LONGEST_NAME], names))
+            arm, source, locked = load(str(robot)), str(robot), {}
+        whole = arm.replace(**options) if options else arm
+        if joints is not None:
+            place = {**whole.held, **dict(zip(cfg.arm.joint_names, cfg.q.tolist(), strict=True))}
+            there = {name: locked.get(name, place.get(name, 0.0)) for name in whole.joint_names}
+            locked = {name: value for name, value in there.items() if name not in joints}
+            besides = [name for name in joints if name not in there]
+            whole = whole.replace(joints=besides) if besides else whole
+        locked = {name: value for name, value in locked.items() if name in whole.joint_names}
+        found = whole.replace(locked=locked) if locked else whole
+    said = dict.fromkeys(str(warning.message) for warning in caught)
+    return Chosen(found, Origin(source, whole, locked), "; ".join(list(said)[:MOST_WARNINGS]))
+
+
+def _options(message: dict[str, Any]) -> dict[str, Any]:
+    """Return tip and task of a message, those that it has."""
+    options: dict[str, Any] = {}
+    for name in ("tip", "task"):
+        if (value := message.get(name)) is not None:
+            if not isinstance(value, str):
+                raise ConfigurationError(f"{name} is {str(value)[:40]!r}; give a text")
+            options[name] = value
+    return options
+
+
+def _joints(message: dict[str, Any]) -> list[str] | None:
+    """Return the names of the joints that are to count; None if the message has none."""
+    joints = message.get("joints")
+    if joints is None:
+        return None
+    if not isinstance(joints, list) or not all(isinstance(name, str) for name in joints):
+        raise ConfigurationError(f"joints is {str(joints)[:40]!r}; give a list of names")
+    return joints
+
+
+def _written(file: object, folder: Path) -> Path:
+    """Write a file that came with a message, under a name without anything but letters."""
+    if not isinstance(file, dict) or not isinstance(text := file.get("text"), str):
+        raise ConfigurationError("file: give its name and its text")
+    name = Path(str(file.get("name"))).name
+    kind = Path(name).suffix.lower()
+    if kind not in KINDS:
+        raise ConfigurationError(f"file {name[:LONGEST_NAME]!r} is none of {', '.join(KINDS)}")
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(name).stem)[:LONGEST_NAME] or "robot"
+    return write(folder / f"{stem}{kind}", text.encode("utf-8", "replace"))

@@ -1,0 +1,170 @@
+"""Readouts: a configuration and its singularity report as plain data for JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.collisions.separation import Collisions, collision_geometry
+from spacearm.description.model_catalogue import catalogue
+from spacearm.description.visuals import Mesh
+from spacearm.errors import SpaceArmError, listed
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
+from spacearm.viewer.panel.labels import short_names
+
+NEAR = math.radians(5.0)
+"""Distance to the singular set below which a posture counts as near it [rad]."""
+FAR = math.radians(30.0)
+"""Distance to the singular set from which on colours do not change [rad]."""
+STILL = math.radians(0.05)
+"""Joint motions below this are not named [rad] or [m]."""
+
+
+def about(arm: SpaceArm) -> dict[str, Any]:
+    """Return what the panel shows of an arm once."""
+    normal = arm.tree.plane_normal()
+    return {
+        "model": arm.name,
+        "tip": arm.tip,
+        "tip_reason": arm.tip_reason,
+        "task": list(arm.task.rows),
+        "unit": arm.sigma_unit,
+        "meaning": IN_WORDS,
+        "missing": listed(_missing_meshes(arm)),
+        "contacts": _checked(arm),
+        "held": dict(arm.held),
+        "near": NEAR,
+        "tolerance": TOLERANCE,
+        "view": [0.55, -0.75, 0.5] if normal is None else _over_the_plane(normal),
+        "normal": None if normal is None else np.eye(3)[normal].tolist(),
+    }
+
+
+def joints(arm: SpaceArm, lower: Array, upper: Array) -> list[dict[str, Any]]:
+    """Return name, label, kind and range of the joints.
+
+    Args:
+        arm: The arm.
+        lower: (n,) lower ends of the ranges [rad] or [m].
+        upper: (n,) upper ends.
+    """
+    rows = zip(arm.joint_names, short_names(arm.joint_names), arm.slides, strict=True)
+    return [
+        {"name": name, "label": label, "angle": not slides, "lower": float(lo), "upper": float(hi)}
+        for (name, label, slides), lo, hi in zip(rows, lower, upper, strict=True)
+    ]
+
+
+def readout(report: SingularityReport) -> dict[str, Any]:
+    """Return what the panel shows of the configuration of a report."""
+    cfg = report.configuration
+    directions = np.hstack((report.available, report.lost)).T
+    return {
+        "q": cfg.q.tolist(),
+        "attitude": pin.rpy.matrixToRpy(cfg.base.rotation).tolist(),
+        "distance": report.distance if math.isfinite(report.distance) else None,
+        "near": report.kind == "regular" and report.distance < NEAR,
+        "away": report.way_out,
+        "sigma": report.sigma.tolist(),
+        "sigma_min": report.sigma_min,
+        "error": report.error,
+        "condition": report.condition if math.isfinite(report.condition) else None,
+        "kind": report.kind,
+        "rank": report.rank,
+        "directions": directions.tolist(),
+        "gradient": report.gradient.tolist(),
+        "outside": list(cfg.outside_limits),
+        "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
+        "tip": cfg.tip.translation.tolist(),
+        "axes": report.axes.T.tolist(),
+        "contacts": _contacts(cfg),
+    }
+
+
+def source_of(arm: SpaceArm) -> str:
+    """Return what `load` is given for an arm: its name in the catalogue, or its file."""
+    known = {info.name for info in catalogue()}
+    return arm.name if arm.name in known else str(arm.path)
+
+
+def as_python(cfg: Configuration, source: str, locked: Mapping[str, float]) -> str:
+    """Write a configuration as Python code.
+
+    Args:
+        cfg: The configuration.
+        source: What `load` is given for the arm.
+        locked: Joints that are locked besides, with their values [rad] or [m].
+    """
+    arm = cfg.arm
+    pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
+    known = {info.name for info in catalogue()}
+    written = "" if source in known or Path(source).is_file() else "  # by arm.to_urdf"
+    more = f", joints={arm.joints!r}" if arm.joints != "tip" else ""
+    more += f", locked={dict(locked)!r}" if locked else ""
+    return (
+        "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
+        f"arm = sa.load({source!r}, tip={arm.tip!r}, task={arm.task.names!r}{more})"
+        f"{written}\n"
+        f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
+        f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"
+    )
+
+
+def joint_value(value: float, kind: str) -> str:
+    """Write a joint position or motion for people: in degrees, or metres if it slides."""
+    if kind == "prismatic":
+        return f"{value:.4g} m"
+    return f"{np.degrees(value):.5g}°"
+
+
+def turns(arm: SpaceArm, way: Array) -> str:
+    """Write a joint motion (n,) for people, the largest parts first; small ones are left out."""
+    order = [int(j) for j in np.argsort(-np.abs(way)) if abs(way[j]) > STILL]
+    names = short_names(arm.joint_names)
+    parts = (
+        f"{names[j]} {way[j]:+.3g} m" if arm.slides[j] else f"{names[j]} {np.degrees(way[j]):+.1f}°"
+        for j in order
+    )
+    return ", ".join(parts) or "hardly a motion"
+
+
+def _missing_meshes(arm: SpaceArm) -> list[str]:
+    """Return the names of the mesh files that the visuals of an arm name and that are not there."""
+    parts = (part for drawn in arm.tree.visuals.values() for part in drawn.visual)
+    meshes = (part.geometry for part in parts if isinstance(part.geometry, Mesh))
+    return sorted({mesh.name for mesh in meshes if mesh.file is None})
+
+
+@lru_cache(maxsize=16)
+def _collisions(arm: SpaceArm) -> Collisions | str:
+    """Return the collision check of an arm, or why there is none."""
+    try:
+        return collision_geometry(arm)
+    except SpaceArmError as error:
+        return f"collisions not checked: {error}"
+
+
+def _checked(arm: SpaceArm) -> str:
+    """Return what the check for contacts covers, in one sentence."""
+    found = _collisions(arm)
+    return found if isinstance(found, str) else found.account
+
+
+def _contacts(cfg: Configuration) -> list[list[str]]:
+    """Return the names of the bodies that meet each other."""
+    found = _collisions(cfg.arm)
+    return [] if isinstance(found, str) else [list(pair) for pair in found.touching(cfg.q)]
+
+
+def _over_the_plane(normal: int) -> list[float]:
+    """Return the direction to view a planar arm from: near the normal of its plane."""
+    return [[1.0, -0.2, 0.3], [0.2, -1.0, 0.3], [0.0, -0.35, 1.0]][normal]

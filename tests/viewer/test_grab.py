@@ -1,0 +1,138 @@
+"""The tip pulled by a pointer."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.pages import Page
+
+import spacearm as sa
+from spacearm.viewer.session import Session
+
+
+def pulled(session, shift, turn=(0, 0, 0), grip=1):
+    session.handle({"do": "grab", "grip": grip, "shift": list(shift), "turn": list(turn)})
+    return session
+
+
+@pytest.mark.parametrize("mode", ["posture", "free-floating"])
+@pytest.mark.parametrize(
+    ("name", "shift"), [("planar2", [-0.2, -0.1, 0]), ("mda6", [0.1, 0.2, -0.1])]
+)
+def test_the_tip_goes_where_it_is_pulled_to_and_the_spacecraft_reacts(name, shift, mode):
+    arm = sa.load(name)
+    session = Session(arm, arm.at(np.full(arm.n, 0.7)))
+    session.handle({"do": "mode", "mode": mode})
+    before = session.cfg
+    pulled(session, shift)
+    assert session.blocked == ""
+    reached = session.cfg.tip.translation - before.tip.translation
+    np.testing.assert_allclose(reached, shift, atol=1e-3 * np.linalg.norm(shift) + 1e-3)
+    if mode == "posture":
+        assert session.cfg.base.isApprox(before.base)
+    else:
+        np.testing.assert_allclose(session.cfg.com, before.com, atol=1e-9)
+        assert not session.cfg.base.isApprox(before.base, 1e-4)
+
+
+def test_a_ring_turns_the_tip_in_place():
+    arm = sa.load("mda6")
+    session = Session(arm, arm.at(np.full(6, 0.7)))
+    session.handle({"do": "mode", "mode": "free-floating"})
+    before = session.cfg.tip
+    pulled(session, np.zeros(3), [0.0, 0.0, 0.2])
+    assert session.blocked == ""
+    np.testing.assert_allclose(session.cfg.tip.translation, before.translation, atol=5e-3)
+    turned = pin.log3(session.cfg.tip.rotation @ before.rotation.T)
+    np.testing.assert_allclose(turned, [0, 0, 0.2], atol=5e-3)
+
+
+def test_pulls_of_one_grip_start_at_one_place():
+    arm = sa.load("planar2")
+    session = Session(arm, arm.at([0.3, 1.2]))
+    start = session.cfg.tip.translation
+    for share in (0.2, 0.6, 1.0):
+        pulled(session, [-0.2 * share, 0.1 * share, 0])
+    np.testing.assert_allclose(session.cfg.tip.translation - start, [-0.2, 0.1, 0], atol=1e-3)
+    pulled(session, [0.2, -0.1, 0], grip=2)
+    np.testing.assert_allclose(session.cfg.tip.translation, start, atol=2e-3)
+
+
+def test_a_tip_that_cannot_follow_slides_along_what_is_left_and_says_so():
+    """Out of reach the arm points to the goal: the nearest point that the tip comes to."""
+    arm = sa.load("planar2")
+    session = Session(arm, arm.at(np.radians([20, -30])))
+    pulled(session, [3.0, 0.5, 0])
+    assert "in this direction it has no motion left" in session.blocked
+    assert session.readout()["blocked"] == session.blocked
+    shoulder, tip = np.array([0.5, 0]), session.cfg.tip.translation[:2]
+    goal = arm.at(np.radians([20, -30])).tip.translation[:2] + np.array([3.0, 0.5])
+    straight = (goal - shoulder) / np.linalg.norm(goal - shoulder)
+    np.testing.assert_allclose(tip, shoulder + 2.0 * straight, atol=0.02)
+    assert pulled(session, [0.0, 0.0, 0]).blocked == ""
+    session.handle({"do": "home"})
+    assert session.blocked == ""
+
+
+def test_joints_stop_at_the_ends_of_their_ranges():
+    arm = sa.load("mda6")
+    session = Session(arm, arm.at([0.0, 0.05, 0.7, 0.7, 0.7, 0.7]))
+    pulled(session, [0.0, 0.0, -3.0])
+    lower, upper = session.range
+    assert (session.cfg.q >= lower).all()
+    assert (session.cfg.q <= upper).all()
+    assert session.blocked
+
+
+@pytest.mark.parametrize(
+    ("message", "error"),
+    [
+        ({}, "grip is 'None'"),
+        ({"grip": 1, "shift": [1, 2]}, "shift is .* give three numbers"),
+        ({"grip": 1, "shift": "abc"}, "shift is 'abc'"),
+        ({"grip": 1, "turn": [0, 0, float("inf")]}, "turn is 'inf'"),
+        ({"grip": 1, "shift": [1, 2, None]}, "shift is 'None'"),
+    ],
+)
+def test_malformed_pulls_are_refused_and_change_nothing(message, error):
+    arm = sa.load("planar2")
+    session = Session(arm, arm.at([0.3, 1.2]))
+    with pytest.raises(sa.ConfigurationError, match=error):
+        session.handle({"do": "grab", **message})
+    assert session.cfg.q.tolist() == [0.3, 1.2]
+
+
+@pytest.mark.slow
+def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser):
+    viewer = sa.view(sa.load("planar2"), np.radians([20, -60]), open=False)
+    page = Page(browser, viewer.serve(), width=1366, height=768).ready()
+    page.page.check("[value=free-floating]")
+    page.page.wait_for_timeout(400)
+    box = page.page.locator("#grab circle").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    before, com = viewer.session.cfg.tip.translation, viewer.session.cfg.com
+    page.page.mouse.move(x, y)
+    page.page.mouse.down()
+    page.page.mouse.move(x - 30, y - 20, steps=5)
+    page.page.wait_for_timeout(400)
+    after = viewer.session.cfg.tip.translation
+    assert after[0] < before[0] - 0.02
+    assert after[1] > before[1] + 0.02
+    assert after[2] == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(viewer.session.cfg.com, com, atol=1e-9)
+    now = page.page.locator("#grab circle").bounding_box()
+    assert abs(now["x"] - box["x"] + 30) < 4, "the tip is under the pointer"
+    assert abs(now["y"] - box["y"] + 20) < 4
+    page.page.mouse.move(x + 500, y, steps=5)
+    page.wait_text("#blocked", "cannot follow")
+    assert "blocked" in page.page.get_attribute("#grab", "class")
+    page.page.mouse.move(x - 30, y - 20, steps=5)
+    page.page.wait_for_function("document.querySelector('#blocked').textContent === ''")
+    page.page.mouse.up()
+    page.page.focus("#grab circle")
+    was = viewer.session.cfg.tip.translation
+    page.page.keyboard.press("ArrowLeft")
+    page.page.wait_for_timeout(400)
+    assert viewer.session.cfg.tip.translation[0] < was[0]
+    assert page.errors == []
+    page.close()
+    viewer.close()
