@@ -11,6 +11,8 @@ sys.path.insert(0, str(HERE / "_ext"))
 import generated  # noqa: E402
 import links  # noqa: E402
 
+import examples  # noqa: E402
+
 project = "spacearm"
 author = "The spacearm developers"
 copyright = f"2026, {author}"  # noqa: A001
@@ -59,6 +61,7 @@ suppress_warnings = ["ref.python"]  # fields of several classes have one name
 def setup(app):
     """Write what is generated, copy the lessons; check all links of the pages at the end."""
     generated.write(HERE)
+    examples.write(HERE)
     app.extensions["sphinx-mathjax-offline"].parallel_read_safe = True  # it adds files alone
     copy_lessons()
     app.connect("autodoc-process-docstring", escape_bars)

@@ -32,7 +32,7 @@ export       to_jax to_casadi to_c to_mjcf to_sdf write_motion GeneralizedJacobi
              MomentumConservation SingularityBarrier
 show         plot view design_report
 errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
-             StoreError SweepError ModelWarning
+             StoppedError StoreError SweepError ModelWarning
 ===========  ====================================================================================
 
 Conventions, everywhere:
@@ -68,8 +68,8 @@ _HOMES = {
     "description.bus": "Bus",
     "description.model_catalogue": "ArmInfo ModelInfo arms catalogue",
     "errors": (
-        "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError StoreError "
-        "SweepError UnsupportedError"
+        "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError "
+        "StoppedError StoreError SweepError UnsupportedError"
     ),
     "export.c_files": "to_c",
     "export.casadi_functions": "to_casadi",

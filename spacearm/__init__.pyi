@@ -13,6 +13,7 @@ from spacearm.errors import ModelError as ModelError
 from spacearm.errors import ModelWarning as ModelWarning
 from spacearm.errors import NoSolutionError as NoSolutionError
 from spacearm.errors import SpaceArmError as SpaceArmError
+from spacearm.errors import StoppedError as StoppedError
 from spacearm.errors import StoreError as StoreError
 from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError

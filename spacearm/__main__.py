@@ -12,6 +12,7 @@ def main() -> None:
 
         run()
     except KeyboardInterrupt:
+        print("spacearm: stopped", file=sys.stderr)
         sys.exit(130)  # as shells have it
 
 

@@ -73,6 +73,8 @@ class Result:
     """Base of frozen dataclasses that hold results: read-only arrays and `to_dict`."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
+    JSON: ClassVar[Mapping[str, str]] = {}
+    """Names that fields have in `to_dict` where their own mean something else in other results."""
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
@@ -81,7 +83,7 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data: arrays as nested lists, an arm as its name."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+        return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def read_only(array: Array) -> Array:

@@ -55,6 +55,23 @@ class NoSolutionError(SpaceArmError):
         self.best = best
 
 
+class StoppedError(KeyboardInterrupt):
+    """Ctrl-C has stopped a computation; what there was by then is kept.
+
+    It is a KeyboardInterrupt, which no `except Exception` holds up.
+
+    Attributes:
+        best: The result as far as it had come.
+    """
+
+    def __init__(self, message: str, best: object) -> None:
+        super().__init__(message)
+        self.best = best
+
+    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, object]]:
+        return type(self), (str(self), self.best)
+
+
 class StoreError(SpaceArmError):
     """The store of a sweep cannot be used, or the cluster that fills it is lost.
 

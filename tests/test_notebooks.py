@@ -19,7 +19,7 @@ def cells(path, kind):
 
 
 def test_the_course_is_whole():
-    assert [path.name[:2] for path in NOTEBOOKS] == ["01", "02", "03", "04", "05", "06"]
+    assert [path.name[:2] for path in NOTEBOOKS] == [f"{i:02d}" for i in range(1, 11)]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -31,6 +31,20 @@ def test_stripped(path):
         assert not cell["metadata"]
         assert not cell.get("outputs")
         assert cell.get("execution_count") is None
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS[5:], ids=lambda path: path.stem)
+def test_lessons_take_public_names_only(path):
+    """Those that draw by `sa.plot` alone; the others compose figures of their own."""
+    code = "\n".join(cells(path, "code"))
+    assert not re.search(r"^(from|import) spacearm(?! as sa$)", code, re.MULTILINE)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_lesson_stands_in_the_readme_and_on_the_site(path):
+    for page, folder in (("README.md", "notebooks/"), ("docs/index.md", "lessons/")):
+        text = (FOLDER.parent / page).read_text(encoding="utf-8")
+        assert f"{folder}{path.stem}" in text
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

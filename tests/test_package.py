@@ -78,7 +78,7 @@ def test_every_public_name_is_there_and_documented():
         assert name == "__version__" or thing.__doc__, name
 
 
-BUILT = [ROOT / "docs" / name for name in ("api", "generated", "lessons")]
+BUILT = [ROOT / "docs" / name for name in ("api", "generated", "generated/examples", "lessons")]
 """Folders that the build of the site fills; it checks the links to them."""
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 
@@ -176,7 +176,7 @@ def test_metadata_is_complete(archives):
         found = Metadata.from_email(wheel.read(name))  # refuses what is not valid
     assert found.version == Version(sa.__version__)
     assert found.license_expression == "BSD-3-Clause"
-    assert found.license_files == ["LICENSE"]
+    assert found.license_files == ["LICENSE", "spacearm/viewer/page/uplot/LICENSE"]
     assert found.summary
     assert found.keywords
     assert found.author

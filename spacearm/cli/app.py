@@ -14,7 +14,7 @@ import typer
 from typer.exceptions import TyperException
 
 from spacearm.cli.options import join_numbers
-from spacearm.cli.output import INTERRUPTED
+from spacearm.cli.output import INTERRUPTED, in_own_words
 from spacearm.errors import SpaceArmError, printable
 
 COMMANDS = {
@@ -24,7 +24,7 @@ COMMANDS = {
     "convert": "models.convert_model",
     "query": "queries.report_singularity",
     "nearest": "queries.find_nearest",
-    "path": "plans.check_path",
+    "path": "queries.check_path",
     "view": "views.view_configuration",
     "map": "maps.draw_singular_map",
     "workspace": "workspaces.compute_workspace",
@@ -101,4 +101,4 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _one_line(message: object) -> str:
-    return printable(" ".join(str(message).split()))
+    return printable(in_own_words(" ".join(str(message).split())))

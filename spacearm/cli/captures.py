@@ -15,7 +15,7 @@ from spacearm.cli.options import (
     on_a_model,
     spacecraft_pose,
 )
-from spacearm.cli.output import number, out, print_json, table, vector
+from spacearm.cli.output import err, number, out, print_json, table, vector
 from spacearm.mechanics.impact import Capture, capture
 from spacearm.model.arm import SpaceArm
 
@@ -68,6 +68,8 @@ def compute_capture(
 ) -> None:
     """Compute the velocities just after the tip, at rest, has grasped a moving, spinning target."""
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
+    if inertia is None and any(spin):
+        err.print("spacearm: note: a point mass does not spin; --inertia gives the target moments")
     turning = np.radians(spin) if deg else np.array(spin)
     found = capture(
         cfg, np.concatenate((velocity, turning)), mass,

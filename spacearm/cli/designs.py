@@ -17,22 +17,24 @@ from spacearm.cli.options import (
     on_a_model,
 )
 from spacearm.cli.output import (
+    INTERRUPTED,
     check_picture,
-    err,
     out,
     picture_path,
     print_json,
+    say_stopped,
     table,
     working,
     write_picture,
 )
+from spacearm.cli.workspaces import EFFORT_HELP
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.workspaces.design import workspaces
 
 Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="A value or a range.")]
 COUNT = 9
-UNITS = {"base_inertia": "x", **dict.fromkeys(("mount_x", "mount_y", "mount_z"), "m")}
+UNITS = {"base_inertia": "times", **dict.fromkeys(("mount_x", "mount_y", "mount_z"), "m")}
 """Units of the parameters; the others are masses."""
 
 
@@ -53,11 +55,11 @@ def sweep_designs(
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
         int | None,
-        typer.Option(help="Number of singular configurations to search from (larger arms).", min=1),
+        typer.Option(help=EFFORT_HELP, min=1),
     ] = None,
     output: Picture = None,
     as_json: AsJson = False,
-) -> None:
+) -> int:
     """Draw the path independent share over design parameters; Ctrl-C keeps what is done.
 
     base-inertia is a factor at constant mass, mount-* are in m, masses in kg.
@@ -83,11 +85,12 @@ def sweep_designs(
             progress=progress,
         )
     if as_json:
-        print_json(result.to_dict())
+        print_json(_told(result, grid))
     else:
         _print(result, grid)
-    if not bool(result["done"].all()):
-        err.print(f"stopped: {int(result['done'].sum())} of {result['done'].size} designs done")
+    stopped = not bool(result["done"].all())
+    if stopped:
+        say_stopped(f"{int(result['done'].sum())} of {result['done'].size} designs done")
     if output or not as_json:
         from spacearm.plots.workspaces import draw_design  # imports matplotlib
 
@@ -95,6 +98,24 @@ def sweep_designs(
         write_picture(where, draw_design(result))
         if not as_json:
             out.print(f"wrote {where}")
+    return INTERRUPTED if stopped else 0
+
+
+def _told(result: Any, grid: Mapping[str, Array]) -> dict[str, Any]:
+    """Return the designs as plain data, with the fields that `spacearm workspace --json` has."""
+    sizes = "areas" if result["piw"].attrs["units"] == "m^2" else "volumes"
+    designs = []
+    for at in np.ndindex(result["done"].shape):
+        here = {name: float(values[i]) for (name, values), i in zip(grid.items(), at, strict=True)}
+        told = {"parameters": here, "done": bool(result["done"].values[at])}
+        if told["done"]:
+            told[sizes] = {name: float(result[name].values[at]) for name in ("reachable", "piw")}
+            told["fraction"] = float(result["fraction"].values[at])
+            pdw = result["pdw"].values[at]
+            told["pdw"] = pdw[np.isfinite(pdw).all(axis=1)].tolist()
+        designs.append(told)
+    facts = {"arm": result.attrs["arm"], "mode": result.attrs["base_mode"]}
+    return {**facts, "limits": bool(result.attrs["limits"]), "designs": designs}
 
 
 def _print(result: Any, grid: Mapping[str, Array]) -> None:

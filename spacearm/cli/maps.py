@@ -15,7 +15,7 @@ from spacearm.cli.options import (
     joint_values,
     on_a_model,
 )
-from spacearm.cli.output import check_picture, out, picture_path, print_json, working, write_picture
+from spacearm.cli.output import check_picture, kept, out, picture_path, print_json, write_picture
 from spacearm.files import write
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
@@ -43,20 +43,26 @@ def draw_singular_map(
     ] = 181,
     deg: bool = False,
     as_json: AsJson = False,
-) -> None:
-    """Map the distance to the singular set over two joints, with the exact curves on top."""
+) -> int:
+    """Map the distance to the singular set over two joints, with the exact curves on top.
+
+    Ctrl-C keeps what there is.
+    """
     check_picture(output)
     fixed = assignments("--fix", fix)
     fixed = {joint_name(arm, name): value for name, value in fixed.items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
-    with working("computing the map"):
-        result = singular_map(arm, axes, q, points)
+    result, code = kept(
+        "computing the map",
+        lambda progress: singular_map(arm, axes, q, points, progress=progress),
+    )
     if npz:
         _write_npz(npz, result)
     if output or not (as_json or npz):
         _write_picture(picture_path(output, arm.name, "map"), result, quiet=as_json)
     if as_json:
         print_json(result.to_dict())
+    return code
 
 
 def _write_picture(path: Path, result: SingularMap, quiet: bool) -> None:
@@ -79,6 +85,7 @@ def _write_npz(path: Path, result: SingularMap) -> None:
         "angles": result.angles,
         "distance": result.distance,
         "sigma_min": result.sigma_min,
+        "joint_limits": result.joint_limits,
     }
     arrays |= {f"curve_{i}": curve for i, curve in enumerate(result.curves or [])}
     np.savez(buffer, **arrays)

@@ -14,16 +14,17 @@ from spacearm.cli.options import (
     on_a_model,
 )
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
-from spacearm.description.model_catalogue import arms, catalogue
+from spacearm.description.model_catalogue import ModelInfo, arms, catalogue
 from spacearm.model.arm import SpaceArm
 from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.loading import load
+from spacearm.model.task import Task
 
 
 def list_models(as_json: AsJson = False) -> None:
     """List the models of the catalogue, and the arms that can be mounted on a bus."""
     if as_json:
-        return print_json([{**info.to_dict(), **_masses(info.name)} for info in catalogue()])
+        return print_json([_entry(info) for info in catalogue()])
     rows = table("name", "n", "tip", "task", "spacecraft", "arm", "what it is", "source")
     for info in catalogue():
         spacecraft, arm = (f"{number(mass)} kg" for mass in _masses(info.name).values())
@@ -35,6 +36,14 @@ def list_models(as_json: AsJson = False) -> None:
     for arm_info in arms():
         rows.add_row(arm_info.name, arm_info.tip, arm_info.summary, arm_info.source)
     out.print(rows)
+
+
+def _entry(info: ModelInfo) -> dict[str, Any]:
+    """Return an entry of the catalogue, its tip and task named and given as those of an arm."""
+    data = info.to_dict()
+    tip, task = data.pop("tip"), data.pop("task")
+    told = {"tip_link": tip, "task": {"rows": list(Task(task).rows)}}
+    return {**data, **told, **_masses(info.name)}
 
 
 def _masses(name: str) -> dict[str, float]:

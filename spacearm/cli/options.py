@@ -25,6 +25,7 @@ from spacearm.cli.mounting import (
     joints_of,
 )
 from spacearm.description.bodies import Joint
+from spacearm.description.model_catalogue import arms, catalogue
 from spacearm.errors import ConfigurationError, listed
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -33,8 +34,25 @@ from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 
 T = TypeVar("T")
+
+
+def complete_model(incomplete: str) -> list[tuple[str, str]]:
+    """Return the catalogue's names that begin so, with what they are, for the shell's completion.
+
+    Arms without a spacecraft are among them: --bus-mass mounts them.
+    """
+    known = [(info.name, info.summary) for info in catalogue()]
+    known += [(info.name, info.summary) for info in arms()]
+    return [(name, summary) for name, summary in known if name.startswith(incomplete)]
+
+
 ModelName = Annotated[
-    str, typer.Argument(metavar="MODEL", help="Catalogue name (spacearm models) or robot file.")
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="Catalogue name (spacearm models) or robot file.",
+        autocompletion=complete_model,
+    ),
 ]
 Tip = Annotated[str | None, typer.Option(help="Link whose frame is the tip.", metavar="LINK")]
 TaskRows = Annotated[

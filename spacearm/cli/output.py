@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 import threading
 import time
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
+    ProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -26,12 +28,13 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.table import Column, Table
 
-from spacearm.errors import UNPRINTABLE, ConfigurationError, printable, unknown
+from spacearm.errors import UNPRINTABLE, ConfigurationError, StoppedError, printable, unknown
 from spacearm.files import name_part, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+T = TypeVar("T")
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 WIDE = 1000
@@ -54,29 +57,43 @@ class Terminal(Console):
 
 out = Terminal(width=None if sys.stdout and sys.stdout.isatty() else WIDE)
 
-err = Terminal(stderr=True)
+err = Terminal(stderr=True, width=None if sys.stderr and sys.stderr.isatty() else WIDE)
 
 ROUNDING = 1e-12
 """Joint positions up to this [rad] or [m] print as 0."""
 FIRST, EVERY = 2.0, 10.0
 """Seconds after which a command tells what it does where stderr is no terminal, and how often."""
+OPTIONS = {
+    r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
+    r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
+    r"(limits|collisions)=False": r"--no-\1",
+    r'check="(\w+)"': r"--check \1",
+    r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1 --length METRES",
+    r"\bdensity=(?!\w)": "--density RHO",
+    r"\bfinal_attitude\b": "--final-attitude",
+    r"\bsa\.risk_profile\b": "spacearm risk",
+    r"\bsa\.(workspace|plan|simulate|query|capture|mount)\b": r"spacearm \1",
+    r" \(sa\.Joints\)": "",
+}
+"""What messages name in the words of Python, and the options that do the same."""
 PICTURES = (".png", ".svg", ".pdf")
 
 
 @contextmanager
-def working(what: str) -> Iterator[Callable[[float, float], None]]:
+def working(what: str, *more: ProgressColumn) -> Iterator[Callable[[float, float], None]]:
     """Show on stderr what goes on, for how long and, where it is reported, how long it still takes.
 
     A terminal gets a bar, anything else a line after two seconds and every ten.
 
     Args:
         what: What goes on, as in "planning".
+        *more: More columns of the bar.
 
     Yields:
         Takes what is done and how much there is.
     """
     columns = (
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
+        TextColumn("{task.description}"), BarColumn(), *more, TimeElapsedColumn(),
         TextColumn("left:"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
@@ -98,12 +115,42 @@ def working(what: str) -> Iterator[Callable[[float, float], None]]:
             over.set()
 
 
+def kept(what: str, compute: Callable[[Callable[[float, float], None]], T]) -> tuple[T, int]:
+    """Compute something, its progress shown; after Ctrl-C there is what it had come to.
+
+    Args:
+        what: What goes on; see `working`.
+        compute: Takes what is told of its progress, and raises `StoppedError` after Ctrl-C.
+
+    Returns:
+        The result, and the exit code.
+    """
+    try:
+        with working(what) as progress:
+            return compute(progress), 0
+    except StoppedError as stop:
+        say_stopped(str(stop))
+        return cast("T", stop.best), INTERRUPTED
+
+
+def say_stopped(what: str) -> None:
+    """Say on stderr that Ctrl-C has stopped a command that keeps what there is."""
+    err.print(f"spacearm: stopped: {what}; what there is is kept")
+
+
 def _so_far(percentage: float, since: float) -> str:
     """Return how far something is, and how long it still takes if that is known."""
     took = time.monotonic() - since
     if percentage <= 0.0:
         return f"{took:.0f} s so far"
     return f"{percentage:.0f} %, about {took * (100.0 / percentage - 1.0):.0f} s left"
+
+
+def in_own_words(text: str) -> str:
+    """Return a text with the remedies that it names as options of the command line."""
+    for python, option in OPTIONS.items():
+        text = re.sub(python, option, text)
+    return text
 
 
 def check_picture(path: Path | None) -> None:

@@ -1,4 +1,4 @@
-"""`spacearm plan` and `spacearm path`: a joint motion to a goal, and the proof of one."""
+"""`spacearm plan`: a joint motion to a goal."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from spacearm.cli.options import (
     From,
     Picture,
     PointsFrom,
-    Spacecraft,
-    SpacecraftMode,
     goal_from,
     joint_values,
     mark_of,
@@ -27,7 +25,8 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import (
     check_picture,
-    joint_value,
+    err,
+    in_own_words,
     out,
     picture_path,
     print_json,
@@ -37,20 +36,14 @@ from spacearm.cli.output import (
     working,
     write_picture,
 )
-from spacearm.cli.queries import SINGULAR
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.files import read
-from spacearm.mechanics.batch import evaluate
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
-from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import check_suffix
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
-from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.report import angle
-from spacearm.singularities.sets import prove_regular
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
 KINDS = ("box", "sphere", "mesh", "robot")
@@ -104,7 +97,10 @@ def plan_motion(
     seed: Annotated[int, typer.Option(help="Seed of the first guesses.")] = 0,
     timeout: Annotated[float, typer.Option(help="Give up after this time [s].")] = 60.0,
     output: Picture = None,
-    save: Annotated[Path | None, typer.Option(help="Write the plan.", metavar="NPZ")] = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(help="Write the plan; where none is found, the best attempt.", metavar="NPZ"),
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Play it in the browser.")] = False,
     deg: bool = False,
     as_json: AsJson = False,
@@ -116,14 +112,20 @@ def plan_motion(
     start = joint_values(arm, q0.split(), deg)
     target = goal_from(arm, "--goal", goal, deg)
     around = [_obstacle(text, deg) for text in obstacle or []]
-    with working(f"planning, at most {timeout:g} s") as tell:
-        found = plan(
-            arm, start, target, base=spacecraft_pose(attitude, deg), origin=origin.value,
-            clearance=float(np.radians(clearance)) if clearance and deg else clearance,
-            final_attitude=None if final_attitude is None else spacecraft_pose(final_attitude, deg),
-            limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
-            timeout=timeout, obstacles=around, progress=tell,
-        )  # fmt: skip
+    try:
+        with working(f"planning, at most {timeout:g} s") as tell:
+            found = plan(
+                arm, start, target, base=spacecraft_pose(attitude, deg), origin=origin.value,
+                clearance=float(np.radians(clearance)) if clearance and deg else clearance,
+                final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
+                limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
+                timeout=timeout, obstacles=around, progress=tell,
+            )  # fmt: skip
+    except NoSolutionError as error:
+        if save and isinstance(error.best, Plan):
+            error.best.save(save)
+            err.print(f"spacearm: wrote {save}: the best attempt, which does not arrive")
+        raise
     if save:
         found.save(save)
     if as_json:
@@ -189,7 +191,7 @@ def _shells(arm: SpaceArm) -> Workspace | None:
 
 
 def _print(found: Plan, deg: bool) -> None:
-    out.print(f"{found.arm.name}: planned by {found.method}; {found.checked}")
+    out.print(f"{found.arm.name}: planned by {found.method}; {in_own_words(found.checked)}")
     rows = table("method", "", "")
     for method, arrived, story in found.tried:
         rows.add_row(method, "arrives" if arrived else "fails", story)
@@ -204,93 +206,3 @@ def _print(found: Plan, deg: bool) -> None:
         out.print(f"no singularity is met: {'proven' if found.certificate else 'NOT proven'}")
     if found.apart:
         out.print("no bodies meet: proven")
-
-
-@on_a_model
-def check_path(
-    arm: SpaceArm,
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            help="Text with the joint values of a posture in each line, or a saved motion (.npz).",
-        ),
-    ],
-    mode: SpacecraftMode = Spacecraft.FREE,
-    fail_on_singular: Annotated[
-        bool,
-        typer.Option(
-            "--fail-on-singular", help=f"Exit with code {SINGULAR} unless it is proven regular."
-        ),
-    ] = False,
-    deg: bool = False,
-    as_json: AsJson = False,
-) -> int:
-    """Prove that straight joint motions from posture to posture meet no singularity."""
-    Q = _postures(arm, file, deg)
-    with working("proving"):
-        proof = prove_regular(arm, Q, mode=mode.value)
-        if proof is None:
-            raise UnsupportedError(
-                f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "
-                "that mimic others; spacearm query looks at single postures"
-            )
-        distance = evaluate(arm, Q, ("distance",))["distance"] if mode == "free-floating" else None
-    outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
-    if as_json:
-        print_json(
-            {
-                "certificate": proof.to_dict(),
-                "outside_limits": outside,
-                "distance": distance,
-                "mode": mode.value,
-            }
-        )
-    else:
-        _print_proof(arm, Q, proof, distance, outside, deg)
-    return SINGULAR if fail_on_singular and not proof.free else 0
-
-
-def _print_proof(
-    arm: SpaceArm,
-    Q: Array,
-    proof: Certificate,
-    distance: Array | None,
-    outside: list[str],
-    deg: bool,
-) -> None:
-    words = {
-        "free": "meets no singularity: proven",
-        "singular": "meets a singularity",
-        "undecided": "comes too near to a singularity for a proof",
-    }
-    limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
-    out.print(f"{arm.name}, {len(Q)} postures: {words[proof.verdict]}{limits}")
-    if proof.at is not None:
-        first = 1 + (proof.segment or 0)
-        rows = table("joint", f"on the way from posture {first} to {first + 1}")
-        for name, q in zip(arm.joint_names, proof.at, strict=True):
-            rows.add_row(name, joint_value(q, arm.tree.joints[name].kind, deg))
-        out.print(rows)
-    if distance is not None:
-        worst = int(np.argmin(distance))
-        near = f"about {angle(float(distance[worst]))} from a singular posture"
-        out.print(f"nearest of the postures given: number {worst + 1}, {near}, to first order")
-    out.print("not checked: collisions, rates, the way of the tip")
-
-
-def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
-    """Read the joint positions (m, n) of a path."""
-    if file.suffix == ".npz":
-        return Motion.load(file, arm).q
-    try:
-        lines = read(file).decode().replace(",", " ").splitlines()
-        Q = np.loadtxt(lines, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{file}: {error}") from None
-    if Q.shape[1:] != (arm.n,) or len(Q) < 2 or not np.isfinite(Q).all():
-        raise ConfigurationError(
-            f"{file} holds {Q.shape[0]} lines of {Q.shape[1]} numbers; give two lines or more, "
-            f"each with {arm.n} finite joint values: {', '.join(arm.joint_names)}"
-        )
-    return np.where(arm.slides, Q, np.radians(Q)) if deg else Q

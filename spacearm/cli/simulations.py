@@ -26,12 +26,14 @@ from spacearm.cli.options import (
     spacecraft_pose,
 )
 from spacearm.cli.output import (
+    INTERRUPTED,
     check_picture,
     joint_value,
     out,
     picture_path,
     print_json,
     rotation,
+    say_stopped,
     table,
     vector,
     working,
@@ -162,7 +164,7 @@ def simulate_motion(
     view: Annotated[bool, typer.Option("--view", help="Play it in the browser.")] = False,
     deg: bool = False,
     as_json: AsJson = False,
-) -> None:
+) -> int:
     """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
     Events: singularity, "joint limit", target, "wheel full". Ctrl-C
@@ -209,6 +211,10 @@ def simulate_motion(
         from spacearm.viewer.show import view as show
 
         serve_until_interrupted(show(run, open=False))
+    if run.ended == "interrupted":
+        say_stopped(f"{run.t[-1]:.4g} of {duration:g} s simulated")
+        return INTERRUPTED
+    return 0
 
 
 def _vectors(option: str, texts: list[str] | None) -> dict[str, tuple[float, ...]]:

@@ -12,18 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.text import Text
 
-from spacearm.cli.output import INTERRUPTED, err, out, table
+from spacearm.cli.output import INTERRUPTED, err, out, table, working
 from spacearm.errors import ConfigurationError, SweepError
 from spacearm.kernels.processors import processors
 from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
@@ -63,17 +55,15 @@ def run_study(
         _print_estimate(read, store, cores)
         return 0
     latest = Tally(0, 0, 0, read.total)
-    columns = (BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn(), TextColumn("left"))
     code = 0
     with (
         _client(scheduler) as client,
-        Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar,
+        working("chunks", MofNCompleteColumn(), Rate()) as progress,
     ):
-        task = bar.add_task("chunks", total=latest.total)
         try:
             with closing(run_chunks(read, store, client=client, workers=workers)) as tallies:
                 for latest in tallies:
-                    bar.update(task, completed=latest.done, total=latest.total)
+                    progress(latest.done, latest.total)
         except SweepError as error:
             err.print(f"spacearm: {error}")
             code = 1

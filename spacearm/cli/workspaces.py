@@ -18,6 +18,8 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import (
     check_picture,
+    err,
+    kept,
     out,
     picture_path,
     print_json,
@@ -32,6 +34,11 @@ from spacearm.singularities.report import angle
 from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.path_dependent import EFFORT, Workspace, workspace
 
+EFFORT_HELP = (
+    f"Number of singular configurations that the search starts from, {EFFORT:,} if not given; only "
+    "for arms of more than 3 joints: the bounds of others are proven."
+)
+
 
 @on_a_model
 def compute_workspace(
@@ -39,9 +46,9 @@ def compute_workspace(
     mode: SpacecraftMode = Spacecraft.FREE,
     limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
     effort: Annotated[
-        int,
-        typer.Option(help="Number of singular configurations to search from (larger arms).", min=1),
-    ] = EFFORT,
+        int | None,
+        typer.Option(help=EFFORT_HELP, min=1, show_default=False),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of that search.")] = 0,
     free: Annotated[
         bool,
@@ -58,13 +65,26 @@ def compute_workspace(
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Show the shells in the browser.")] = False,
     as_json: AsJson = False,
-) -> None:
-    """Compute and draw the path dependent and path independent workspaces."""
+) -> int:
+    """Compute and draw the path dependent and path independent workspaces.
+
+    Ctrl-C keeps what there is.
+    """
     check_picture(output)
     points = None if path is None else _points(path)
-    with working("computing the workspace"):
-        result = workspace(arm, mode=mode.value, limits=limits, effort=effort, seed=seed)
-        more = {"free": plain(result.free)} if free else {}
+    tries = EFFORT if effort is None else effort
+    result, code = kept(
+        "computing the workspace",
+        lambda progress: workspace(
+            arm, mode=mode.value, limits=limits, effort=tries, seed=seed, progress=progress
+        ),
+    )
+    if effort is not None and result.effort == 0:
+        err.print("spacearm: note: --effort does not count: the bounds of this arm are proven")
+    free, more = free and not code, {}
+    if free:
+        with working("the free workspace"):
+            more = {"free": plain(result.free)}
     if as_json:
         print_json(result.to_dict() | more)
     else:
@@ -72,7 +92,9 @@ def compute_workspace(
     if output or not (as_json or view):
         from spacearm.plots.workspaces import draw_workspace  # imports matplotlib
 
-        profile = None if result.planar or mode != "free-floating" else result.profile()
+        floats = not result.planar and mode == "free-floating" and not code
+        with working("drawing") as progress:
+            profile = result.profile(progress=progress) if floats else None
         where = picture_path(output, arm.name, "workspace")
         write_picture(where, draw_workspace(result, points, profile))
         if not as_json:
@@ -82,6 +104,7 @@ def compute_workspace(
         from spacearm.viewer.show import view as show
 
         serve_until_interrupted(show(result, open=False))
+    return code
 
 
 @on_a_model
@@ -102,19 +125,27 @@ def compute_risk(
     output: Picture = None,
     deg: bool = False,
     as_json: AsJson = False,
-) -> None:
-    """Estimate how many postures are near a singularity, by the tip's distance from the CM."""
+) -> int:
+    """Estimate how many postures are near a singularity, by the tip's distance from the CM.
+
+    Ctrl-C keeps what there is.
+    """
     check_picture(output)
     bound = None if near is None else float(np.radians(near) if deg else near)
-    with working("sampling"):
-        profile = risk_profile(
-            arm, limits=limits, distance=bound, bins=bins, samples=samples, seed=seed
-        )
+    profile, code = kept(
+        "sampling",
+        lambda progress: risk_profile(
+            arm, limits=limits, distance=bound, bins=bins, samples=samples, seed=seed,
+            progress=progress,
+        ),
+    )  # fmt: skip
     if as_json:
         print_json(profile.to_dict())
     else:
         near_by = f"within {angle(profile.bound)} of a singular posture, to first order"
-        out.print(f"{arm.name}, free-floating: share of {samples:,} postures {near_by}")
+        out.print(
+            f"{arm.name}, free-floating: share of {profile.count.sum():,.0f} postures {near_by}"
+        )
         rows = table("R from [m]", "to [m]", "share", "standard error", "postures")
         edges = zip(profile.edges[:-1], profile.edges[1:], strict=True)
         for (low, high), share, error, count in zip(
@@ -132,11 +163,14 @@ def compute_risk(
         write_picture(where, plot(profile))
         if not as_json:
             out.print(f"wrote {where}")
+    return code
 
 
 def _print(result: Workspace, free: bool) -> None:
     size = "area [m²]" if result.planar else "volume [m³]"
-    how = "proven" if result.kind == "certified" else f"found, effort {result.effort:,}"
+    how: str = "proven" if result.kind == "certified" else result.kind
+    if result.effort:
+        how += f", from {result.effort:,} singular configurations (--effort)"
     out.print(f"{result.arm.name}, {result.mode}: distances of the tip from the system CM ({how})")
     rows = table("workspace", "from [m]", "to [m]", size)
     sizes = result.volumes

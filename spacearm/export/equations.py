@@ -12,6 +12,7 @@ the joints is A_q = [I_i s_i], that of the whole A_b = diag(M 1, D), and J* = J_
 from __future__ import annotations
 
 from itertools import combinations
+from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ import numpy as np
 from spacearm.export.parameters import Parameters, Structure
 
 Z = np.array([0.0, 0.0, 1.0])
+MOST_MINORS = 250
+"""Maximal minors of a task Jacobian that S is made of; more would make endless code."""
 
 
 class Posture(NamedTuple):
@@ -178,17 +181,21 @@ def singularity(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
     S = det(D) det(J*) if there are as many joints as task rows: equation (41) of a planar arm, of
     which only the inertia about the normal of its plane counts. Of a redundant arm S is
     det(D)^2 det(J* J*^T), the sum of the squares of all maximal minors; zero if the joints are
-    fewer than the rows. Spacecraft that do not float have S without D.
+    fewer than the rows. Spacecraft that do not float have S without D. Arms with more than
+    `MOST_MINORS` of them have the determinant itself, which rounding spares less near the set.
     """
+    k, n = len(tree.rows), tree.n
+    if k > n:
+        return 0.0 * q[0]
     at = posture(xp, tree, p, q)
     J = tree.scale * _jacobian(xp, tree, at)[np.array(tree.rows)]
-    if len(tree.rows) > tree.n:
-        return 0.0 * q[0]
-    found = minors(J)
+    many = comb(n, k) > MOST_MINORS
+    found = minors(J @ J.T if many else J)
     if tree.mode == "free-floating":
         i = tree.normal
-        found = found * (minors(at.D) if i is None else at.D[i, i : i + 1])
-    return found[0] if len(tree.rows) == tree.n else (found * found).sum()
+        D = minors(at.D) if i is None else at.D[i, i : i + 1]
+        found = found * (D * D if many else D)
+    return found[0] if many or k == n else (found * found).sum()
 
 
 def generalized_inertia(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:

@@ -55,12 +55,16 @@ def run_blocks(
     maps = [found for array in arrays if (found := _memory_map(array)) is not None]
     with ThreadPoolExecutor(threads) as pool:
         done = pool.map(do, blocks) if len(blocks) > 1 else map(do, blocks)
-        for i, _ in enumerate(done):
-            if i % BLOCKS_MAPPED == 0:
-                for memory_map in maps:
-                    memory_map.madvise(mmap.MADV_DONTNEED)
-            if progress:
-                progress(blocks[i].stop, m)
+        try:
+            for i, _ in enumerate(done):
+                if i % BLOCKS_MAPPED == 0:
+                    for memory_map in maps:
+                        memory_map.madvise(mmap.MADV_DONTNEED)
+                if progress:
+                    progress(blocks[i].stop, m)
+        except BaseException:  # Ctrl-C too: only what has begun is waited for
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def _memory_map(array: Array) -> mmap.mmap | None:

@@ -13,8 +13,9 @@ the kinetic energy, which therefore cannot grow. Braked joints add the constrain
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -52,6 +53,8 @@ class Capture(Result):
     momentum: Array
     impulse: Array
     energy_lost: float
+
+    JSON: ClassVar[Mapping[str, str]] = {"impulse": "tip_impulse"}
 
     @property
     def velocities(self) -> dict[str, Array]:

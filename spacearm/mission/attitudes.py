@@ -10,9 +10,10 @@ for spatial arms a set of rotations.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -95,6 +96,12 @@ class FeasibleAttitudes(Result):
     cell: npt.NDArray[np.int64]
     border: npt.NDArray[np.bool_]
     ball: Ball | None
+
+    JSON: ClassVar[Mapping[str, str]] = {
+        "path": "corners",
+        "length": "path_length",
+        "ended": "outcome",
+    }
 
     @cached_property
     def feasible(self) -> npt.NDArray[np.bool_]:
@@ -179,9 +186,9 @@ class FeasibleAttitudes(Result):
         """Return all fields as plain JSON data, with share and error; functions as None."""
         data = {f.name: getattr(self, f.name) for f in fields(self)}
         data["path"] = None if callable(self.path) else list(self.path)
-        return {name: plain(value) for name, value in data.items()} | {
-            "share": self.share,
-            "error": self.error,
+        return {self.JSON.get(name, name): plain(value) for name, value in data.items()} | {
+            "feasible_share": self.share,
+            "standard_error": self.error,
         }
 
     def __repr__(self) -> str:

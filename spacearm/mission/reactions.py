@@ -6,9 +6,10 @@ take up the opposite; the torque they give is its derivative.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +55,8 @@ class Reaction(Result):
     on_board: Array
     torque: Array
     camera: Array | None = field(default=None)
+
+    JSON: ClassVar[Mapping[str, str]] = {"momentum": "joint_momentum", "torque": "holding_torque"}
 
     @cached_property
     def angle(self) -> Array:
@@ -101,8 +104,8 @@ class Reaction(Result):
             "largest_pointing": float(self.pointing.max()),
             "largest_smear": float(self.smear.max()),
             "largest_wheels": np.abs(self.wheels).max(axis=0).tolist(),
-            "largest_torque": np.abs(self.torque).max(axis=0).tolist(),
-            "impulse": self.impulse.tolist(),
+            "largest_holding_torque": np.abs(self.torque).max(axis=0).tolist(),
+            "thruster_impulse": self.impulse.tolist(),
         }
 
     def __repr__(self) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -55,6 +55,12 @@ class WheelSizing(Result):
     q: Array
     left_out: float
     near: float
+
+    JSON: ClassVar[Mapping[str, str]] = {
+        "axes": "axis_momentum",
+        "momentum": "wheel_momentum",
+        "torque": "holding_torque",
+    }
 
     @cached_property
     def worst(self) -> int:

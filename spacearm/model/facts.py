@@ -24,7 +24,7 @@ def facts(arm: SpaceArm) -> dict[str, Any]:
         "path": str(arm.path),
         "n": arm.n,
         "mass": arm.mass,
-        "tip": plain(arm.tips if len(arm.tips) > 1 else arm.tip),
+        "tip_link": plain(arm.tips if len(arm.tips) > 1 else arm.tip),
         "tip_reason": arm.tip_reason,
         "task": plain(arm.task),
         "cm_at_zero": plain(arm.at(np.zeros(arm.n)).com),
@@ -37,9 +37,9 @@ def facts(arm: SpaceArm) -> dict[str, Any]:
             }
             for link, body in bodies(arm.tree, arm.model).items()
         ],
-        "joints": [_joint(joint) for joint in arm.tree.depth_first() if joint.movable],
+        "joint_data": [_joint(joint) for joint in arm.tree.depth_first() if joint.movable],
         "held": dict(arm.held),
-        "wheels": plain(arm.wheels),
+        "wheel_data": plain(arm.wheels),
         "notes": list(arm.notes),
     }
 

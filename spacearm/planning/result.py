@@ -129,7 +129,7 @@ class Plan(Motion):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
         return super().to_dict() | {
-            "length": self.length, "certificate": plain(self.certificate)
+            "travel": self.length, "certificate": plain(self.certificate)
         }  # fmt: skip
 
     def _tables(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from spacearm.arrays import Array
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.plots.postures import GOLD, draw_posture
+from spacearm.plots.postures import GOLD, draw_posture, draw_velocities
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -39,7 +39,12 @@ SIZE = (7.2, 6.0)
 
 
 def draw_configuration(
-    cfg: Configuration, *, ax: Any = None, color: str = GREY, label: bool = True
+    cfg: Configuration,
+    *,
+    ax: Any = None,
+    color: str = GREY,
+    label: bool = True,
+    velocities: bool = False,
 ) -> Figure:
     """Draw spacecraft, arm and system CM: in the plane for planar arms, in space for others.
 
@@ -49,11 +54,15 @@ def draw_configuration(
             figure.
         color: Colour of the arm.
         label: Whether to name the system CM and the tip.
+        velocities: Whether to draw what unit joint rates give to the tip, and the lost direction:
+            for planar arms whose task is the position of the tip.
     """
     axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
     with style():
         draw_stick_figure(axes, cfg, color=color, label=label)
-        axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM")
+        if velocities:
+            draw_velocities(axes, cfg)
+        axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM (+)")
     return axes.figure
 
 
@@ -109,7 +118,7 @@ def draw_stick_figure(
         axes.plot(*x.T, "-o", color=color, lw=4, ms=6, mfc="white", mec=color)
     axes.plot(*cfg.com[:, None], marker="P", ms=9, color="black", ls="none")
     if label:
-        annotate(axes, "system CM", cfg.com, "black", below=True)
+        annotate(axes, "CM", cfg.com, "black", below=True)
         for name, x in zip(cfg.arm.tips, chains, strict=True):
             annotate(axes, "tip" if len(chains) == 1 else name, x[-1], color)
     equal_axes(axes)
@@ -176,8 +185,9 @@ def draw_region(result: Region, *, ax: Any = None) -> Figure:
             color = GREEN if result.kind == "path independent" else RED
             axes.plot(result.radius * np.cos(around), result.radius * np.sin(around), color=color)
             axes.plot(0, 0, marker="P", ms=9, color="black", ls="none")
-            annotate(axes, "system CM", np.zeros(2), "black", below=True)
-            axes.set(aspect="equal", xlabel="from the system CM [m]", ylabel="from the CM [m]")
+            annotate(axes, "CM", np.zeros(2), "black", below=True)
+            where = "from the system CM [m]"
+            axes.set(aspect="equal", xlabel=where, ylabel=where)
         number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
         axes.set_title(f"{result.radius:.4g} m from the CM: {result.kind}{number}")
     return axes.figure
@@ -187,7 +197,7 @@ def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> 
     points = chain.points[:, rows]
     axes.plot(*points.T, "-o", color=PURPLE, lw=2.5, ms=6, mfc="white")
     axes.plot(*points[:1].T, marker="P", ms=9, color="black", ls="none")
-    annotate(axes, "system CM", points[0], "black", below=True)
+    annotate(axes, "CM", points[0], "black", below=True)
     annotate(axes, "tip", points[-1], PURPLE)
     lengths = np.linalg.norm(chain.links, axis=1)
     for i in np.flatnonzero(lengths > LEAST * lengths.sum()):

@@ -13,12 +13,14 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
-from spacearm.plots.style import RED, TITLE, axes_for, style
+from spacearm.plots.style import GREY, RED, TITLE, axes_for, style
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.map import SingularMap
 
 FAR = 45.0
 """Distance beyond which the colours of a map do not change [deg]."""
+SCALES = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0)
+"""Ends of the colours of maps on which all distances are less [deg]."""
 BINS = 18
 """Bins along each joint in which samples are counted to find the joints that show structure."""
 MOST_SAMPLED, MOST_FOUND = 4000, 200
@@ -36,20 +38,25 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
     """
     axes = axes_for(ax, 7.2, 6.0)
     with style():
-        degrees = np.degrees(result.angles)
+        degrees, distance = np.degrees(result.angles), np.degrees(result.distance.T)
+        most = float(np.max(distance, initial=0.0, where=np.isfinite(distance)))
+        far = next((scale for scale in SCALES if most <= scale), FAR)
         image = axes.pcolormesh(
             degrees,
             degrees,
-            np.minimum(np.degrees(result.distance.T), FAR),
+            np.minimum(distance, far),
             vmin=0.0,
-            vmax=FAR,
+            vmax=far,
             cmap="cividis",
             rasterized=True,
         )
         label = "least joint motion to a singular posture [deg]"
-        axes.figure.colorbar(image, ax=axes, label=label, shrink=0.9, extend="max")
+        axes.figure.colorbar(
+            image, ax=axes, label=label, shrink=0.9, extend="max" if most > far else "neither"
+        )
         _draw_curves(axes, result.curves or [])
         _angle_axes(axes, result.joints)
+        _draw_limits(axes, np.degrees(result.joint_limits))
         what = "distance to the singular set" if result.curves is None else "singular set (curves)"
         held = ", ".join(
             f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
@@ -122,6 +129,19 @@ def _rootless(result: SingularSet) -> bool:
 def _draw_curves(axes: Any, curves: list[Array]) -> None:
     for curve in curves:
         axes.plot(*_on_screen(np.degrees(curve)).T, color=RED, lw=2.0)
+
+
+def _draw_limits(axes: Any, limits: Array) -> None:
+    """Hatch what lies outside the limits (2, 2) of both joints [deg]."""
+    look = {"facecolor": "none", "edgecolor": "white", "hatch": "///", "lw": 0.0}
+    label = "outside the joint limits"
+    for span, (low, high) in zip((axes.axvspan, axes.axhspan), limits, strict=True):
+        for first, last in ((-180.0, max(low, -180.0)), (min(high, 180.0), 180.0)):
+            if last > first:
+                span(first, last, **look, label=label)
+                label = "_the same"
+    if label == "_the same":
+        axes.legend(loc="upper right", facecolor=GREY, labelcolor="white", framealpha=0.9)
 
 
 def _draw_surface(axes: Any, result: SingularSet) -> None:

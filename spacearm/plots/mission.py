@@ -99,7 +99,7 @@ def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
         axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
         axes.set_ylim(0.0, 101.0)
         axes.legend(frameon=False)
-        speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g}"
+        speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g} m/s"
         axes.set_title(f"{result.arm.name}{speed}: 99 % below the dotted line")
     return axes.figure
 
@@ -213,8 +213,10 @@ def draw_envelope(result: LevelEnvelope) -> Figure:
             xscale="log", yscale="log", xlabel="mass of the bus [kg]",
             ylabel=f"turn by {result.travel:g} m of the tip [°]",
         )  # fmt: skip
-        for axis in (reach.xaxis, turn.xaxis, turn.yaxis):
-            write_powers(axis)
+        for axes in (reach, turn):
+            axes.set_xticks(result.base_mass, [f"{mass:g}" for mass in result.base_mass])
+            axes.set_xticks([], minor=True)
+        write_powers(turn.yaxis)
         reach.legend(frameon=False)
         turn.legend(frameon=False)
         reach.set_title(f"{result.arm.name}: mean over directions, dotted the worst")

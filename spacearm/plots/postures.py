@@ -46,7 +46,7 @@ def draw_posture(axes: Any, cfg: Configuration, *, color: str = GREY, label: boo
     com = _flat(cfg, cfg.com)
     axes.plot(*com, marker="P", ms=9, color="black", ls="none", zorder=3)
     if label:
-        axes.annotate("system CM", com, (-6, -18), textcoords="offset points", ha="right")
+        axes.annotate("CM", com, (-6, -18), textcoords="offset points", ha="right")
     names = ["xyz"[i] for i in _rows(cfg)]
     axes.set(aspect="equal", xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
 

@@ -53,6 +53,7 @@ def draw_report(result: SingularityReport) -> Figure:
         bars = values.bar(range(k), result.sigma, color=color)
         values.bar_label(bars, fmt="{:.3g}", fontsize=9)
         values.set(xticks=range(k), xticklabels=columns, ylabel=f"[{arm.sigma_unit}]")
+        values.margins(y=0.15)
         values.set_title("Singular values")
         directions = whole.add_subplot(grid[1, 1], sharex=values)
         both = np.hstack((result.available, result.lost))
@@ -127,7 +128,7 @@ def draw_prescribed_motion(result: PrescribedMotion, *, ax: Any = None) -> Figur
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     matrix = np.column_stack((result.jacobian, result.drift))
-    title = "Jacobian of the free joints | drift of the tip [m/s, rad/s]"
+    title = "Jacobian of the free joints |\ndrift of the tip [m/s, rad/s]"
     axes = _matrix(matrix, _twist_rows(len(matrix)), [*result.joints, "drift"], title, ax)
     axes.axvline(len(result.joints) - 0.5, color="black", lw=1.5)
     return axes.figure

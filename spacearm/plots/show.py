@@ -25,7 +25,8 @@ def plot(thing: object, ax: Axes | None = None, **options: Any) -> Figure:
             drawings in space. None makes a new figure.
         **options: What some drawings take besides. Motions: `target` (a point to mark) and
             `workspace`, both [m] in inertial axes. Workspaces: `path` (points from the system CM
-            [m]) and `profile` (a risk profile). Arms and configurations: `color` and `label`.
+            [m]) and `profile` (a risk profile). Arms and configurations: `color` and `label`;
+            configurations of planar arms: `velocities` (what unit joint rates give to the tip).
 
     Returns:
         The figure; `ax.figure` where axes are given.

@@ -5,11 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib import figure as mpl_figure
-from matplotlib import rcsetup
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
@@ -18,16 +18,10 @@ BLUE, RED, GREEN, ORANGE, GREY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#5
 PURPLE, SKY = "#cc79a7", "#56b4e9"
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 """Colours of Okabe and Ito, which colour-blind readers can tell apart."""
+SHEET = Path(__file__).parents[1] / "paper.mplstyle"
+"""What `matplotlib.style.use("spacearm.paper")` takes."""
 STYLE: Any = {  # Matplotlib's stubs accept literal names only
-    "figure.dpi": 110,
-    "savefig.dpi": 160,
-    "font.size": 11,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.prop_cycle": rcsetup.cycler(color=COLOURS),
-    "axes.titlelocation": "left",
-    "axes.titlesize": 12,
-    "figure.constrained_layout.use": True,
+    **mpl.rc_params_from_file(SHEET, use_default_template=False),
     "svg.hashsalt": "spacearm",
     "text.parse_math": False,  # names may hold dollar signs
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import time
@@ -132,7 +133,8 @@ def _working_posture(arm: SpaceArm) -> Array:
 def _python(about: str, expression: str) -> str:
     """Return a command that draws an expression of an arm."""
     name, *options = shlex.split(about)
-    code = f"import spacearm as sa; arm = sa.load({name!r}); sa.plot({expression}).savefig('x.svg')"
+    code = f"import spacearm as sa; arm = sa.load({json.dumps(name)}); sa.plot({expression})"
+    code += '.savefig("x.svg")'
     loaded = f"  # load it as by {shlex.join(options)}" if options else ""
     return f"python -c {shlex.quote(code)}{loaded}"
 
@@ -156,7 +158,9 @@ def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
         for name, body in rigid_bodies(arm.tree, arm.model).items()
     ]
     section.table(
-        ("body", "mass [kg]", "principal moments", "[kg m²]", ""), bodies, f"spacearm info {about}"
+        ("body", "mass [kg]", "least moment [kg m²]", "middle [kg m²]", "largest [kg m²]"),
+        bodies,
+        f"spacearm info {about}",
     )
     joints = [
         (name, *(f"{np.degrees(x) if not slides else x:.5g}" for x in (low, high, at)))

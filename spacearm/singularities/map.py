@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, Result, whole
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
@@ -32,6 +35,9 @@ class SingularMap(Result):
         unit: Its unit.
         curves: Singular curves, closed polylines (m, 2), exact to rounding; None for arms without
             a singularity polynomial (redundant ones, sliding or mimic joints).
+        joint_limits: (2, 2) lower and upper limit of both joints [rad]; inf where there is none.
+
+    After Ctrl-C numbers that were not computed are NaN, and curves that were not traced None.
     """
 
     arm: str
@@ -42,6 +48,9 @@ class SingularMap(Result):
     sigma_min: Array
     unit: str
     curves: list[Array] | None
+    joint_limits: Array
+
+    JSON: ClassVar[Mapping[str, str]] = {"unit": "sigma_unit"}
 
     def __repr__(self) -> str:
         return f"SingularMap({self.arm}, {self.joints[0]} x {self.joints[1]}, {len(self.angles)})"
@@ -53,6 +62,8 @@ def singular_map(
     joints: tuple[str, str] | None = None,
     q: npt.ArrayLike | None = None,
     points: int = 181,
+    *,
+    progress: Progress | None = None,
 ) -> SingularMap:
     """Map the singularities over two joints, the others held.
 
@@ -62,6 +73,7 @@ def singular_map(
             depends on if None.
         q: (n,) positions of the other joints; zeros if None.
         points: Grid points in each joint.
+        progress: Called now and then as progress(done, total); curves count as much as postures.
 
     Returns:
         Distances and sigma_min on the grid, and the curves.
@@ -69,6 +81,7 @@ def singular_map(
     Raises:
         ConfigurationError: A joint does not exist, is prismatic or is named twice, or `points` is
             no whole number from 2 on.
+        StoppedError: Ctrl-C; carries the map as far as it had come.
 
     Example:
         >>> import spacearm as sa
@@ -88,11 +101,10 @@ def singular_map(
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)
-    at = evaluate(arm, Q, ("distance", "sigma_min"))
-    distance, sigma = (at[name].reshape(points, points) for name in ("distance", "sigma_min"))
-    curves = _curves(found, centre, a, b) if found.complete and found.codimension == 1 else None
+    at = {name: np.full(points * points, np.nan) for name in ("distance", "sigma_min")}
     held = {n: float(x) for n, x in zip(arm.joint_names, centre, strict=True) if n not in names}
-    return SingularMap(
+    distance, sigma = (at[name].reshape(points, points) for name in ("distance", "sigma_min"))
+    result = SingularMap(
         arm=arm.name,
         joints=(names[0], names[1]),
         held=held,
@@ -100,8 +112,24 @@ def singular_map(
         distance=distance,
         sigma_min=sigma,
         unit=arm.sigma_unit,
-        curves=curves,
+        curves=None,
+        joint_limits=np.stack((arm.lower, arm.upper), axis=1)[[a, b]],
     )
+    curved = found.complete and found.codimension == 1
+    tell = progress or _nothing
+    try:
+        evaluate(arm, Q, tuple(at), out=at, progress=lambda done, of: tell(done, (1 + curved) * of))
+        if curved:
+            result = replace(result, curves=_curves(found, centre, a, b))
+            tell(2 * len(Q), 2 * len(Q))
+    except KeyboardInterrupt:
+        done = int((~np.isnan(distance)).sum())
+        raise StoppedError(f"{done:,} of {distance.size:,} postures done", result) from None
+    return result
+
+
+def _nothing(*_: int) -> None:
+    """Report to nobody."""
 
 
 def _curves(found: SingularSet, q: Array, a: int, b: int) -> list[Array]:

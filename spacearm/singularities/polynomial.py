@@ -253,8 +253,7 @@ def _why_not_square(arm: SpaceArm) -> str | None:
     if n > k:
         return (
             f"{n} joints for {k} task rows ({arm.task.names}): the arm is redundant "
-            f"and has no determinant; lock {n - k} joint(s), for instance "
-            f"locked={{{arm.joint_names[-1]!r}: 0.0}}, or take a task with {n} rows"
+            f"and has no determinant; {to_square(arm)}"
         )
     if n < k:
         return (
@@ -262,6 +261,13 @@ def _why_not_square(arm: SpaceArm) -> str | None:
             f"this task; take one with {n} rows"
         )
     return None
+
+
+def to_square(arm: SpaceArm) -> str:
+    """Say what gives a redundant arm as many joints as task rows: locks, or a longer task."""
+    n, lock = arm.n, f"locked={{{arm.joint_names[-1]!r}: 0.0}}"
+    longer = f", or take a task with {n} rows" if n <= 6 * len(arm.tips) else ""
+    return f"lock {n - arm.task.k} joint(s), for instance {lock}{longer}"
 
 
 def plane_of_motion(arm: SpaceArm, probes: list[Configuration]) -> int | None:

@@ -8,17 +8,18 @@ planning"). These statistics give the share of configurations near a singularity
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, Result, named, whole
-from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 
@@ -50,6 +51,8 @@ class RiskProfile(Result):
     bound: float
     unit: str
 
+    JSON: ClassVar[Mapping[str, str]] = {"error": "standard_error", "unit": "bound_unit"}
+
     @property
     def radius(self) -> Array:
         """(bins,) middles of the classes [m]."""
@@ -75,6 +78,7 @@ def risk_profile(
     samples: int = 200_000,
     seed: int | Sequence[int] = 0,
     threads: int | None = None,
+    progress: Progress | None = None,
 ) -> RiskProfile:
     """Estimate the share of configurations near a singularity, by distance of the tip from the CM.
 
@@ -92,6 +96,7 @@ def risk_profile(
         samples: Number of configurations.
         seed: Seed of the sample.
         threads: Number of threads; see `evaluate`.
+        progress: Called now and then as progress(done, samples).
 
     Returns:
         The share of near configurations in each class, with its error.
@@ -99,6 +104,7 @@ def risk_profile(
     Raises:
         ConfigurationError: bins, samples or the bounds are not valid.
         UnsupportedError: The arm has several tips, or a prismatic joint without limits.
+        StoppedError: Ctrl-C; carries the profile of the configurations done.
 
     Example:
         >>> import spacearm as sa
@@ -111,8 +117,16 @@ def risk_profile(
     Q = uniform(arm, limits, samples, np.random.default_rng(seed))
     measure, bound = _near(sigma_min, distance)
     unit = "rad" if measure == "distance" else arm.sigma_unit
-    values = evaluate(arm, Q, (measure, "radius"), threads=threads)
-    value, R = values[measure], values["radius"]
+    values = {name: np.full(samples, np.nan) for name in (measure, "radius")}
+    stopped = False
+    try:
+        evaluate(arm, Q, tuple(values), out=values, threads=threads, progress=progress)
+    except KeyboardInterrupt:
+        stopped = True
+    done = ~np.isnan(values[measure]) & ~np.isnan(values["radius"])
+    if stopped and not done.any():
+        raise KeyboardInterrupt
+    value, R = values[measure][done], values["radius"][done]
     if edges is None:
         edges = np.linspace(R.min(), R.max(), least + 1)
     count = np.histogram(R, edges)[0].astype(np.float64)
@@ -120,7 +134,10 @@ def risk_profile(
     with np.errstate(invalid="ignore", divide="ignore"):
         share = near / count
         error = np.sqrt(share * (1.0 - share) / count)
-    return RiskProfile(edges, count, share, error, measure, bound, unit)
+    profile = RiskProfile(edges, count, share, error, measure, bound, unit)
+    if stopped:
+        raise StoppedError(f"{len(R):,} of {samples:,} postures done", profile)
+    return profile
 
 
 def _edges(bins: object) -> Array:

@@ -22,6 +22,7 @@ from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.closest import nearest_singular
 from spacearm.singularities.free_paths import prove_free
 from spacearm.singularities.minors import chart_of, minors_of
+from spacearm.singularities.polynomial import to_square
 from spacearm.singularities.rank_loss import lose_rank
 
 
@@ -62,8 +63,7 @@ class FoundSet(SingularSet):
             )
         return (
             f"{n} joints for {k} task rows ({self.arm.task.names}): the minors of J* do not give "
-            f"the singular set joint by joint; lock {n - k} joint(s), for instance "
-            f"locked={{{self.arm.joint_names[-1]!r}: 0.0}}, or take a task with {n} rows"
+            f"the singular set joint by joint; {to_square(self.arm)}"
         )
 
     roots = solve = curves = surface = components = _unsupported

@@ -10,15 +10,17 @@ the *path independent workspace* (PIW). Papadopoulos & Dubowsky (1993), section 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, Result, plain, whole
-from spacearm.errors import UnsupportedError
+from spacearm.errors import StoppedError, UnsupportedError
+from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -28,11 +30,11 @@ from spacearm.singularities.risk import RiskProfile, risk_profile
 from spacearm.singularities.sets import singular_set
 from spacearm.workspaces.free import free_workspace
 from spacearm.workspaces.regions import Region, off_plane, position, singular_at
+from spacearm.workspaces.searched_shells import Searches, found_shells
 from spacearm.workspaces.shells import (
     Box,
     Shell,
     exact_shells,
-    found_shells,
     merged,
     prove,
     shell_about,
@@ -45,7 +47,7 @@ MOST_CERTIFIED = 3
 EFFORT = 200_000
 """Default number of singular configurations from which shells of larger arms are searched."""
 
-Kind = Literal["certified", "found"]
+Kind = Literal["certified", "found", "stopped"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,7 +76,7 @@ class Workspace(Result):
         piw: (k, 2) path independent workspace: the rest of the reachable distances [m].
         shells: A shell for each piece of the singular set that was found.
         reachable_at: (2, n) configurations of the least and the largest distance.
-        kind: "certified" or "found".
+        kind: "certified", "found" or, after Ctrl-C, "stopped": attained, others are missing.
         gap: Largest distance by which R may lie outside `reachable` or the shells [m]: proven if
             certified, else NaN.
         effort: Number of singular configurations that were sampled; 0 if certified.
@@ -91,6 +93,8 @@ class Workspace(Result):
     kind: Kind
     gap: float
     effort: int
+
+    JSON: ClassVar[Mapping[str, str]] = {"kind": "bounds"}
 
     @property
     def planar(self) -> bool:
@@ -190,6 +194,7 @@ def workspace(
     limits: bool = False,
     effort: int = EFFORT,
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> Workspace:
     """Compute the path dependent and path independent workspaces of an arm.
 
@@ -202,8 +207,10 @@ def workspace(
             count from its own CM.
         limits: Whether only configurations within the joint limits count; if not, every joint
             turns freely, as in the paper.
-        effort: Singular configurations to search from, for arms of more than three joints.
+        effort: Singular configurations to search from, for arms of more than three joints; the
+            bounds of the others are proven.
         seed: Seed of that search.
+        progress: Called now and then as progress(done, total), in searches for a bound.
 
     Returns:
         The radii of all workspaces, and how far they are proven.
@@ -212,6 +219,7 @@ def workspace(
         ConfigurationError: An argument is not valid.
         UnsupportedError: The arm is redundant, has prismatic or mimic joints, or can never do its
             task.
+        StoppedError: Ctrl-C; carries the workspace as far as it is known.
 
     Example:
         >>> import spacearm as sa
@@ -225,30 +233,43 @@ def workspace(
     rng = np.random.default_rng(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
-    reach = [shell_about(arm, mode, None, points, box, 0)]
-    certified = arm.n <= MOST_CERTIFIED
-    if certified:
+    searches, shells = Searches(progress), list[Shell]()
+    reach = [shell_about(arm, mode, None, points, box, 0, step=searches.step)]
+    gap = float("nan")
+
+    def known(kind: Kind) -> Workspace:
+        reachable = merged([shell.radius for shell in reach])
+        pdw = merged([shell.radius for shell in shells])
+        return Workspace(
+            arm=arm,
+            mode=mode,
+            limits=limits,
+            reachable=reachable,
+            pdw=pdw,
+            piw=_outside(reachable[0], pdw),
+            shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
+            reachable_at=reach[0].at,
+            kind=kind,
+            gap=gap if kind == "certified" else float("nan"),
+            effort=0 if arm.n <= MOST_CERTIFIED else effort,
+        )
+
+    def keep(so_far: list[Shell]) -> None:
+        shells[:] = so_far
+
+    try:
+        if arm.n > MOST_CERTIFIED:
+            keep(found_shells(found, box, effort, rng, reach[0].at, searches, keep))
+            return known("found")
         reach, reach_gap = prove(arm, mode, None, reach, box, TOLERANCE)
-        shells, gap = prove(arm, mode, found.S, exact_shells(found, box), box, TOLERANCE)
+        keep(exact_shells(found, box))
+        proven, gap = prove(arm, mode, found.S, shells, box, TOLERANCE)
+        keep(proven)
         gap = max(gap, reach_gap)
-        certified = bool(np.isfinite(gap))
-    else:
-        shells, gap = found_shells(found, box, effort, rng, reach[0].at), float("nan")
-    reachable = merged([shell.radius for shell in reach])
-    pdw = merged([shell.radius for shell in shells])
-    return Workspace(
-        arm=arm,
-        mode=mode,
-        limits=limits,
-        reachable=reachable,
-        pdw=pdw,
-        piw=_outside(reachable[0], pdw),
-        shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
-        reachable_at=reach[0].at,
-        kind="certified" if certified else "found",
-        gap=gap if certified else float("nan"),
-        effort=0 if arm.n <= MOST_CERTIFIED else effort,
-    )
+        return known("certified" if np.isfinite(gap) else "found")
+    except KeyboardInterrupt:
+        why = "shells may be missing, or wider than found so far"
+        raise StoppedError(why, known("stopped")) from None
 
 
 def check_shells(arm: SpaceArm) -> None:

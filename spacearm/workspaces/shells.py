@@ -6,6 +6,7 @@ range of one polynomial on the roots of another, over the torus or within the jo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,10 +23,6 @@ from spacearm.singularities.polynomial import distances, radius_squared
 
 STARTS = 12
 """Number of best configurations of a sample from which each bound is searched."""
-GAP_SHARE = 1 / 300
-"""Share of the range of R, empty of a large sample, that separates two shells."""
-AT_AN_END = 1e-7
-"""Share of the scale of S below which an end of the reachable workspace is singular."""
 SHORT = 0.4
 """Largest joint motion of one run of an optimisation [rad]."""
 MOST_WAYS = 60
@@ -103,42 +100,28 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
     return [shell_about(arm, mode, found.S, piece, box, i) for i, piece in enumerate(pieces)]
 
 
-def found_shells(
-    found: SingularSet, box: Box, effort: int, rng: np.random.Generator, ends: Array
-) -> list[Shell]:
-    """Find shells from a sample of `effort` singular configurations, each bound then optimised.
-
-    Where R is stationary the tip has lost the direction of R: the `ends` (2, n) of the reachable
-    workspace are singular, unless limits or R = 0 make them regular, and belong to the first and
-    the last piece of the sample.
-    """
-    R2 = radius_squared(found.arm, mode=found.mode)
-    stationary = ends[np.abs(found.S(ends)) <= AT_AN_END * found.S.scale]
-    Q = box.fold(found.sample(effort, rng))
-    Q = Q[box.holds(Q)]
-    if not len(Q):
-        return []
-    order = np.argsort(R2(Q))
-    Q = Q[order]
-    R = np.sqrt(np.maximum(R2(Q), 0.0))
-    parted = np.flatnonzero(np.diff(R) > GAP_SHARE * (R[-1] - R[0]) + 1e-9) + 1
-    pieces = np.split(Q, parted)
-    for end in stationary:
-        i = 0 if R2(end[None])[0] < R2(Q[:1])[0] else -1
-        pieces[i] = np.vstack((pieces[i], end))
-    arm, mode = found.arm, found.mode
-    return [shell_about(arm, mode, found.S, piece, box, i) for i, piece in enumerate(pieces)]
-
-
 def shell_about(
-    arm: SpaceArm, mode: BaseMode, S: TrigPolynomial | None, points: Array, box: Box, number: int
+    arm: SpaceArm,
+    mode: BaseMode,
+    S: TrigPolynomial | None,
+    points: Array,
+    box: Box,
+    number: int,
+    *,
+    step: Callable[[], object] = bool,
 ) -> Shell:
-    """Compute the shell of a piece of the set with points (m, n) on it; of the box if S is None."""
+    """Compute the shell of a piece of the set with points (m, n) on it; of the box if S is None.
+
+    `step` is called before each of at most 2 * STARTS searches for a bound.
+    """
     R2 = radius_squared(arm, mode=mode)
     order = np.argsort(R2(points))
     ends = []
     for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
-        found = [bounded_extreme(R2, S, points[i], box, sign) for i in best]
+        found = []
+        for i in best:
+            step()
+            found.append(bounded_extreme(R2, S, points[i], box, sign))
         ends.append(min(found, key=lambda q: sign * float(R2(q))))
     at = np.array(ends)
     return Shell(distances(arm, at, mode), at, number)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -107,7 +108,11 @@ def test_short_help(name):
 
 
 def test_the_shell_completes_commands_and_options():
-    cases = (("spacearm ne", 1, "nearest"), ("spacearm plan --g", 2, "--goal"))
+    cases = (
+        ("spacearm ne", 1, "nearest"),
+        ("spacearm plan --g", 2, "--goal"),
+        ("spacearm query mda", 2, "mda6"),
+    )
     for words, number, expected in cases:
         env = os.environ | {
             "_SPACEARM_COMPLETE": "complete_bash",
@@ -177,3 +182,49 @@ def test_ctrl_c_in_a_plan_keeps_the_best_attempt(monkeypatch):
 def test_json_is_strict_for_the_new_commands():
     for words in (("nearest", "planar2", 0.1, 0.2), ("capture", "planar2", 0, 1, "--mass", 5)):
         json.loads(spacearm(*words, "--json").stdout)
+
+
+def test_names_of_models_and_of_arms_are_completed():
+    from spacearm.cli.options import complete_model
+
+    assert [name for name, _ in complete_model("planar")] == ["planar2", "planar3"]
+    assert {info.name for info in (*sa.catalogue(), *sa.arms())} == dict(complete_model("")).keys()
+    assert complete_model("folder/robot.urdf") == []
+
+
+def test_attitudes_and_wheels_have_their_units(tmp_path):
+    path = ("--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16, "--output", "a.svg")
+    for options, unit in (((), "rad"), (("--deg",), "°")):
+        shown = spacearm("attitudes", "planar2", *path, *options, cwd=tmp_path).stdout
+        assert "the path of 0.3606 m can be" in shown
+        assert re.search(rf"q \(-?[\d.]+ ?{unit}, -?[\d.]+ ?{unit}\)", shown)
+    words = ("--tip-speed", 0.1, "--samples", 30, "--output", "w.svg")
+    shown = spacearm("wheels", "planar2", *words, cwd=tmp_path).stdout
+    assert "about x [N m s]  about y [N m s]" in shown
+
+
+def test_the_spin_of_a_point_mass_is_told_to_count_for_nothing():
+    run = spacearm("capture", "planar2", 0.3, 1.2, "--mass", 5, "--spin", 0, 0, 1)
+    assert "a point mass does not spin; --inertia gives" in run.stderr
+    run = spacearm(
+        "capture", "planar2", 0.3, 1.2, "--mass", 5, "--spin", 0, 0, 1, "--inertia", 1, 1, 1
+    )
+    assert run.stderr == ""
+    assert "0 J lost" not in run.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "remedy"),
+    [
+        (("workspace", "chaser7"), "--lock joint_7=0.0; "),
+        (("plan", "planar2", "--q0", 4, 0, "--goal", 1, 1), "--no-limits ignores"),
+        (
+            ("plan", "planar2", "--q0", 0.3, 1.2, "--goal", 9, 9, "--timeout", 1),
+            "spacearm workspace shows",
+        ),
+    ],
+)
+def test_remedies_are_options_of_the_command_line(words, remedy, tmp_path):
+    said = spacearm(*words, cwd=tmp_path).stderr
+    assert remedy in said
+    assert not re.search(r"\w+=(False|True|\{)|\bsa\.|7 rows", said)

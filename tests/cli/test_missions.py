@@ -21,7 +21,7 @@ def test_attitudes_of_figure_5(tmp_path):
     assert (tmp_path / "planar2_attitudes.png").stat().st_size > 5000
     got = answer("attitudes", "planar2", *START, *PATH, "--samples", "90", "--margin", "5")
     np.testing.assert_allclose(np.degrees(got["intervals"]), [[57.506, 65.156]], atol=1e-3)
-    assert got["path"] == [[2.0, 0.0], [1.5, 1.5]]
+    assert got["corners"] == [[2.0, 0.0], [1.5, 1.5]]
     wrong = spacearm("attitudes", "planar2", *PATH, "--momentum", "1,2")
     assert wrong.returncode == 2
     assert "three numbers" in wrong.stderr

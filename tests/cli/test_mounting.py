@@ -65,7 +65,7 @@ def test_names_are_those_of_the_arm_and_degrees_hold(arm_alone):
     same = answer("query", arm_alone, np.radians(10), "--lock", f"wrist={np.pi / 2}", *options)
     assert np.allclose(turned["sigma"], same["sigma"], atol=1e-14)
     assert answer("query", arm_alone, "0.1", "--tip", "arm", *options)["sigma"]
-    names = answer("info", "ur5", *options)["joints"]
+    names = answer("info", "ur5", *options)["joint_data"]
     assert names[0]["name"] == "ur5_shoulder_pan_joint"
 
 

@@ -63,7 +63,7 @@ def test_every_law_as_json(tmp_path, words):
         (("--q0", "0.1", "--target", "1", "1"), "1 joint values given"),
         (("--q0", "0.1 x", "--target", "1", "1"), "'x' is no number"),
         (("--q0", "0.1", "0.2", "--target", "1"), "takes 2: x y"),
-        (("--q0", "0.1", "0.2", "--target", "9", "9"), "sa.workspace"),
+        (("--q0", "0.1", "0.2", "--target", "9", "9"), "spacearm workspace"),
         (("--q0", "0.1", "0.2", "--target", "1", "1", "--kp", "nan"), "--kp is 'nan'"),
         (("--q0", "0.1", "0.2", "--target", "1", "1", "--kp", "1 2 3"), "kp"),
         (("--q0", "0.1", "0.2", "--target", "1", "1", "--stop", "crash"), "'crash'"),

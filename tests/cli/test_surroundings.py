@@ -1,13 +1,18 @@
 """The command line in odd surroundings: streams that are closed, settings, interrupts."""
 
+import importlib
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
-from helpers.commands import in_a_process
+from helpers.commands import in_a_process, spacearm
+
+import spacearm as sa
 
 QUERY = (sys.executable, "-m", "spacearm", "query", "planar2", "0", "1")
 
@@ -63,3 +68,122 @@ def test_an_interrupt_at_any_time_gives_no_traceback(tmp_path, after, words):
     _, err = process.communicate(timeout=60)
     assert process.returncode in (0, 130, -signal.SIGINT) or "spacearm/" not in err
     assert "__main__.py" not in err  # what comes before is Python's own start
+
+
+def stopped_after(blocks, size, monkeypatch):
+    """Have Ctrl-C come after some blocks of configurations."""
+    module = importlib.import_module("spacearm.mechanics.batch")
+    before, reports = module.run_blocks, []
+
+    def interrupted(do, m, threads, progress, arrays):
+        def tell(done, total):
+            progress(done, total)
+            reports.append(done)
+            if len(reports) == blocks:
+                raise KeyboardInterrupt
+
+        def slowly(block):
+            time.sleep(0.01)
+            do(block)
+
+        before(slowly, m, threads, tell, arrays, size)
+
+    monkeypatch.setattr(module, "run_blocks", interrupted)
+
+
+def test_ctrl_c_in_a_map_keeps_the_postures_done(tmp_path, monkeypatch):
+    stopped_after(1, 50, monkeypatch)
+    words = ("map", "planar2", "--points", 31, "--output", "map.svg", "--npz", "map.npz")
+    run = spacearm(*words, cwd=tmp_path)
+    assert run.returncode == 130
+    assert "of 961 postures done; what there is is kept" in run.stderr
+    assert (tmp_path / "map.svg").read_text().endswith("</svg>\n")
+    distance = np.load(tmp_path / "map.npz")["distance"]
+    assert 0 < np.isnan(distance).sum() < 961
+    whole = sa.singular_map(sa.load("planar2"), points=31).distance
+    done = ~np.isnan(distance)
+    np.testing.assert_array_equal(distance[done], whole[done])
+
+
+def test_ctrl_c_in_a_risk_keeps_the_sample(tmp_path, monkeypatch):
+    stopped_after(2, 500, monkeypatch)
+    run = spacearm("risk", "planar2", "--samples", 9000, "--json", cwd=tmp_path)
+    assert run.returncode == 130
+    assert "of 9,000 postures done" in run.stderr
+    assert 1000 <= sum(json.loads(run.stdout)["count"]) < 9000
+
+
+def test_ctrl_c_in_a_workspace_keeps_what_is_attained(tmp_path, monkeypatch):
+    whole = sa.workspace(sa.load("planar2"))
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("spacearm.workspaces.path_dependent.exact_shells", interrupted)
+    run = spacearm("workspace", "planar2", "--json", cwd=tmp_path)
+    assert run.returncode == 130
+    assert "stopped: shells may be missing" in run.stderr
+    kept = json.loads(run.stdout)
+    assert (kept["bounds"], kept["pdw"], kept["gap"]) == ("stopped", [], None)
+    np.testing.assert_allclose(kept["reachable"], whole.reachable, atol=1e-6)
+    drawn = spacearm("workspace", "planar2", cwd=tmp_path)
+    assert "from the system CM (stopped)" in drawn.stdout
+    assert (tmp_path / "planar2_workspace.png").read_bytes().endswith(b"IEND\xaeB`\x82")
+
+
+def test_a_design_that_was_stopped_is_not_done(tmp_path, monkeypatch):
+    """The workspace that stopped does not count as one: the rest of the grid stays empty."""
+    designs = importlib.import_module("spacearm.workspaces.design")
+    before, seen = designs.workspace, []
+
+    def second(*given, **options):
+        seen.append(1)
+        if len(seen) == 2:
+            raise sa.StoppedError("some shells", None)
+        return before(*given, **options)
+
+    monkeypatch.setattr(designs, "workspace", second)
+    run = spacearm("design", "planar2", "--base-inertia", "1:3:3", cwd=tmp_path)
+    assert run.returncode == 130
+    assert "stopped: 1 of 3 designs done; what there is is kept" in run.stderr
+    assert run.stdout.count("%") == 1
+
+
+def test_a_plan_that_was_stopped_is_saved_as_far_as_it_came(tmp_path, monkeypatch):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(
+        importlib.import_module("spacearm.planning.methods").METHODS, "straight", interrupted
+    )
+    words = ("--q0", 0.3, 1.2, "--goal", 0.9, 1.4, "--save", "plan.npz")
+    run = spacearm("plan", "planar2", *words, cwd=tmp_path)
+    assert run.returncode == 2
+    assert "wrote plan.npz: the best attempt, which does not arrive" in run.stderr
+    assert "straight: stopped by Ctrl-C" in run.stderr
+    assert isinstance(sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2")), sa.Plan)
+
+
+def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
+    def interrupted(*_, **options):
+        def tell(*_):
+            raise KeyboardInterrupt
+
+        return sa.simulate(*_, **(options | {"progress": tell}))
+
+    monkeypatch.setattr("spacearm.cli.simulations.simulate", interrupted)
+    words = ("--q0", 0.3, 0.9, "--target", 0.3, 0.8, "--controller", "joints", "--duration", 50)
+    run = spacearm("simulate", "planar2", *words, "--save", "run.npz", cwd=tmp_path)
+    assert run.returncode == 130
+    assert "of 50 s simulated; what there is is kept" in run.stderr
+    assert sa.Motion.load(tmp_path / "run.npz", sa.load("planar2")).ended == "interrupted"
+
+
+def test_effort_counts_where_it_says(tmp_path, monkeypatch):
+    run = spacearm("workspace", "planar2", "--effort", 50, cwd=tmp_path)
+    assert "--effort does not count: the bounds of this arm are proven" in run.stderr
+    for module in ("shells", "searched_shells"):
+        monkeypatch.setattr(f"spacearm.workspaces.{module}.STARTS", 1)
+    words = ("workspace", "mda6", "--effort", 300, "--json")
+    few = json.loads(spacearm(*words, cwd=tmp_path).stdout)
+    assert (few["effort"], few["bounds"]) == (300, "found")

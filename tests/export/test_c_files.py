@@ -11,11 +11,8 @@ from helpers.arms import load_text, random_chain, random_tree
 
 import spacearm as sa
 from spacearm.export.expressions import Tape
-from spacearm.mechanics.jacobian import (
-    partial_derivatives,
-    task_jacobian,
-    task_jacobian_derivative,
-)
+from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.mechanics.momentum import momentum_derivatives
 
 COMPILER = shutil.which("gcc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
@@ -60,7 +57,7 @@ class Library:
 def exact_gradient(cfg, S):
     """Of det(D)^2 det(J J^T), from the derivatives of A and J* that the package has."""
     arm, J, dJ = cfg.arm, task_jacobian(cfg), task_jacobian_derivative(cfg)
-    dA, _ = partial_derivatives(arm, cfg.full_at_origin)  # about the point where the CM was
+    dA = momentum_derivatives(arm, cfg.full_at_origin)  # about the point where the CM was
     dD = dA[:, 3:, 3:6] - [pin.skew(r) @ cfg.A[:3, 3:6] for r in cfg.A[:3, 6:].T / arm.mass]
     inertia = np.einsum("ij,aji->a", np.linalg.inv(cfg.A[3:, 3:6]), dD)
     return 2 * S * (inertia + np.einsum("ij,aji->a", np.linalg.pinv(J), dJ))

@@ -119,6 +119,15 @@ def test_S_of_redundant_arms_is_the_sum_of_squared_minors(cfg):
         assert S == 0.0
 
 
+def test_S_of_many_joints_is_the_same_without_minors(monkeypatch):
+    arm = load_text(random_chain(3, 6), tip="tip", task="position")
+    for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 6)):
+        by_minors = at(arm, "singularity", q)
+        with monkeypatch.context() as few:
+            few.setattr(equations, "MOST_MINORS", 10)
+            assert at(arm, "singularity", q) == pytest.approx(by_minors, rel=1e-9)
+
+
 @given(seeds)
 def test_minors_are_determinants(seed):
     A = np.random.default_rng(seed).normal(size=(3, 5))

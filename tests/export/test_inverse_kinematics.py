@@ -77,6 +77,16 @@ def test_near_the_set_the_gradient_is_that_of_the_distance(name):
         assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("name", ["planar2", "mda6"])
+def test_at_the_set_the_gradient_is_along_that_of_S(name):
+    arm = sa.load(name)
+    S, barrier = sa.singularity_polynomial(arm), sa.SingularityBarrier(arm, 0.05)
+    for q in sa.singular_set(arm).sample(5, np.random.default_rng(2)):
+        along = S.gradient(q) / np.linalg.norm(S.gradient(q))
+        slope = barrier.compute_jacobian(seen(arm.at(q + 1e-5 * along)))[0, 6:]
+        np.testing.assert_allclose(slope, along, atol=1e-3)
+
+
 def test_the_barrier_is_an_inequality():
     cfg = sa.load("planar2").at([0.3, 0.4])
     barrier = sa.SingularityBarrier(cfg.arm, 0.05, gain=3.0)

@@ -313,13 +313,13 @@ def test_an_arm_is_plain_data():
             robot(*two_links(inside=""), *HAND, *rotor), tip="hand", task="pose", wheels=["spin"]
         )
     data = json.loads(json.dumps(arm.to_dict(), allow_nan=False))
-    assert (data["name"], data["n"], data["mass"], data["tip"]) == ("r", 2, 53.0, "hand")
+    assert (data["name"], data["n"], data["mass"], data["tip_link"]) == ("r", 2, 53.0, "hand")
     assert data["task"] == {"rows": list(arm.task.rows), "length": arm.task.length, "tips": 1}
     assert [body["link"] for body in data["bodies"]] == ["bus + rotor", "arm", "hand"]
     assert sum(body["mass"] for body in data["bodies"]) == arm.mass
-    elbow, wrist = data["joints"]
+    elbow, wrist = data["joint_data"]
     assert (elbow["lower"], elbow["effort"], elbow["mimic"]) == (None, None, None)
     assert (wrist["lower"], wrist["upper"], wrist["parent"]) == (-3, 3, "arm")
-    assert data["wheels"] == [{"name": "spin", "frame": arm.wheels[0].frame, "axis": [0, 0, 1]}]
+    assert data["wheel_data"] == [{"name": "spin", "frame": arm.wheels[0].frame, "axis": [0, 0, 1]}]
     assert data["cm_at_zero"] == arm.at([0, 0]).com.tolist()
-    assert sa.load("dual_ur5", tip=("left", "right")).to_dict()["tip"] == ["left", "right"]
+    assert sa.load("dual_ur5", tip=("left", "right")).to_dict()["tip_link"] == ["left", "right"]

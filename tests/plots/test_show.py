@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 import spacearm as sa
 from spacearm.plots.drawings import DRAWINGS
 from spacearm.plots.show import plot
-from spacearm.plots.style import figure, style
+from spacearm.plots.style import COLOURS, figure, style
 
 Q6 = np.radians([0, 60, -100, -50, 30, 0])
 SINGULAR = np.radians([-65, -11.4108])
@@ -210,3 +210,31 @@ def test_a_notebook_shows_the_last_line_of_a_cell():
     png, size = drawn._repr_png_()
     assert png.startswith(b"\x89PNG")
     assert size == {"width": 180, "height": 90}
+
+
+def test_a_map_shows_the_joint_limits_and_its_colours_reach_as_far_as_it_does():
+    arm = sa.load("mda6")
+    found = sa.singular_map(arm, ("joint_2", "joint_3"), points=7)
+    np.testing.assert_array_equal(found.joint_limits[0], (arm.lower[1], arm.upper[1]))
+    axes, bar = sa.plot(found).axes
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "outside the joint limits"
+    ]
+    most = np.degrees(found.distance.max())
+    assert min(most, 45.0) <= bar.get_ylim()[1] <= max(2.5 * most, 1.0)
+    whole = sa.plot(sa.singular_map(sa.load("planar2"), points=7))
+    assert whole.axes[0].get_legend() is None
+
+
+def test_the_style_is_a_sheet_of_matplotlib_and_postures_show_velocities():
+    import matplotlib.pyplot as plt
+
+    with plt.style.context("spacearm.paper"):
+        assert plt.rcParams["axes.titlelocation"] == "left"
+        assert plt.rcParams["axes.prop_cycle"].by_key()["color"] == list(COLOURS)
+    cfg = sa.load("planar2").at(np.radians([-65, -11.41]))
+    plain, more = sa.plot(cfg), sa.plot(cfg, velocities=True)
+    assert len(more.axes[0].lines) == len(plain.axes[0].lines) + 1
+    assert any("no motion" in text.get_text() for text in more.axes[0].texts)
+    with pytest.raises(sa.UnsupportedError, match="tip velocities"):
+        sa.plot(sa.load("planar3").at([0.1, 0.2, 0.3]), velocities=True)

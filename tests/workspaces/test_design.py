@@ -91,7 +91,8 @@ def test_command_prints_and_draws(ranges, tmp_path):
 def test_command_as_json(tmp_path):
     done = run("planar2", "--link-mass", "link_1=4:8:2", "--json", cwd=tmp_path)
     data = json.loads(done.stdout)
-    assert data["coords"]["mass:link_1"]["data"] == [4.0, 8.0]
+    varied = [design["parameters"] for design in data["designs"]]
+    assert varied == [{"mass:link_1": 4.0}, {"mass:link_1": 8.0}]
     assert not list(tmp_path.iterdir())
 
 

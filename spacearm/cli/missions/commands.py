@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from spacearm.arrays import Array
 from spacearm.cli.options import (
@@ -25,12 +24,13 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import (
     check_picture,
-    err,
+    joint_value,
     out,
     picture_path,
     print_json,
     table,
     vector,
+    working,
     write_picture,
 )
 from spacearm.errors import ConfigurationError
@@ -41,6 +41,8 @@ from spacearm.mission.wheel_sizing import PERCENTILES, WheelSizing, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import NEAR
+
+AXES = ("about x", "about y", "about z", "about any axis")
 
 
 @on_a_model
@@ -84,8 +86,7 @@ def find_attitudes(
     given = MARGIN if margin is None else float(np.radians(margin)) if deg else margin
     corners = [goal_from(arm, "--corner", text, deg) for text in corner]
     h = None if momentum is None else np.append(np.zeros(3), _three("--momentum", momentum))
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
-        task_id = bar.add_task("attitudes (compiling once)", total=None)
+    with working("trying attitudes") as progress:
         found = feasible_attitudes(
             arm,
             corners,
@@ -96,14 +97,12 @@ def find_attitudes(
             speed=speed,
             limits=not no_limits,
             samples=samples,
-            progress=lambda done, of: bar.update(
-                task_id, description="attitudes", completed=done, total=of
-            ),
+            progress=progress,
         )
     if as_json:
         print_json(found.to_dict())
     else:
-        _print_attitudes(found)
+        _print_attitudes(found, deg)
     _draw(found, output, arm.name, "attitudes", quiet=as_json or view, silent=as_json)
     if view:
         from spacearm.cli.views import serve_until_interrupted
@@ -128,7 +127,8 @@ def report_reaction(
     """Report what a motion does to the spacecraft, and what holding the attitude takes."""
     check_picture(output)
     sight = None if camera is None else _three("--camera", camera)
-    found = reaction(Motion.load(motion, arm), camera=sight)
+    with working("computing reactions"):
+        found = reaction(Motion.load(motion, arm), camera=sight)
     if as_json:
         print_json(found.to_dict())
     else:
@@ -160,7 +160,8 @@ def size_wheels_of(
     check_picture(output)
     apart = NEAR if near is None else float(np.radians(near)) if deg else near
     runs = None if not motion else [Motion.load(path, arm) for path in motion]
-    found = size_wheels(arm, runs, tip_speed=tip_speed, samples=samples, near=apart, seed=seed)
+    with working("sizing wheels"):
+        found = size_wheels(arm, runs, tip_speed=tip_speed, samples=samples, near=apart, seed=seed)
     if as_json:
         print_json(found.to_dict())
     else:
@@ -186,12 +187,10 @@ def write_report(
     from spacearm.reports.sections import design_report  # imports matplotlib
 
     start = None if q0 is None else joint_values(arm, q0.split(), deg)
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as bar:
-        task_id = bar.add_task("sections", total=None)
+    with working("writing the report") as progress:
         path = design_report(
-            arm, output, q0=start, words=_describing(sys.argv[2:]),
-            progress=lambda done, of: bar.update(task_id, completed=done, total=of),
-        )  # fmt: skip
+            arm, output, q0=start, words=_describing(sys.argv[2:]), progress=progress
+        )
     out.print(f"wrote {path}")
 
 
@@ -219,10 +218,11 @@ def _draw(
             out.print(f"wrote {where}")
 
 
-def _print_attitudes(found: FeasibleAttitudes) -> None:
+def _print_attitudes(found: FeasibleAttitudes, deg: bool) -> None:
+    unit = "m" if min(found.arm.task.indices) < 3 else "rad"
     out.print(
-        f"{found.arm.name}: the path of {found.length:.4g} can be followed from {found.share:.2%} "
-        f"of the attitudes, {np.degrees(found.margin):.3g}° from singularities"
+        f"{found.arm.name}: the path of {found.length:.4g} {unit} can be followed from "
+        f"{found.share:.2%} of the attitudes, {np.degrees(found.margin):.3g}° from singularities"
         + ("" if found.limits else ", limits ignored")
         + ("" if found.intervals is not None else f" (standard error {found.error:.2%})")
     )
@@ -235,9 +235,11 @@ def _print_attitudes(found: FeasibleAttitudes) -> None:
     if found.ball is None:
         return
     best = found.start()
+    kinds = [best.arm.tree.joints[name].kind for name in best.arm.joint_names]
+    q = ", ".join(joint_value(x, kind, deg) for x, kind in zip(best.q, kinds, strict=True))
     out.print(
         f"best          keeps {np.degrees(found.distance[found.best]):.4g}°, attitude (xyzw) "
-        f"{vector(found.attitude[found.best])}, q {vector(best.q)} rad"
+        f"{vector(found.attitude[found.best])}, q ({q})"
     )
     out.print(
         f"largest ball  {np.degrees(found.ball.radius):.4g}° about the attitude (xyzw) "
@@ -266,7 +268,7 @@ def _print_reaction(found: Reaction) -> None:
 
 def _print_wheels(found: WheelSizing) -> None:
     out.print(repr(found))
-    rows = table("covered", "about x", "about y", "about z", "about any axis [N m s]")
+    rows = table("covered", *(f"{axis} [N m s]" for axis in AXES))
     for percent in PERCENTILES:
         each, whole = found.covering(percent)
         rows.add_row(f"{percent:g} %", *(f"{value:.4g}" for value in each), f"{whole:.4g}")

@@ -1,0 +1,112 @@
+"""What commands print with --json: every field is documented, and a name means one thing."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.commands import spacearm
+
+import spacearm as sa
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "json.md"
+CM = ("0.3", "1.2")
+LAW = ("--q0", 0.3, 0.9, "--target", 0.3, 0.8, "--controller", "joints", "--duration", 0.2)
+COMMANDS = {
+    "models": (),
+    "info": ("mda6",),
+    "query": ("planar2", *CM),
+    "nearest": ("planar2", *CM),
+    "path": ("planar2", "run.npz"),
+    "map": ("planar2", "--points", 3),
+    "workspace": ("planar2", "--free"),
+    "risk": ("planar2", "--samples", 60),
+    "design": ("planar2", "--base-inertia", "2"),
+    "capture": ("planar2", *CM, "--mass", 5),
+    "simulate": ("planar2", *LAW, "--limit", "effort"),
+    "plan": ("planar2", "--q0", *CM, "--goal", 0.9, 1.4, "--obstacle", "sphere:0,0,9:0.1"),
+    "attitudes": ("planar2", "--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16),
+    "reaction": ("planar2", "--motion", "run.npz"),
+    "wheels": ("planar2", "--motion", "run.npz"),
+}
+NUMBERED = {"percentiles", "held", "parameters", "joints_of", "recipe"}
+"""Objects whose keys are data: names of joints, of parameters, percentages."""
+
+
+def documented():
+    """The rows of the page: {object: {field: (unit, meaning, commands)}}, "" of the answers."""
+    fields, at = {"": {}}, ""
+    for line in PAGE.read_text(encoding="utf-8").splitlines():
+        if line.startswith("## `"):
+            names = re.findall(r"`(\w+)`", line)
+            at = names[0]
+            fields[at] = {}
+            for other in names[1:]:
+                fields[other] = fields[at]
+        elif line.startswith("| `"):
+            name, unit, meaning, *commands = (x.strip() for x in line.strip("| ").split(" | "))
+            assert name.strip("`") not in fields[at], f"{name} stands twice"
+            fields[at][name.strip("`")] = (unit, meaning, " ".join(commands).split(", "))
+    return fields
+
+
+def found(data, inside=""):
+    """All (object, field) of an answer; entries of lists count as their list."""
+    if isinstance(data, list):
+        return set().union(*(found(entry, inside) for entry in data))
+    if not isinstance(data, dict) or inside in NUMBERED:
+        return set()
+    return {(inside, name) for name in data}.union(*(found(v, k) for k, v in data.items()))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    here = tmp_path_factory.mktemp("json")
+    sa.Motion(
+        sa.load("planar2"), [0.0, 1.0], [[0.3, 0.9], [0.35, 1.0]], np.tile(np.eye(7)[6], (2, 1))
+    ).save(here / "run.npz")
+    return here
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_field_stands_on_the_page_with_its_unit(command, folder):
+    drawn = () if command in ("models", "info", "query", "nearest", "path", "capture") else (
+        "--output", "p.svg"
+    )  # fmt: skip
+    run = spacearm(command, *COMMANDS[command], "--json", *drawn, cwd=folder)
+    assert run.returncode == 0, run.stderr
+    page, told = documented(), found(json.loads(run.stdout))
+    missing = {(o, f) for o, f in told if f not in page.get(o, {})}
+    assert not missing
+    for inside, name in told:
+        unit, meaning, commands = page[inside][name]
+        assert unit
+        assert meaning
+        if not inside:
+            assert command in commands, f"{name}: add {command}"
+    stale = {f for f, (_, _, commands) in page[""].items() if command in commands}
+    assert stale <= {f for o, f in told if not o}
+
+
+def test_the_page_names_every_command_that_has_json():
+    from spacearm.cli.app import COMMANDS as ALL
+
+    having = {n for n in ALL if re.search(r"^ +--json ", spacearm(n, "--help").stdout, re.M)}
+    assert having == set(COMMANDS)
+    assert {c for row in documented()[""].values() for c in row[2]} == having
+
+
+def test_a_map_that_is_read_in_another_program(folder):
+    """Names of one thing agree: what a query calls distance, a map and a search call so too."""
+    query = json.loads(spacearm("query", "planar2", *CM, "--json").stdout)
+    near = json.loads(spacearm("nearest", "planar2", *CM, "--json").stdout)
+    np.testing.assert_allclose(query["distance"], near["distance"], rtol=1e-9)
+    np.testing.assert_allclose(query["nearest"], near["nearest"], atol=1e-9)
+    whole = json.loads(spacearm("workspace", "planar2", "--json", cwd=folder).stdout)
+    design = json.loads(
+        spacearm("design", "planar2", "--base-inertia", 1, "--json", cwd=folder).stdout
+    )["designs"][0]
+    for name in ("pdw", "fraction"):
+        np.testing.assert_allclose(design[name], whole[name], atol=1e-9)
+    assert design["areas"]["piw"] == pytest.approx(whole["areas"]["piw"])
