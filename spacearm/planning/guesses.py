@@ -23,8 +23,13 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.curve import sines
 from spacearm.planning.free_space import ACROSS, BEYOND, FreeSpace
-from spacearm.planning.loops import NEAR, Indices, Loops, matches
-from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns, turning_axes
+from spacearm.planning.loops import NEAR, Indices, Loops, angles, closed, lengths, matches
+from spacearm.planning.many_curves import (
+    inverse_kinematics,
+    spacecraft_turns,
+    turned_kinematics,
+    turning_axes,
+)
 from spacearm.planning.optimiser import Target
 from spacearm.planning.search import Search
 
@@ -102,13 +107,13 @@ class GuessFinder:
         """
         _, ends = self.ends(width, FEW)
         ends = np.resize(ends, (FEW if len(ends) else 0, self.arm.n))
-        P = width * _closed(self._sines(len(ends)))
+        P = width * closed(self._sines(len(ends)))
         P[1::4] = 0.0  # straight lines too
         P[:, 0] = ends - self.start.q
         if self.target.q is None:
             P[:, 0] += self.free.windings(width, len(ends), self.rng)
         P, near = self._arriving(P, np.broadcast_to(np.eye(3), (len(P), 3, 3)))
-        room, travel = self.free.least_distance(self._points(P)), _travel(self._points(P))
+        room, travel = self.free.least_distance(self._points(P)), lengths(self._points(P))
         clear = room > self.target.clearance
         self.count_ways(room, near)
         for i in (*_shortest(travel, near & clear), *np.flatnonzero(near & ~clear)):
@@ -126,8 +131,8 @@ class GuessFinder:
             return
         needed = Rotation.from_matrix(self.T0.T @ T @ np.swapaxes(self._turns(P), 1, 2))
         end, loop, times = matches(loops, needed)
-        travel = times * _travel(self._points(_closed(loops.C)))[loop]
-        travel += _travel(self._points(P))[end]
+        travel = times * lengths(self._points(closed(loops.C)))[loop]
+        travel += lengths(self._points(P))[end]
         best = np.argsort(travel, kind="stable")[:MANY]
         end, loop, times, travel = end[best], loop[best], times[best], travel[best]
         W = Rotation.from_rotvec(times[:, None] * loops.turn[loop]).as_matrix()
@@ -142,7 +147,7 @@ class GuessFinder:
         P = guess.x.reshape(-1, self.arm.n)
         curve, C = P[: self.waves + 1].copy(), P[self.waves + 1 :]
         curve[0] -= self.start.q
-        loop = [self._points(_closed(C[None]))[0]] * guess.loops if guess.loops else []
+        loop = [self._points(closed(C[None]))[0]] * guess.loops if guess.loops else []
         return np.concatenate((*loop, self._points(curve[None])[0]))
 
     def loop_places(self, m: int) -> Array:
@@ -156,10 +161,10 @@ class GuessFinder:
         Q = Q[np.argsort(-self.free.least_distance(Q[:, None]))[: MANY // SAMPLE]]
         if len(Q) == 0:
             return Q
-        places, P = np.repeat(Q, SAMPLE, axis=0)[:, None], _closed(self._sines(SAMPLE * len(Q)))
+        places, P = np.repeat(Q, SAMPLE, axis=0)[:, None], closed(self._sines(SAMPLE * len(Q)))
         clear = self.free.least_distance(places + self._along @ P) > self.target.clearance
         turn = np.zeros(len(P))
-        turn[clear] = _angles(self._turns(P[clear], places[clear]))
+        turn[clear] = angles(self._turns(P[clear], places[clear]))
         return Q[np.argsort(-turn.reshape(-1, SAMPLE).max(axis=1))[:m]]
 
     def ends(self, width: float, m: int) -> tuple[Array, Array]:
@@ -175,6 +180,11 @@ class GuessFinder:
             self.arm, self.free.draw(m, self.rng), tip, T, self.axes, HELD_STEPS,
             self.search.check_time,
         )  # fmt: skip
+        if target.attitude is None and (far := np.flatnonzero(miss >= CLOSE)).size:
+            Q[far], T[far], miss[far] = turned_kinematics(
+                self.arm, self.free.draw(far.size, self.rng), tip, T[far], self.axes, HELD_STEPS,
+                self.search.check_time, (self.free.lower, self.free.upper),
+            )  # fmt: skip
         Q, there = self.free.wrapped(Q), miss < CLOSE
         room = self.free.least_distance(Q[:, None])
         good = there & (room > target.clearance)
@@ -210,7 +220,7 @@ class GuessFinder:
         """
         target = self.target
         if target.attitude is not None:
-            return P, _angles(target.attitude.T @ self.T0 @ W @ self._turns(P)) < NEAR
+            return P, angles(target.attitude.T @ self.T0 @ W @ self._turns(P)) < NEAR
         if target.tip is None or len(P) == 0:
             return P, np.ones(len(P), dtype=bool)
 
@@ -237,7 +247,7 @@ class GuessFinder:
 
     def _free_loops(self, C: Array) -> Loops:
         """Return the loops of sines C (K, waves, n) that are free."""
-        P = _closed(C)
+        P = closed(C)
         room = self.free.least_distance(self._points(P))
         free = room > self.target.clearance
         turn = Rotation.from_matrix(self._turns(P[free])).as_rotvec()
@@ -274,21 +284,6 @@ class GuessFinder:
         curve = P.copy()
         curve[0] += self.start.q
         return np.concatenate((curve.ravel(), np.empty(0) if C is None else C.ravel()))
-
-
-def _angles(R: Array) -> Array:
-    """Return the angles (K,) of rotations (K, 3, 3) [rad]."""
-    return np.asarray(Rotation.from_matrix(R).magnitude())
-
-
-def _closed(C: Array) -> Array:
-    """Return the closed curves (K, waves + 1, n) of sines C (K, waves, n)."""
-    return np.concatenate((np.zeros_like(C[:, :1]), C), axis=1)
-
-
-def _travel(points: Array) -> Array:
-    """Return the joint travel (K,) along points (K, m, n), the sum over all joints."""
-    return np.abs(np.diff(points, axis=1)).sum(axis=(1, 2))
 
 
 def _shortest(travel: Array, good: Mask) -> Indices:

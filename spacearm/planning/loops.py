@@ -55,3 +55,18 @@ def matches(loops: Loops, needed: Rotation) -> tuple[Indices, Indices, Indices]:
     which, rank = np.nonzero(chord < 2.0 * np.sin(NEAR / 4.0))
     times, loop = np.divmod(word[which, rank] % len(wound), len(loops.C))
     return which, loop, np.array(LOOPS)[times]
+
+
+def angles(R: Array) -> Array:
+    """Return the angles (K,) of rotations (K, 3, 3) [rad]."""
+    return np.asarray(Rotation.from_matrix(R).magnitude())
+
+
+def closed(C: Array) -> Array:
+    """Return the closed curves (K, waves + 1, n) of sines C (K, waves, n)."""
+    return np.concatenate((np.zeros_like(C[:, :1]), C), axis=1)
+
+
+def lengths(points: Array) -> Array:
+    """Return the joint travel (K,) along points (K, m, n), the sum over all joints."""
+    return np.abs(np.diff(points, axis=1)).sum(axis=(1, 2))

@@ -96,22 +96,74 @@ def inverse_kinematics(
     """
     from spacearm.mechanics.compiled import reactions  # imports the compiler
 
-    rows, tip = arm.task.indices, pin.SE3(axes.T, np.zeros(3)) * tip
     for step in range(steps + 1):
         check_time()
-        T = axes.T @ (attitude(q) if callable(attitude) else attitude)
-        at = reactions(arm, q.T)
-        turn = Rotation.from_matrix(tip.rotation @ np.swapaxes(T @ at.R, 1, 2)).as_rotvec()
-        reached = (T @ at.r[:, :, None])[:, :, 0]
-        left = np.concatenate((tip.translation - reached, turn), axis=1)[:, rows]
-        miss = np.linalg.norm(left, axis=1)
+        T, at = attitude(q) if callable(attitude) else attitude, reactions(arm, q.T)
+        left = _left(arm, at, T, tip, axes)
         if step == steps:
             break
-        J = at.J if callable(attitude) else held_jacobian(at)
-        J = (T[:, None] @ J.reshape(-1, 2, 3, arm.n)).reshape(-1, 6, arm.n)[:, rows]
-        Jt, damping = np.swapaxes(J, 1, 2), 1e-3 + 0.1 * np.minimum(1.0, miss)
-        square = J @ Jt + (damping**2)[:, None, None] * np.eye(len(rows))
-        dq = (Jt @ np.linalg.solve(square, left[:, :, None]))[:, :, 0]
-        q = q + dq * np.minimum(1.0, STRIDE / np.maximum(np.abs(dq).max(axis=1), 1e-12))[:, None]
+        J = _in_rows(arm, at.J if callable(attitude) else held_jacobian(at), T, axes)
+        q = q + _damped_step(J, left)
         q = q if limits is None else np.clip(q, *limits)
-    return q, miss
+    return q, np.linalg.norm(left, axis=1)
+
+
+def turned_kinematics(
+    arm: SpaceArm,
+    q: Array,
+    tip: pin.SE3,
+    attitude: Array,
+    axes: Array,
+    steps: int,
+    check_time: Callable[[], None],
+    limits: tuple[Array, Array],
+) -> tuple[Array, Array, Array]:
+    """Find joint positions and attitudes of the spacecraft together that bring the tip to a pose.
+
+    The arguments are those of `inverse_kinematics`, but the attitudes are first guesses too: they
+    turn about the axes about which the arm can turn its spacecraft.
+
+    Returns:
+        (K, n) joint positions; (K, 3, 3) attitudes; (K,) norm of what the tip misses.
+    """
+    from spacearm.mechanics.compiled import reactions  # imports the compiler
+
+    n, T, turns = arm.n, attitude, list(turning_axes(arm))
+    for step in range(steps + 1):
+        check_time()
+        at = reactions(arm, q.T)
+        left = _left(arm, at, T, tip, axes)
+        if step == steps:
+            break
+        about = np.tile(np.vstack((np.zeros((3, 3)), np.eye(3))), (len(q), 1, 1))
+        about[:, :3] = np.swapaxes(np.cross(np.eye(3), at.r[:, None]), 1, 2)  # e_i x r
+        both = np.concatenate((held_jacobian(at), about[:, :, turns]), axis=2)
+        change = _damped_step(_in_rows(arm, both, T, axes), left)
+        q = np.clip(q + change[:, :n], *limits)
+        turn = np.zeros((len(q), 3))
+        turn[:, turns] = change[:, n:]
+        T = T @ Rotation.from_rotvec(turn).as_matrix()
+    return q, T, np.linalg.norm(left, axis=1)
+
+
+def _left(arm: SpaceArm, at: Reactions, T: Array, tip: pin.SE3, axes: Array) -> Array:
+    """Return what the tip misses (m, k) in the task's rows along the goal axes."""
+    goal, T = pin.SE3(axes.T, np.zeros(3)) * tip, axes.T @ T
+    turn = Rotation.from_matrix(goal.rotation @ np.swapaxes(T @ at.R, 1, 2)).as_rotvec()
+    reached = (T @ at.r[:, :, None])[:, :, 0]
+    return np.concatenate((goal.translation - reached, turn), axis=1)[:, arm.task.indices]
+
+
+def _in_rows(arm: SpaceArm, J: Array, T: Array, axes: Array) -> Array:
+    """Return the task's rows (m, k, p), along the goal axes, of Jacobians in spacecraft axes."""
+    turned = (axes.T @ T)[:, None] @ J.reshape(len(J), 2, 3, -1)
+    return turned.reshape(J.shape)[:, arm.task.indices]
+
+
+def _damped_step(J: Array, left: Array) -> Array:
+    """Return damped Newton steps (m, p), none of whose components is larger than `STRIDE`."""
+    damping = 1e-3 + 0.1 * np.minimum(1.0, np.linalg.norm(left, axis=1))
+    Jt = np.swapaxes(J, 1, 2)
+    square = J @ Jt + (damping**2)[:, None, None] * np.eye(J.shape[1])
+    step = (Jt @ np.linalg.solve(square, left[:, :, None]))[:, :, 0]
+    return step * np.minimum(1.0, STRIDE / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]

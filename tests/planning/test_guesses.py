@@ -12,7 +12,7 @@ from spacearm.mechanics.floating import walk
 from spacearm.planning.curve import CurveFamily, sample
 from spacearm.planning.free_space import FreeSpace
 from spacearm.planning.guesses import INTERVALS, GuessFinder
-from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
+from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns, turned_kinematics
 from spacearm.planning.optimiser import CurveOptimiser, Target
 
 
@@ -56,6 +56,25 @@ def test_landing_with_the_attitude_held():
     for i in there:
         tip = arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(np.zeros(3)).tip
         np.testing.assert_allclose(tip.homogeneous, goal.homogeneous, atol=1e-8)
+
+
+@pytest.mark.parametrize(("name", "task"), [("mda6", "pose"), ("planar3", "x y rz")])
+def test_landing_with_an_attitude_that_is_free(name, task):
+    """Few attitudes let the arm reach the pose: only those that turn find them."""
+    arm, rng = sa.load(name, task=task), np.random.default_rng(2)
+    normal = arm.tree.plane_normal()
+    goal = arm.at(np.full(arm.n, 0.3)).centred(np.zeros(3)).tip
+    w = rng.normal(size=(40, 3)) * (1.0 if normal is None else np.eye(3)[normal])
+    T = np.array([pin.exp3(turn) for turn in w])
+    q, limits = rng.uniform(arm.lower, arm.upper, (40, arm.n)), (arm.lower, arm.upper)
+    Q, T, miss = turned_kinematics(arm, q, goal, T, np.eye(3), 60, lambda: None, limits)
+    there = np.flatnonzero(miss < 1e-9)
+    assert len(there) > 20
+    for i in there:
+        tip = arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(np.zeros(3)).tip
+        np.testing.assert_allclose(tip.homogeneous, goal.homogeneous, atol=1e-8)
+        assert ((arm.lower <= Q[i]) & (Q[i] <= arm.upper)).all()
+        np.testing.assert_allclose(T[i].T @ T[i], np.eye(3), atol=1e-12)
 
 
 def test_free_space_ends_at_limits_and_singularities():

@@ -403,7 +403,7 @@ def test_command(tmp_path):
     assert json.loads(done.stdout)["method"] == "joint space"
     done = run(*words, "--goal", 9, 9, cwd=tmp_path)
     assert done.returncode == 2
-    assert "sa.workspace" in done.stderr
+    assert "spacearm workspace" in done.stderr
 
 
 @pytest.mark.slow
