@@ -17,13 +17,18 @@ import spacearm as sa
 QUERY = (sys.executable, "-m", "spacearm", "query", "planar2", "0", "1")
 
 
+def complaints(run):
+    """What stands on stderr besides the progress of a command that takes its time."""
+    return [line for line in run.stderr.splitlines() if not line.endswith(("so far", "left"))]
+
+
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_streams_that_are_closed(tmp_path, closed):
     words = [*QUERY[:3], "map", "planar2", "--points", "5", "--output", str(tmp_path / "map.svg")]
     run = subprocess.run(
         ["sh", "-c", f'exec "$@" {closed}', "sh", *words], capture_output=True, text=True
     )
-    assert (run.returncode, run.stderr) == (0, "")
+    assert (run.returncode, complaints(run)) == (0, [])
     text = (tmp_path / "map.svg").read_text()
     assert text.startswith("<?xml")
     assert "wrote" not in text
@@ -31,7 +36,7 @@ def test_streams_that_are_closed(tmp_path, closed):
 
 def test_a_backend_that_does_not_exist(tmp_path):
     run = in_a_process("map", "planar2", "--points", "5", MPLBACKEND="nonsense", cwd=tmp_path)
-    assert (run.returncode, run.stderr) == (0, "")
+    assert (run.returncode, complaints(run)) == (0, [])
     code = "import spacearm as sa; sa.plot(sa.load('planar2'))"
     env = os.environ | {"MPLBACKEND": "nonsense"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
