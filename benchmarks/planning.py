@@ -52,8 +52,17 @@ def link(name: str, length: float, mass: float) -> str:
 
 
 def random_arm(planar: bool, n: int, seed: int) -> sa.SpaceArm:
-    """A chain of rods on a bus, with joint limits; its axes along z, or along any of x, y, z."""
+    """A random chain of which half of the postures are 5 degrees and more from a singular one."""
     rng = np.random.default_rng((n, seed))
+    while True:
+        arm = random_chain(planar, n, rng)
+        Q = rng.uniform(arm.lower, arm.upper, (200, n))
+        if np.median(sa.evaluate(arm, Q, ["distance"])["distance"]) > np.radians(5.0):
+            return arm
+
+
+def random_chain(planar: bool, n: int, rng: np.random.Generator) -> sa.SpaceArm:
+    """A chain of rods on a bus, with joint limits; its axes along z, or along any of x, y, z."""
     mass = float(rng.uniform(30.0, 300.0))
     parts = [
         f'<link name="bus"><inertial><mass value="{mass}"/><inertia ixx="{mass / 6}" '
@@ -78,7 +87,7 @@ def random_arm(planar: bool, n: int, seed: int) -> sa.SpaceArm:
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "random.urdf"
-        path.write_text(f'<robot name="random_{n}_{seed}">{"".join(parts)}</robot>')
+        path.write_text(f'<robot name="random_{n}r">{"".join(parts)}</robot>')
         return sa.load(path, task="x y rz" if planar else "pose")
 
 

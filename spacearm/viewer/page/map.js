@@ -5,6 +5,7 @@ import { DEGREE, byId, distanceColour, element, fixed } from "./format.js";
 
 const TURN = 2 * Math.PI;
 const EDGE = { left: 34, right: 8, top: 8, bottom: 22 }; // px around the map
+const REST = 60; // ms without a change after which the map is asked for
 const wrapped = (angle) => angle - TURN * Math.round(angle / TURN);
 
 export function createMap(joints, ask, move) {
@@ -17,7 +18,7 @@ export function createMap(joints, ask, move) {
   const canvas = byId("mapcanvas");
   const picks = [byId("map-x"), byId("map-y")];
   const picture = document.createElement("canvas");
-  let [map, q, dragging, asked] = [null, null, false, null];
+  let [map, q, dragging, asked, timer] = [null, null, false, null, 0];
 
   for (const pick of picks) {
     for (const i of turning) pick.append(new Option(joints[i].label, i));
@@ -164,13 +165,18 @@ export function createMap(joints, ask, move) {
   });
   new ResizeObserver(paint).observe(canvas);
 
-  /* Asks for a new map where another joint has moved since the last. */
+  /* Asks for a new map where another joint has moved since the last, when it rests for a moment:
+     sliders do not wait for maps. */
   function refresh() {
     if (!open() || !q) return;
     const held = q.map((x, i) => (map?.joints.includes(i) ? 0 : x.toFixed(6))).join();
-    if (held !== asked) ask({ do: "map", joints: map?.joints ?? null });
+    if (held === asked) {
+      paint();
+      return;
+    }
     asked = held; // once for each state: a refused one is not asked for again
-    paint();
+    clearTimeout(timer);
+    timer = setTimeout(() => ask({ do: "map", joints: map?.joints ?? null }), REST);
   }
 
   return {
