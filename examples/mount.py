@@ -4,4 +4,6 @@ import spacearm as sa
 
 arm = sa.mount("vispa", sa.Bus(mass=200.0, size=(1.0, 1.0, 1.0)))
 print(arm)
-print(sa.singularity(arm.at([0.2, -0.6, 1.1, 0.3, 0.8, 0.0])))
+cfg = arm.at([0.2, -0.6, 1.1, 0.3, 0.8, 0.0])
+print(sa.singularity(cfg))
+sa.plot(cfg).savefig("mount.png")

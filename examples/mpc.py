@@ -6,6 +6,7 @@ believes. Takes pip install "spacearm[casadi]".
 """
 
 import casadi
+import matplotlib.pyplot as plt
 import numpy as np
 
 import spacearm as sa
@@ -57,7 +58,7 @@ def main():
     real = arm.replace(base_mass=1.05 * arm.model.inertias[1].mass)
     fly, cfg = sa.to_casadi(arm), placed(real, ATTITUDE)
     guess = np.tile(np.append(ATTITUDE, START)[:, None], NODES + 1), np.zeros((2, NODES))
-    least = np.inf
+    least, path = np.inf, [cfg.tip.translation[:2]]
     for done in range(0, NODES, HELD):
         R = cfg.base.rotation
         state = np.append(np.arctan2(R[1, 0], R[0, 0]), cfg.q)
@@ -66,6 +67,7 @@ def main():
         for k in range(HELD):
             cfg = sa.move(cfg, cfg.q + STEP * u[:, k])
             least = min(least, sa.singularity(cfg).distance)
+            path.append(cfg.tip.translation[:2])
         guess = x[:, HELD:], u[:, HELD:]
     law = sa.TransposedJacobian(target=GOAL, kp=5.0, kd=15.0)
     base = placed(arm, ATTITUDE).base
@@ -77,7 +79,14 @@ def main():
     for name, miss in misses.items():
         print(f"{name:28}{miss:10.4f} m from the goal")
     print(f"nearest to the singular set{np.degrees(least):11.2f} degrees")
-    return misses, least
+    plt.plot(*stalled.tip[:, :2].T, label="transposed Jacobian")
+    plt.plot(*np.transpose(path), label="predictive control")
+    plt.plot(*GOAL, "k+", ms=12, label="goal")
+    plt.axis("equal")
+    plt.xlabel("x [m]")
+    plt.ylabel("y [m]")
+    plt.legend()
+    plt.savefig("mpc.png")
 
 
 if __name__ == "__main__":

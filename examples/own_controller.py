@@ -12,3 +12,4 @@ def law(t, cfg, dq):
 
 run = sa.simulate(sa.load("planar2"), [0.3, 1.2], law, 5.0)
 print(f"the spacecraft turned by up to {np.degrees(np.abs(sa.reaction(run).angle).max()):.2f} deg")
+sa.plot(sa.reaction(run)).savefig("own_controller.png")

@@ -5,6 +5,7 @@ Takes pip install "spacearm[pink]".
 
 import logging
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pink
 import pinocchio as pin
@@ -20,7 +21,7 @@ logging.disable(logging.WARNING)  # joints turn past their limits where least sq
 
 
 def follow(arm, *, damping, barriers=()):
-    """Return the largest error [m], distance to the singular set and joint rate [rad], [rad/s]."""
+    """Return errors [m], distances to the singular set [rad] and joint rates [rad/s] over time."""
     start = arm.at(Q0)
     fixture = start.tip
     centre = fixture.act(np.array([0.0, 0.0, 0.5]))  # half a metre inside the target
@@ -40,7 +41,7 @@ def follow(arm, *, damping, barriers=()):
         errors.append(np.linalg.norm(cfg.tip.translation - task.target.translation))
         distances.append(sa.evaluate(arm, [cfg.q], ["distance"])["distance"][0])
         rates.append(np.abs(velocity[6:]).max())
-    return max(errors), min(distances), max(rates)
+    return np.array(errors), np.array(distances), np.array(rates)
 
 
 def main():
@@ -52,9 +53,16 @@ def main():
         "damped, barrier": follow(arm, damping=1e-4, barriers=[sa.SingularityBarrier(arm, MARGIN)]),
     }
     print(f"{'':18}{'error [m]':>12}{'nearest [deg]':>15}{'rate [deg/s]':>14}")
-    for name, (error, distance, rate) in runs.items():
-        print(f"{name:18}{error:12.3g}{np.degrees(distance):15.2f}{np.degrees(rate):14.3g}")
-    return runs
+    for name, (errors, distances, rates) in runs.items():
+        nearest, fastest = np.degrees(distances.min()), np.degrees(rates.max())
+        print(f"{name:18}{errors.max():12.3g}{nearest:15.2f}{fastest:14.3g}")
+        plt.plot(STEP * np.arange(1, len(distances) + 1), np.degrees(distances), label=name)
+    plt.axhline(np.degrees(MARGIN), color="grey", ls=":", label="margin of the barrier")
+    plt.ylim(0, 30)
+    plt.xlabel("time [s]")
+    plt.ylabel("distance to the singular set [deg]")
+    plt.legend()
+    plt.savefig("pink_barrier.png")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,13 @@
-"""A study of several designs on the cores of this machine, or of a Dask cluster (client=).
+"""A study of several designs on the workers of a Dask cluster, here two on this machine.
 
-Takes pip install "spacearm[sweep]".
+Takes pip install "spacearm[cluster]".
 """
 
+import logging
 from tempfile import TemporaryDirectory
+
+import matplotlib.pyplot as plt
+from distributed import Client, LocalCluster
 
 import spacearm as sa
 
@@ -18,6 +22,15 @@ samples = 1000
 """
 
 if __name__ == "__main__":  # processes import this file
-    with TemporaryDirectory() as folder:
-        found = sa.sweep(sa.Study.parse(STUDY), f"{folder}/out.zarr", workers=1)
-        print((found["near"].sum("block") / found["configurations"].sum("block")).values.round(3))
+    with (
+        TemporaryDirectory() as folder,
+        LocalCluster(2, threads_per_worker=1, dashboard_address=None,
+                     silence_logs=logging.CRITICAL) as cluster,
+        Client(cluster) as client,
+    ):  # fmt: skip
+        found = sa.sweep(sa.Study.parse(STUDY), f"{folder}/out.zarr", client=client)
+        risk = found["near"].sum("block") / found["configurations"].sum("block")
+        print(risk.values.round(3))
+    (100 * risk).squeeze().plot.line(x="radius", marker="o")
+    plt.ylabel("postures near a singularity [%]")
+    plt.savefig("sweep.png")

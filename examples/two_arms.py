@@ -11,3 +11,4 @@ motion = sa.prescribed_motion(cfg, {other: 0.1})
 rates = np.linalg.pinv(motion.jacobian) @ -motion.drift
 print(f"{other} turns at 0.1 rad/s; to keep the left tip still:")
 print(dict(zip(motion.joints, rates.round(4).tolist(), strict=True)))
+sa.plot(cfg).savefig("two_arms.png")

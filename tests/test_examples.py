@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-PACKAGES = {"casadi": "casadi", "jax": "jax", "pink": "pink", "sweep": "zarr"}
+PACKAGES = {"casadi": "casadi", "cluster": "distributed", "jax": "jax", "pink": "pink"}
 """What to look for before an example that takes an extra runs."""
 
 
