@@ -131,7 +131,8 @@ def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) 
 def foot(seen: Tangent, offset: Array) -> Array:
     """Return the points nearest to the origin on the set as it is seen from `offset` (m, n)."""
     along = (seen.rows @ offset[:, :, None])[..., 0]
-    along[:, 0] -= np.where(np.isfinite(seen.distance), seen.distance, 0.0)  # inf: no rows
+    distance = np.where(np.isfinite(seen.distance), seen.distance, 0.0)  # inf has rows of zeros
+    along[:, 0] -= distance
     return np.asarray((along[:, None] @ seen.rows)[:, 0])
 
 

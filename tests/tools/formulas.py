@@ -228,7 +228,7 @@ MUTANTS = [
     ),
     Mutant(
         "descent to the singular set", "mechanics/nearness.py",
-        "along[:, 0] -= seen.distance", "along[:, 0] += seen.distance", "singularities/test_distance",
+        "along[:, 0] -= distance", "along[:, 0] += distance", "singularities/test_distance",
     ),
     Mutant(
         "compiled derivative of J*: momentum carried along", "kernels/slopes.py",
