@@ -57,16 +57,13 @@ def singular_posture() -> Figure:
         axes.set(xlim=(-0.9, 3.1), ylim=(-1.9, 1.5), title=title)
     left.text(1.15, -1.78, "tip velocities for unit joint rates", color=BLUE, ha="center")
 
-    slice_ = sa.singular_map(arm)
-    degrees = np.degrees(slice_.angles)
-    sigma = np.log10(slice_.sigma_min.T.clip(1e-3))
-    image = right.pcolormesh(degrees, degrees, sigma, cmap="cividis", rasterized=True)
-    figure.colorbar(image, ax=right, shrink=0.8, label="log10 of sigma_min [m/rad]")
-    for q, name, color in ((singular, "singular", RED), (regular, "regular", BLUE)):
+    sa.plot(sa.singular_map(arm), ax=right)
+    for q, name, color, ink in (
+        (singular, "singular", RED, "white"),
+        (regular, "regular", BLUE, "black"),
+    ):
         right.plot(*np.degrees(q), "o", color=color, ms=8, mec="white")
-        right.annotate(name, np.degrees(q), (8, 6), textcoords="offset points", color="white")
-    turn = range(-180, 181, 90)
-    right.set(xlabel="q1 [deg]", ylabel="q2 [deg]", aspect="equal", xticks=turn, yticks=turn)
+        right.annotate(name, np.degrees(q), (8, 6), textcoords="offset points", color=ink)
     right.set_title("Where: the dark valleys in joint space")
     return figure
 

@@ -40,7 +40,10 @@ class ConfigurationError(SpaceArmError, ValueError):
 
 
 class UnsupportedError(SpaceArmError, NotImplementedError):
-    """What was asked for does not exist for this arm; the message says why."""
+    """What was asked for does not exist for this arm; the message says why.
+
+    Like the other errors it is one of Python's own too, for callers that catch those.
+    """
 
 
 class NoSolutionError(SpaceArmError):

@@ -22,7 +22,7 @@ from spacearm.mechanics.floating import GAUSS
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.motion.goal import goal_rows
 from spacearm.planning.guesses import CLOSE, GuessFinder, Mask
-from spacearm.planning.loops import Indices
+from spacearm.planning.loops import Indices, lengths
 from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING, CurveOptimiser
 from spacearm.planning.problem import Problem, Rows
@@ -189,9 +189,9 @@ class Tree:
                 continue
             T = self.start.base.rotation @ self._turns(W[:, :-1])
             W, near, room = self._arriving(W, T)
-            travel = np.where(near & (room > self.target.clearance), _travel(W), np.inf)
+            travel = np.where(near & (room > self.target.clearance), lengths(W), np.inf)
             for i in np.argsort(travel)[:3]:
-                if travel[i] < _travel(best[None])[0] and self._clear_way(W[i]):
+                if travel[i] < lengths(best[None])[0] and self._clear_way(W[i]):
                     best = _without_repeats(W[i])
                     break
         return best
@@ -241,12 +241,6 @@ class Tree:
         Q = W[:, :-1, None] + self._gauss * step[:, :, None]
         rates = np.broadcast_to((k - 1) * step[:, :, None], Q.shape)
         return spacecraft_turns(self.arm, Q.reshape(K, -1, n), rates.reshape(K, -1, n))
-
-
-def _travel(W: Array) -> Array:
-    """Return the joint travel (K,) of motions through corners (K, m, n)."""
-    travel: Array = np.abs(np.diff(W, axis=1)).sum(axis=(1, 2))
-    return travel
 
 
 def _without_repeats(W: Array) -> Array:

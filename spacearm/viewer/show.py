@@ -27,7 +27,7 @@ def view(
     *,
     base: pin.SE3 | None = None,
     port: int | None = None,
-    open: bool | None = None,  # noqa: A002 - the word for it
+    open: bool | None = None,  # noqa: A002 - as webbrowser has it
 ) -> Viewer:
     """Show an arm with sliders, play a motion, or show the posture of any other result.
 

@@ -54,13 +54,14 @@ def test_distances_near_the_set_are_right_to_a_fifth(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_distances_are_right_to_a_fifth_below_one_degree(name):
-    """Of many points; one or two in a hundred lie where the set is strongly bent."""
+    """Of many points; those moved by 3 degrees count where the set is that near all the same."""
     arm, rng = ARMS[name](), np.random.default_rng(1)
-    ratios = []
-    for q in beside(arm, rng, 25 if len(arm.tips) > 1 else 40, 0.9):
-        cfg = arm.at(q)
-        found = sa.singularity(cfg, exact=True)
-        ratios.append(found.distances[-1] / found.distance)
+    m, ratios = 12 if len(arm.tips) > 1 else 40, []
+    for q in (*beside(arm, rng, m, 0.9), *beside(arm, rng, m, 3.0)):
+        found = sa.singularity(arm.at(q), exact=True)
+        if found.distance < np.radians(1.0):
+            ratios.append(found.distances[-1] / found.distance)
+    assert len(ratios) >= m
     assert (np.abs(np.array(ratios) - 1.0) < 0.2).mean() > 0.95
     assert np.median(ratios) == pytest.approx(1.0, abs=0.02)
 
