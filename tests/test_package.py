@@ -157,6 +157,14 @@ def test_archives_are_reproducible_byte_for_byte(archives, kind):
     assert one.read_bytes() == other.read_bytes()
 
 
+def test_nothing_is_in_the_wheel_twice(archives):
+    with zipfile.ZipFile(next(archives[0].glob("*.whl"))) as wheel:
+        contents = {name: wheel.read(name) for name in wheel.namelist()}
+    filled = [content for content in contents.values() if content.strip()]
+    assert len(filled) == len(set(filled))
+    assert any(name.endswith("licenses/spacearm/viewer/page/uplot/LICENSE") for name in contents)
+
+
 def test_the_sdist_is_complete(archives):
     with tarfile.open(next(archives[0].glob("*.tar.gz"))) as sdist:
         inside = {name.partition("/")[2] for name in sdist.getnames()}
