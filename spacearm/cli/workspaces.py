@@ -36,7 +36,7 @@ from spacearm.workspaces.path_dependent import EFFORT, Workspace, workspace
 
 EFFORT_HELP = (
     f"Number of singular configurations that the search starts from, {EFFORT:,} if not given; only "
-    "for arms of more than 3 joints: the bounds of others are proven."
+    "for arms of more than 3 joints."
 )
 
 
@@ -168,9 +168,13 @@ def compute_risk(
 
 def _print(result: Workspace, free: bool) -> None:
     size = "area [m²]" if result.planar else "volume [m³]"
-    how: str = "proven" if result.kind == "certified" else result.kind
-    if result.effort:
-        how += f", from {result.effort:,} singular configurations (--effort)"
+    how: str = result.kind
+    if result.kind == "certified":
+        how = f"proven to {result.gap:.1g} m"
+    elif result.effort:
+        how += f" from {result.effort:,} singular configurations (--effort)"
+    if result.kind == "found":
+        how += f", proven to {result.gap:.3g} m"
     out.print(f"{result.arm.name}, {result.mode}: distances of the tip from the system CM ({how})")
     rows = table("workspace", "from [m]", "to [m]", size)
     sizes = result.volumes

@@ -12,6 +12,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, figure, style
+from spacearm.singularities.polynomial import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.workspaces.path_dependent import Workspace
 
@@ -168,7 +169,10 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
 
 
 def _draw_cut_away(axes: Any, result: Workspace) -> None:
-    """Draw spheres with a quarter cut out; the cut faces show the workspaces."""
+    """Draw spheres with a quarter cut out; the cut faces show the workspaces.
+
+    On a cut face the tip along the curves that prove the distances.
+    """
     outer = float(result.reachable[0, 1])
     polar, around = np.linspace(0, np.pi, 40), np.linspace(0, 1.5 * np.pi, 60)
     sphere = np.stack((
@@ -178,6 +182,13 @@ def _draw_cut_away(axes: Any, result: Workspace) -> None:
     ))  # fmt: skip
     color = ORANGE if len(result.pdw) and result.pdw[-1, 1] >= outer - 1e-9 else GREEN
     axes.plot_surface(*(outer * sphere), color=color, alpha=0.25, linewidth=0)
+    for i, curve in enumerate(result.proof):
+        x, y, z = tips_from_centre(result.arm, curve, result.mode).T
+        out = np.hypot(x, y)  # turned about z, to a cut face
+        label = "tip on singular curves" if i == 0 else None
+        axes.plot(out, np.full_like(z, -0.01 * outer), z, color=BLUE, lw=1.8, zorder=9, label=label)
+    if result.proof:
+        axes.legend(loc="upper left")
     for label, radii, color in (
         ("path independent", result.piw, GREEN), ("path dependent", result.pdw, ORANGE)
     ):  # fmt: skip

@@ -231,6 +231,31 @@ class Jets:
         return float(total)
 
 
+class Pointwise:
+    """A polynomial of angles at one point after the other, for searches: each call is one pass.
+
+    Args:
+        f: The polynomial.
+        unit: What it is divided by.
+    """
+
+    def __init__(self, f: TrigPolynomial, unit: float = 1.0) -> None:
+        own = TrigPolynomial(f.coefficients / unit, f.error / unit)
+        self._jets = Jets(own, Chart.turning(f.n))
+
+    def __call__(self, q: Array, /) -> float:
+        """Compute the value at q (n,)."""
+        return float(self._jets(q[None]).value[0])
+
+    def gradient(self, q: Array, /) -> Array:
+        """Compute the gradient (n,) at q (n,)."""
+        return self._jets(q[None], 1).gradient[0]
+
+    def hessian(self, q: Array, /) -> Array:
+        """Compute the second derivatives (n, n) at q (n,)."""
+        return self._jets(q[None], 2).hessian[0]
+
+
 def chebyshev(x: Array, degree: int, order: int) -> Array:
     """Compute T_0 ... T_degree at x (m,) and their derivatives, (m, degree + 1, order + 1)."""
     T = np.zeros((len(x), degree + 1, order + 1))

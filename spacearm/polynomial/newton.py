@@ -10,7 +10,7 @@ step undetermined, the shortest one is taken.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +32,13 @@ class Smooth(Protocol):
 
     def hessian(self, q: Array, /) -> Array:
         """Return the second derivatives (n, n)."""
+
+
+class Constraint(Smooth, Protocol):
+    """A function with its values too."""
+
+    def __call__(self, q: Array, /) -> float:
+        """Return the value at q (n,)."""
 
 
 class HalfSquare:
@@ -80,43 +87,48 @@ def iterate(
     return x
 
 
-def stationary(F: Smooth, S: TrigPolynomial | None, start: Array, stride: float = 0.1) -> Array:
-    """Find a point near `start` where F is stationary on S = 0, or on all of space if S is None."""
+def stationary(
+    F: Smooth, constraints: Sequence[Constraint], start: Array, stride: float = 0.1
+) -> Array:
+    """Find a point near `start` where F is stationary on common roots, or on all of space."""
     n = len(start)
-    if S is None:
-        return iterate(lambda x: (F.gradient(x), F.hessian(x)), start, n, stride)
 
     def equations(y: Array) -> tuple[Array, Array]:
-        x, multiplier = y[:n], y[n]
-        g = S.gradient(x)
-        residual = np.append(F.gradient(x) + multiplier * g, S(x))
-        H = F.hessian(x) + multiplier * S.hessian(x)
-        return residual, np.block([[H, g[:, None]], [g[None], np.zeros((1, 1))]])
+        x, multipliers = y[:n], y[n:]
+        G = np.array([S.gradient(x) for S in constraints]).reshape(-1, n)
+        residual = np.append(F.gradient(x) + multipliers @ G, [S(x) for S in constraints])
+        H = F.hessian(x)
+        for multiplier, S in zip(multipliers, constraints, strict=True):
+            H = H + multiplier * S.hessian(x)
+        return residual, np.block([[H, G.T], [G, np.zeros((len(G), len(G)))]])
 
-    g = S.gradient(start)
-    multiplier = -(F.gradient(start) @ g) / max(float(g @ g), 1e-300)
-    return iterate(equations, np.append(start, multiplier), n, stride)[:n]
+    G = np.array([S.gradient(start) for S in constraints]).reshape(-1, n)
+    multipliers = np.linalg.lstsq(G.T, -F.gradient(start), rcond=None)[0]
+    return iterate(equations, np.append(start, multipliers), n, stride)[:n]
 
 
 def extreme(
     F: TrigPolynomial, S: TrigPolynomial, start: Array, better: Callable[[float, float], bool]
 ) -> Array:
     """Return a stationary point of F on S = 0 near `start` if it is better, else `start`."""
-    x = stationary(F, S, start)
+    x = stationary(F, (S,), start)
     on_set = abs(S(x)) <= NOISE * S.scale
     return x if on_set and better(F(x), F(start)) else start
 
 
-def meeting(S: TrigPolynomial, F: TrigPolynomial, value: float, start: Array) -> Array | None:
-    """Find a point near `start` with S = 0 and F = value, or None."""
+def meeting(
+    constraints: Sequence[TrigPolynomial], F: TrigPolynomial, value: float, start: Array
+) -> Array | None:
+    """Find a common root of the constraints near `start` at which F = value, or None."""
 
     def equations(x: Array) -> tuple[Array, Array]:
-        residual = np.array([S(x) / S.scale, (F(x) - value) / F.scale])
-        return residual, np.array([S.gradient(x) / S.scale, F.gradient(x) / F.scale])
+        residual = [*(S(x) / S.scale for S in constraints), (F(x) - value) / F.scale]
+        slopes = [*(S.gradient(x) / S.scale for S in constraints), F.gradient(x) / F.scale]
+        return np.array(residual), np.array(slopes)
 
     x = iterate(equations, start, len(start), 0.3, rcond=1e-10)
-    there = abs(S(x)) <= NOISE * S.scale and abs(F(x) - value) <= 1e-9 * F.scale
-    return x if there else None
+    on_set = all(abs(S(x)) <= NOISE * S.scale for S in constraints)
+    return x if on_set and abs(F(x) - value) <= 1e-9 * F.scale else None
 
 
 def polish(S: TrigPolynomial, points: Array) -> Array:

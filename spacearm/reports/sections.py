@@ -193,7 +193,9 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
 
 def _workspaces(section: Section, arm: SpaceArm, about: str) -> None:
     found = workspace(arm, effort=EFFORT)
-    proof = "proven" if found.kind == "certified" else f"found with {EFFORT:,} configurations"
+    proof = f"proven to {found.gap:.1g} m"
+    if found.kind != "certified":
+        proof = f"found with {EFFORT:,} configurations, {proof.replace('to', 'up to')}"
     section.say(f"Distances of the tip from the system CM, {proof}; {found.fraction:.2%} of the "
                 "reachable workspace is path independent.")  # fmt: skip
     rows = [

@@ -111,7 +111,7 @@ class ExactSet(SingularSet):
         at[:, j] = angles
         common = [np.abs(f(at)) <= VANISHES * f.scale for f, _ in moving[1:]]
         kept = np.logical_and.reduce([~self.chart.slides[j] | (angles >= 0.0), *common])
-        kept[kept] = self._are_singular(self.chart.positions(at[kept]))
+        kept[kept] = self.are_singular(self.chart.positions(at[kept]))
         at, multiplicity = self.chart.positions(at[kept]), multiplicity[kept]
         order = np.argsort(at[:, j])
         return Roots(at[order, j], multiplicity[order], False)
@@ -171,7 +171,7 @@ class ExactSet(SingularSet):
         chosen, centre = self._slice(joints, q, 1)
 
         def singular(points: Array) -> npt.NDArray[np.bool_]:
-            return self._are_singular(self._embed(points, chosen, centre))
+            return self.are_singular(self._embed(points, chosen, centre))
 
         pieces = space_curves.curves(self._reduced(chosen, centre), singular)
         return [self._embed(piece, chosen, centre) for piece in pieces]
@@ -234,7 +234,7 @@ class ExactSet(SingularSet):
         kept = (angles[:, self.chart.slides] >= 0.0).all(axis=1)
         return self.chart.positions(angles[kept])
 
-    def _are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
+    def are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
         """Return which common roots of the minors (m, n) are singular: of one minor all are."""
         if self.codimension == 1:
             return np.ones(len(Q), dtype=bool)

@@ -24,7 +24,8 @@ from spacearm.sweeps.simulations import Simulations
 from spacearm.sweeps.tiles import Box, boxes, tile
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
-from spacearm.workspaces.path_dependent import EFFORT, check_shells
+from spacearm.workspaces.path_dependent import EFFORT
+from spacearm.workspaces.shells import check_shells
 
 PART = 2**16
 """Configurations in memory at a time, however large the chunk."""

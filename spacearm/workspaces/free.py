@@ -18,7 +18,8 @@ from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.polynomial import tips_from_centre
 from spacearm.singularities.sets import singular_set
-from spacearm.workspaces.shells import Box, merged
+from spacearm.workspaces.box import Box
+from spacearm.workspaces.shells import merged
 
 SAMPLE = 20_000
 """Configurations from which the search for a point starts."""

@@ -25,15 +25,17 @@ from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
-from spacearm.singularities.polynomial import check_square
 from spacearm.singularities.risk import RiskProfile, risk_profile
-from spacearm.singularities.sets import singular_set
+from spacearm.workspaces.box import Box
 from spacearm.workspaces.free import free_workspace
+from spacearm.workspaces.outermost import largest_distance
+from spacearm.workspaces.proven import Proven, left_out, prove_shells
 from spacearm.workspaces.regions import Region, off_plane, position, singular_at
 from spacearm.workspaces.searched_shells import Searches, found_shells
 from spacearm.workspaces.shells import (
-    Box,
     Shell,
+    check_shells,
+    exact_set,
     exact_shells,
     merged,
     prove,
@@ -47,6 +49,8 @@ MOST_CERTIFIED = 3
 EFFORT = 200_000
 """Default number of singular configurations from which shells of larger arms are searched."""
 
+SMALL = 1e-5
+"""Share of the largest distance up to which a gap counts as certified."""
 Kind = Literal["certified", "found", "stopped"]
 
 
@@ -54,18 +58,17 @@ Kind = Literal["certified", "found", "stopped"]
 class Workspace(Result):
     """Distances R of the tip from the system CM: reachable, path dependent, path independent.
 
-    The accuracy of the bounds depends on the arm:
+    "certified": both directions are proven up to `gap`, rounding included. No singular
+    configuration puts the tip outside `pdw`: for up to three joints by branch and bound, for more
+    by a bound of the tip's distance. At all distances within `pdw` something is singular: `proof`
+    has curves in the singular set along which the distance takes them all.
 
-    =================================  ==========================================================
-    arm                                bounds of `reachable` and `pdw`
-    =================================  ==========================================================
-    up to 3 revolute joints, as many   "certified": attained, and nothing lies outside them by
-    as task rows                       more than `gap`, proven by branch and bound
-    more joints, as many as task rows  "found": attained; the largest and least that a search
-                                       from `effort` singular configurations found
-    redundant, prismatic or mimic      none: `workspace` raises UnsupportedError; `sa.risk_profile`
-    joints                             works for all arms
-    =================================  ==========================================================
+    "found": the largest and least distances that a search from `effort` singular configurations
+    met. What is proven of them is in `covered`, and the rest may differ by `gap`: arms of more than
+    three joints whose shells leave distances out, or that limits keep from their largest one.
+
+    Redundant arms have shells for the full pose, or "x y rz" in the plane. `workspace` raises
+    `UnsupportedError` for others, and for sliding and mimic joints; `sa.risk_profile` takes all.
 
     Attributes:
         arm: The arm.
@@ -77,9 +80,11 @@ class Workspace(Result):
         shells: A shell for each piece of the singular set that was found.
         reachable_at: (2, n) configurations of the least and the largest distance.
         kind: "certified", "found" or, after Ctrl-C, "stopped": attained, others are missing.
-        gap: Largest distance by which R may lie outside `reachable` or the shells [m]: proven if
-            certified, else NaN.
-        effort: Number of singular configurations that were sampled; 0 if certified.
+        gap: Largest distance by which R may lie outside of `reachable` or `pdw`, and largest range
+            of R within `pdw` at which nothing may be singular [m]: proven. NaN if stopped.
+        effort: Number of singular configurations that were sampled; 0 by branch and bound.
+        covered: (k, 2) distances at all of which something is proven to be singular [m].
+        proof: Curves in the singular set, points (m, n) along each, that prove them.
     """
 
     arm: SpaceArm
@@ -93,6 +98,8 @@ class Workspace(Result):
     kind: Kind
     gap: float
     effort: int
+    covered: Array
+    proof: tuple[Array, ...]
 
     JSON: ClassVar[Mapping[str, str]] = {"kind": "bounds"}
 
@@ -150,7 +157,7 @@ class Workspace(Result):
         if not _within(R, self.pdw):
             return Region("path independent", R, (), p)
         box = Box.of(self.arm.lower, self.arm.upper, self.limits)
-        found = singular_at(p, self.arm, self.mode, box, self.shells)
+        found = singular_at(p, exact_set(self.arm, self.mode), box, self.shells)
         return Region("path dependent", R, found, p)
 
     def profile(self, **options: Any) -> RiskProfile:
@@ -171,10 +178,11 @@ class Workspace(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return fields, `fraction` and `volumes` as plain JSON data, those of a plane as `areas`.
 
-        `free`, which takes as long as all the rest, is not among them.
+        `free`, which takes as long as all the rest, and `proof`, which is long, are not among them.
         """
         sizes = "areas" if self.planar else "volumes"
-        return super().to_dict() | plain({sizes: self.volumes, "fraction": self.fraction})
+        own = {name: value for name, value in super().to_dict().items() if name != "proof"}
+        return own | plain({sizes: self.volumes, "fraction": self.fraction})
 
     def __repr__(self) -> str:
         def text(radii: Array) -> str:
@@ -201,14 +209,14 @@ def workspace(
     Section V of Papadopoulos & Dubowsky (1993), DOI 10.1115/1.2897406.
 
     Args:
-        arm: An arm with as many revolute joints as its task has rows.
+        arm: An arm of revolute joints, as many as its task has rows; for the full pose, and
+            "x y rz" in the plane, there may be more.
         mode: What the spacecraft does: "free-floating"; "attitude-controlled" or "fixed", which
             leave the kinematic singularities only (section VI). For a fixed spacecraft distances
             count from its own CM.
         limits: Whether only configurations within the joint limits count; if not, every joint
             turns freely, as in the paper.
-        effort: Singular configurations to search from, for arms of more than three joints; the
-            bounds of the others are proven.
+        effort: Singular configurations to search from, for arms of more than three joints.
         seed: Seed of that search.
         progress: Called now and then as progress(done, total), in searches for a bound.
 
@@ -217,8 +225,8 @@ def workspace(
 
     Raises:
         ConfigurationError: An argument is not valid.
-        UnsupportedError: The arm is redundant, has prismatic or mimic joints, or can never do its
-            task.
+        UnsupportedError: The arm is redundant for another task, has prismatic or mimic joints, or
+            can never do its task.
         StoppedError: Ctrl-C; carries the workspace as far as it is known.
 
     Example:
@@ -229,17 +237,21 @@ def workspace(
     """
     effort = whole(effort, "effort", 1)
     check_shells(arm)
-    found = singular_set(arm, mode=mode)
+    found = exact_set(arm, mode)
     rng = np.random.default_rng(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
     searches, shells = Searches(progress), list[Shell]()
-    reach = [shell_about(arm, mode, None, points, box, 0, step=searches.step)]
-    gap = float("nan")
+    reach = [shell_about(arm, mode, (), points, box, 0, step=searches.step)]
+    small = arm.n <= MOST_CERTIFIED and found.codimension == 1
 
-    def known(kind: Kind) -> Workspace:
+    def known(proof: Proven | None = None, gap: float = np.nan, farthest: float = 0.0) -> Workspace:
         reachable = merged([shell.radius for shell in reach])
         pdw = merged([shell.radius for shell in shells])
+        kind: Kind = "stopped"
+        if proof is not None:
+            gap = max(gap, float(np.diff(proof.missing(pdw)).max(initial=0.0)))
+            kind = "certified" if gap <= max(TOLERANCE, SMALL * farthest) else "found"
         return Workspace(
             arm=arm,
             mode=mode,
@@ -250,38 +262,31 @@ def workspace(
             shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
             reachable_at=reach[0].at,
             kind=kind,
-            gap=gap if kind == "certified" else float("nan"),
-            effort=0 if arm.n <= MOST_CERTIFIED else effort,
+            gap=gap,
+            effort=0 if small else effort,
+            covered=np.empty((0, 2)) if proof is None else proof.radii,
+            proof=() if proof is None else proof.curves,
         )
 
     def keep(so_far: list[Shell]) -> None:
         shells[:] = so_far
 
     try:
-        if arm.n > MOST_CERTIFIED:
+        if small:
+            reach, reach_gap = prove(arm, mode, None, reach, box, TOLERANCE)
+            farthest = float(reach[0].radius[1])
+            keep(exact_shells(found, box))
+            proven, gap = prove(arm, mode, found.S, shells, box, TOLERANCE)
+            keep(proven)
+            gap = max(gap, reach_gap)
+        else:
+            farthest = largest_distance(arm, mode)
             keep(found_shells(found, box, effort, rng, reach[0].at, searches, keep))
-            return known("found")
-        reach, reach_gap = prove(arm, mode, None, reach, box, TOLERANCE)
-        keep(exact_shells(found, box))
-        proven, gap = prove(arm, mode, found.S, shells, box, TOLERANCE)
-        keep(proven)
-        gap = max(gap, reach_gap)
-        return known("certified" if np.isfinite(gap) else "found")
+            gap = left_out(found, box, merged([shell.radius for shell in shells]), farthest)
+        return known(prove_shells(found, box, shells, farthest), min(gap, farthest), farthest)
     except KeyboardInterrupt:
         why = "shells may be missing, or wider than found so far"
-        raise StoppedError(why, known("stopped")) from None
-
-
-def check_shells(arm: SpaceArm) -> None:
-    """Refuse arms that have no shells.
-
-    Raises:
-        UnsupportedError: The arm has no singularity polynomial; says why.
-    """
-    check_square(
-        arm,
-        "without a singularity polynomial there are no shells, but sa.risk_profile takes every arm",
-    )
+        raise StoppedError(why, known()) from None
 
 
 def _outside(whole: Array, parts: Array) -> Array:

@@ -15,9 +15,10 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.polynomial.newton import meeting
+from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomial import radius_squared, tips_from_centre
-from spacearm.singularities.sets import singular_set
-from spacearm.workspaces.shells import Box, Shell
+from spacearm.workspaces.box import Box
+from spacearm.workspaces.shells import Shell
 
 UPRIGHT = 1.0 - 1e-9
 """Cosine between the normal of a planar arm and the inertial axis from which it stands in plane."""
@@ -97,10 +98,11 @@ def _height(arm: SpaceArm, normal: int, mode: BaseMode) -> float:
 
 
 def singular_at(
-    point: Array, arm: SpaceArm, mode: BaseMode, box: Box, shells: Iterable[Shell]
+    point: Array, found: ExactSet, box: Box, shells: Iterable[Shell]
 ) -> tuple[Configuration, ...]:
     """Find a singular configuration with the tip at the point (3,) for each shell around it."""
-    found, R = singular_set(arm, mode=mode), float(np.linalg.norm(point))
+    arm, mode, R = found.arm, found.mode, float(np.linalg.norm(point))
+    equations = found.triangle.equations
     R2 = radius_squared(arm, mode=mode)
     Q = box.fold(found.sample(SAMPLE, np.random.default_rng(0)))
     Q = Q[box.holds(Q)]
@@ -109,9 +111,10 @@ def singular_at(
     for shell in shells:
         if shell.radius[0] - 1e-9 <= R <= shell.radius[1] + 1e-9:
             starts = [*shell.at[np.argsort(np.abs(shell.radius - R))[:1]], *near]
-            meetings = (meeting(found.S, R2, R * R, start) for start in starts)
+            meetings = (meeting(equations, R2, R * R, start) for start in starts)
             inside = (box.fold(q) for q in meetings if q is not None and box.holds(box.fold(q)))
-            if (q := next(inside, None)) is not None:
+            singular = (q for q in inside if found.are_singular(q[None])[0])
+            if (q := next(singular, None)) is not None:
                 results.append(_brought_to(arm, q, point, mode))
     return tuple(results)
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.mechanics.blocks import Progress
-from spacearm.singularities.abstract_set import SingularSet
-from spacearm.singularities.polynomial import radius_squared
-from spacearm.workspaces.shells import STARTS, Box, Shell, shell_about
+from spacearm.singularities.exact_set import ExactSet
+from spacearm.singularities.polynomial import distances, radius_squared
+from spacearm.workspaces.box import Box
+from spacearm.workspaces.shells import STARTS, Shell, shell_about
 
 GAP_SHARE = 1 / 300
 """Share of the range of R, empty of a large sample, that separates two shells."""
@@ -46,7 +47,7 @@ class Searches:
 
 
 def found_shells(
-    found: SingularSet,
+    found: ExactSet,
     box: Box,
     effort: int,
     rng: np.random.Generator,
@@ -63,8 +64,11 @@ def found_shells(
 
     `keep` is given the shells as they are known so far, at first those of the sample.
     """
-    R2 = radius_squared(found.arm, mode=found.mode)
-    stationary = ends[np.abs(found.S(ends)) <= AT_AN_END * found.S.scale]
+    R2, equations = radius_squared(found.arm, mode=found.mode), found.triangle.equations
+    low, high = distances(found.arm, ends, found.mode)
+    within = (float(low), float(high))
+    values = [np.abs(f(ends)) / f.scale for f in equations]
+    stationary = ends[np.max(values, axis=0) <= AT_AN_END]
     Q = box.fold(found.sample(effort, rng))
     Q = Q[box.holds(Q)]
     if not len(Q):
@@ -84,7 +88,17 @@ def found_shells(
         searches.expect(len(left))
         i = left[0].component
         shells.append(
-            shell_about(found.arm, found.mode, found.S, pieces[i], box, i, step=searches.step)
+            shell_about(
+                found.arm,
+                found.mode,
+                equations,
+                pieces[i],
+                box,
+                i,
+                step=searches.step,
+                within=within,
+                counts=lambda q: bool(found.are_singular(q[None])[0]),
+            )
         )
         left = [part for part in left[1:] if not _holds(shells[-1], part)]
     return shells

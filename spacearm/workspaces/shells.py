@@ -6,20 +6,30 @@ range of one polynomial on the roots of another, over the torus or within the jo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, named
+from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.polynomial.extremes import enclose
+from spacearm.polynomial.jets import Pointwise
 from spacearm.polynomial.newton import polish, stationary
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
-from spacearm.singularities.polynomial import distances, radius_squared
+from spacearm.singularities.exact_set import ExactSet
+from spacearm.singularities.polynomial import (
+    check_square,
+    distances,
+    radius_squared,
+    to_square,
+)
+from spacearm.singularities.sets import singular_set
+from spacearm.workspaces.box import Box
 
 STARTS = 12
 """Number of best configurations of a sample from which each bound is searched."""
@@ -29,41 +39,16 @@ MOST_WAYS = 60
 """Largest number of runs."""
 AT_LIMIT = 1e-7
 """Distance from its limit below which a joint counts as at the limit [rad]."""
+AT_AN_END = 1e-9
+"""Distance from the end of the range of R below which a bound is that end [m]."""
 MOST_ADDED = 20
 """Largest number of missing shells that a proof may find."""
 SPREAD = 400
 """Values of the joints that S does not depend on, tried with an isolated root."""
 
+SO = "without a singularity polynomial there are no shells, but sa.risk_profile takes every arm"
+
 Pairs = npt.NDArray[np.intp]
-
-
-class Box(NamedTuple):
-    """Range of the joints: a box that spans at most one turn in each.
-
-    Attributes:
-        low: (n,) lower corner.
-        high: (n,) upper corner.
-        limited: Whether it is less than the torus.
-    """
-
-    low: Array
-    high: Array
-    limited: bool
-
-    @classmethod
-    def of(cls, lower: Array, upper: Array, limits: bool) -> Box:
-        """Return the box of the joint limits, or the torus."""
-        whole = np.logical_or(upper - lower >= 2.0 * np.pi, not limits)
-        low = np.where(whole, -np.pi, lower)
-        return cls(low, np.where(whole, np.pi, upper), not whole.all())
-
-    def fold(self, Q: Array) -> Array:
-        """Move angles by whole turns to where the box begins."""
-        return self.low + (Q - self.low) % (2.0 * np.pi)
-
-    def holds(self, Q: Array) -> Any:
-        """Check which folded configurations (..., n) are in the box."""
-        return (self.high + 1e-12 >= Q).all(axis=-1)
 
 
 class Shell(NamedTuple):
@@ -85,6 +70,32 @@ class Shell(NamedTuple):
         return named(self)
 
 
+def check_shells(arm: SpaceArm) -> None:
+    """Refuse arms that have no shells.
+
+    Raises:
+        UnsupportedError: The singular set of the arm is not given by polynomials; says why.
+    """
+    whole_pose = arm.task.k == (3 if arm.tree.plane_normal() is not None else 6)
+    if arm.slides.any() or arm.coupling is not None or arm.n < arm.task.k or not whole_pose:
+        check_square(arm, SO)
+
+
+def exact_set(arm: SpaceArm, mode: BaseMode) -> ExactSet:
+    """Return the singular set.
+
+    Raises:
+        UnsupportedError: It is not known as a whole.
+    """
+    found = singular_set(arm, mode=mode)
+    if not isinstance(found, ExactSet):
+        raise UnsupportedError(
+            f"{arm.name}, {mode}: the minors of J* do not give the singular set joint by joint; "
+            f"{to_square(arm)}; {SO}"
+        )
+    return found
+
+
 def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
     """Compute a shell for each connected piece of a singular set of one or two dimensions."""
     if not found.relevant:
@@ -97,50 +108,56 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
     ]
     pieces += [end[None] for end in _ends_on_faces(found, box)]
     arm, mode = found.arm, found.mode
-    return [shell_about(arm, mode, found.S, piece, box, i) for i, piece in enumerate(pieces)]
+    return [shell_about(arm, mode, (found.S,), piece, box, i) for i, piece in enumerate(pieces)]
 
 
 def shell_about(
     arm: SpaceArm,
     mode: BaseMode,
-    S: TrigPolynomial | None,
+    equations: Sequence[TrigPolynomial],
     points: Array,
     box: Box,
     number: int,
     *,
     step: Callable[[], object] = bool,
+    within: tuple[float, float] = (-np.inf, np.inf),
+    counts: Callable[[Array], bool] = lambda _: True,
 ) -> Shell:
-    """Compute the shell of a piece of the set with points (m, n) on it; of the box if S is None.
+    """Compute the shell of a piece of the set with points (m, n) on it; no equations: of the box.
 
-    `step` is called before each of at most 2 * STARTS searches for a bound.
+    `step` is called before each of at most 2 * STARTS searches for a bound. R is always `within`
+    a range [m]: where a search reaches its end, the others are left out. `counts` says which roots
+    (n,) are singular.
     """
     R2 = radius_squared(arm, mode=mode)
     order = np.argsort(R2(points))
     ends = []
     for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
-        found = []
+        found, R = [], list[float]()
         for i in best:
             step()
-            found.append(bounded_extreme(R2, S, points[i], box, sign))
-        ends.append(min(found, key=lambda q: sign * float(R2(q))))
+            q = bounded_extreme(R2, equations, points[i], box, sign)
+            found.append(q if counts(q) else points[i])
+            R.append(float(distances(arm, found[-1][None], mode)[0]))
+            if (R[-1] - within[0] if sign > 0.0 else within[1] - R[-1]) < AT_AN_END:
+                break
+        ends.append(found[int(np.argmin(sign * np.array(R)))])
     at = np.array(ends)
     return Shell(distances(arm, at, mode), at, number)
 
 
 def bounded_extreme(
-    F: TrigPolynomial, S: TrigPolynomial | None, start: Array, box: Box, sign: float
+    F: TrigPolynomial, equations: Sequence[TrigPolynomial], start: Array, box: Box, sign: float
 ) -> Array:
-    """Minimise sign * F on S = 0 in the box, near `start`, which is returned if no better.
+    """Minimise sign * F on common roots in the box, near `start`, which is returned if no better.
 
     Sequential quadratic programming finds the active limits, in short runs so that it stays on its
     piece of the set. Newton's method on the free joints then gives all digits.
     """
     from scipy.optimize import minimize  # slow to import
 
-    on_set: Any = []
-    if S is not None:
-        scaled = TrigPolynomial(S.coefficients / S.scale)
-        on_set = [{"type": "eq", "fun": scaled, "jac": scaled.gradient}]
+    objective, on_roots = Pointwise(F), [Pointwise(S, S.scale) for S in equations]
+    on_set: Any = [{"type": "eq", "fun": S, "jac": S.gradient} for S in on_roots]
     search: Any = minimize  # its stubs are for functions of float64 only
     options: Any = {"maxiter": 50, "ftol": 1e-15}
     x = start
@@ -149,9 +166,9 @@ def bounded_extreme(
         if box.limited:
             low, high = np.maximum(low, box.low), np.minimum(high, box.high)
         result = search(
-            lambda q: sign * F(q),
+            lambda q: sign * objective(q),
             x,
-            jac=lambda q: sign * F.gradient(q),
+            jac=lambda q: sign * objective.gradient(q),
             bounds=list(zip(low, high, strict=True)),
             constraints=on_set,
             method="SLSQP",
@@ -167,11 +184,13 @@ def bounded_extreme(
         x = np.where(box.high - x < AT_LIMIT, box.high, x)
     if not held.all():
         fixed = {int(j): float(x[j]) for j in np.flatnonzero(held)}
-        free_F, free_S = (F.fix(fixed), S and S.fix(fixed)) if fixed else (F, S)
-        x[~held] = stationary(free_F, free_S, x[~held])
+        free = [objective, *on_roots]
+        if fixed:
+            free = [Pointwise(F.fix(fixed)), *(Pointwise(S.fix(fixed), S.scale) for S in equations)]
+        x[~held] = stationary(free[0], free[1:], x[~held])
     if box.limited and ((x < box.low - 1e-12) | (x > box.high + 1e-12)).any():
         return start
-    sound = S is None or abs(float(S(x))) <= NOISE * S.scale
+    sound = all(abs(S(x)) <= NOISE for S in on_roots)
     return x if sound and sign * F(x) <= sign * F(start) else start
 
 
@@ -188,7 +207,7 @@ def prove(
     Returns:
         The shells, and the largest distance by which R may be outside of all of them [m].
     """
-    R2 = radius_squared(arm, mode=mode)
+    R2, on_set = radius_squared(arm, mode=mode), () if S is None else (S,)
     for _ in range(MOST_ADDED):
         intervals = merged([shell.radius for shell in shells])
         ends = intervals[intervals > tolerance]
@@ -203,7 +222,7 @@ def prove(
         known = any(low - tolerance <= R <= high + tolerance for low, high in intervals)
         if known or not box.holds(root) or (S is not None and abs(S(root)) > NOISE * S.scale):
             break
-        shells = [*shells, shell_about(arm, mode, S, root[None], box, len(shells))]
+        shells = [*shells, shell_about(arm, mode, on_set, root[None], box, len(shells))]
     return shells, proof.gap / to_R
 
 
