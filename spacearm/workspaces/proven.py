@@ -21,6 +21,7 @@ from spacearm.singularities.minors import minors_of
 from spacearm.singularities.polynomial import distances, radius_squared
 from spacearm.singularities.rank_loss import is_singular
 from spacearm.workspaces.box import Box
+from spacearm.workspaces.searched_shells import members
 from spacearm.workspaces.shells import Shell, merged
 from spacearm.workspaces.tubes import Booleans, Equations, tubes
 
@@ -82,6 +83,8 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
         farthest: A distance that the tip never exceeds [m].
     """
     arm, mode = found.arm, found.mode
+    if not shells:
+        return Proven((), np.empty((0, 2)))
     chart = Chart.turning(arm.n)
     shared = shared_columns(found) if found.codimension > 1 else ()
     R2 = radius_squared(arm, mode=mode)
@@ -92,12 +95,12 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
         arm.n * float(np.sqrt(R2.scale)),  # |p(q) - p(q + pi)| = 2 |dp/dq| <= 2 max |p|
         lambda q: not is_singular(arm, q, mode, shared),
     )
-    sample = box.fold(found.sample(SAMPLE, np.random.default_rng(0)))
+    sample = members(found, box, SAMPLE, np.random.default_rng(0))
     wanted = merged([shell.radius for shell in shells])
     ends = np.concatenate([np.empty((0, arm.n)), *(shell.at for shell in shells)])
     tolerance = max(TOLERANCE, NARROW * farthest) if found.dimension > 2 else TOLERANCE
     known = found.curves() if found.dimension == 1 and not box.limited else []
-    return prover.prove(wanted, known, ends, sample[box.holds(sample)], tolerance)
+    return prover.prove(wanted, known, ends, sample, tolerance)
 
 
 def left_out(found: ExactSet, box: Box, pdw: Array, farthest: float) -> float:

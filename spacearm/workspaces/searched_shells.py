@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.errors import NoSolutionError
 from spacearm.mechanics.blocks import Progress
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomial import distances, radius_squared
@@ -69,8 +70,7 @@ def found_shells(
     within = (float(low), float(high))
     values = [np.abs(f(ends)) / f.scale for f in equations]
     stationary = ends[np.max(values, axis=0) <= AT_AN_END]
-    Q = box.fold(found.sample(effort, rng))
-    Q = Q[box.holds(Q)]
+    Q = members(found, box, effort, rng)
     if not len(Q):
         return []
     Q = Q[np.argsort(R2(Q))]
@@ -102,6 +102,15 @@ def found_shells(
         )
         left = [part for part in left[1:] if not _holds(shells[-1], part)]
     return shells
+
+
+def members(found: ExactSet, box: Box, m: int, rng: np.random.Generator) -> Array:
+    """Return those of m singular configurations that are in the box, (r, n)."""
+    try:
+        Q = box.fold(found.sample(m, rng))
+    except NoSolutionError:
+        return np.empty((0, found.arm.n))
+    return np.asarray(Q[box.holds(Q)])
 
 
 def _sampled(Q: Array, R2: Array, number: int) -> Shell:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.arms import load_text, random_chain, seeds
+from helpers.arms import frame, joint, link, load_text, random_chain, robot, seeds
 from hypothesis import given, settings
 
 import spacearm as sa
@@ -98,3 +98,12 @@ def test_a_point_of_a_redundant_arm():
     cfg = region.singular[0]
     np.testing.assert_allclose(cfg.tip.translation - cfg.com, (0.0, R, 0.0), atol=1e-7)
     assert sa.singularity(cfg).sigma_min < 1e-7
+
+
+def test_an_arm_without_singularities_is_path_independent():
+    tip = (frame("tip"), joint("jt", "arm", "tip", "fixed", (0.5, 0, 0)))
+    text = robot(link("bus", 10.0), link("arm"), joint("turn", "bus", "arm", xyz=(0.2, 0, 0)), *tip)
+    result = sa.workspace(load_text(text, tip="tip", task="rz"))
+    assert result.kind == "certified"
+    assert result.pdw.shape == (0, 2)
+    assert result.fraction == 1.0
