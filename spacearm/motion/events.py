@@ -149,5 +149,9 @@ class EventFinder:
         """Return the event between two times."""
         from scipy.optimize import brentq  # slow to import
 
-        t = brentq(lambda s: function.value(s, y(s)), a, b, xtol=SHARPNESS * b)
+        def value(s: float) -> float:
+            return function.value(s, y(s))
+
+        before, after = value(a), value(b)  # the last step may end with another sign, by rounding
+        t = a if before * after > 0.0 else brentq(value, a, b, xtol=SHARPNESS * b)
         return Event(float(t), function.kind, y(t)[: self.n].copy(), function.detail)
