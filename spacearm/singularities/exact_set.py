@@ -191,10 +191,11 @@ class ExactSet(SingularSet):
                 f"{self.arm.name}: the set has {self.codimension} equations; components are those "
                 "of sets with one. Use .curves and .sample"
             )
-        return [component(self.arm, self.mode, self.S, piece) for piece in self._pieces()]
+        return [component(self.arm, self.mode, self.S, piece) for piece in self.pieces]
 
-    def _pieces(self) -> list[Array]:
-        """Return points (m, n) on each connected piece of a set of up to two dimensions."""
+    @cached_property
+    def pieces(self) -> list[Array]:
+        """Points (m, n) on each connected piece of a set of up to two dimensions."""
         if self.dimension == 0:
             return [point[None] for point in self.triangle.solve(np.zeros((1, self.arm.n)))]
         if self.dimension == 1:

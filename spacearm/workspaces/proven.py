@@ -99,7 +99,7 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
     wanted = merged([shell.radius for shell in shells])
     ends = np.concatenate([np.empty((0, arm.n)), *(shell.at for shell in shells)])
     tolerance = max(TOLERANCE, NARROW * farthest) if found.dimension > 2 else TOLERANCE
-    known = found.curves() if found.dimension == 1 and not box.limited else []
+    known = found.pieces if found.dimension == 1 and not box.limited else []
     return prover.prove(wanted, known, ends, sample, tolerance)
 
 
