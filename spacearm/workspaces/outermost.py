@@ -40,7 +40,7 @@ def largest_distance(arm: SpaceArm, mode: BaseMode) -> float:
     another.
     """
     b, tip_body, tip = bodies(arm, mode)
-    own = _constant_vectors(b, tip_body, tip)
+    own = constant_vectors(b, tip_body, tip)
     length = np.linalg.norm(own, axis=1)
     tables: dict[int, Array] = {}
     for k in range(len(b) - 1, -1, -1):
@@ -55,7 +55,7 @@ def largest_distance(arm: SpaceArm, mode: BaseMode) -> float:
     return float(tables[0].max() + length[0] * (step**2 / 8.0 + 2.0 * ROUNDING * len(b)))
 
 
-def _constant_vectors(b: Bodies, tip_body: int, tip: Array) -> Array:
+def constant_vectors(b: Bodies, tip_body: int, tip: Array) -> Array:
     """Return b_k (bodies, 3): its share in the tip from the CM, in the frame of body k [m]."""
     M, share = float(b[0]["carried"]), np.zeros((len(b), 3))
     for k in range(len(b)):

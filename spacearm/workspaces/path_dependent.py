@@ -49,7 +49,7 @@ MOST_CERTIFIED = 3
 EFFORT = 200_000
 """Default number of singular configurations from which shells of larger arms are searched."""
 
-SMALL = 1e-5
+SMALL = 1e-4
 """Share of the largest distance up to which a gap counts as certified."""
 Kind = Literal["certified", "found", "stopped"]
 
@@ -60,7 +60,7 @@ class Workspace(Result):
 
     "certified": both directions are proven up to `gap`, rounding included. No singular
     configuration puts the tip outside `pdw`: for up to three joints by branch and bound, for more
-    by a bound of the tip's distance. At all distances within `pdw` something is singular: `proof`
+    by bounds of the tip's distance. At all distances within `pdw` something is singular: `proof`
     has curves in the singular set along which the distance takes them all.
 
     "found": the largest and least distances that a search from `effort` singular configurations

@@ -21,6 +21,7 @@ from spacearm.singularities.minors import minors_of
 from spacearm.singularities.polynomial import distances, radius_squared
 from spacearm.singularities.rank_loss import is_singular
 from spacearm.workspaces.box import Box
+from spacearm.workspaces.innermost import least_distance
 from spacearm.workspaces.searched_shells import members
 from spacearm.workspaces.shells import Shell, merged
 from spacearm.workspaces.tubes import Booleans, Equations, tubes
@@ -106,22 +107,24 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
 def left_out(found: ExactSet, box: Box, pdw: Array, farthest: float) -> float:
     """Bound by how much the distance of a singular configuration may lie outside of ranges (k, 2).
 
-    Above them the largest distance of the tip is the bound; elsewhere branch and bound, as far as
-    it comes [m].
+    Above and below them the largest and the least distance of the tip are the bounds; between
+    branch and bound, as far as it comes [m].
     """
     if not len(pdw):
         return farthest
-    above = farthest - float(pdw[-1, 1])
-    between = max(float(pdw[0, 0]), *(0.5 * (pdw[1:, 0] - pdw[:-1, 1])), 0.0)
-    if between <= above:
-        return above
+    nearest, above = float(pdw[0, 0]), farthest - float(pdw[-1, 1])
+    if nearest > above and not box.limited:
+        nearest -= min(nearest, least_distance(found.arm, found.mode, nearest))
+    between = float((0.5 * (pdw[1:, 0] - pdw[:-1, 1])).max(initial=0.0))
+    if max(nearest, between) <= above or len(pdw) == 1:
+        return max(nearest, above)
     R2 = radius_squared(found.arm, mode=found.mode)
     S = found.S if found.codimension == 1 else None
     squares = pdw**2
     squares[-1, 1] = np.inf
     least = float(pdw[pdw > 0.0].min())
     proof = enclose(R2, S, squares, box.low, box.high, 2.0 * least * max(above, TOLERANCE))
-    return max(above, min(between, proof.gap / least))
+    return max(above, min(max(nearest, between), proof.gap / least))
 
 
 def shared_columns(found: ExactSet) -> tuple[int, ...]:

@@ -69,13 +69,13 @@ def test_both_directions(name, mode):
 
 
 @pytest.mark.slow
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(seeds)
 def test_random_spatial_arms(seed):
     arm = load_text(random_chain(seed, 6 + seed % 2, ("revolute",)), tip="tip")
     result = sa.workspace(arm, effort=20_000)
     assert np.isfinite(result.gap)
-    assert (result.kind == "certified") == (result.gap <= 1e-5 * result.reachable[0, 1])
+    assert (result.kind == "certified") == (result.gap <= 1e-4 * result.reachable[0, 1])
     check(result, np.random.default_rng(seed))
 
 
