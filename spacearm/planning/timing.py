@@ -29,13 +29,22 @@ def rest_to_rest_times(arm: SpaceArm, q: Array) -> Array:
     step = np.diff([arm.all_joints(row) for row in q], axis=0)
     pace = np.maximum((np.abs(step) / velocity).max(axis=1), 1e-12)
     along = np.append(0.0, np.cumsum(pace))
-    way = step / np.maximum(np.linalg.norm(step, axis=1), 1e-300)[:, None]
-    corner = np.linalg.norm(np.diff(way, axis=0), axis=1) > CORNER
     t = np.zeros(len(q))
-    for first, last in pairwise((0, *(np.flatnonzero(corner) + 1), len(q) - 1)):
+    for first, last in pairwise(corners(step)):
         piece = along[first : last + 1] - along[first]
         t[first : last + 1] = t[first] + PEAK * piece[-1] * _eased(piece / max(piece[-1], 1e-12))
     return t
+
+
+def corners(step: Array) -> Array:
+    """Return the rows at which a motion turns sharply, the first and the last one too.
+
+    Args:
+        step: (m - 1, n) joint motion from row to row.
+    """
+    way = step / np.maximum(np.linalg.norm(step, axis=1), 1e-300)[:, None]
+    corner = np.linalg.norm(np.diff(way, axis=0), axis=1) > CORNER
+    return np.array([0, *(np.flatnonzero(corner) + 1), len(step)])
 
 
 def _eased(share: Array) -> Array:
