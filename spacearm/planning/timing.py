@@ -23,17 +23,24 @@ def rest_to_rest_times(arm: SpaceArm, q: Array) -> Array:
     The joint that is slowest for its velocity limit sets the pace of every segment. The joints come
     to rest at corners too.
     """
-    joints = [arm.tree.joints[name] for name in list(arm.model.names)[2:]]  # those that mimic too
-    velocity = np.array([joint.velocity for joint in joints])
-    velocity = np.where(np.isfinite(velocity) & (velocity > 0.0), velocity, UNLIMITED)
-    step = np.diff([arm.all_joints(row) for row in q], axis=0)
-    pace = np.maximum((np.abs(step) / velocity).max(axis=1), 1e-12)
+    step = np.diff(q, axis=0)
+    pace = np.maximum((np.abs(step) / largest_rates(arm)).max(axis=1), 1e-12)
     along = np.append(0.0, np.cumsum(pace))
     t = np.zeros(len(q))
     for first, last in pairwise(corners(step)):
         piece = along[first : last + 1] - along[first]
-        t[first : last + 1] = t[first] + PEAK * piece[-1] * _eased(piece / max(piece[-1], 1e-12))
+        t[first : last + 1] = t[first] + PEAK * piece[-1] * _times(piece / max(piece[-1], 1e-12))
     return t
+
+
+def largest_rates(arm: SpaceArm) -> Array:
+    """Return the largest rates (n,) of the joints and of those that follow them by mimic."""
+    joints = [arm.tree.joints[name] for name in list(arm.model.names)[2:]]
+    velocity = np.array([joint.velocity for joint in joints])
+    velocity = np.where(np.isfinite(velocity) & (velocity > 0.0), velocity, UNLIMITED)
+    coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
+    with np.errstate(divide="ignore"):
+        return (velocity[:, None] / coupling).min(axis=0)
 
 
 def corners(step: Array) -> Array:
@@ -47,7 +54,12 @@ def corners(step: Array) -> Array:
     return np.array([0, *(np.flatnonzero(corner) + 1), len(step)])
 
 
-def _eased(share: Array) -> Array:
+def eased(u: Array) -> Array:
+    """Return the shares (m,) of a way from rest to rest behind at shares of its time."""
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+
+
+def _times(share: Array) -> Array:
     """Return the times (m,), from 0 to 1, at which a motion from rest to rest has gone shares."""
     u = np.linspace(0.0, 1.0, 2001)
-    return np.interp(share, u**3 * (10.0 - 15.0 * u + 6.0 * u * u), u)
+    return np.interp(share, eased(u), u)

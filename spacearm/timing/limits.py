@@ -12,7 +12,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.planning.timing import UNLIMITED
+from spacearm.planning.timing import largest_rates
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Limits:
         found = cls(
             arm=arm,
             mode=mode,
-            rate=_bounds(arm, rate, "rate", _rates(arm)),
+            rate=_bounds(arm, rate, "rate", largest_rates(arm)),
             acceleration=_bounds(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
             torque=_bounds(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
         )
@@ -79,16 +79,6 @@ class Limits:
         rate = (np.abs(dq) / self.rate).max()
         load = max(np.abs(self.load(*row)).max() for row in zip(q, dq, ddq, strict=True))
         return float(max(rate, np.sqrt(load)))
-
-
-def _rates(arm: SpaceArm) -> Array:
-    """Return the largest rates (n,) that the description allows, joints that follow included."""
-    joints = [arm.tree.joints[name] for name in list(arm.model.names)[2:]]
-    velocity = np.array([joint.velocity for joint in joints])
-    velocity = np.where(np.isfinite(velocity) & (velocity > 0.0), velocity, UNLIMITED)
-    coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
-    with np.errstate(divide="ignore"):
-        return (velocity[:, None] / coupling).min(axis=0)
 
 
 def _bounds(arm: SpaceArm, given: npt.ArrayLike | None, name: str, default: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -75,7 +75,7 @@ def time_optimal(
 
     Raises:
         ConfigurationError: An argument does not make sense, or the motion stays where it is.
-        UnsupportedError: toppra is not installed (pip install
+        UnsupportedError: The plan has momentum, toppra is not installed (pip install
             'spacearm[timing]'), or nothing limits the acceleration of a joint.
         NoSolutionError: The smooth path breaks what the plan keeps; names it.
 
@@ -88,6 +88,8 @@ def time_optimal(
     """
     if not 0.0 <= rise <= 1.0:
         raise ConfigurationError(f"rise is {rise!r}; give a share of the duration from 0 to 1")
+    if isinstance(motion, Plan) and motion.momentum.any():
+        raise UnsupportedError("the plan has momentum on board, and its path depends on its times")
     if len(motion) < 2 or not np.ptp(motion.q, axis=0).any():
         raise ConfigurationError(f"{motion!r} stays where it is; there is nothing to time")
     limits = Limits.of(motion.arm, motion.mode, rate, acceleration, torque)
@@ -163,15 +165,19 @@ def _smoothed(t: Array, rate: Array, rise: float) -> tuple[Array, Array]:
 def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline]) -> AnyMotion:
     """Return a motion along pieces of path, each with its parameter over time."""
     start = np.append(0.0, np.cumsum([s.x[-1] for s in along]))
-    t, q = [np.zeros(1)], [motion.q[:1]]
+    t, ways = [np.zeros(1)], [motion.q[:1]]
     for path, s, before in zip(pieces, along, start, strict=False):
         rows = max(FEWEST, round(ROWS * s.x[-1] / start[-1]))
         times = np.linspace(0.0, s.x[-1], rows + 1)[1:]
         t.append(before + times)
-        q.append(path(np.clip(s(times), 0.0, path.x[-1])))
-    rows = _walked(motion, np.vstack(q))
+        ways.append(path(np.clip(s(times), 0.0, path.x[-1])))
+    rows = _walked(motion, np.vstack(ways))
     base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in rows])
-    return replace(motion, t=np.concatenate(t), q=np.array([cfg.q for cfg in rows]), base=base)
+    held: dict[str, Any] = {}
+    if isinstance(motion, Plan):
+        held["momentum"] = np.zeros((len(rows), 6))
+    q = np.array([cfg.q for cfg in rows])
+    return replace(motion, t=np.concatenate(t), q=q, base=base, **held)
 
 
 def _walked(motion: Motion, q: Array) -> list[Configuration]:
