@@ -20,7 +20,7 @@ from spacearm.kernels.dynamics.context import (
 )
 from spacearm.kernels.dynamics.decomposition import determinant
 from spacearm.kernels.dynamics.laws import JOINT_PD
-from spacearm.kernels.dynamics.runge_kutta import explicit_state
+from spacearm.kernels.dynamics.methods.runge_kutta import explicit_state
 from spacearm.kernels.dynamics.tips import arm_task, singular_distance
 from spacearm.kernels.floating import Numbers
 from spacearm.kernels.lanes import part
@@ -130,7 +130,7 @@ def state_at(x: Context, t: float) -> None:
     if t == x.t:
         for o in range(x.states):
             mid[o] = y[o]
-    elif x.by_radau:
+    elif x.cubic:
         jump(x.implicit_state, x.here, t, 0, 0)
     else:
         if x.dense == 0:
