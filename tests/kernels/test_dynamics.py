@@ -12,6 +12,7 @@ import spacearm as sa
 from spacearm.kernels.dynamics import advance, calls, events
 from spacearm.kernels.dynamics.decomposition import decompose, determinant
 from spacearm.mechanics.nearness import distance_at
+from spacearm.motion.events import clear_of_singularities
 from spacearm.motion.plant import Plant
 from spacearm.motion.runs.compiled import memory, put_state
 from spacearm.motion.runs.run import Run
@@ -279,6 +280,23 @@ def test_a_stiff_run_goes_over_to_radau_and_a_soft_one_does_not():
         assert run.ended == "duration"
         assert bool(run.x["implicit"]) == implicit
         np.testing.assert_allclose(run.memory["y"][:2], [0.3, 0.1], atol=1e-3)
+
+
+def test_a_redundant_arm_meets_the_singular_set_when_its_distance_says_so():
+    """Between looks at the distance, which costs many rates, nothing is missed."""
+    arm, q0 = sa.load("planar3", task="x y"), np.array([0.2, 0.6, -0.4])
+    beyond = q0 + 1.3 * (sa.singular_set(arm).nearest(q0)[0] - q0)
+
+    def law(_, cfg, dq):
+        return sa.inverse_dynamics(cfg, dq, beyond - cfg.q - 2.0 * dq).tau
+
+    run = sa.simulate(arm, q0, law, 4.0, dt=0.05, rtol=1e-6, events=["singularity"])
+    clear = np.array([clear_of_singularities(arm.at(q), "free-floating") for q in run.q])
+    fell = int(np.argmax(clear < 0.0))
+    assert [event.kind for event in run.events] == ["singularity"]
+    assert run.t[fell - 1] <= run.events[0].t <= run.t[fell]
+    there = clear_of_singularities(arm.at(run.events[0].q), "free-floating")
+    assert there == pytest.approx(0.0, abs=1e-5)
 
 
 @pytest.mark.parametrize(("kd", "mild"), [(30.0, True), (1e4, False)])

@@ -113,6 +113,7 @@ ARRAYS: dict[str, tuple[str, ...]] = {
     "observed": ("outputs", "n+21"), "event": ("events",), "found": ("256",),
     "q_found": ("256", "n"), "look": ("k", "n"), "look_U": ("k", "k"), "look_sigma": ("k",),
     "look_V": ("n", "n"), "look_L": ("n+1", "n"), "look_u": ("k",), "look_y": ("states",),
+    "look_q": ("n",),
     "radian": ("n",),
 }  # fmt: skip
 """The arrays and their shapes, which depend on the sizes of an arm."""
@@ -181,6 +182,7 @@ CONTEXT = record(
     ("rates", np.int64),  # number of evaluations of the rate
     ("written", np.int64),  # outputs written
     ("happened", np.int64),  # events found
+    ("looked", np.int64),  # whether the distance to the singular set is known, at `look_q`
     ("stopped", np.int64),  # number of the event that ended the run; -1 for none
 )
 """All that a run reads and writes."""

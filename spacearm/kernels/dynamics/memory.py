@@ -15,6 +15,7 @@ from spacearm.kernels.floating import Bodies
 COUNTED = (
     "t", "began", "step", "last_step", "last_error", "eigenvalue", "exchanged", "cubic", "dense",
     "stiff", "calm", "patience", "known", "factored", "steps", "rates", "written", "happened",
+    "looked",
 )  # fmt: skip
 """What starts at zero."""
 
