@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import plain
+from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.notebook.tables import table
-from spacearm.planning.timing import rest_to_rest_times
+from spacearm.planning.timing import rest_to_rest_rates, rest_to_rest_times
 from spacearm.singularities.report import FAR, angle
 
 
@@ -98,6 +99,16 @@ class Plan(Motion):
             tried=tuple(tried),
             obstacles=tuple(obstacles),
         )
+
+    @cached_property
+    def dq(self) -> Array:
+        """(m, n) joint rates [rad/s] or [m/s], zero at both ends and at corners."""
+        return read_only(rest_to_rest_rates(self.arm, self.q)[0])
+
+    @cached_property
+    def ddq(self) -> Array:
+        """(m, n) joint accelerations [rad/s^2] or [m/s^2], zero at both ends and at corners."""
+        return read_only(rest_to_rest_rates(self.arm, self.q)[1])
 
     @property
     def length(self) -> float:
