@@ -18,6 +18,7 @@ import pinocchio as pin
 from spacearm.arrays import whole
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
+from spacearm.mechanics.momentum import momentum_vector
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -44,6 +45,7 @@ def plan(
     origin: Origin = "spacecraft",
     clearance: float | None = None,
     final_attitude: npt.ArrayLike | pin.SE3 | float | None = None,
+    momentum: npt.ArrayLike | None = None,
     limits: bool = True,
     collisions: bool = True,
     method: str = "auto",
@@ -55,7 +57,8 @@ def plan(
     """Find a joint motion that leads the tip of a floating arm to a goal, from rest to rest.
 
     The momentum is zero. With another momentum the spacecraft drifts while the arm moves, and the
-    tip misses the goal: detumble first, or plan again at the end.
+    tip misses the goal: detumble first, or plan again at the end. The arm alone cannot detumble:
+    joint torques are internal.
 
     Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
     straight joint motions grown at random until one arrives, then shortened; "joint space", the
@@ -77,6 +80,8 @@ def plan(
             start has.
         final_attitude: (3, 3) attitude that the spacecraft shall have at the end, or a pose with
             it, or for planar arms an angle [rad].
+        momentum: (6,) momentum on board [linear; angular about the system CM], zero if None. With
+            any other there is no motion that ends at rest, and the error says what there is.
         limits: Whether the joint limits hold.
         collisions: Whether the spacecraft and the links must not meet. Links count with their
             collision geometry, or their visuals where they have none; meshes as convex hulls.
@@ -97,8 +102,8 @@ def plan(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips, fewer joints than its task has rows, or no
-            shapes that obstacles could meet.
+        UnsupportedError: The arm has several tips, fewer joints than its task has rows, momentum
+            on board, or no shapes that obstacles could meet.
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
@@ -123,6 +128,13 @@ def plan(
         raise UnsupportedError(
             f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "
             f"never do this task; take one with {arm.n} rows"
+        )
+    if (h := momentum_vector(momentum)).any():
+        raise UnsupportedError(
+            f"momentum is {h.tolist()}: the arm cannot take it away, for joint torques are "
+            "internal, and no motion with it ends at rest; wheels can (sa.simulate with "
+            "wheels=sa.WheelHold(...)), or thrusters; sa.momentum_budget(cfg, momentum) says how "
+            "long the arm can carry it, or hold its tip"
         )
     around = obstacles_of(obstacles, arm)
     if around and not collisions:

@@ -419,3 +419,10 @@ def test_command_draws_every_task(tmp_path, words):
     done = run(*words.split(), "--output", "plan.png", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "wrote plan.png" in done.stdout
+
+
+def test_momentum_on_board_is_no_task_for_the_arm_alone():
+    arm = sa.load("planar2")
+    sa.plan(arm, [0.3, 1.2], (0.9, 1.4), momentum=np.zeros(6))
+    with pytest.raises(sa.UnsupportedError, match="joint torques are internal"):
+        sa.plan(arm, [0.3, 1.2], (0.9, 1.4), momentum=[0, 0, 0, 0, 0, 0.5])
