@@ -164,9 +164,9 @@ def reaction(motion: Playable, *, camera: npt.ArrayLike | None = None) -> Reacti
         for cfg, dq, each in zip(floating, run.dq, h, strict=True)
     ])  # fmt: skip
     own: Array | None = getattr(run, "ddq", None)
-    order = 2 if len(run) > 2 else 1
-    ddq = np.gradient(run.dq, run.t, axis=0, edge_order=order) if own is None else own
-    torque = np.array([_taken(*row) for row in zip(run, run.dq, ddq, strict=True)])
+    if own is None:
+        own = np.gradient(run.dq, run.t, axis=0, edge_order=2 if len(run) > 2 else 1)
+    torque = np.array([_taken(*row) for row in zip(run, run.dq, own, strict=True)])
     return Reaction(run.arm, run.t, excursion, rate, momentum, h[:, 3:] @ start, torque, sight)
 
 
