@@ -136,7 +136,7 @@ def simulate(
     dt = duration / OUTPUTS if dt is None else positive(dt, "dt", "time [s]")
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    rtol, atol = positive(rtol, "rtol"), positive(atol, "atol")
+    rtol, atol, reach = positive(rtol, "rtol"), positive(atol, "atol"), positive(reach, "reach")
     if rtol < FINEST:
         raise ConfigurationError(f"rtol is {rtol}; give a number from {FINEST:.2g} on")
     if method not in METHODS:

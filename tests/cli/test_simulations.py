@@ -134,6 +134,9 @@ def test_phases_from_a_file_keep_the_momentum(tmp_path):
     np.testing.assert_allclose(after[-1], after[0], atol=1e-9)
 
 
+PD = "[[phase]]\nduration = 1\nlaw = 'joints'\ntarget = [0.3, 0.9]\nkp = 1\nkd = 1\n"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -144,6 +147,13 @@ def test_phases_from_a_file_keep_the_momentum(tmp_path):
         ("[[phase]]\nduration = 1\ntarget = [1, 1]\ngain = 1", "transposed takes kp, kd"),
         ("[[phase]]\ntarget = [1, 1]\nkp = 1\nkd = 1", "duration is 'missing'"),
         ("phase = [", "flight.toml is not TOML"),
+        (PD + "wheels = {stiffness = 1}", "damping is 'missing'"),
+        (PD + "tips = {}", "leave it out"),
+        ("[[phase]]\nduration = 1\ntips = {}", "a table for each tip"),
+        (PD + "earthbound = true", "joints sees no Jacobian"),
+        (PD + "grasp = {mass = 1}\nrelease = true", "add a phase"),
+        (PD + "wrenches.spacecraft = {times = [0], values = [[1, 2]]}", "give 6 numbers each"),
+        (PD + "wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "growing times"),
     ],
 )
 def test_a_bad_file_of_phases_is_refused(tmp_path, text, message):

@@ -73,7 +73,10 @@ def _phase(given: Table, arm: SpaceArm) -> Phase:
     if "wheels" in given.values:
         held = Table(f"{given.where}: wheels", given.values["wheels"])
         held.knows(*HOLD)
-        options["wheels"] = WheelHold(**{k: held.take(k, float) for k in held.values})
+        more = {k: held.take(k, float) for k in HOLD[2:] if k in held.values}
+        options["wheels"] = WheelHold(
+            stiffness=held.take("stiffness", float), damping=held.take("damping", float), **more
+        )
     return Phase(_laws(given, arm), given.positive("duration", float), _then(given), options)
 
 
@@ -81,7 +84,11 @@ def _laws(given: Table, arm: SpaceArm) -> Controller | Mapping[str, Controller]:
     """Return the controller of a phase, or one for each tip."""
     if "tips" not in given.values:
         return _law(given, arm)
+    if stray := [key for key in LAW if key in given.values]:
+        raise given.fail(stray[0], "tips have laws of their own; leave it out")
     tips = Table(f"{given.where}: tips", given.values["tips"])
+    if not tips.values:
+        raise given.fail("tips", "give a table for each tip that has a law")
     laws = {name: Table(f"{tips.where}: {name}", tips.values[name]) for name in tips.values}
     for own in laws.values():
         own.knows(*LAW)
@@ -102,6 +109,8 @@ def _law(given: Table, arm: SpaceArm) -> Controller:
     target = _numbers(given, "target")
     try:
         if law is Law.JOINTS:
+            if "earthbound" in given.values:
+                raise given.fail("earthbound", "joints sees no Jacobian; leave it out")
             return kind(target=target, **own)
         mode = "fixed" if given.take("earthbound", bool, False) else "free-floating"
         return kind(target=goal_of(arm, target, "target"), mode=mode, **own)
@@ -143,11 +152,13 @@ def _wrench(given: Table, link: str) -> Wrench:
     times, values = _numbers(pieces, "times"), pieces.values.get("values")
     if not isinstance(values, list) or len(values) != len(times) or (np.diff(times) <= 0.0).any():
         raise pieces.fail("values", "give as many wrenches as growing times, each from then on")
-    rows = np.array([_numbers(Table(pieces.where, {"values": row}), "values") for row in values])
+    rows = [_numbers(Table(pieces.where, {"values": row}), "values") for row in values]
+    if any(len(row) != 6 for row in rows):
+        raise pieces.fail("values", "give 6 numbers each, force [N] and torque [N m]")
 
     def wrench(t: float) -> npt.ArrayLike:
         now = int(np.searchsorted(times, t, side="right")) - 1
-        return rows[now] if now >= 0 else np.zeros(rows.shape[1])
+        return rows[now] if now >= 0 else np.zeros(6)
 
     return wrench
 
