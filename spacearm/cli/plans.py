@@ -94,6 +94,16 @@ def plan_motion(
             metavar="KIND:PLACE:WHAT",
         ),
     ] = None,
+    momentum: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(
+            help="Constant momentum on board: linear [kg m/s], angular about the CM [N m s].",
+            metavar="P P P H H H",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="When the motion ends [s]; else as soon as it can.")
+    ] = None,
     fastest: Annotated[
         bool,
         typer.Option(
@@ -125,7 +135,7 @@ def plan_motion(
                 clearance=float(np.radians(clearance)) if clearance and deg else clearance,
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
-                timeout=timeout, obstacles=around, progress=tell,
+                timeout=timeout, obstacles=around, momentum=momentum, duration=duration, progress=tell,
             )  # fmt: skip
         if fastest:
             from spacearm.timing.optimal import time_optimal

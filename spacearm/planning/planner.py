@@ -57,9 +57,10 @@ def plan(
 ) -> Plan:
     """Find a joint motion that leads the tip of a floating arm to a goal, from rest to rest.
 
-    With momentum the spacecraft drifts while the arm moves. Then a plan at zero momentum, from an
-    attitude turned by about the drift, is bent until the tip arrives at a stated time; only then is
-    it where the goal is.
+    With momentum the spacecraft drifts while the arm moves. Then plans at zero momentum, from an
+    attitude turned by about the drift, and straight joint motions are bent until the tip arrives at
+    a stated time; it does not stay there. The arm alone cannot detumble: joint torques are
+    internal.
 
     Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
     straight joint motions grown at random until one arrives, then shortened; "joint space", the
@@ -105,8 +106,8 @@ def plan(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips, fewer joints than its task has rows, or no
-            shapes that obstacles could meet.
+        UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
+            that hold momentum, or no shapes that obstacles could meet.
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
@@ -182,6 +183,8 @@ class _Mission(NamedTuple):
     def still(self, start: Configuration, moved: Array, number: int) -> Plan:
         """Return a plan without momentum from another start; after two others of other methods."""
         wish = self.wish.moved(self.cfg, moved)
+        if number % 2 == 0:  # about where they will be
+            wish = wish._replace(obstacles=self.wish.obstacles)
         if wish.method == "auto" and number > 1:
             wish = wish._replace(method=AGAIN[number % len(AGAIN)])
         time = max((self.search.timeout - self.search.elapsed) / 3.0, SHORT)

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.notebook.tables import table
-from spacearm.planning.timing import rest_to_rest_times
+from spacearm.planning.timing import corners, course, rest_to_rest_times
 from spacearm.singularities.report import FAR, angle
 
 IGNORED = "collisions NOT checked (collisions=False)"
@@ -110,6 +111,24 @@ class Plan(Motion):
             momentum=np.zeros((len(rows), 6)),
             obstacles=tuple(obstacles),
         )
+
+    @cached_property
+    def dq(self) -> Array:
+        """(m, n) joint rates [rad/s] or [m/s], zero at both ends and at corners."""
+        return self._rates(1)
+
+    @cached_property
+    def ddq(self) -> Array:
+        """(m, n) joint accelerations [rad/s^2] or [m/s^2], zero at both ends and at corners."""
+        return self._rates(2)
+
+    def _rates(self, order: int) -> Array:
+        """Return the derivatives (m, n) of the joint positions."""
+        if len(self) == 1:
+            return read_only(np.zeros_like(self.q))
+        rates = course(self.t, self.q)(self.t, order)
+        rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
+        return read_only(rates)
 
     @property
     def length(self) -> float:

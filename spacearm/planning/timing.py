@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
 from spacearm.arrays import Array
 from spacearm.model.arm import SpaceArm
@@ -31,6 +34,31 @@ def rest_to_rest_times(arm: SpaceArm, q: Array) -> Array:
         piece = along[first : last + 1] - along[first]
         t[first : last + 1] = t[first] + PEAK * piece[-1] * _times(piece / max(piece[-1], 1e-12))
     return t
+
+
+def course(t: Array, q: Array) -> PPoly:
+    """Return joint positions (n,) over time: quintic splines through rows, at rest at corners.
+
+    Their rates and accelerations vanish at corners and at both ends, as those of the motions do
+    whose rows have these times.
+
+    Args:
+        t: (m,) times of the rows [s].
+        q: (m, n) joint positions.
+    """
+    still: Any = [(order, np.zeros(q.shape[1])) for order in (1, 2)]  # its stubs know no vectors
+    pieces = []
+    for first, last in pairwise(corners(np.diff(q, axis=0))):
+        rows = slice(first, last + 1)
+        spline = make_interp_spline(t[rows], q[rows], k=5, bc_type=(still, still))
+        pieces.append(_polynomials(spline, t[rows]))
+    return PPoly(np.concatenate(pieces, axis=1), t)
+
+
+def _polynomials(spline: BSpline, t: Array) -> Array:
+    """Return the coefficients (6, m - 1, n) of a quintic spline between its knots t (m,)."""
+    slopes = [spline(t[:-1], order) / math.factorial(order) for order in range(5, -1, -1)]
+    return np.array(slopes)
 
 
 def largest_rates(arm: SpaceArm) -> Array:

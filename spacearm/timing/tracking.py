@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from spacearm.arrays import Array, positive
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -15,13 +15,14 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.controllers import Law
 from spacearm.motion.motion import Motion
 from spacearm.planning.result import Plan
+from spacearm.planning.timing import course
 
 
 @dataclass(frozen=True)
 class Tracking(Law):
     """tau = inverse dynamics of ddq_d + 2 rate (dq_d - dq) + rate^2 (q_d - q): computed torque.
 
-    q_d is a cubic spline through the rows of the motion over time; before it begins and after it
+    q_d is a spline through the rows of the motion over time; before it begins and after it
     has ended the joints hold still. Plans start and end at rest.
 
     Attributes:
@@ -36,10 +37,14 @@ class Tracking(Law):
         positive(self.rate, "rate", "rate [1/s]")
 
     @cached_property
-    def _wanted(self) -> CubicSpline:
-        ends: Literal["clamped", "not-a-knot"]
-        ends = "clamped" if isinstance(self.motion, Plan) else "not-a-knot"
-        return CubicSpline(self.motion.t, self.motion.q, bc_type=ends)
+    def _wanted(self) -> PPoly:
+        if isinstance(self.motion, Plan):
+            return course(self.motion.t, self.motion.q)
+        return CubicSpline(self.motion.t, self.motion.q)
+
+    @cached_property
+    def _momentum(self) -> Array | None:
+        return self.motion.momentum[0] if isinstance(self.motion, Plan) else None
 
     def wanted(self, t: float) -> tuple[Array, Array, Array]:
         """Return joint positions, rates and accelerations (n,) of the motion at a time."""
@@ -56,7 +61,8 @@ class Tracking(Law):
         """Return the torques (n,) [N m] or forces [N]."""
         q, rates, ddq = self.wanted(t)
         ddq = ddq + 2.0 * self.rate * (rates - dq) + self.rate**2 * (q - cfg.q)
-        return inverse_dynamics(cfg, dq, ddq, mode=self.motion.mode).tau
+        h = self._momentum
+        return inverse_dynamics(cfg, dq, ddq, mode=self.motion.mode, momentum=h).tau
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_d - q (n,) [rad] or [m]."""

@@ -37,6 +37,8 @@ EACH, AT_ONCE = 5, 8
 """One in so many ways begins with a plan at zero momentum; ends of ramps found at once."""
 ROWS = 40
 """Rows of them, at least."""
+JOINTS, DETOUR = "joint space", 0.4
+"""Name of the method of joint motions, and how far those after the first go aside [rad]."""
 FINE = 0.05
 """Largest turn of the spacecraft, and motion of a joint, from row to row [rad], [m]."""
 
@@ -93,7 +95,7 @@ class Drift:
             try:
                 self.mission.check_time()
                 if number % EACH and lasts:
-                    method, still = "joint space", None
+                    method, still = JOINTS, None
                     problem = self.mission.problem(self._speed * lasts)
                     t, Q = self._ramp(problem, turn, lasts)
                 else:
@@ -137,9 +139,15 @@ class Drift:
         if not self._ends:
             raise NoSolutionError("no joint positions at the goal can be reached in time")
         way = self._ends.pop(0) - self.start.q
+        detour = np.zeros(len(way))
+        if any(attempt.method == JOINTS for attempt in self.tried):
+            detour = np.random.default_rng((self.mission.seed, len(self.tried))).normal(
+                scale=DETOUR, size=len(way)
+            )
         spin = float(np.linalg.norm(self._spin)) * lasts
         u = np.linspace(0.0, 1.0, ROWS + math.ceil(max(spin, np.abs(way).max()) / FINE))
-        return lasts * u, self.start.q + eased(u)[:, None] * way
+        aside = 0.5 - 0.5 * np.cos(2.0 * np.pi * u[:, None])
+        return lasts * u, self.start.q + eased(u)[:, None] * way + aside * detour
 
     def _checked(self, problem: Problem, method: str, t: Array, rows: list[Configuration]) -> Plan:
         """Return a plan with rows that arrive, if they keep all constraints.
