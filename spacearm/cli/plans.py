@@ -135,7 +135,8 @@ def plan_motion(
                 clearance=float(np.radians(clearance)) if clearance and deg else clearance,
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
-                timeout=timeout, obstacles=around, momentum=momentum, duration=duration, progress=tell,
+                timeout=timeout, obstacles=around, momentum=momentum, duration=duration,
+                progress=tell,
             )  # fmt: skip
         if fastest:
             from spacearm.timing.optimal import time_optimal
