@@ -114,7 +114,7 @@ def parse(text: str, what: str = "the study") -> Table:
         import tomllib
     except ImportError:
         raise UnsupportedError(
-            "studies need Python 3.11 or newer: the first that reads TOML and runs Zarr 3"
+            f"{what} needs Python 3.11 or newer: the first that reads TOML, and runs Zarr 3"
         ) from None
     try:
         return Table(what.removeprefix("the "), tomllib.loads(text))

@@ -115,6 +115,7 @@ dt = 0.1
 
 
 def test_phases_from_a_file_keep_the_momentum(tmp_path):
+    pytest.importorskip("tomllib")
     (tmp_path / "flight.toml").write_text(FLIGHT, encoding="utf-8")
     words = ("planar2", "--q0", 0.3, 0.9, "--dq0", 0.1, 0, "--phases", "flight.toml")
     done = run(*words, "--save", "run.npz", cwd=tmp_path)
@@ -157,6 +158,7 @@ PD = "[[phase]]\nduration = 1\nlaw = 'joints'\ntarget = [0.3, 0.9]\nkp = 1\nkd =
     ],
 )
 def test_a_bad_file_of_phases_is_refused(tmp_path, text, message):
+    pytest.importorskip("tomllib")
     (tmp_path / "flight.toml").write_text(text, encoding="utf-8")
     with pytest.raises(sa.ConfigurationError) as refused:
         read_phases(tmp_path / "flight.toml", sa.load("planar2"))
@@ -164,6 +166,7 @@ def test_a_bad_file_of_phases_is_refused(tmp_path, text, message):
 
 
 def test_each_of_two_tips_may_have_a_law(tmp_path):
+    pytest.importorskip("tomllib")
     laws = "law = 'joints'\nkp = 20\nkd = 30\ntarget = [" + "0.1," * 12 + "]\n"
     text = f"[[phase]]\nduration = 2\n[phase.tips.left]\n{laws}[phase.tips.right]\n{laws}"
     (tmp_path / "flight.toml").write_text(text, encoding="utf-8")

@@ -271,7 +271,7 @@ def test_an_event_is_found_to_a_nanosecond():
 @pytest.mark.slow
 def test_a_stiff_run_goes_over_to_radau_and_a_soft_one_does_not():
     arm = sa.load("planar2")
-    for kd, implicit in ((3e3, True), (10.0, False)):
+    for kd, implicit in ((3e3, True), (2.0, False)):
         plant = Plant(arm, "free-floating", arm.at([0.1, 0.2]))
         law = sa.JointPD(target=[0.3, 0.1], kp=kd, kd=kd)
         run = Run(plant, {-1: law}, np.zeros(0), 20.0, (), (), 1e-3)

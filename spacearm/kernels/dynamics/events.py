@@ -51,6 +51,8 @@ def values(x: Context, t: float, y: Numbers) -> None:
     settled = False
     for i in range(x.events):
         event = event_of(x, i)
+        if event.kind == SINGULAR and stands(x, y, event.now):
+            continue
         if not settled and event.kind in (DETERMINANT, SINGULAR, NEAR, FUNCTION):
             jump(x.settle, x.here, t, y.ctypes.data, 0)
             settled = True
@@ -83,19 +85,20 @@ def near(at: int, t: float, y_at: int, i: int) -> int:
     return 0
 
 
-@Entry
-def singular(at: int, t: float, y_at: int, i: int) -> int:
-    """Compute event function i: the distance to the singular set.
-
-    Joints that have moved much less than the last distance cannot have met the set: it stands.
-    """
-    x = context_at(at)
-    event, y = event_of(x, i), vec(y_at, x.states)
+@part
+def stands(x: Context, y: Numbers, clear: float) -> bool:
+    """Tell whether joints moved much less than the last distance: they cannot have met the set."""
     there, radian, moved = vec(x._look_q, x.n), vec(x._radian, x.n), 0.0
     for j in range(x.n):
         moved += ((y[j] - there[j]) / radian[j]) ** 2
-    if x.looked and math.sqrt(moved) < SHARE * event.now:
-        return 0
+    return bool(x.looked and math.sqrt(moved) < SHARE * clear)
+
+
+@Entry
+def singular(at: int, t: float, y_at: int, i: int) -> int:
+    """Compute event function i: the distance to the singular set."""
+    x = context_at(at)
+    event, y, there = event_of(x, i), vec(y_at, x.states), vec(x._look_q, x.n)
     event.now = min(singular_distance(x, t, y), MOST) - event.bound
     x.looked = 1
     for j in range(x.n):

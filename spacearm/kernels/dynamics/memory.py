@@ -55,6 +55,7 @@ class Memory:
         """Set all that a run counts to zero; what it is about stays."""
         for name in COUNTED:
             self.context[name] = 0
+        self["G"][:] = 0.0  # where RKC begins to look for the largest eigenvalue
         self.context["stopped"] = -1
 
     def __getitem__(self, name: str) -> npt.NDArray[Any]:
