@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, finite
 from spacearm.errors import ConfigurationError
+from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
 from spacearm.model.arm import SpaceArm
@@ -127,8 +128,8 @@ def reaction(motion: Playable, *, camera: npt.ArrayLike | None = None) -> Reacti
     needs wheels with the momentum -D_q dq, besides what is on board, and a torque that is the
     derivative of D_q dq; this is the torque that `inverse_dynamics` reports as the reaction.
 
-    Torques come from differences of the rates over the samples: sample finely, above all motions
-    that are not smooth.
+    Accelerations are differences of the rates over the samples: sample finely, above all motions
+    that are not smooth. A `Plan` knows its own: it begins and ends at rest.
 
     Args:
         motion: Any motion of the package, or an object with arm, t, q and base; see `Motion.of`.
@@ -162,13 +163,22 @@ def reaction(motion: Playable, *, camera: npt.ArrayLike | None = None) -> Reacti
         cfg.base.rotation.T @ base_velocity(cfg, dq, each)[3:]
         for cfg, dq, each in zip(floating, run.dq, h, strict=True)
     ])  # fmt: skip
-    torque = np.gradient(momentum, run.t, axis=0)
+    own: Array | None = getattr(run, "ddq", None)
+    if own is None:
+        own = np.gradient(run.dq, run.t, axis=0, edge_order=2 if len(run) > 2 else 1)
+    torque = np.array([_taken(*row) for row in zip(run, run.dq, own, strict=True)])
     return Reaction(run.arm, run.t, excursion, rate, momentum, h[:, 3:] @ start, torque, sight)
 
 
 def _held(cfg: Configuration) -> Array:
     """Return D_q (3, n), in spacecraft axes."""
     return np.asarray(cfg.base.rotation.T @ momentum_matrix(cfg).A_q[3:])
+
+
+def _taken(cfg: Configuration, dq: Array, ddq: Array) -> Array:
+    """Return the torque (3,) that holds the attitude, in spacecraft axes."""
+    found = inverse_dynamics(cfg, dq, ddq, mode="attitude-controlled")
+    return np.asarray(cfg.base.rotation.T @ found.reaction[3:])
 
 
 def _floating(run: Motion) -> list[Configuration]:

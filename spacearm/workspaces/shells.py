@@ -100,9 +100,8 @@ def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
     """Compute a shell for each connected piece of a singular set of one or two dimensions."""
     if not found.relevant:
         return []  # S is a constant: nothing is singular
-    components = found.components()
     if not box.limited:
-        return [Shell(c.radius, c.at, i) for i, c in enumerate(components)]
+        return [Shell(c.radius, c.at, i) for i, c in enumerate(found.components())]
     pieces = [
         piece for points, edges in _pieces(found, box) for piece in _clipped(points, edges, box)
     ]
