@@ -159,8 +159,9 @@ def draw_barycentric(result: Barycentric, *, ax: Any = None) -> Figure:
             ("CM of a body", bodies, "o", BLUE), ("barycentre of a body", barycentres, "D", ORANGE)
         ):  # fmt: skip
             axes.plot(*points[:, rows].T, marker, ms=7, color=color, label=name)
-        for i, x in enumerate(bodies[:, rows]):
-            annotate(axes, f"{i}", x, BLUE)
+        for first, last in _together(bodies):
+            name = f"{first}" if first == last else f"{first}–{last}"
+            annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), BLUE)
         _draw_chain(axes, chain, rows)
         axes.legend(frameon=False)
         axes.set_title(f"{result.M:.4g} kg: CMs, barycentres and Virtual Manipulator")
@@ -198,13 +199,20 @@ def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> 
     axes.plot(*points.T, "-o", color=PURPLE, lw=2.5, ms=6, mfc="white")
     axes.plot(*points[:1].T, marker="P", ms=9, color="black", ls="none")
     annotate(axes, "CM", points[0], "black", below=True)
-    annotate(axes, "tip", points[-1], PURPLE)
+    annotate(axes, "tip", points[-1], PURPLE, below=True)
     lengths = np.linalg.norm(chain.links, axis=1)
     for i in np.flatnonzero(lengths > LEAST * lengths.sum()):
         middle = 0.5 * (points[i] + points[i + 1])
-        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, formula=True)
+        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, below=True, formula=True)
     axes.margins(0.12)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
+
+
+def _together(points: Array) -> list[tuple[int, int]]:
+    """Return the first and last of points (m, 3) that follow each other too closely for labels."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    parts = np.split(np.arange(len(points)), np.flatnonzero(steps > LEAST * steps.sum()) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts]
 
 
 def _draw_box(axes: Any, R: Array, centre: Array, half: float) -> None:
