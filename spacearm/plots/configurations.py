@@ -141,18 +141,19 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None
     return axes.figure
 
 
-def draw_barycentric(result: Barycentric, *, ax: Any = None) -> Figure:
+def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True) -> Figure:
     """Draw the bodies' CMs, their barycentres, equation (8), and the Virtual Manipulator.
 
     Args:
         result: The barycentric quantities of a configuration.
+        chain: Whether to draw the Virtual Manipulator.
         ax: Matplotlib axes to draw into, three-dimensional ones unless all lies in a plane; None
             for a new figure.
     """
-    chain = result.virtual_manipulator
+    links = result.virtual_manipulator
     bodies = result.r_cm + result.rho @ result.T0.T
     barycentres = bodies + result.c @ result.T0.T
-    rows = flat_rows(np.vstack((chain.points, bodies, barycentres)))
+    rows = flat_rows(np.vstack((links.points, bodies, barycentres)))
     axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
     with style():
         for name, points, marker, color in (
@@ -162,9 +163,12 @@ def draw_barycentric(result: Barycentric, *, ax: Any = None) -> Figure:
         for first, last in _together(bodies):
             name = f"{first}" if first == last else f"{first}–{last}"
             annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), BLUE)
-        _draw_chain(axes, chain, rows)
+        if chain:
+            _draw_chain(axes, links, rows)
         axes.legend(frameon=False)
-        axes.set_title(f"{result.M:.4g} kg: CMs, barycentres and Virtual Manipulator")
+        equal_axes(axes, "".join("xyz"[i] for i in rows))
+        also = " and Virtual Manipulator" if chain else ""
+        axes.set_title(f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
     return axes.figure
 
 
