@@ -202,9 +202,10 @@ def workspace(
 
     Args:
         arm: An arm with as many revolute joints as its task has rows.
-        mode: What the spacecraft does: "free-floating"; "attitude-controlled" or "fixed", which
-            leave the kinematic singularities only (section VI). For a fixed spacecraft distances
-            count from its own CM.
+        mode: What the spacecraft does: "free-floating"; "fixed", which leaves the kinematic
+            singularities only; or "attitude-controlled", which does so where the CM of each link is
+            on the line between its joints (section VI). For a fixed spacecraft distances count from
+            its own CM.
         limits: Whether only configurations within the joint limits count; if not, every joint
             turns freely, as in the paper.
         effort: Singular configurations to search from, for arms of more than three joints; the

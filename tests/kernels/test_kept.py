@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import as_nobody
 import pytest
 
 import spacearm as sa
@@ -143,3 +144,19 @@ def test_a_system_user_without_a_home(tmp_path):
     _, complaint = run(MANY, "-P", env=environment, **nobody)
     assert complaint.count("compiled kernels cannot be kept") == 1
     assert not [*tmp_path.rglob("__pycache__")]
+
+
+@pytest.mark.slow
+def test_a_share_of_the_fast_tests_as_nobody(tmp_path_factory):
+    """Files of all folders; `python tests/tools/as_nobody.py --all` runs the whole fast tier."""
+    words = as_nobody.become()
+    if words is None:
+        pytest.skip("only root can become another user, on Linux with setpriv")
+    folders = {path.parent.name for path in as_nobody.ROOT.glob("tests/*/test_*.py")} - {"against"}
+    assert {Path(name).parts[1] for name in as_nobody.SHARE} >= folders
+    place = tmp_path_factory.mktemp("nobody")
+    for folder in (place, place.parent, place.parent.parent):
+        folder.chmod(folder.stat().st_mode | 0o055)
+    run = as_nobody.run(words, list(as_nobody.SHARE), place)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert list((place / "home").iterdir()) == []
