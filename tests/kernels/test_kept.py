@@ -55,6 +55,15 @@ def test_no_folder_can_be_written(tmp_path, options):
     assert complaint.count("set NUMBA_CACHE_DIR") == 1
 
 
+def test_what_somebody_else_compiled_is_used_where_nothing_can_be_written(tmp_path):
+    (tmp_path / "small.py").write_text(SMALL)
+    count = "sum(small.kernel.stats.cache_hits.values())"
+    made = run(f"import small; print(small.kernel(2.0), {count})", cwd=tmp_path)
+    used = run(f"{NOWHERE}import small; print(small.kernel(2.0), {count})", cwd=tmp_path)
+    assert (made[0].split(), used[0].split()) == (["4.0", "0"], ["4.0", "1"])
+    assert used[1] == ""
+
+
 @pytest.mark.parametrize(
     ("kind", "damage"),
     [
