@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from typing import TextIO
 
 from spacearm.errors import StoreError
@@ -128,7 +129,8 @@ class Process:
         code = self._popen.wait()
         for pipe in (self._popen.stdin, self._popen.stdout):
             if pipe:
-                pipe.close()
+                with suppress(OSError):  # what was written to a process that had ended
+                    pipe.close()
         return f"signal {-code}" if code < 0 else f"exit code {code}"
 
 

@@ -1,5 +1,6 @@
 """Stores that somebody else has had in hand, and sweeps that begin or end at an awkward moment."""
 
+import gc
 import json
 import os
 import shutil
@@ -11,6 +12,7 @@ import pytest
 from helpers.sweeps import STUDY, files, run, start
 
 import spacearm as sa
+from spacearm.sweeps.processes import Process
 from spacearm.sweeps.runner import run_chunks
 from spacearm.sweeps.store import Store, dataset
 from spacearm.sweeps.toml import meaning
@@ -255,6 +257,15 @@ def test_a_worker_whose_main_process_is_gone_says_nothing(small, tmp_path):
     assert worker.stderr.read() == ""
     worker.wait(timeout=60)
     worker.stderr.close()
+
+
+def test_a_worker_that_ended_before_it_was_asked_leaves_nothing_open(small, tmp_path):
+    worker = Process(small.recipe, str(tmp_path / "s.zarr"))
+    worker.kill()
+    os.waitid(os.P_PID, worker.pid, os.WEXITED | os.WNOWAIT)
+    assert worker.ask(next(small.chunks())) is None
+    assert worker.end() == "signal 9"
+    gc.collect()  # an open pipe would warn
 
 
 @pytest.mark.slow
