@@ -252,7 +252,7 @@ def test_the_surface_of_a_set_leaves_the_seams_of_the_torus_open(monkeypatch):
 
 def test_labels_of_bodies_do_not_stand_over_each_other(results):
     axes = plot(results["spatial barycentric"][0]).axes[0]
-    assert "4–6" in [text.get_text() for text in axes.texts]  # the wrist of mda6
+    assert "4–6" in [text.get_text().strip() for text in axes.texts]  # the wrist of mda6
 
 
 def test_one_posture_has_no_time(results):
