@@ -184,6 +184,7 @@ for cell in (
 """
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_every_figure_once():
     """As value of a cell, as pyplot's own, as both, and later again."""
     run = subprocess.run(
