@@ -35,7 +35,7 @@ SLOW = 3.0
 """A run that takes longer ends the search [s]."""
 WANTED = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 """Errors that are compared at [rad]."""
-STEPS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+STEPS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 RTOLS = tuple(10.0**-k for k in range(2, 12))
 
 Run = Callable[[], np.ndarray]

@@ -22,7 +22,8 @@ workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfil
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless PassiveJoint WheelHold Phase Grasp Release
              Motion Trajectory Followed Flight Event
-planning     plan collision_check Joints Plan Attempt Obstacle CollisionReport
+planning     plan time_optimal Tracking collision_check Joints Plan Attempt Obstacle
+             CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
              FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
@@ -129,6 +130,8 @@ _HOMES = {
     "singularities.sets": "singular_set",
     "sweeps.runner": "sweep",
     "sweeps.study": "Study",
+    "timing.optimal": "time_optimal",
+    "timing.tracking": "Tracking",
     "uncertainty.bands": "ShellBands shell_bands",
     "uncertainty.intervals": "UncertainArm uncertain",
     "uncertainty.robust": (

@@ -113,6 +113,8 @@ from spacearm.singularities.searched_set import FoundSet as FoundSet
 from spacearm.singularities.sets import singular_set as singular_set
 from spacearm.sweeps.runner import sweep as sweep
 from spacearm.sweeps.study import Study as Study
+from spacearm.timing.optimal import time_optimal as time_optimal
+from spacearm.timing.tracking import Tracking as Tracking
 from spacearm.uncertainty.bands import ShellBands as ShellBands
 from spacearm.uncertainty.bands import shell_bands as shell_bands
 from spacearm.uncertainty.intervals import UncertainArm as UncertainArm

@@ -35,7 +35,7 @@ COMMANDS = {
     "reaction": "missions.commands.report_reaction",
     "wheels": "missions.commands.size_wheels_of",
     "report": "missions.commands.write_report",
-    "simulate": "simulations.simulate_motion",
+    "simulate": "motions.simulations.simulate_motion",
     "capture": "captures.compute_capture",
     "sweep": "sweeps.run_study",
 }

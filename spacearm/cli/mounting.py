@@ -52,7 +52,7 @@ def described_arm(
     model: str,
     bus: Bus | None,
     *,
-    tip: str | None,
+    tip: str | list[str] | None,
     joints: Counting,
     locked: dict[str, float],
     options: dict[str, Any],
@@ -70,6 +70,8 @@ def described_arm(
     if bus is None:
         return load(model, tip=tip, joints=joints, locked=locked, **options)
     _require_arm(model)
+    if isinstance(tip, list):
+        raise ConfigurationError("--tip names several links; an arm on a new bus has one tip")
     return mount(model, bus, tip=tip, joints=joints, locked=locked, **options)
 
 

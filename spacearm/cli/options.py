@@ -54,7 +54,9 @@ ModelName = Annotated[
         autocompletion=complete_model,
     ),
 ]
-Tip = Annotated[str | None, typer.Option(help="Link whose frame is the tip.", metavar="LINK")]
+Tip = Annotated[
+    str | None, typer.Option(help="Link whose frame is the tip, or several.", metavar="LINK,LINK")
+]
 TaskRows = Annotated[
     str | None,
     typer.Option("--task", help='Rows: "x y rz", pose, position, orientation.', metavar="ROWS"),
@@ -152,7 +154,8 @@ def arm_from(
         known = joints_of(model, bus, options).joints
         locked = {name: _si(known.get(name), value, deg) for name, value in locked.items()}
     counting = joints if joints in ("tip", "all") else joints.split(",")
-    arm = described_arm(model, bus, tip=tip, joints=counting, locked=locked, options=options)
+    tips = tip.split(",") if tip and "," in tip else tip
+    arm = described_arm(model, bus, tip=tips, joints=counting, locked=locked, options=options)
     if task is None and length is None:
         return arm
     return arm.replace(task=Task(arm.task.names if task is None else task, length))
@@ -266,7 +269,7 @@ def join_numbers(words: Sequence[str]) -> list[str]:
     return joined
 
 
-VECTORS = ("--q0", "--target", "--goal", "--corner", "--kp", "--kd")
+VECTORS = ("--q0", "--target", "--goal", "--corner", "--kp", "--kd", "--dq0", "--wheels0")
 """Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 

@@ -95,6 +95,22 @@ def plan_motion(
             metavar="KIND:PLACE:WHAT",
         ),
     ] = None,
+    momentum: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(
+            help="Constant momentum on board: linear [kg m/s], angular about the CM [N m s].",
+            metavar="P P P H H H",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="When the motion ends [s]; else as soon as it can.")
+    ] = None,
+    fastest: Annotated[
+        bool,
+        typer.Option(
+            "--fastest", help="Time it as fast as effort and velocity limits allow; needs toppra."
+        ),
+    ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the first guesses.")] = 0,
     timeout: Annotated[float, typer.Option(help="Give up after this time [s].")] = 60.0,
     output: Picture = None,
@@ -120,8 +136,13 @@ def plan_motion(
                 clearance=float(np.radians(clearance)) if clearance and deg else clearance,
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
-                timeout=timeout, obstacles=around, progress=tell,
+                timeout=timeout, obstacles=around, momentum=momentum, duration=duration,
+                progress=tell,
             )  # fmt: skip
+        if fastest:
+            from spacearm.timing.optimal import time_optimal
+
+            found = time_optimal(found)
     except NoSolutionError as error:
         if save and isinstance(error.best, Plan):
             error.best.save(save)
@@ -132,7 +153,7 @@ def plan_motion(
     if as_json:
         print_json(found.to_dict())
     else:
-        _print(found, deg)
+        _print(found, deg, "velocity and effort" if fastest else "velocity")
         if save:
             out.print(f"wrote {save}")
     if output or not (as_json or view):
@@ -194,7 +215,7 @@ def _shells(arm: SpaceArm) -> Workspace | None:
         return None
 
 
-def _print(found: Plan, deg: bool) -> None:
+def _print(found: Plan, deg: bool, limits: str) -> None:
     out.print(f"{found.arm.name}: planned by {found.method}; {in_own_words(found.checked)}")
     rows = table("method", "", "")
     for method, arrived, story in found.tried:
@@ -204,7 +225,7 @@ def _print(found: Plan, deg: bool) -> None:
     out.print(f"tip at the end      {vector(end.tip.translation)} m")
     out.print(f"origin              {found.origin}")
     out.print(f"attitude            {rotation(pin.log3(end.base.rotation), deg)}")
-    out.print(f"time                {found.t[-1]:.4g} s within the velocity limits")
+    out.print(f"time                {found.t[-1]:.4g} s within the {limits} limits")
     out.print(f"clear by            {found.nearest}; asked for {angle(found.clearance)}")
     if found.certificate is not None:
         out.print(f"no singularity is met: {'proven' if found.certificate else 'NOT proven'}")

@@ -18,6 +18,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, Result, finite
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.blocks import Progress
+from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
 from spacearm.model.arm import SpaceArm
@@ -133,8 +134,8 @@ def reaction(
     needs wheels with the momentum -D_q dq, besides what is on board, and a torque that is the
     derivative of D_q dq; this is the torque that `inverse_dynamics` reports as the reaction.
 
-    Torques come from differences of the rates over the samples: sample finely, above all motions
-    that are not smooth.
+    Accelerations are differences of the rates over the samples: sample finely, above all motions
+    that are not smooth. A `Plan` knows its own: it begins and ends at rest.
 
     Args:
         motion: Any motion of the package, or an object with arm, t, q and base; see `Motion.of`.
@@ -164,19 +165,28 @@ def reaction(
     if isinstance(run, Trajectory) and run.mode == "free-floating":
         h = run.momentum
     excursion = np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in floating])
-    momentum, rate = np.zeros((2, len(run), 3))
+    own: Array | None = getattr(run, "ddq", None)
+    if own is None:
+        own = np.gradient(run.dq, run.t, axis=0, edge_order=2 if len(run) > 2 else 1)
+    momentum, rate, torque = np.zeros((3, len(run), 3))
     for i, (cfg, afloat) in enumerate(zip(run, floating, strict=True)):
         momentum[i] = _held(cfg) @ run.dq[i]
         rate[i] = afloat.base.rotation.T @ base_velocity(afloat, run.dq[i], h[i])[3:]
+        torque[i] = _taken(cfg, run.dq[i], own[i])
         if progress:
             progress(i + 1, len(run))
-    torque = np.gradient(momentum, run.t, axis=0)
     return Reaction(run.arm, run.t, excursion, rate, momentum, h[:, 3:] @ start, torque, sight)
 
 
 def _held(cfg: Configuration) -> Array:
     """Return D_q (3, n), in spacecraft axes."""
     return np.asarray(cfg.base.rotation.T @ momentum_matrix(cfg).A_q[3:])
+
+
+def _taken(cfg: Configuration, dq: Array, ddq: Array) -> Array:
+    """Return the torque (3,) that holds the attitude, in spacecraft axes."""
+    found = inverse_dynamics(cfg, dq, ddq, mode="attitude-controlled")
+    return np.asarray(cfg.base.rotation.T @ found.reaction[3:])
 
 
 def _floating(run: Motion) -> list[Configuration]:

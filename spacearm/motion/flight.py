@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, plain
+from spacearm.arrays import Array, Result, finite, plain
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.dynamics import generalized_velocity
 from spacearm.mechanics.impact import Capture, JointState, capture
@@ -226,7 +226,7 @@ def _grasp(run: Trajectory, body: Grasp) -> Capture:
     twist = body.twist
     if twist is None:
         t = cfg.J @ generalized_velocity(cfg, dq, "free-floating", h)
-        lever = cfg.tip.rotation @ np.asarray(body.com, dtype=np.float64)
+        lever = cfg.tip.rotation @ finite(body.com, (3,), "com of the body", "[m], tip frame")
         twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
     return capture(
         cfg, twist, body.mass, body.inertia, body.com, dq=dq, momentum=h, joints=body.joints

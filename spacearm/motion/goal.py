@@ -163,7 +163,7 @@ def goal_of(arm: SpaceArm, values: Array, name: str) -> Goal:
     """Return the goal that numbers for the task's rows mean.
 
     Args:
-        arm: The arm.
+        arm: The arm; of one with several tips the rows of each.
         values: (k,) positions [m] and turns [rad] as roll, pitch, yaw.
         name: What they are called in an error.
 
@@ -173,7 +173,7 @@ def goal_of(arm: SpaceArm, values: Array, name: str) -> Goal:
     Raises:
         ConfigurationError: Their number is another one.
     """
-    rows = arm.task.indices
+    rows = arm.task.indices[: len(arm.task.rows)]
     if len(values) != len(rows):
         raise ConfigurationError(
             f"{name} has {len(values)} numbers; the task of {arm.name} takes {len(rows)}: "

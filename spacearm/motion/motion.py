@@ -138,7 +138,7 @@ class Motion(Result):
         """(m, n) joint rates [rad/s] or [m/s], by differences of second order."""
         if len(self) == 1:
             return read_only(np.zeros_like(self.q))
-        return read_only(np.gradient(self.q, self.t, axis=0))
+        return read_only(np.gradient(self.q, self.t, axis=0, edge_order=2 if len(self) > 2 else 1))
 
     @cached_property
     def tip(self) -> Array:

@@ -111,7 +111,8 @@ def simulate(
         reach: How near the target is reached: norm of the error.
         dt: Spacing of the output [s]; a thousandth of the duration if None.
         method: "DOP853" (explicit, of order 8), "Radau" (implicit, of order 5, for stiff torques)
-            or "auto", which begins with the first and takes the second where that pays.
+            or "auto", which begins with the first and takes the second where that pays, for `rtol`
+            from 1e-2 on first RKC (stabilised explicit, of order 2).
         progress: Called now and then as progress(t, duration), both simulated time [s].
 
     Returns:
@@ -135,7 +136,7 @@ def simulate(
     dt = duration / OUTPUTS if dt is None else positive(dt, "dt", "time [s]")
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    rtol, atol = positive(rtol, "rtol"), positive(atol, "atol")
+    rtol, atol, reach = positive(rtol, "rtol"), positive(atol, "atol"), positive(reach, "reach")
     if rtol < FINEST:
         raise ConfigurationError(f"rtol is {rtol}; give a number from {FINEST:.2g} on")
     if method not in METHODS:

@@ -10,28 +10,29 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from numbers import Real
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import whole
+from spacearm.arrays import Array, positive, whole
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
+from spacearm.mechanics.momentum import momentum_vector
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.model.frames import PoseLike
-from spacearm.motion.goal import Goal, Origin, started
+from spacearm.motion.goal import Goal, Origin, goal_pose, started
 from spacearm.motion.motion import Motion
-from spacearm.planning.result import Attempt, Joints, Plan
+from spacearm.planning.result import FAILED, IGNORED, Attempt, Joints, Plan
 from spacearm.planning.search import Progress, Search, TimeUpError
 
 if TYPE_CHECKING:
     from spacearm.planning.problem import Problem
 
-IGNORED = "collisions NOT checked (collisions=False)"
-FAILED = "collisions NOT checked of this attempt"
+AGAIN, SHORT = ("joint space", "tree", "cycles"), 1.0
+"""Methods by which a plan with momentum begins, after others, and the least time for each [s]."""
 
 
 @of_arm
@@ -48,14 +49,18 @@ def plan(
     collisions: bool = True,
     method: str = "auto",
     obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
+    momentum: npt.ArrayLike | None = None,
+    duration: float | None = None,
     seed: int = 0,
     timeout: float = 60.0,
     progress: Progress | None = None,
 ) -> Plan:
     """Find a joint motion that leads the tip of a floating arm to a goal, from rest to rest.
 
-    The momentum is zero. With another momentum the spacecraft drifts while the arm moves, and the
-    tip misses the goal: detumble first, or plan again at the end.
+    With momentum the spacecraft drifts while the arm moves. Then plans at zero momentum, from an
+    attitude turned by about the drift, and straight joint motions are bent until the tip arrives at
+    a stated time; it does not stay there. The arm alone cannot detumble: joint torques are
+    internal.
 
     Methods, in the order in which "auto" tries them: "straight", a line of the tip by J*; "tree",
     straight joint motions grown at random until one arrives, then shortened; "joint space", the
@@ -86,6 +91,10 @@ def plan(
             as `base` and poses as goals are: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh` and
             `.robot`, and configurations or motions of other robots. Those that move begin with the
             plan. That none is met is proven for the motion with the spacecraft turning as it does.
+        momentum: (6,) constant momentum [linear [kg m/s]; angular about the system CM [N m s]],
+            inertial axes; zero if None.
+        duration: When the motion ends [s]; if None as soon as the velocity limits allow, with
+            momentum about so.
         seed: Seed of the random first guesses; the same seed gives the same plan, if it is found
             in time.
         timeout: Time after which the search is given up [s]; that to compile the kernels, once,
@@ -97,8 +106,8 @@ def plan(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips, fewer joints than its task has rows, or no
-            shapes that obstacles could meet.
+        UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
+            that hold momentum, or no shapes that obstacles could meet.
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
@@ -109,9 +118,8 @@ def plan(
         >>> plan.method, plan.certificate.free
         ('straight', True)
     """
-    from spacearm.planning.methods import METHODS  # slow to import, as is all behind it
-    from spacearm.planning.problem import Problem, bodies_apart
-    from spacearm.planning.targets import make_target
+    from spacearm.planning.drift.search import Drift, late  # slow to import, as is all behind it
+    from spacearm.planning.methods import METHODS
 
     if method not in ("auto", *METHODS):
         raise ConfigurationError(unknown("method", method, ("auto", *METHODS)))
@@ -128,17 +136,100 @@ def plan(
     if around and not collisions:
         raise ConfigurationError("obstacles count as collisions do; leave out collisions=False")
     cfg, search = started(arm.at(q0, base=base), origin), Search(float(timeout), progress)
+    still_wheels(cfg, "they would give it to the spacecraft that the planner turns")
+    duration = None if duration is None else positive(duration, "duration", "time [s]")
+    wish = Wish(goal, clearance, final_attitude, limits, collisions, method, around)
+    if (h := momentum_vector(momentum)).any():
+        return Drift(_Mission(cfg, wish, seed, search), cfg, h, duration, around).plan()
+    found = _at_rest(cfg, wish, seed, search)
+    if duration is None or len(found) == 1:
+        return found
+    if found.t[-1] > duration:
+        raise NoSolutionError(f"{arm.name}: {late(found, duration)}", found)
+    return replace(found, t=found.t * (duration / found.t[-1]))
+
+
+class Wish(NamedTuple):
+    """What a plan shall be like, as in the arguments of `plan`."""
+
+    goal: Goal | Joints
+    clearance: float | None
+    final_attitude: npt.ArrayLike | pin.SE3 | float | None
+    limits: bool
+    collisions: bool
+    method: str
+    obstacles: tuple[Obstacle, ...]
+
+    def moved(self, cfg: Configuration, by: Array) -> Wish:
+        """Return the wish without obstacles, its goal moved back by (3,) [m]."""
+        if isinstance(self.goal, Joints):
+            return self._replace(obstacles=())
+        pose = goal_pose(cfg, self.goal)
+        return self._replace(goal=pin.SE3(pose.rotation, pose.translation - by), obstacles=())
+
+
+class _Mission(NamedTuple):
+    """What a plan with momentum is made of, see `drift.search.Mission`."""
+
+    cfg: Configuration
+    wish: Wish
+    seed: int
+    search: Search
+
+    def problem(self, moved: Array) -> Problem:
+        """Return the problem if the system CM moves by (3,) [m] until the tip arrives."""
+        return _problem(self.cfg, self.wish.moved(self.cfg, moved), self.seed, self.search)
+
+    def still(self, start: Configuration, moved: Array, number: int) -> Plan:
+        """Return a plan without momentum from another start; after two others of other methods."""
+        wish = self.wish.moved(self.cfg, moved)
+        if number % 2 == 0:  # about where they will be
+            wish = wish._replace(obstacles=self.wish.obstacles)
+        if wish.method == "auto" and number > 1:
+            wish = wish._replace(method=AGAIN[number % len(AGAIN)])
+        time = max((self.search.timeout - self.search.elapsed) / 3.0, SHORT)
+        search = Search(time, lambda *_: self.check_time())
+        return _at_rest(start, wish, self.seed + number, search)
+
+    def check_time(self) -> None:
+        """Raise a TimeUpError if the time is up."""
+        self.search.check_time()
+
+
+def _problem(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Problem:
+    """Return the problem to be solved.
+
+    Raises:
+        NoSolutionError: No motion can solve it.
+    """
+    from spacearm.planning.problem import Problem, bodies_apart
+    from spacearm.planning.targets import make_target
+
     try:
-        target, ample = make_target(cfg, goal, clearance, final_attitude, limits)
-        bodies = bodies_apart(cfg, target, around) if collisions else None
+        target, ample = make_target(
+            cfg, wish.goal, wish.clearance, wish.final_attitude, wish.limits
+        )
+        bodies = bodies_apart(cfg, target, wish.obstacles) if wish.collisions else None
     except NoSolutionError as error:
         raise NoSolutionError(str(error), _best(cfg, error.best, ())) from None
-    problem = Problem(cfg, target, ample, seed, search, bodies)
+    return Problem(cfg, target, ample, seed, search, bodies)
+
+
+def _at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
+    """Return a plan at zero momentum.
+
+    Raises:
+        NoSolutionError: None was found; carries the best attempt.
+    """
+    from spacearm.planning.methods import METHODS
+
+    problem = _problem(cfg, wish, seed, search)
+    bodies = problem.collisions
     tried: dict[str, str] = {}
     order = list(METHODS)
-    if around:
+    if wish.obstacles:
         order.sort(key=lambda name: name not in ("straight", "tree"))
-    for name in _in_rounds(order, method, search):
+    for name in _in_rounds(order, wish.method, search):
         try:
             rows = METHODS[name](problem)
         except TimeUpError as error:
@@ -154,7 +245,8 @@ def plan(
         checked = IGNORED if bodies is None else bodies.account
         apart = True if bodies is not None and bodies.bodies else None
         failed = [Attempt(name, False, story) for name, story in tried.items()]
-        found = Plan.of_rows(name, rows, target.clearance, failed, checked, apart, around)
+        least = problem.target.clearance
+        found = Plan.of_rows(name, rows, least, failed, checked, apart, wish.obstacles)
         story = f"{found.travel}, {found.nearest}"
         arrived = Attempt(name, True, "; ".join(filter(None, (story, problem.note))))
         return replace(found, tried=(*found.tried, arrived))

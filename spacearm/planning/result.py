@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import plain
+from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion, samples
+from spacearm.motion.motion_file import Quantity
 from spacearm.notebook.tables import table
-from spacearm.planning.timing import rest_to_rest_times
+from spacearm.planning.timing import corners, course, rest_to_rest_times
 from spacearm.singularities.report import FAR, angle
+
+IGNORED = "collisions NOT checked (collisions=False)"
+FAILED = "collisions NOT checked of this attempt"
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Plan(Motion):
-    """A motion from rest to rest at zero momentum, from `sa.plan`: a `Motion` with more to it.
+    """A motion of the joints from rest to rest, from `sa.plan`: a `Motion` with more to it.
 
     The joints move straight from row to row, within the velocity limits of the URDF.
 
@@ -64,14 +69,21 @@ class Plan(Motion):
         checked: What the check of collisions covers and what it does not, in one sentence.
         apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
+        momentum: (m, 6) [linear [kg m/s]; angular about the system CM [N m s]], inertial axes.
         obstacles: What was held off besides; the file of a plan does not hold them.
     """
+
+    QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
+        **Motion.QUANTITIES,
+        "momentum": Quantity("kg m/s, kg m^2/s", "component"),
+    }
 
     method: str
     clearance: float
     checked: str
     apart: bool | None
     tried: tuple[Attempt, ...]
+    momentum: Array
     obstacles: tuple[Obstacle, ...] = field(default=(), metadata={"in_file": False})
 
     @classmethod
@@ -96,8 +108,27 @@ class Plan(Motion):
             checked=checked,
             apart=apart,
             tried=tuple(tried),
+            momentum=np.zeros((len(rows), 6)),
             obstacles=tuple(obstacles),
         )
+
+    @cached_property
+    def dq(self) -> Array:
+        """(m, n) joint rates [rad/s] or [m/s], zero at both ends and at corners."""
+        return self._rates(1)
+
+    @cached_property
+    def ddq(self) -> Array:
+        """(m, n) joint accelerations [rad/s^2] or [m/s^2], zero at both ends and at corners."""
+        return self._rates(2)
+
+    def _rates(self, order: int) -> Array:
+        """Return the derivatives (m, n) of the joint positions."""
+        if len(self) == 1:
+            return read_only(np.zeros_like(self.q))
+        rates = course(self.t, self.q)(self.t, order)
+        rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
+        return read_only(rates)
 
     @property
     def length(self) -> float:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
 from spacearm.arrays import Array
 from spacearm.model.arm import SpaceArm
@@ -23,22 +26,68 @@ def rest_to_rest_times(arm: SpaceArm, q: Array) -> Array:
     The joint that is slowest for its velocity limit sets the pace of every segment. The joints come
     to rest at corners too.
     """
-    joints = [arm.tree.joints[name] for name in list(arm.model.names)[2:]]  # those that mimic too
-    velocity = np.array([joint.velocity for joint in joints])
-    velocity = np.where(np.isfinite(velocity) & (velocity > 0.0), velocity, UNLIMITED)
-    step = np.diff([arm.all_joints(row) for row in q], axis=0)
-    pace = np.maximum((np.abs(step) / velocity).max(axis=1), 1e-12)
+    step = np.diff(q, axis=0)
+    pace = np.maximum((np.abs(step) / largest_rates(arm)).max(axis=1), 1e-12)
     along = np.append(0.0, np.cumsum(pace))
-    way = step / np.maximum(np.linalg.norm(step, axis=1), 1e-300)[:, None]
-    corner = np.linalg.norm(np.diff(way, axis=0), axis=1) > CORNER
     t = np.zeros(len(q))
-    for first, last in pairwise((0, *(np.flatnonzero(corner) + 1), len(q) - 1)):
+    for first, last in pairwise(corners(step)):
         piece = along[first : last + 1] - along[first]
-        t[first : last + 1] = t[first] + PEAK * piece[-1] * _eased(piece / max(piece[-1], 1e-12))
+        t[first : last + 1] = t[first] + PEAK * piece[-1] * _times(piece / max(piece[-1], 1e-12))
     return t
 
 
-def _eased(share: Array) -> Array:
+def course(t: Array, q: Array) -> PPoly:
+    """Return joint positions (n,) over time: quintic splines through rows, at rest at corners.
+
+    Their rates and accelerations vanish at corners and at both ends, as those of the motions do
+    whose rows have these times.
+
+    Args:
+        t: (m,) times of the rows [s].
+        q: (m, n) joint positions.
+    """
+    still: Any = [(order, np.zeros(q.shape[1])) for order in (1, 2)]  # its stubs know no vectors
+    pieces = []
+    for first, last in pairwise(corners(np.diff(q, axis=0))):
+        rows = slice(first, last + 1)
+        spline = make_interp_spline(t[rows], q[rows], k=5, bc_type=(still, still))
+        pieces.append(_polynomials(spline, t[rows]))
+    return PPoly(np.concatenate(pieces, axis=1), t)
+
+
+def _polynomials(spline: BSpline, t: Array) -> Array:
+    """Return the coefficients (6, m - 1, n) of a quintic spline between its knots t (m,)."""
+    slopes = [spline(t[:-1], order) / math.factorial(order) for order in range(5, -1, -1)]
+    return np.array(slopes)
+
+
+def largest_rates(arm: SpaceArm) -> Array:
+    """Return the largest rates (n,) of the joints and of those that follow them by mimic."""
+    joints = [arm.tree.joints[name] for name in list(arm.model.names)[2:]]
+    velocity = np.array([joint.velocity for joint in joints])
+    velocity = np.where(np.isfinite(velocity) & (velocity > 0.0), velocity, UNLIMITED)
+    coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
+    with np.errstate(divide="ignore"):
+        return (velocity[:, None] / coupling).min(axis=0)
+
+
+def corners(step: Array) -> Array:
+    """Return the rows at which a motion turns sharply, the first and the last one too.
+
+    Args:
+        step: (m - 1, n) joint motion from row to row.
+    """
+    way = step / np.maximum(np.linalg.norm(step, axis=1), 1e-300)[:, None]
+    corner = np.linalg.norm(np.diff(way, axis=0), axis=1) > CORNER
+    return np.array([0, *(np.flatnonzero(corner) + 1), len(step)])
+
+
+def eased(u: Array) -> Array:
+    """Return the shares (m,) of a way from rest to rest behind at shares of its time."""
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+
+
+def _times(share: Array) -> Array:
     """Return the times (m,), from 0 to 1, at which a motion from rest to rest has gone shares."""
     u = np.linspace(0.0, 1.0, 2001)
-    return np.interp(share, u**3 * (10.0 - 15.0 * u + 6.0 * u * u), u)
+    return np.interp(share, eased(u), u)

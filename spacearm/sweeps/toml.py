@@ -99,8 +99,12 @@ def meaning(text: object) -> object:
         return text
 
 
-def parse(text: str) -> Table:
+def parse(text: str, what: str = "the study") -> Table:
     """Parse a TOML text.
+
+    Args:
+        text: The text.
+        what: What it is called in errors.
 
     Raises:
         ConfigurationError: The text is not TOML.
@@ -110,9 +114,9 @@ def parse(text: str) -> Table:
         import tomllib
     except ImportError:
         raise UnsupportedError(
-            "studies need Python 3.11 or newer: the first that reads TOML and runs Zarr 3"
+            f"{what} needs Python 3.11 or newer: the first that reads TOML, and runs Zarr 3"
         ) from None
     try:
-        return Table("study", tomllib.loads(text))
+        return Table(what.removeprefix("the "), tomllib.loads(text))
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits too
-        raise ConfigurationError(f"the study is not TOML: {error}") from None
+        raise ConfigurationError(f"{what} is not TOML: {error}") from None

@@ -1,4 +1,4 @@
-"""Arms whose masses, inertias and centres of mass are known in intervals only."""
+"""Arms whose masses, inertias and centres of mass are known in intervals, or as distributions."""
 
 from __future__ import annotations
 
@@ -19,24 +19,29 @@ from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 
 KINDS = ("mass", "inertia", "com")
+TAIL = 0.00135
+"""Probability beyond each end of the interval of a distribution: three standard deviations."""
 Spread: TypeAlias = Mapping[str, Any]
 """What is uncertain of a link, by kind; see `uncertain`."""
 
 
 class Parameter(NamedTuple):
-    """A number that is known in an interval only.
+    """A number that is known in an interval, or as a distribution.
 
     Attributes:
         link: Name of the link.
         kind: "mass" [kg], "inertia" (factor) or "com x", "com y", "com z" (shift [m]).
         low: Least value.
         high: Largest value.
+        law: The distribution, as scipy.stats has it; None where any value is as likely. Its
+            interval holds all but 0.135 per cent at each end.
     """
 
     link: str
     kind: str
     low: float
     high: float
+    law: Any = None
 
     @property
     def name(self) -> str:
@@ -97,8 +102,13 @@ class UncertainArm:
         return np.array(list(product((0.0, 1.0), repeat=len(self.parameters))))
 
     def sample(self, m: int, rng: np.random.Generator) -> Array:
-        """Return uniform shares (m, p)."""
-        return rng.uniform(size=(m, len(self.parameters)))
+        """Return random shares (m, p), uniform where there is no distribution."""
+        shares = rng.uniform(size=(m, len(self.parameters)))
+        for column, p in zip(shares.T, self.parameters, strict=True):
+            if p.law is not None:
+                values = p.law.ppf(TAIL + (1.0 - 2.0 * TAIL) * column)
+                column[:] = np.clip((values - p.low) / (p.high - p.low), 0.0, 1.0)
+        return shares
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm's name and the intervals by name as plain JSON data."""
@@ -147,17 +157,46 @@ def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
             if kind not in KINDS:
                 raise ConfigurationError(f"{link}: {unknown('kind', kind, KINDS)}")
             if kind == "com":
-                shifts = value if np.ndim(value) else [value] * 3
-                for axis, shift in zip("xyz", finite(shifts, (3,), f"com of {link}"), strict=True):
-                    if shift:
-                        size = abs(float(shift))
-                        found.append(Parameter(link, f"com {axis}", -size, size))
+                found += _shifts(value, link)
+            elif hasattr(value, "ppf"):
+                found.append(_distributed(value, kind, link))
             else:
                 about = part.mass if kind == "mass" else 1.0
                 found.append(Parameter(link, kind, *_interval(value, about, kind, link)))
     if not found:
         raise ConfigurationError("nothing is uncertain; give, for instance, {link: {'mass': 0.05}}")
     return UncertainArm(arm, tuple(found))
+
+
+def _shifts(value: Any, link: str) -> list[Parameter]:
+    """Return the shifts of a CM along the axes."""
+    parts = value if np.iterable(value) else [value] * 3
+    laws = [hasattr(part, "ppf") for part in parts]
+    numbers = [0.0 if law else part for part, law in zip(parts, laws, strict=True)]
+    sizes = np.abs(finite(numbers, (3,), f"com of {link}", "[m], or distributions"))
+    return [
+        _distributed(part, f"com {axis}", link)
+        if law
+        else Parameter(link, f"com {axis}", -float(size), float(size))
+        for axis, part, law, size in zip("xyz", parts, laws, sizes, strict=True)
+        if law or size
+    ]
+
+
+def _distributed(law: Any, kind: str, link: str) -> Parameter:
+    """Return a parameter with a distribution.
+
+    Raises:
+        ConfigurationError: It has no interval, or one with masses or factors that are not positive.
+    """
+    low, high = (float(law.ppf(p)) for p in (TAIL, 1.0 - TAIL))
+    least = -np.inf if kind.startswith("com") else 0.0
+    if not (np.isfinite([low, high]).all() and least < low < high):
+        raise ConfigurationError(
+            f"{kind} of {link} has a distribution from {low:.4g} to {high:.4g}; give one of "
+            "scipy.stats whose interval is finite and, but for shifts, positive"
+        )
+    return Parameter(link, kind, low, high, law)
 
 
 def _interval(value: object, about: float, kind: str, link: str) -> tuple[float, float]:

@@ -41,6 +41,7 @@ class DistanceRange(Result):
         least: The values at which it is least, by name.
         distances: (m,) those of all arms tried, random ones first [rad].
         tried: Number of arms tried; between them it may be a little less or more.
+        random: How many of them are random, as the distributions have it.
     """
 
     nominal: float
@@ -49,6 +50,11 @@ class DistanceRange(Result):
     least: dict[str, float]
     distances: Array
     tried: int
+    random: int
+
+    def percentile(self, share: float) -> float:
+        """Return the distance that so many per cent of the random arms do not exceed [rad]."""
+        return float(np.percentile(self.distances[: self.random], share))
 
     def __repr__(self) -> str:
         low, high, nominal = np.degrees([self.low, self.high, self.nominal])
@@ -125,6 +131,7 @@ def distance_range(
         least=uncertain.named(shares[least]),
         distances=found,
         tried=len(found),
+        random=samples,
     )
 
 

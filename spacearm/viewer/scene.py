@@ -18,7 +18,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport
-from spacearm.viewer.ghost import draw_ghost
+from spacearm.viewer.layers.ghost import draw_ghost
 from spacearm.viewer.panel.readouts import FAR, NEAR
 from spacearm.viewer.paths import distance_colors, tube
 from spacearm.viewer.shapes import along, shapes
@@ -38,6 +38,8 @@ LAYERS = {
     "directions": "#d6007f",
     "shells": "#56b4e9",
     "obstacles": "#5f6b7a",
+    "wheels": "#009e73",
+    "wrenches": "#b2182b",
     "trace": "#d55e00",
     "goal": "#7d8794",
 }

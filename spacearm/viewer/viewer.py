@@ -22,7 +22,8 @@ from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import singularity
-from spacearm.viewer.obstacles import ObstacleLayer
+from spacearm.viewer.layers.loads import LoadLayer
+from spacearm.viewer.layers.obstacles import ObstacleLayer
 from spacearm.viewer.panel.choices import chosen, offered
 from spacearm.viewer.panel.joint_map import joint_map
 from spacearm.viewer.panel.motions import account
@@ -60,9 +61,9 @@ class Viewer:
         self.session, self._motion = session, motion
         self._hidden: set[str] = set()
         self._time = float(motion.t[0]) if motion else 0.0
-        self._obstacles = ObstacleLayer(
-            self._scene.root["obstacles"], getattr(motion, "obstacles", ())
-        )
+        root, moved = self._scene.root, getattr(motion, "obstacles", ())
+        self._obstacles = ObstacleLayer(root["obstacles"], moved)
+        self._loads = LoadLayer(root, session.cfg, motion, self._scene.size)
         self.draw()
         if motion:
             self._scene.show_motion(motion)
@@ -172,6 +173,7 @@ class Viewer:
         with self._lock:
             self._scene.draw(self.session.cfg, self.session.report)
             self._obstacles.draw(self._time)
+            self._loads.draw(self.session.cfg, self._time)
 
     def about(self) -> dict[str, Any]:
         """Return what the page needs once."""
@@ -291,6 +293,7 @@ class Viewer:
                 cfg = motion.at(float(t))
                 self._scene.draw(cfg, singularity(cfg))
                 self._obstacles.draw(float(t))
+                self._loads.draw(cfg, float(t))
         finally:
             self.window.recorder = None
         self.window.send(recorder)

@@ -343,6 +343,7 @@ def test_obstacles_are_drawn_and_not_kept_in_the_file(arm, free, tmp_path):
     block = sa.Obstacle.robot(arm.at(Q0, base=at(-4, 0, 0)))
     plan = sa.Plan(**{name: getattr(free, name) for name in (
         "arm", "t", "q", "base", "mode", "method", "clearance", "checked", "apart", "tried",
+            "momentum",
     )}, obstacles=(ball, block))  # fmt: skip
     names = draw_motion(plan).subfigs[0].axes[0].get_legend_handles_labels()[1]
     assert "sphere" in names

@@ -71,6 +71,21 @@ def test_the_integral_of_the_torque_is_the_momentum():
     np.testing.assert_allclose(found.wheels, -found.momentum)
 
 
+def test_a_plan_begins_and_ends_without_momentum_and_torque():
+    arm = sa.load("planar2")
+    plan = sa.plan(arm, [0.3, 1.2], (1.5, 1.5))
+    found = sa.reaction(plan)
+    for values in (plan.dq, plan.ddq, found.momentum, found.torque, found.rate):
+        np.testing.assert_array_equal(values[[0, -1]], 0.0)
+    most = np.abs(found.momentum).max()
+    assert most > 0.1
+    np.testing.assert_allclose(trapezoid(found.torque, found.t, axis=0), 0.0, atol=0.02 * most)
+    moved = plan.q[-1] - plan.q[0]
+    np.testing.assert_allclose(trapezoid(plan.dq, plan.t, axis=0), moved, atol=0.01)
+    rates = np.array([arm.tree.joints[name].velocity for name in arm.joint_names])
+    assert np.abs(plan.dq).max() <= np.where(np.isfinite(rates), rates, 0.5).max() * 1.001
+
+
 def test_the_excursion_is_the_same_whether_the_motion_floated_or_was_held():
     arm = sa.load("chaser7")
     floating, held = (

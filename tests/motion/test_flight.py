@@ -104,3 +104,10 @@ def test_what_makes_no_sense_is_refused():
         sa.simulate_phases(ARM, Q0, [sa.Phase(LAW, 1.0, sa.Release())])
     with pytest.raises(sa.ConfigurationError, match="dq0"):
         sa.Phase(LAW, 1.0, options={"dq0": [0.0, 0.0]})
+
+
+def test_a_body_with_a_cm_of_two_numbers_is_refused():
+    law = sa.JointPD(target=[0.3, 0.9], kp=1.0, kd=1.0)
+    phase = sa.Phase(law, 0.1, sa.Grasp(mass=1.0, com=[0.1, 0.0]))
+    with pytest.raises(sa.ConfigurationError, match="com of the body"):
+        sa.simulate_phases(sa.load("planar2"), [0.3, 0.9], [phase])

@@ -64,3 +64,12 @@ def test_bad_input(options, message):
     options = {"duration": 1.0} | options
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.simulate_many(ARM, Q0, LAW, **options)
+
+
+def test_loose_stiff_runs_do_not_depend_on_those_before_them():
+    arm, law = sa.load("planar2"), sa.JointPD(target=[0.3, 0.1], kp=30.0, kd=30.0)
+    Q0 = np.array([[0.1, 0.2], [1.0, -0.5], [-0.4, 0.7]])
+    options = {"rtol": 1e-2, "atol": 1e-4, "threads": 1, "events": ()}
+    forth = sa.simulate_many(arm, Q0, law, 20.0, **options)
+    back = sa.simulate_many(arm, Q0[::-1], law, 20.0, **options)
+    np.testing.assert_array_equal(forth.q.values, back.q.values[::-1])

@@ -4,6 +4,7 @@ import io
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
+import numba
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -488,3 +489,17 @@ def test_threads_may_simulate_at_once(compiled):
     with ThreadPoolExecutor(3) as pool:
         together = list(pool.map(end, starts))
     np.testing.assert_array_equal(together, [end(q1) for q1 in starts])
+
+
+def test_a_controller_that_fails_later_leaves_the_run_up_to_there():
+    """A step that looks ahead to where it fails is tried again, shorter."""
+    arm = sa.load("planar2")
+    failing = (
+        lambda t, *_: [np.nan if t > 1.0 else 0.1, 0.0],
+        numba.njit(lambda t, cfg, dq: (np.nan if t > 1.0 else 0.1) * (0.5 - cfg.q) - dq),
+    )
+    for law in failing:
+        with pytest.raises(sa.NoSolutionError, match="at t = 1 s") as refused:
+            sa.simulate(arm, [0.3, 1.2], law, 5.0, events=())
+        assert refused.value.best.t[-1] == pytest.approx(1.0, abs=1e-6)
+        assert refused.value.best.imbalance < 1e-7

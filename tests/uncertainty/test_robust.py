@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.arms import load_text, random_chain
+from scipy.stats import norm, uniform
 
 import spacearm as sa
 from spacearm.uncertainty.family import family_of
@@ -55,6 +56,40 @@ def test_values_go_where_they_belong(arm, about):
     assert shifted.tree.links["link_1"].origin.translation[0] == pytest.approx(
         arm.tree.links["link_1"].origin.translation[0] + 0.02
     )
+
+
+def test_distributions_are_drawn_from_and_proofs_cover_their_interval(arm):
+    laws = {"mass": norm(4.0, 0.2), "com": [norm(0.0, 0.01), 0, 0.02], "inertia": uniform(0.9, 0.2)}
+    about = sa.uncertain(arm, {"link_1": laws})
+    found = {p.name: p for p in about.parameters}
+    assert found["mass of link_1"].low == pytest.approx(3.4, abs=1e-4)
+    assert found["mass of link_1"].high == pytest.approx(4.6, abs=1e-4)
+    assert found["inertia of link_1"].low == pytest.approx(0.9003, abs=1e-4)
+    assert [p.kind for p in about.parameters] == ["mass", "com x", "com z", "inertia"]
+    shares = about.sample(20_000, np.random.default_rng(0))
+    assert shares.min() >= 0.0
+    assert shares.max() <= 1.0
+    values = about.values(shares)
+    np.testing.assert_allclose(values[:, :2].mean(axis=0), [4.0, 0.0], atol=0.005)
+    np.testing.assert_allclose(values[:, :2].std(axis=0), [0.2, 0.01], rtol=0.03)
+    assert np.percentile(values[:, 3], 25) == pytest.approx(0.95, abs=0.005)
+    q = np.radians([-65, 30])
+    near = sa.distance_range(sa.uncertain(arm, {"link_1": {"mass": norm(4.0, 0.2)}}), q, samples=40)
+    assert near.low <= near.percentile(5) < near.percentile(95) <= near.high
+    assert (near.random, near.tried) == (40, 42)
+
+
+@pytest.mark.parametrize(
+    ("spread", "message"),
+    [
+        ({"mass": norm(0.0, 1.0)}, "mass of link_1 has a distribution from -3 to 3"),
+        ({"inertia": norm(1.0, np.nan)}, "inertia of link_1 has a distribution from nan"),
+        ({"com": [norm(0.0, 1.0), 0.0]}, "com of link_1"),
+    ],
+)
+def test_distributions_that_make_no_sense_are_refused(arm, spread, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.uncertain(arm, {"link_1": spread})
 
 
 # --- the polynomials ------------------------------------------------------------------------

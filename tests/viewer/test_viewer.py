@@ -22,7 +22,7 @@ import pytest
 import tornado.httpclient
 import tornado.websocket
 import umsgpack
-from helpers.arms import frame, joint, link, robot, two_links
+from helpers.arms import frame, joint, link, load_text, robot, two_links
 
 import spacearm as sa
 
@@ -590,7 +590,27 @@ def test_layers_and_shells(viewer):
         viewer.shells([-1])
     assert set(scene.LAYERS) == {"bodies", "centre of mass", "virtual manipulator", "tip frame",
                                  "ellipsoid", "directions", "shells", "trace",
-                                 "obstacles", "goal"}  # fmt: skip
+                                 "obstacles", "goal", "wheels", "wrenches"}  # fmt: skip
+
+
+def test_wheels_and_wrenches_are_drawn_while_they_act():
+    wheel = link("disc", 1.0, inertia=np.diag([1.0, 1.0, 2.0]))
+    spun = (wheel, joint("spin", "bus", "disc", xyz=(0, 0, 0.5), axis=(0, 0, 1)))
+    arms = (link("upper", 5.0, (0.5, 0, 0)), joint("shoulder", "bus", "upper", xyz=(1, 0, 0)))
+    text = robot(link("bus", 100.0, inertia=20.0 * np.eye(3)), *spun, *arms)
+    arm = load_text(text, tip="upper", task="x", wheels=["spin"])
+    law = sa.JointPD(target=[0.5], kp=1.0, kd=3.0)
+    push = {"bus": lambda t: [0.0, 2.0 * (t < 1.0), 0.0, 0.0, 0.0, 0.0]}
+    hold = sa.WheelHold(stiffness=50.0, damping=100.0)
+    run = sa.simulate(arm, [0.1], law, 4.0, wheels=hold, wrenches=push, dt=0.1)
+    with pytest.warns(sa.ModelWarning, match="no visuals"):
+        viewer = sa.view(run, open=False)
+    for t, pushed in ((0.5, True), (3.0, False)):
+        viewer.handle({"do": "time", "t": t})
+        viewer.draw()
+        assert recorded(viewer, "wrenches/force") is pushed
+        assert recorded(viewer, "wheels/0/arrow") is True
+    viewer.close()
 
 
 def test_the_window_keeps_only_what_matters(viewer):

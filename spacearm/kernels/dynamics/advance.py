@@ -1,32 +1,42 @@
-"""Runs stepped to their end in compiled code, by DOP853 or, where that is stiff, Radau."""
+"""Runs stepped to their end in compiled code, by DOP853 or, where that is stiff, RKC or Radau."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from spacearm.kernels.dynamics.calls import SAID, jump, rate_at
-from spacearm.kernels.dynamics.context import PACE, ROOM, WORKS, Context, found_of, mat, vec
+from spacearm.kernels.dynamics.context import (
+    PACE,
+    ROOM,
+    WORKS,
+    Context,
+    context_at,
+    found_of,
+    mat,
+    vec,
+)
 from spacearm.kernels.dynamics.events import state_at
-from spacearm.kernels.dynamics.runge_kutta import COLLAPSED, STABLE, STIFF
+from spacearm.kernels.dynamics.methods.runge_kutta import COLLAPSED, STABLE, STIFF
 from spacearm.kernels.lanes import SETTINGS, compiler, part
 
 FINISHED, STOPPED, FULL, GOES_ON, NO_RATE, NO_STEP, STIFF_NOW = range(7)
 """Why `advance` returns: the end, an event that ends the run, events to be taken, enough steps, a
-rate that failed, a step that collapsed, Radau wanted, which is compiled only then."""
+rate that failed, a step that collapsed, RKC or Radau wanted, which are compiled only then."""
 SLOW = 1e-5
 """The step has collapsed when `PACE` of them are shorter than this in the mean [s]."""
-WORTH = 6.0 * STABLE
-"""A step of Radau costs some six of DOP853; it must be longer than so many stable ones."""
 TRIAL, PATIENCE = 20, 500
-"""Steps of Radau that must fall short of that; steps of DOP853 until stiffness counts again."""
+"""Steps of Radau that must be too short; steps of DOP853 until stiffness counts again."""
+FEW, MANY, TOO_MANY = 2, 16, 10
+"""Stages of RKC that are few and many; steps in a row with many until Radau takes over."""
 
 kernel = compiler(**SETTINGS, cache=True, said=SAID)
 """A function that is called from Python, compiled once and kept on disk."""
 
 
 @kernel
-def initiate(x: Context) -> int:
+def initiate(at: int) -> int:
     """Begin a run: the first rate, the events and output of the start, the first step."""
+    x = context_at(at)
     N, y, f, mid = x.states, vec(x._y, x.states), vec(x._f_y, x.states), vec(x._mid, x.states)
     other, pace, d0, d1, d2 = mat(x._K, 16, N)[1], vec(x._pace, PACE), 0.0, 0.0, 0.0
     if rate_at(x, x.t, y, f):
@@ -52,22 +62,25 @@ def initiate(x: Context) -> int:
 
 
 @kernel
-def sample(x: Context) -> int:
+def sample(at: int) -> int:
     """Compute the torques at the end of the last step in `tau`; return their status."""
+    x = context_at(at)
     jump(x.settle, x.here, x.t, x._y, 0)
     return int(jump(x.torques, x.here, x.t, x._y, 0))
 
 
 @kernel
-def resume(x: Context) -> int:
+def resume(at: int) -> int:
     """Go on after a jump of the torques."""
+    x = context_at(at)
     x.known, x.stiff, x.last_step = 0, 0, 0.0
     return NO_RATE if rate_at(x, x.t, vec(x._y, x.states), vec(x._f_y, x.states)) else GOES_ON
 
 
 @kernel
-def advance(x: Context, most: int) -> int:
+def advance(at: int, most: int) -> int:
     """Take up to so many steps; return why it stopped."""
+    x = context_at(at)
     y, before, work = vec(x._y, x.states), vec(x._before, x.states), 2 * x.n + 13
     pace, mid = vec(x._pace, PACE), vec(x._mid, x.states)
     for _ in range(most):
@@ -105,14 +118,23 @@ def advance(x: Context, most: int) -> int:
 
 @part
 def choose(x: Context) -> None:
-    """Go over to Radau where the equations look stiff, and back where it does not pay."""
-    if x.implicit:
-        x.stiff = x.stiff + 1 if x.step * x.eigenvalue < WORTH else 0
+    """Go over to another method where the equations look stiff, and back where that pays not."""
+    if x.implicit and x.mild:
+        if x.stages > MANY:
+            x.stiff = max(x.stiff, 0) + 1
+        else:
+            x.stiff = min(x.stiff, 0) - 1 if x.stages <= FEW else 0
+        if x.stiff >= TOO_MANY:
+            x.mild, x.implicit_step = 0, 0
+        elif x.stiff <= -TRIAL:
+            calm_down(x)
+        else:
+            return
+    elif x.implicit:
+        x.stiff = x.stiff + 1 if x.step * x.eigenvalue < worth(x) * STABLE else 0
         if x.stiff < TRIAL:
             return
-        x.implicit, x.calm = 0, x.patience
-        x.patience = min(2 * x.patience, 100 * PATIENCE)
-        x.step = min(x.step, STABLE / x.eigenvalue)
+        calm_down(x)
     elif x.calm > 0:
         x.calm -= 1
     elif x.stiff >= STIFF:
@@ -122,3 +144,18 @@ def choose(x: Context) -> None:
         return
     if x.calm == 0 or not x.implicit:
         x.stiff, x.known, x.factored, x.last_step = 0, 0, 0, 0.0
+
+
+@part
+def worth(x: Context) -> float:
+    """Return how many steps of DOP853 cost as much as one of Radau, with its Jacobian."""
+    return float((x.coupled + 20) / 9)
+
+
+@part
+def calm_down(x: Context) -> None:
+    """Go back to DOP853, each time for longer."""
+    x.implicit, x.calm = 0, x.patience
+    x.patience = min(2 * x.patience, 100 * PATIENCE)
+    if x.eigenvalue > 0.0:
+        x.step = min(x.step, STABLE / x.eigenvalue)

@@ -88,7 +88,7 @@ class Entry:
         keep(kernel, SAID).compile()
         return kernel
 
-    @property
+    @cached_property
     def address(self) -> int:
         """Its address."""
         return int(self.compiled.address)

@@ -113,6 +113,7 @@ ARRAYS: dict[str, tuple[str, ...]] = {
     "observed": ("outputs", "n+21"), "event": ("events",), "found": ("256",),
     "q_found": ("256", "n"), "look": ("k", "n"), "look_U": ("k", "k"), "look_sigma": ("k",),
     "look_V": ("n", "n"), "look_L": ("n+1", "n"), "look_u": ("k",), "look_y": ("states",),
+    "look_q": ("n",),
     "radian": ("n",),
 }  # fmt: skip
 """The arrays and their shapes, which depend on the sizes of an arm."""
@@ -162,22 +163,26 @@ CONTEXT = record(
     ("atol", np.float64),
     ("last_step", np.float64),  # Radau: step and error before, for its prediction of the next
     ("last_error", np.float64),
-    ("eigenvalue", np.float64),  # that limited steps of DOP853 [1/s]
+    ("eigenvalue", np.float64),  # that limits steps of DOP853 and RKC [1/s]
     ("exchanged", np.float64),  # work done and taken back [J]
     ("counted", np.float64),  # number of components that errors are averaged over
+    ("coupled", np.int64),  # leading components of the state that its rate depends on
     ("switches", np.int64),  # whether the method may change
-    ("implicit", np.int64),  # the method: 0 DOP853, 1 Radau
-    ("by_radau", np.int64),  # whether Radau took the last step
+    ("implicit", np.int64),  # the method: 0 DOP853, 1 that of `implicit_step`
+    ("mild", np.int64),  # whether that is RKC, else Radau
+    ("stages", np.int64),  # of the last step of RKC
+    ("cubic", np.int64),  # whether that of `implicit_step` took the last step
     ("dense", np.int64),  # whether the polynomial of the last step is known
-    ("stiff", np.int64),  # DOP853: steps that look stiff; Radau: steps that do not
+    ("stiff", np.int64),  # DOP853 and RKC: steps that look stiff; Radau: steps that do not
     ("calm", np.int64),  # steps until stiffness counts again
     ("patience", np.int64),  # how many there were the last time
-    ("known", np.int64),  # Radau: Jacobian 0 unknown, 1 of an earlier state, 2 of this state
+    ("known", np.int64),  # Jacobian or eigenvalue 0 unknown, 1 of an earlier state, 2 of this one
     ("factored", np.int64),  # Radau: whether the factors belong to the step
     ("steps", np.int64),
     ("rates", np.int64),  # number of evaluations of the rate
     ("written", np.int64),  # outputs written
     ("happened", np.int64),  # events found
+    ("looked", np.int64),  # whether the distance to the singular set is known, at `look_q`
     ("stopped", np.int64),  # number of the event that ended the run; -1 for none
 )
 """All that a run reads and writes."""

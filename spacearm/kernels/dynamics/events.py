@@ -20,7 +20,7 @@ from spacearm.kernels.dynamics.context import (
 )
 from spacearm.kernels.dynamics.decomposition import determinant
 from spacearm.kernels.dynamics.laws import JOINT_PD
-from spacearm.kernels.dynamics.runge_kutta import explicit_state
+from spacearm.kernels.dynamics.methods.runge_kutta import explicit_state
 from spacearm.kernels.dynamics.tips import arm_task, singular_distance
 from spacearm.kernels.floating import Numbers
 from spacearm.kernels.lanes import part
@@ -37,6 +37,10 @@ ZERO = 1e-12
 SHARPNESS = 1e-14
 """Tolerance of the time of an event, as a share of the largest time."""
 BISECTIONS = 200
+SHARE = 0.2
+"""Share of the distance to the singular set that the joints may move until it is computed anew."""
+CLOSE = 10.0
+"""How many times the joint motion of a step the set must be away for looks to be far apart."""
 MOST = 1.0
 """Distances to the singular set from this on are not told apart [rad]."""
 
@@ -47,6 +51,8 @@ def values(x: Context, t: float, y: Numbers) -> None:
     settled = False
     for i in range(x.events):
         event = event_of(x, i)
+        if event.kind == SINGULAR and stands(x, y, event.now):
+            continue
         if not settled and event.kind in (DETERMINANT, SINGULAR, NEAR, FUNCTION):
             jump(x.settle, x.here, t, y.ctypes.data, 0)
             settled = True
@@ -79,12 +85,24 @@ def near(at: int, t: float, y_at: int, i: int) -> int:
     return 0
 
 
+@part
+def stands(x: Context, y: Numbers, clear: float) -> bool:
+    """Tell whether joints moved much less than the last distance: they cannot have met the set."""
+    there, radian, moved = vec(x._look_q, x.n), vec(x._radian, x.n), 0.0
+    for j in range(x.n):
+        moved += ((y[j] - there[j]) / radian[j]) ** 2
+    return bool(x.looked and math.sqrt(moved) < SHARE * clear)
+
+
 @Entry
 def singular(at: int, t: float, y_at: int, i: int) -> int:
     """Compute event function i: the distance to the singular set."""
     x = context_at(at)
-    event = event_of(x, i)
-    event.now = min(singular_distance(x, t, vec(y_at, x.states)), MOST) - event.bound
+    event, y, there = event_of(x, i), vec(y_at, x.states), vec(x._look_q, x.n)
+    event.now = min(singular_distance(x, t, y), MOST) - event.bound
+    x.looked = 1
+    for j in range(x.n):
+        there[j] = y[j]
     return 0
 
 
@@ -130,7 +148,7 @@ def state_at(x: Context, t: float) -> None:
     if t == x.t:
         for o in range(x.states):
             mid[o] = y[o]
-    elif x.by_radau:
+    elif x.cubic:
         jump(x.implicit_state, x.here, t, 0, 0)
     else:
         if x.dense == 0:
@@ -170,10 +188,14 @@ def look(at: int, _: float, end_of_step: int, ___: int) -> int:
 def search(x: Context) -> None:
     """Search the last step for events."""
     y, before, mid = vec(x._y, x.states), vec(x._before, x.states), vec(x._mid, x.states)
-    moved, start = 0.0, x.began
+    moved, start, look = 0.0, x.began, LOOK
     for j in range(x.n):
         moved = max(moved, abs(y[j] - before[j]))
-    pieces = 1 + int(moved / LOOK)
+    for i in range(x.events):
+        event = event_of(x, i)
+        if event.kind == SINGULAR and event.last < CLOSE * moved:
+            look = 0.5 * event.bound  # a passage is two bounds wide
+    pieces = 1 + int(moved / look)
     for piece in range(1, pieces + 1):
         end = x.t if piece == pieces else x.began + (x.t - x.began) * piece / pieces
         state_at(x, end)

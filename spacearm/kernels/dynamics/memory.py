@@ -13,14 +13,21 @@ from spacearm.kernels.dynamics.context import ARRAYS, CONTEXT, KINDS, SIZES, WOR
 from spacearm.kernels.floating import Bodies
 
 COUNTED = (
-    "t", "began", "step", "last_step", "last_error", "eigenvalue", "exchanged", "by_radau", "dense",
+    "t", "began", "step", "last_step", "last_error", "eigenvalue", "exchanged", "cubic", "dense",
     "stiff", "calm", "patience", "known", "factored", "steps", "rates", "written", "happened",
+    "looked",
 )  # fmt: skip
 """What starts at zero."""
 
+ALIGNED = 16
+"""The arrays begin at multiples of so many bytes."""
+PLAIN = np.dtype((np.void, CONTEXT))
+"""Its fields are read by name only, which is quicker."""
+LINE = np.dtype((np.void, ALIGNED))
+
 
 class Memory:
-    """The arrays of a context, by name, and the context itself.
+    """The arrays of a context, by name, in one piece of memory, and the context itself.
 
     Args:
         sizes: The `SIZES` but N and states, which follow from the bodies.
@@ -30,40 +37,50 @@ class Memory:
     def __init__(self, b: Bodies, **sizes: int) -> None:
         N, n = len(b) - 1, sizes["n"]
         known = {**sizes, "N": N, "states": state_size(n, sizes["wheels"])}
-        self.arrays: dict[str, npt.NDArray[Any]] = {}
-        self.memory = np.zeros(1, CONTEXT)
+        self._places, offsets, length = _layout(tuple(known[name] for name in SIZES))
+        self._buffer = np.zeros(length // ALIGNED, LINE)
+        self._arrays: dict[str, npt.NDArray[Any]] = {}
+        self.memory = np.zeros(1, PLAIN)
         self.context = self.memory[0]
+        self.here = int(self.memory.ctypes.data)
         self.kept: list[Any] = []
-        for name in SIZES:
-            self.context[name] = known[name]
-        for name, shape in _shapes(tuple(known.items())).items():
-            array = np.zeros(shape, KINDS.get(name, np.float64))
-            self.arrays[name] = array
-            self.context[f"_{name}"] = array.ctypes.data
-        self.arrays["b"][:] = b
-        self.context["here"] = self.memory.ctypes.data
+        numbers, first = self.memory.view(np.int64), len(SIZES)
+        numbers[:first] = [known[name] for name in SIZES]
+        numbers[first : first + len(offsets)] = self._buffer.ctypes.data + offsets
+        self["b"][:] = b
+        self.context["here"] = self.here
         self.context["stopped"] = -1
 
     def restart(self) -> None:
         """Set all that a run counts to zero; what it is about stays."""
         for name in COUNTED:
             self.context[name] = 0
+        self["G"][:] = 0.0  # where RKC begins to look for the largest eigenvalue
         self.context["stopped"] = -1
 
     def __getitem__(self, name: str) -> npt.NDArray[Any]:
-        return self.arrays[name]
+        if name not in self._arrays:
+            offset, kind, shape = self._places[name]
+            self._arrays[name] = np.ndarray(shape, kind, self._buffer, offset)
+        return self._arrays[name]
 
 
 @lru_cache(maxsize=64)
-def _shapes(known: tuple[tuple[str, int], ...]) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the arrays for some sizes."""
-    sizes = dict(known)
+def _layout(known: tuple[int, ...]) -> tuple[dict[str, tuple[int, Any, tuple[int, ...]]], Any, int]:
+    """Return offset, type and shape of each array for some sizes, the offsets, and the length."""
+    sizes = dict(zip(SIZES, known, strict=True))
 
     def size(word: str) -> int:  # such as "6*tips"
         terms = (term.split("*") for term in word.split("+"))
         return sum(math.prod(sizes[p] if p in sizes else int(p) for p in term) for term in terms)
 
-    return {name: tuple(size(word) for word in shape) for name, shape in ARRAYS.items()}
+    places: dict[str, tuple[int, Any, tuple[int, ...]]] = {}
+    length = 0
+    for name, words in ARRAYS.items():
+        shape, kind = tuple(size(word) for word in words), np.dtype(KINDS.get(name, np.float64))
+        places[name] = length, kind, shape
+        length += -(-math.prod(shape) * kind.itemsize // ALIGNED) * ALIGNED
+    return places, np.array([offset for offset, _, _ in places.values()]), length
 
 
 def state_size(n: int, wheels: int) -> int:

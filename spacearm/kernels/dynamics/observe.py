@@ -6,7 +6,7 @@ import math
 
 from spacearm.kernels.dynamics import equations
 from spacearm.kernels.dynamics.calls import SAID, jump
-from spacearm.kernels.dynamics.context import Context, bodies_of, mat, moving_of, vec
+from spacearm.kernels.dynamics.context import bodies_of, context_at, mat, moving_of, vec
 from spacearm.kernels.dynamics.decomposition import decompose
 from spacearm.kernels.dynamics.rate import limit, spacecraft_rate
 from spacearm.kernels.dynamics.tips import arm_task
@@ -35,8 +35,9 @@ CM], the same of the joints alone, kinetic energy, status of the laws."""
 
 
 @kernel
-def observe(x: Context) -> None:
+def observe(at: int) -> None:
     """Compute torques, poses, momenta and energies at all outputs written."""
+    x = context_at(at)
     n, Y, t = x.n, mat(x._y_out, x.outputs, x.states), vec(x._t_out, x.outputs)
     seen, tau = mat(x._observed, x.outputs, n + 21), vec(x._tau, n)
     m, b, dq = moving_of(x), bodies_of(x), vec(x._dq, n)
@@ -78,12 +79,13 @@ def observe(x: Context) -> None:
 
 
 @kernel
-def survey(x: Context, result: Numbers) -> None:
+def survey(at: int, result: Numbers) -> None:
     """Compute the extremes of the outputs: result (2,) receives both.
 
     They are the least sigma_min of the task and the largest turn of the spacecraft from the first
     output [rad].
     """
+    x = context_at(at)
     n, Y, t = x.n, mat(x._y_out, x.outputs, x.states), vec(x._t_out, x.outputs)
     W, U, sigma = mat(x._look, x.k, n), mat(x._look_U, x.k, x.k), vec(x._look_sigma, x.k)
     result[0], result[1] = math.inf, 0.0

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.kernels.dynamics import (
     context,
     laws,
-    radau,
     rate,
-    runge_kutta,
     tips,
 )
 from spacearm.kernels.dynamics import events as roots
 from spacearm.kernels.dynamics.memory import Memory
+from spacearm.kernels.dynamics.methods import chebyshev, radau, runge_kutta
 from spacearm.mechanics.compiled import all_bodies, frame_on_body
+from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import free_components
 from spacearm.model.scale import radians
 from spacearm.motion.controllers import Controller, TipLaw
@@ -68,9 +70,7 @@ def memory(
         plant.start.base.translation,
     )
     m["t_out"][:], m["offsets"][:] = outputs, arm.offsets
-    m["radian"][:] = radians(arm)
-    for i, frame in enumerate(arm.tip_frames):
-        _put_frame(plant, m["tip"][i], frame)
+    m["radian"][:], m["tip"][:] = _of_arm(arm)
     m["rows"][:], m["scale"][:] = arm.task.indices, arm.task.scale[:, 0]
     for i, event in enumerate(events):
         for name, value in event.items():
@@ -80,7 +80,7 @@ def memory(
     _put_wheels(plant, m)
     outside = Calls(plant, len(m["seen"]))
     for i, (link, _, own) in enumerate(pushed):
-        _put_frame(plant, m["pushed"][i], arm.model.getFrameId(link, pin.BODY))
+        _put_frame(arm, m["pushed"][i], arm.model.getFrameId(link, pin.BODY))
         m["pushed"][i]["own"] = own
     if pushed:
         x["wrench"] = outside.outside(lambda t, _, out: plant.push(t, out), 6 * len(pushed))
@@ -102,19 +102,25 @@ ALWAYS = {
 AIM = {"aim": tips.aim}
 WHEELS = {"spin": rate.spin, "balance": rate.balance}
 PUSHES = {"push": rate.push, "balance": rate.balance}
+"""Those of laws that lead a tip, wheels and wrenches, compiled where they are wanted."""
 RADAU = {"implicit_step": radau.implicit_step, "implicit_state": radau.implicit_state}
-"""Those of laws that lead a tip, wheels, wrenches and Radau, compiled where they are wanted."""
+RKC = {
+    "implicit_step": chebyshev.stabilised_step,
+    "implicit_state": chebyshev.stabilised_state,
+}
+"""Those of a method for stiff equations, likewise."""
 
 
-def put_radau(x: Any) -> None:
-    """Put the functions of Radau in a context."""
-    for name, entry in RADAU.items():
+def put_stiff(x: Any) -> None:
+    """Put the functions of a method for stiff equations in a context."""
+    for name, entry in (RKC if x["mild"] else RADAU).items():
         x[name] = entry.address
 
 
 def put_state(plant: Plant, m: Memory, dq: Array, momentum: Array) -> None:
     """Put the state at the start in the memory of a run."""
     y, n, cfg = m["y"], plant.arm.n, plant.start
+    m.context["coupled"] = _coupled(plant, m, momentum)
     y[:] = 0.0
     y[:n], y[n : 2 * n] = cfg.q, dq
     y[2 * n : 2 * n + 4] = pin.SE3ToXYZQUAT(cfg.base)[3:]
@@ -123,8 +129,34 @@ def put_state(plant: Plant, m: Memory, dq: Array, momentum: Array) -> None:
     y[2 * n + 17 :] = cfg.wheels
 
 
-def _put_frame(plant: Plant, record: Any, frame: int) -> None:
-    on_body = frame_on_body(plant.arm, frame)
+def _coupled(plant: Plant, m: Memory, momentum: Array) -> int:
+    """Return how many leading components of the state its rate depends on.
+
+    Without wrenches the momentum stays and the system CM moves evenly, whatever the arm does; the
+    attitude counts where there is momentum, or a law that may look at it.
+    """
+    n = plant.arm.n
+    if plant.arm.wheels:
+        return len(m["y"])
+    if plant.pushed:
+        return 2 * n + 13
+    joints_only = bool((m["law"]["kind"] == laws.JOINT_PD).all())
+    if np.any(momentum[:3]):
+        return 2 * n + 7
+    return 2 * n if joints_only and not np.any(momentum) else 2 * n + 4
+
+
+@lru_cache(maxsize=64)
+def _of_arm(arm: SpaceArm) -> tuple[Array, npt.NDArray[np.void]]:
+    """Return the motion of each joint that counts as a radian, and the tips."""
+    tips = np.zeros(len(arm.tips), context.FRAME)
+    for i, frame in enumerate(arm.tip_frames):
+        _put_frame(arm, tips[i], frame)
+    return radians(arm), tips
+
+
+def _put_frame(arm: SpaceArm, record: Any, frame: int) -> None:
+    on_body = frame_on_body(arm, frame)
     record["body"], record["p"], record["R"] = on_body
 
 
@@ -133,6 +165,8 @@ def _put_joints(plant: Plant, joints: Array) -> None:
     arm = plant.arm
     joints[context.SLIP] = 1.0
     joints[[context.EFFORT, context.SPEED]] = np.inf
+    if not plant.limits and not plant.passive:
+        return
     for j, name in enumerate(arm.joint_names):
         joint = arm.tree.joints[name]
         if "effort" in plant.limits:

@@ -62,7 +62,10 @@ class Seen(NamedTuple):
 
 
 class Calls:
-    """The functions outside that a run calls, and the error that one of them raised.
+    """The functions outside that a run calls, and the error that the last call raised.
+
+    After an error the integrator tries shorter steps, so that the run gets as near to it as it can;
+    an interrupt ends the run at once.
 
     Args:
         plant: The plant.
@@ -78,10 +81,13 @@ class Calls:
         """Return the address of a function (t, x, out) in Python, whose errors are kept."""
 
         def run(t: float, x: Array, out: Array) -> bool:
+            if self.error is not None and not isinstance(self.error, Exception):
+                return True
+            self.error = None
             try:
                 function(t, x, out)
             except BaseException as error:
-                self.error = self.error or error
+                self.error = error
             return self.error is not None
 
         self.kept.append(calls.outside(run, self.reads, writes))

@@ -20,13 +20,16 @@ from spacearm.model.mode import free_components
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS, Event
 from spacearm.motion.plant import Plant
-from spacearm.motion.runs.compiled import memory, put_radau, put_state
+from spacearm.motion.runs.compiled import memory, put_state, put_stiff
 from spacearm.motion.runs.compiled_events import compiled_events
 from spacearm.motion.runs.compiled_laws import put_law
 from spacearm.motion.trajectory import Trajectory
 
 REPORT, BLOCK = 50, 2000
 """Steps between two reports of progress, with functions in Python and without."""
+
+LOOSE = 1e-2
+"""Relative tolerances from which RKC, of order 2, comes before Radau."""
 
 Progress = Callable[[float, float], object] | None
 
@@ -74,7 +77,8 @@ class Run:
         x = self.x
         put_state(self.plant, self.memory, dq, momentum)
         x["rtol"], x["atol"], x["end"] = rtol, atol, self.duration
-        x["switches"], x["implicit"] = method == "auto", method == "Radau"
+        x["switches"], x["implicit"], x["implicit_step"] = method == "auto", method == "Radau", 0
+        x["mild"] = method == "auto" and rtol >= LOOSE
 
     def again(
         self,
@@ -107,20 +111,20 @@ class Run:
 
     def advance(self, end: float, progress: Progress = None) -> None:
         """Go on to a time, or to what ends the run before."""
-        x, block = self.x, REPORT if self.outside.kept else BLOCK
+        x, here, block = self.x, self.memory.here, REPORT if self.outside.kept else BLOCK
         try:
             if x["step"] == 0.0:
                 x["end"] = self.duration
-                self.check(steps.initiate(x))
+                self.check(steps.initiate(here))
             x["end"] = end
             while self.ended == "duration":
-                why = steps.advance(x, block)
+                why = steps.advance(here, block)
                 self.take()
                 self.check(why)
                 if why == steps.FINISHED:
                     return
                 if why == steps.STIFF_NOW:
-                    put_radau(x)
+                    put_stiff(x)
                 if progress:
                     progress(float(x["t"]), self.duration)
         except KeyboardInterrupt:
@@ -131,7 +135,7 @@ class Run:
         x, m, k = self.x, self.memory, 0
         while self.ended == "duration" and k * period < end:
             x["torques"] = laws.torques.address
-            if steps.sample(x):
+            if steps.sample(m.here):
                 self.check(steps.NO_RATE)
                 return
             tau = m["tau"].copy()
@@ -139,7 +143,7 @@ class Run:
             for until in (k * period + delay, (k + 1) * period):
                 if until > x["t"] and self.ended == "duration":
                     if x["step"] > 0.0:
-                        self.check(steps.resume(x))
+                        self.check(steps.resume(m.here))
                     self.advance(min(until, end), progress if k % REPORT == 0 else None)
                 if until == k * period + delay:
                     m["held"][:] = tau
@@ -204,12 +208,12 @@ class Run:
         """Return what `simulate_many` keeps of a run, with the `distance` or without."""
         self.finish()
         m, x, n, result = self.memory, self.x, self.plant.arm.n, np.empty(2)
-        observe.survey(x, result)
+        observe.survey(m.here, result)
         least = self._least_distance() if distance else np.nan
         first, last = 0, int(x["written"]) - 1  # of all outputs two are looked at in detail
         m["y_out"][1], m["t_out"][1] = m["y_out"][last], m["t_out"][last]
         x["written"] = min(last, 1) + 1
-        observe.observe(x)
+        observe.observe(m.here)
         seen, y = m["observed"][:2, n:], m["y_out"][min(last, 1)]
         energy = seen[[first, min(last, 1)], observe.ENERGY]
         turnover = float(energy.max() + x["exchanged"])
@@ -242,7 +246,7 @@ class Run:
     def trajectory(self) -> Trajectory:
         """Return the trajectory so far."""
         m, x, n, last = self.memory, self.x, self.plant.arm.n, self.finish()
-        observe.observe(x)
+        observe.observe(m.here)
         Y, seen, t = m["y_out"][:last], m["observed"][:last, n:], m["t_out"][:last].copy()
         torque = m["observed"][:last, :n].copy()
         if self.torques:

@@ -83,7 +83,7 @@ def explicit_step(at: int, _: float, __: int, ___: int) -> int:
         x.step = h * (max(LEAST, SAFETY * error**-0.125) if error < np.inf else LEAST)
         most = 1.0
     factor = most if error == 0.0 else min(most, SAFETY * error**-0.125)
-    x.t, x.step, x.dense, x.by_radau = end, max(h * factor, x.step if end == x.end else 0.0), 0, 0
+    x.t, x.step, x.dense, x.cubic = end, max(h * factor, x.step if end == x.end else 0.0), 0, 0
     for o in range(N):
         f[o] = K[STAGES, o]
     count_stiff(x, h)

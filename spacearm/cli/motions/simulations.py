@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import pinocchio as pin
 import typer
 
+from spacearm.cli.motions.flights import HOLD, fly, read_phases
+from spacearm.cli.motions.laws import Law, gain_of, law_of
 from spacearm.cli.options import (
     AsJson,
     Attitude,
@@ -18,7 +18,6 @@ from spacearm.cli.options import (
     PointsFrom,
     Spacecraft,
     SpacecraftMode,
-    goal_from,
     joint_values,
     mark_of,
     numbers,
@@ -42,32 +41,12 @@ from spacearm.cli.output import write_picture as write
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.motion.controllers import (
-    Controller,
-    DampedLeastSquares,
-    JointPD,
-    Reactionless,
-    ResolvedRate,
-    TransposedJacobian,
-)
-from spacearm.motion.goal import Goal
+from spacearm.motion.events import EVENTS
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import PassiveJoint, WheelHold
 from spacearm.motion.simulation import simulate
 from spacearm.motion.trajectory import Trajectory
 
-
-class Law(str, Enum):
-    """Names of the controllers."""
-
-    TRANSPOSED = "transposed"
-    RESOLVED = "resolved"
-    DAMPED = "damped"
-    REACTIONLESS = "reactionless"
-    JOINTS = "joints"
-
-
-HOLD = ("stiffness", "damping", "torque", "capacity")
 MOST = 10
 """Number of events that are printed."""
 
@@ -79,13 +58,24 @@ def simulate_motion(
         str, typer.Option("--q0", help="Joint values at the start.", metavar="Q1 Q2 ...")
     ],
     target: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="Task rows of the tip [m], turns as roll pitch yaw, see --origin; joint values "
             "for joints.",
             metavar="X1 X2 ...",
         ),
-    ],
+    ] = None,
+    phases: Annotated[
+        Path | None,
+        typer.Option(help="Phases with grasps and releases, in place of --target.", metavar="TOML"),
+    ] = None,
+    dq0: Annotated[
+        str | None, typer.Option("--dq0", help="Joint rates at the start.", metavar="R1 R2 ...")
+    ] = None,
+    wheels0: Annotated[
+        str | None,
+        typer.Option("--wheels0", help="What the wheels hold at the start.", metavar="H1 ..."),
+    ] = None,
     controller: Annotated[Law, typer.Option(help="Control law.")] = Law.TRANSPOSED,
     duration: Annotated[float, typer.Option(help="Duration [s].")] = 60.0,
     kp: Annotated[
@@ -116,7 +106,14 @@ def simulate_motion(
         list[str] | None,
         typer.Option(help="End at this event; may be repeated.", metavar="EVENT"),
     ] = None,
+    event: Annotated[
+        list[str] | None,
+        typer.Option(help="Note this event only; may be repeated.", metavar="EVENT"),
+    ] = None,
+    reach: Annotated[float, typer.Option(help="Error at which the target is reached.")] = 1e-3,
+    dt: Annotated[float | None, typer.Option("--dt", help="Spacing of the output [s].")] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = 1e-8,
+    atol: Annotated[float, typer.Option(help="Absolute tolerance of a step.")] = 1e-10,
     method: Annotated[str, typer.Option(help="auto, DOP853 or Radau.")] = "auto",
     momentum: Annotated[
         tuple[float, float, float, float, float, float],
@@ -168,7 +165,8 @@ def simulate_motion(
     """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
     Events: singularity, "joint limit", target, "wheel full". Ctrl-C
-    ends the run and keeps what there is.
+    ends the run and keeps what there is. A file of phases has tables [[phase]] with the options of
+    this command, by their names in Python, and grasp = {mass = ...} or release = true.
     """
     check_picture(output)
     if save:
@@ -177,12 +175,29 @@ def simulate_motion(
         raise ConfigurationError("--described-friction and --passive are given; give one of them")
     start = joint_values(arm, q0.split(), deg)
     believed: BaseMode = "fixed" if earthbound else mode.value
-    law, goal = _law(arm, controller, target, kp, kd, gain, believed, deg)
+    moving = None if dq0 is None else joint_values(arm, dq0.split(), deg)
+    if phases:
+        own = {
+            "--target": target, "--stop": stop, "--event": event, "--limit": limit, "--dt": dt,
+            "--passive": passive, "--described-friction": described, "--wrench": wrench,
+            "--thruster": thruster, "--hold": hold, "--period": period, "--wheels0": wheels0,
+            "--view": view, "--mode": mode is not Spacecraft.FREE,
+        }  # fmt: skip
+        if given := [option for option, value in own.items() if value]:
+            raise ConfigurationError(f"--phases and {given[0]} are given; say it in the file")
+        return fly(arm, start, read_phases(phases, arm), spacecraft_pose(attitude, deg), moving,
+                   momentum, save, output, as_json)  # fmt: skip
+    if target is None:
+        raise ConfigurationError("neither --target nor --phases is given; give one of them")
+    parameters = {"kp": gain_of("--kp", kp), "kd": gain_of("--kd", kd), "gain": gain}
+    law, goal = law_of(arm, controller, target, parameters, believed, deg)
     with working("simulating") as progress:
         run = simulate(
             arm, start, law, duration, base=spacecraft_pose(attitude, deg),
             origin=origin.value, mode=mode.value, limits=limit or (),
-            momentum=momentum if any(momentum) else None,
+            momentum=momentum if any(momentum) else None, dq0=moving,
+            wheels0=None if wheels0 is None else numbers("--wheels0", wheels0),
+            events=event or EVENTS, reach=reach, dt=dt, atol=atol,
             passive="described" if described else {
                 j: PassiveJoint(*v) for j, v in _vectors("--passive", passive).items()
             },
@@ -221,29 +236,6 @@ def _vectors(option: str, texts: list[str] | None) -> dict[str, tuple[float, ...
     """Parse NAME=X,Y,..., as often as given."""
     pairs = [text.partition("=") for text in texts or []]
     return {name: tuple(numbers(f"{option} {name}", values)) for name, _, values in pairs}
-
-
-def _law(
-    arm: SpaceArm,
-    law: Law,
-    target: str,
-    kp: str,
-    kd: str,
-    gain: float,
-    mode: BaseMode,
-    deg: bool,
-) -> tuple[Controller, Goal | None]:
-    """Return the controller, and the goal of the tip if it has one."""
-    K_p, K_d = (np.squeeze(numbers(option, text)) for option, text in (("--kp", kp), ("--kd", kd)))
-    if law is Law.JOINTS:
-        return JointPD(joint_values(arm, target.split(), deg), K_p, K_d), None
-    goal = goal_from(arm, "--target", target, deg)
-    if law is Law.TRANSPOSED:
-        return TransposedJacobian(target=goal, kp=K_p, kd=K_d, mode=mode), goal
-    kinds = {
-        Law.RESOLVED: ResolvedRate, Law.DAMPED: DampedLeastSquares, Law.REACTIONLESS: Reactionless
-    }  # fmt: skip
-    return kinds[law](target=goal, gain=gain, mode=mode), goal
 
 
 def _print(run: Trajectory, deg: bool) -> None:

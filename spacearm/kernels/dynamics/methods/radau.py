@@ -19,7 +19,8 @@ from spacearm.kernels.dynamics.context import (
     vec,
     whole_numbers,
 )
-from spacearm.kernels.dynamics.runge_kutta import COLLAPSED, DONE, FAILED
+from spacearm.kernels.dynamics.methods.linear import ROUNDING, differentiate, factorise, solve
+from spacearm.kernels.dynamics.methods.runge_kutta import COLLAPSED, DONE, FAILED
 from spacearm.kernels.floating import Numbers
 from spacearm.kernels.lanes import part
 
@@ -32,82 +33,18 @@ REAL = float(constants.MU_REAL)
 COMPLEX = complex(constants.MU_COMPLEX)
 ITERATIONS = 6
 """Most steps of Newton's iteration."""
+SLOW = 1e-3
+"""Ratio of the steps of Newton's iteration above which the Jacobian is computed anew."""
 LEAST, MOST = 0.2, 10.0
-ROUNDING = 2.0**-52
-
-
-@part
-def factorise(A: Numbers, order: Numbers) -> None:
-    """Factorise A = L U in place, with pivots."""
-    N = A.shape[0]
-    for i in range(N):
-        top = i
-        for j in range(i + 1, N):
-            if abs(A[j, i]) > abs(A[top, i]):
-                top = j
-        order[i] = top
-        if top != i:
-            for x in range(N):
-                A[i, x], A[top, x] = A[top, x], A[i, x]
-        for j in range(i + 1, N):
-            if A[j, i] != 0.0:
-                A[j, i] /= A[i, i]
-                for x in range(i + 1, N):
-                    A[j, x] -= A[j, i] * A[i, x]
-
-
-@part
-def solve(A: Numbers, order: Numbers, b: Numbers) -> None:
-    """Solve A x = b with the factors of A; b becomes x."""
-    N = A.shape[0]
-    for i in range(N):
-        if order[i] != i:
-            b[i], b[order[i]] = b[order[i]], b[i]
-    for i in range(N):
-        for j in range(i):
-            b[i] -= A[i, j] * b[j]
-    for i in range(N - 1, -1, -1):
-        for j in range(i + 1, N):
-            b[i] -= A[i, j] * b[j]
-        b[i] /= A[i, i]
-
-
-@part
-def differentiate(x: Context, t: float) -> int:
-    """Compute the Jacobian of the rate at y by differences."""
-    N, y, f, mid = x.states, vec(x._y, x.states), vec(x._f_y, x.states), vec(x._mid, x.states)
-    J, G, status = mat(x._jacobian, N, N), mat(x._G, 3, N), 0
-    for o in range(N):
-        mid[o] = y[o]
-    for j in range(N):
-        mid[j] = y[j] + np.sqrt(ROUNDING) * max(abs(y[j]), 1e-3)
-        h = mid[j] - y[j]
-        status |= rate_at(x, t, mid, G[0])
-        mid[j] = y[j]
-        for o in range(N):
-            J[o, j] = (G[0, o] - f[o]) / h
-    x.rates += N
-    x.known, x.factored = 2, 0
-    return int(status)
 
 
 @part
 def factors(x: Context, h: float) -> None:
     """Factorise the two matrices of Newton's iteration for a step h."""
-    N, J, order = (
-        x.states,
-        mat(x._jacobian, x.states, x.states),
-        whole_numbers(x._order, 2, x.states),
-    )
-    real, complex_one = mat(x._real, N, N), carray(pointer(x._complex), (N, N), np.complex128)
-    for i in range(N):
-        for j in range(N):
-            real[i, j] = -J[i, j]
-            complex_one[i, j] = -J[i, j]
-        real[i, i] += REAL / h
-        complex_one[i, i] += COMPLEX / h
-    factorise(real, order[0])
-    factorise(complex_one, order[1])
+    M, order = x.coupled - x.n, whole_numbers(x._order, 2, x.states)
+    complex_one = carray(pointer(x._complex), (M, M), np.complex128)
+    factorise(x, REAL / h, mat(x._real, M, M), order[0])
+    factorise(x, COMPLEX / h, complex_one, order[1])
     x.factored = 1
 
 
@@ -124,10 +61,10 @@ def size(x: Context, error: Numbers) -> float:
 @part
 def stages(x: Context, h: float) -> tuple[int, float]:
     """Solve for the stages Z by Newton's iteration; return its steps, 0 if it fails, and speed."""
-    N, before, mid = x.states, vec(x._before, x.states), vec(x._mid, x.states)
+    N, M, before, mid = x.states, x.coupled - x.n, vec(x._before, x.states), vec(x._mid, x.states)
     Z, W, G = mat(x._Z, 3, N), mat(x._W, 3, N), mat(x._G, 3, N)
-    order, real = whole_numbers(x._order, 2, N), mat(x._real, N, N)
-    complex_one = carray(pointer(x._complex), (N, N), np.complex128)
+    order, real = whole_numbers(x._order, 2, N), mat(x._real, M, M)
+    complex_one = carray(pointer(x._complex), (M, M), np.complex128)
     solution = carray(pointer(x._solution), (N,), np.complex128)
     tolerance = max(10.0 * ROUNDING / x.rtol, min(0.03, np.sqrt(x.rtol)))
     last, speed = 0.0, 0.0
@@ -144,8 +81,8 @@ def stages(x: Context, h: float) -> tuple[int, float]:
             for i in range(3):
                 mid[o] += TI[0, i] * G[i, o]
                 solution[o] += (TI[1, i] + 1j * TI[2, i]) * G[i, o]
-        solve(real, order[0], mid)
-        solve(complex_one, order[1], solution)
+        solve(x, REAL / h, real, order[0], mid)
+        solve(x, COMPLEX / h, complex_one, order[1], solution)
         total = 0.0
         for o in range(N):
             scale, z = x.atol + x.rtol * abs(before[o]), solution[o]
@@ -192,9 +129,10 @@ def implicit_step(at: int, _: float, __: int, ___: int) -> int:
     x = context_at(at)
     N, y, f, mid = x.states, vec(x._y, x.states), vec(x._f_y, x.states), vec(x._mid, x.states)
     before, origin, Z = vec(x._before, N), mat(x._K, 16, N)[1], mat(x._Z, 3, N)
-    F, G, real, order = mat(x._F, 7, N), mat(x._G, 3, N), mat(x._real, N, N), x._order
+    F, G, real = mat(x._F, 7, N), mat(x._G, 3, N), mat(x._real, x.coupled - x.n, x.coupled - x.n)
+    order = whole_numbers(x._order, 2, N)[0]
     least = 10.0 * (np.nextafter(x.t, np.inf) - x.t)
-    knows = x.by_radau == 1 and x.last_step > 0.0
+    knows = x.cubic == 1 and x.last_step > 0.0
     for o in range(N):
         origin[o] = before[o]
         before[o] = y[o]
@@ -224,7 +162,7 @@ def implicit_step(at: int, _: float, __: int, ___: int) -> int:
             y[o] = before[o] + Z[2, o]
             G[0, o] = (E[0] * Z[0, o] + E[1] * Z[1, o] + E[2] * Z[2, o]) / h
             mid[o] = f[o] + G[0, o]
-        solve(real, whole_numbers(order, 2, N)[0], mid)
+        solve(x, REAL / h, real, order, mid)
         error = size(x, mid)
         if refused and error > 1.0:
             for o in range(N):
@@ -232,7 +170,7 @@ def implicit_step(at: int, _: float, __: int, ___: int) -> int:
             if rate_at(x, x.began, G[1], mid) == 0:
                 for o in range(N):
                     mid[o] += G[0, o]
-                solve(real, whole_numbers(order, 2, N)[0], mid)
+                solve(x, REAL / h, real, order, mid)
                 error = size(x, mid)
         safety = 0.9 * (2 * ITERATIONS + 1) / (2 * ITERATIONS + newton)
         if error <= 1.0:
@@ -241,7 +179,7 @@ def implicit_step(at: int, _: float, __: int, ___: int) -> int:
         x.factored, refused = 0, True
         for o in range(N):
             y[o] = before[o]
-    again = newton > 2 and speed > 1e-3
+    again = newton > 2 and speed > SLOW
     factor = min(MOST, safety * predicted(x, h, error))
     if not again and factor < 1.2:
         factor = 1.0
@@ -259,7 +197,7 @@ def implicit_step(at: int, _: float, __: int, ___: int) -> int:
         return FAILED
     if again and differentiate(x, x.t):
         return FAILED
-    x.last_step, x.last_error, x.step, x.dense, x.by_radau = h, error, h * factor, 1, 1
+    x.last_step, x.last_error, x.step, x.dense, x.cubic = h, error, h * factor, 1, 1
     return DONE
 
 

@@ -1,0 +1,1 @@
+"""The command that simulates: a run, or the phases of a flight."""

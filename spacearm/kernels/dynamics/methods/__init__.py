@@ -1,0 +1,1 @@
+"""Steps of the integrators: an explicit pair and two implicit methods."""

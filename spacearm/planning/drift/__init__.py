@@ -1,0 +1,1 @@
+"""Plans with momentum on board: the spacecraft drifts while the arm moves."""

@@ -1,0 +1,224 @@
+"""Search: plans of a spacecraft with momentum, each made of one that has none.
+
+With angular momentum h and the joints locked the spacecraft would turn by about D^-1 h t in a time
+t. So the search begins with a plan at zero momentum that starts from an attitude turned by as much,
+and then bends it until it arrives from where the spacecraft is. All is seen from the system CM,
+which moves straight.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.collisions.courses import Recorded
+from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.separation import Collisions
+from spacearm.errors import NoSolutionError
+from spacearm.mechanics.momentum import base_velocity
+from spacearm.model.configuration import Configuration
+from spacearm.planning.drift.arrival import Arrival
+from spacearm.planning.drift.ramps import ramp_ends
+from spacearm.planning.problem import Problem
+from spacearm.planning.result import FAILED, IGNORED, Attempt, Plan
+from spacearm.planning.search import TimeUpError
+from spacearm.planning.timing import PEAK, eased, largest_rates
+
+SLACK = 1.2
+"""Time for a motion over that at zero momentum, where none is asked for: bent ways are longer."""
+EACH, AT_ONCE = 5, 8
+"""One in so many ways begins with a plan at zero momentum; ends of ramps found at once."""
+ROWS = 40
+"""Rows of them, at least."""
+JOINTS, DETOUR = "joint space", 0.4
+"""Name of the method of joint motions, and how far those after the first go aside [rad]."""
+FINE = 0.05
+"""Largest turn of the spacecraft, and motion of a joint, from row to row [rad], [m]."""
+
+
+class Mission(Protocol):
+    """What shall be planned, seen from the system CM, which has moved on when the tip arrives."""
+
+    seed: int
+
+    def problem(self, moved: Array) -> Problem:
+        """Return the problem if the CM moves by (3,) [m] until the tip arrives."""
+
+    def still(self, start: Configuration, moved: Array, number: int) -> Plan:
+        """Return a plan without momentum from another start, of several the one of this number."""
+
+    def check_time(self) -> None:
+        """Raise a TimeUpError if the time is up."""
+
+
+@dataclass
+class Drift:
+    """A search for a plan with momentum.
+
+    Attributes:
+        mission: What shall be planned.
+        start: Configuration at the start.
+        momentum: (6,) momentum, inertial axes.
+        duration: When to arrive [s]; None for about as soon as the velocity limits allow.
+        obstacles: What must not be met.
+        tried: What was tried so far.
+        best: The last attempt that arrives but breaks a constraint.
+    """
+
+    mission: Mission
+    start: Configuration
+    momentum: Array
+    duration: float | None
+    obstacles: tuple[Obstacle, ...]
+    tried: list[Attempt] = field(default_factory=list)
+    best: Plan | None = None
+    _ends: list[Array] = field(default_factory=list)
+
+    def plan(self) -> Plan:
+        """Return a plan that arrives; others are tried until the time is up.
+
+        Raises:
+            NoSolutionError: There is none; carries the best attempt.
+        """
+        self.mission.problem(self._speed * (self.duration or 0.0))  # refuses what nothing can solve
+        lasts = self.duration or 0.0
+        turn = pin.exp3(self._spin * lasts)
+        for number in itertools.count():
+            method = "at zero momentum"
+            try:
+                self.mission.check_time()
+                if number % EACH and lasts:
+                    method, still = JOINTS, None
+                    problem = self.mission.problem(self._speed * lasts)
+                    t, Q = self._ramp(problem, turn, lasts)
+                else:
+                    still = self.mission.still(
+                        self._turned(turn), self._speed * lasts, number // EACH
+                    )
+                    method = f"{still.method}, bent"
+                    lasts = self._lasts(still, lasts)
+                    t, Q = _rows(still, lasts, float(np.linalg.norm(self._spin)))
+                    problem = self.mission.problem(self._speed * lasts)
+                bend = Arrival(self.start, problem.target, t, self.momentum[3:])
+                if still is not None:  # from where the same way would arrive
+                    ends = bend.rows(Q)[-1].base.rotation
+                    turn = ends @ still[-1].base.rotation.T @ turn
+                return self._checked(problem, method, t, bend.bent(Q))
+            except (TimeUpError, KeyboardInterrupt):
+                break
+            except NoSolutionError as error:
+                self.tried.append(Attempt(method, False, str(error)))
+        name, h = self.start.arm.name, self.momentum.round(6).tolist()
+        stories = {a.method: a.story for a in self.tried}
+        story = "; ".join(f"{method}: {why}" for method, why in stories.items())
+        raise NoSolutionError(
+            f"{name}: no plan found with momentum {h}, in {len(self.tried)} attempts. {story}",
+            self.best,
+        )
+
+    def _ramp(self, problem: Problem, turn: Array, lasts: float) -> tuple[Array, Array]:
+        """Return times (m,) and joint positions (m, n) of a motion from rest to rest.
+
+        Raises:
+            NoSolutionError: None is near a solution.
+        """
+        if not self._ends:
+            reach = largest_rates(self.start.arm) * lasts / PEAK
+            rng = np.random.default_rng((self.mission.seed, len(self.tried)))
+            check_time = self.mission.check_time
+            self._ends = [
+                *ramp_ends(self.start, problem.target, turn, reach, rng, check_time)[:AT_ONCE]
+            ]
+        if not self._ends:
+            raise NoSolutionError("no joint positions at the goal can be reached in time")
+        way = self._ends.pop(0) - self.start.q
+        detour = np.zeros(len(way))
+        if any(attempt.method == JOINTS for attempt in self.tried):
+            detour = np.random.default_rng((self.mission.seed, len(self.tried))).normal(
+                scale=DETOUR, size=len(way)
+            )
+        spin = float(np.linalg.norm(self._spin)) * lasts
+        u = np.linspace(0.0, 1.0, ROWS + math.ceil(max(spin, np.abs(way).max()) / FINE))
+        aside = 0.5 - 0.5 * np.cos(2.0 * np.pi * u[:, None])
+        return lasts * u, self.start.q + eased(u)[:, None] * way + aside * detour
+
+    def _checked(self, problem: Problem, method: str, t: Array, rows: list[Configuration]) -> Plan:
+        """Return a plan with rows that arrive, if they keep all constraints.
+
+        Raises:
+            NoSolutionError: They do not.
+        """
+        arm, bodies = self.start.arm, problem.collisions
+        found = Plan.of_rows(method, rows, problem.target.clearance, (), FAILED, None)
+        base = found.base.copy()
+        base[:, :3] += np.outer(t, self._speed)
+        h = np.tile(self.momentum, (len(t), 1))
+        self.best = found = replace(found, t=t, base=base, momentum=h, obstacles=self.obstacles)
+        problem.check(rows)
+        over = (np.abs(np.diff(found.q, axis=0)) / np.diff(t)[:, None]).max(axis=0)
+        over /= largest_rates(arm)
+        if over.max() > 1.0:
+            name = arm.joint_names[int(over.argmax())]
+            raise NoSolutionError(f"joint {name!r} moves at {over.max():.3g} times its limit")
+        if self.obstacles:
+            bodies = Collisions(arm, self.obstacles)
+            if (contact := bodies.contact(Recorded(found), problem.search.check_time)) is not None:
+                raise NoSolutionError(str(contact))
+        return replace(
+            found,
+            checked=IGNORED if bodies is None else bodies.account,
+            apart=True if bodies is not None and bodies.bodies else None,
+            tried=(*self.tried, Attempt(method, True, f"{found.travel}, {found.nearest}")),
+        )
+
+    def _lasts(self, still: Plan, lasts: float) -> float:
+        """Return when the tip shall arrive [s].
+
+        Raises:
+            NoSolutionError: The velocity limits do not allow it.
+        """
+        if self.duration is None:
+            return max(SLACK * float(still.t[-1]), lasts)
+        if still.t[-1] > self.duration:
+            raise NoSolutionError(late(still, self.duration))
+        return self.duration
+
+    def _turned(self, turn: Array) -> Configuration:
+        """Return the start, turned about the system CM by a rotation (3, 3)."""
+        attitude = pin.SE3(turn @ self.start.base.rotation, np.zeros(3))
+        return self.start.arm.at(self.start.q, base=attitude).centred(self.start.com)
+
+    @cached_property
+    def _spin(self) -> Array:
+        """(3,) angular velocity of the spacecraft at the start, joints at rest [rad/s]."""
+        return base_velocity(self.start, np.zeros(self.start.arm.n), self.momentum)[3:]
+
+    @cached_property
+    def _speed(self) -> Array:
+        """(3,) velocity of the system CM [m/s]."""
+        return self.momentum[:3] / self.start.arm.mass
+
+
+def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
+    """Return times (m,) and joint positions (m, n) of a plan that lasts longer, in small steps."""
+    t = plan.t * (lasts / plan.t[-1])
+    step = np.maximum(np.abs(np.diff(plan.q, axis=0)).max(axis=1), spin * np.diff(t))
+    parts = np.maximum(1, np.ceil(step / FINE)).astype(int)
+    at = np.concatenate([*(i + np.arange(k) / k for i, k in enumerate(parts)), [len(parts)]])
+    rows = np.arange(len(t))
+    return np.interp(at, rows, t), np.column_stack([np.interp(at, rows, q) for q in plan.q.T])
+
+
+def late(plan: Plan, duration: float) -> str:
+    """Return why a plan does not arrive in time, in words."""
+    return (
+        f"the way takes {plan.t[-1]:.4g} s within the velocity limits, more than the duration of "
+        f"{duration:.4g} s"
+    )

@@ -1,0 +1,1 @@
+"""When motions pass their rows: as fast as the motors allow, and laws that keep to it."""

@@ -1,0 +1,208 @@
+"""Time-optimal timing: as fast along a path as the motors of a floating arm allow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.interpolate import CubicSpline
+
+from spacearm.arrays import Array
+from spacearm.collisions.courses import Recorded
+from spacearm.collisions.separation import Collisions
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.mechanics.floating import placed, walk
+from spacearm.model.configuration import Configuration
+from spacearm.motion.motion import Motion
+from spacearm.planning.result import Plan
+from spacearm.singularities.report import angle
+from spacearm.timing.limits import Limits
+from spacearm.timing.smooth_path import bent, smooth_pieces
+
+AnyMotion = TypeVar("AnyMotion", bound=Motion)
+
+RISE = 0.1
+"""Share of the duration over which torques build up, unless given."""
+GRID = 200
+"""Points of a piece of path at which its rate is sought."""
+FINE = 4000
+"""Times at which that rate is smoothed."""
+ROWS = 400
+"""Rows of the result."""
+FEWEST = 30
+"""Rows of a piece, at least."""
+UNFELT = 1e-3
+"""Limits of which the fastest motion takes less than this share are seen to afterwards."""
+FASTEST, LEAST = 100.0, 1e-12
+"""Largest and least rates along a path, in paths for about the time that one takes."""
+DIVIDED = (1, 2, 4, 8)
+"""Knots between two rows, tried in order."""
+
+
+def time_optimal(
+    motion: AnyMotion,
+    *,
+    torque: npt.ArrayLike | None = None,
+    rate: npt.ArrayLike | None = None,
+    acceleration: npt.ArrayLike | None = None,
+    rise: float = RISE,
+) -> AnyMotion:
+    """Lead a motion along its path as fast as its joints can, from rest to rest.
+
+    The path is a smooth curve through the motion's rows, at whose sharp corners the joints come to
+    rest. Of all ways to run through it the fastest that keeps the limits is found by reachability
+    analysis: Pham & Pham, IEEE Trans. Robot. 34(3), 645-659 (2018), DOI 10.1109/TRO.2018.2819195,
+    with the library toppra (extra `timing`). Torques are those of the floating arm at zero
+    momentum, or in the motion's mode. They would jump at the ends and wherever another limit takes
+    over: a moving average, a raised cosine over `rise`, makes them continuous, from zero to zero.
+    Then time is stretched until all limits hold.
+
+    Args:
+        motion: The motion, at zero momentum; a `Plan` remains one.
+        torque: Largest torques [N m] or forces [N], one number or (n,); if None the efforts of the
+            description.
+        rate: Largest joint rates [rad/s] or [m/s], likewise; if None those of the description, and
+            0.5 where it gives none.
+        acceleration: Largest joint accelerations [rad/s^2] or [m/s^2], likewise; no limit if None.
+        rise: Share of the duration over which torques build up, from 0 (they jump) to 1.
+
+    Returns:
+        The motion with new times and rows. Of a plan, that it keeps joint limits and clearance and
+        that no bodies meet is checked anew.
+
+    Raises:
+        ConfigurationError: An argument does not make sense, or the motion stays where it is.
+        UnsupportedError: The plan has momentum, toppra is not installed (pip install
+            'spacearm[timing]'), or nothing limits the acceleration of a joint.
+        NoSolutionError: The smooth path breaks what the plan keeps; names it.
+
+    Example:
+        >>> import spacearm as sa
+        >>> plan = sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
+        >>> fast = sa.time_optimal(plan, torque=20.0, rate=2.0)
+        >>> bool(fast.t[-1] < 0.5 * plan.t[-1]), fast.certificate.free
+        (True, True)
+    """
+    if not 0.0 <= rise <= 1.0:
+        raise ConfigurationError(f"rise is {rise!r}; give a share of the duration from 0 to 1")
+    if isinstance(motion, Plan) and motion.momentum.any():
+        raise UnsupportedError("the plan has momentum on board, and its path depends on its times")
+    if len(motion) < 2 or not np.ptp(motion.q, axis=0).any():
+        raise ConfigurationError(f"{motion!r} stays where it is; there is nothing to time")
+    limits = Limits.of(motion.arm, motion.mode, rate, acceleration, torque)
+    for divided in DIVIDED:
+        pieces = smooth_pieces(motion.q, divided)
+        timed = _timed(motion, pieces, [_fastest(piece, limits, rise) for piece in pieces])
+        broken = _broken(motion, timed)
+        if broken is None:
+            return timed
+    raise NoSolutionError(f"the smooth path through the plan's rows breaks what it keeps: {broken}")
+
+
+def _fastest(path: CubicSpline, limits: Limits, rise: float) -> CubicSpline:
+    """Return where along a path (its parameter) a motion is over time, from rest to rest."""
+    t, rate = _smoothed(*_bang_bang(path, limits), rise)
+    along, length = CubicSpline(t, rate).antiderivative()(t), path.x[-1]
+    s = CubicSpline(t, along * (length / along[-1]), bc_type="clamped")
+    few = np.linspace(0.0, t[-1], GRID)
+    u, du, ddu = (s(few, order)[:, None] for order in range(3))
+    u = np.clip(u[:, 0], 0.0, length)
+    q, slope, bend = (path(u, order) for order in range(3))
+    slower = limits.slowdown(q, slope * du, bend * du**2 + slope * ddu)
+    return CubicSpline(slower * t, s(t), bc_type="clamped")
+
+
+def _bang_bang(path: CubicSpline, limits: Limits) -> tuple[Array, Array]:
+    """Return times (m,) and the rates of the parameter (m,) of the fastest motion along a path.
+
+    The length of the path and about the time it takes are the units, as the numbers of toppra's
+    linear programs must not be far from one.
+    """
+    try:
+        import toppra
+        from toppra.algorithm import TOPPRA
+        from toppra.constraint import JointVelocityConstraint, SecondOrderConstraint
+    except ImportError:
+        raise UnsupportedError("toppra is not installed: pip install 'spacearm[timing]'") from None
+    grid, length = np.linspace(0.0, 1.0, GRID), path.x[-1]
+    curve = toppra.SplineInterpolator(path.x / length, path(path.x))
+    rows = zip(curve(grid), np.zeros((GRID, limits.arm.n)), curve(grid, 1), strict=True)
+    most = np.abs([limits.load(*row) for row in rows]).max(axis=0)
+    felt = most > UNFELT * most.max()
+    unit = max(np.sqrt(most.max()), (np.abs(curve(grid, 1)) / limits.rate).max())
+    rate = np.minimum(limits.rate * unit, FASTEST * np.abs(curve(grid, 1)).max())
+    both = np.vstack((np.eye(felt.sum()), -np.eye(felt.sum())))
+
+    def load(q: Array, dq: Array, ddq: Array) -> Array:
+        return limits.load(q, dq / unit, ddq / unit**2)[felt]
+
+    constraints = [
+        JointVelocityConstraint(np.column_stack((-rate, rate))),
+        SecondOrderConstraint(load, lambda _: both, lambda _: np.ones(len(both)), limits.arm.n),
+    ]
+    found = TOPPRA(constraints, curve, gridpoints=grid, solver_wrapper="seidel")
+    found.compute_parameterization(0.0, 0.0)
+    along = found.problem_data.sd_vec
+    if along is None or not np.isfinite(along).all():
+        raise NoSolutionError(f"toppra found no timing: {found.problem_data.return_code.value}")
+    steps = 2.0 * np.diff(grid) / np.maximum(along[:-1] + along[1:], LEAST)
+    return unit * np.append(0.0, np.cumsum(steps)), along
+
+
+def _smoothed(t: Array, rate: Array, rise: float) -> tuple[Array, Array]:
+    """Return times and rates after a moving average over a share of the duration."""
+    step = t[-1] / FINE
+    width = round(rise * FINE)
+    fine = np.interp(np.arange(FINE + 1) * step, t, rate)
+    window = np.hanning(width + 2)[1:-1] if width > 1 else np.ones(1)
+    smooth = np.convolve(fine, window / window.sum())
+    return np.arange(len(smooth)) * step, smooth
+
+
+def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline]) -> AnyMotion:
+    """Return a motion along pieces of path, each with its parameter over time."""
+    start = np.append(0.0, np.cumsum([s.x[-1] for s in along]))
+    t, ways = [np.zeros(1)], [motion.q[:1]]
+    for path, s, before in zip(pieces, along, start, strict=False):
+        rows = max(FEWEST, round(ROWS * s.x[-1] / start[-1]))
+        times = np.linspace(0.0, s.x[-1], rows + 1)[1:]
+        t.append(before + times)
+        ways.append(path(np.clip(s(times), 0.0, path.x[-1])))
+    rows = _walked(motion, np.vstack(ways))
+    base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in rows])
+    held: dict[str, Any] = {}
+    if isinstance(motion, Plan):
+        held["momentum"] = np.zeros((len(rows), 6))
+    q = np.array([cfg.q for cfg in rows])
+    return replace(motion, t=np.concatenate(t), q=q, base=base, **held)
+
+
+def _walked(motion: Motion, q: Array) -> list[Configuration]:
+    """Return the configurations along joint positions (m, n), the spacecraft as its mode has it."""
+    start = motion[0]
+    if motion.mode == "free-floating":
+        return walk(start, bent(motion, q))
+    if motion.mode == "attitude-controlled":
+        return [placed(start, row, start.base.rotation) for row in q]
+    return [motion.arm.at(row, base=start.base) for row in q]
+
+
+def _broken(before: Motion, timed: Motion) -> str | None:
+    """Return what a plan keeps and its timed motion does not, in words; None where all is kept."""
+    if not isinstance(before, Plan) or not isinstance(timed, Plan):
+        return None
+    arm = timed.arm
+    over = np.maximum(timed.q - arm.upper, arm.lower - timed.q).max(axis=0)
+    allowed = np.maximum(before.q - arm.upper, arm.lower - before.q).max(axis=0)
+    if (over > np.maximum(allowed, 0.0)).any():
+        name = arm.joint_names[int((over - allowed).argmax())]
+        return f"joint {name!r} goes {over.max():.2g} beyond its limit"
+    if (least := timed.distance.min()) < min(before.clearance, before.distance.min()):
+        return f"the distance to the singular set falls to {angle(least)}"
+    if before.apart:
+        contact = Collisions(arm, before.obstacles).contact(Recorded(timed))
+        return None if contact is None else str(contact)
+    return None

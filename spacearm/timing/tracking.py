@@ -1,0 +1,73 @@
+"""Tracking: the torques by which an arm keeps to a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PPoly
+
+from spacearm.arrays import Array, positive
+from spacearm.mechanics.dynamics import inverse_dynamics
+from spacearm.model.configuration import Configuration
+from spacearm.motion.controllers import Law
+from spacearm.motion.motion import Motion
+from spacearm.planning.result import Plan
+from spacearm.planning.timing import course
+
+
+@dataclass(frozen=True)
+class Tracking(Law):
+    """tau = inverse dynamics of ddq_d + 2 rate (dq_d - dq) + rate^2 (q_d - q): computed torque.
+
+    q_d is a spline through the rows of the motion over time; before it begins and after it
+    has ended the joints hold still. Plans start and end at rest.
+
+    Attributes:
+        motion: The motion that the joints keep to.
+        rate: Rate at which errors vanish, critically damped [1/s].
+    """
+
+    motion: Motion
+    rate: float = 5.0
+
+    def __post_init__(self) -> None:
+        positive(self.rate, "rate", "rate [1/s]")
+
+    @cached_property
+    def _wanted(self) -> PPoly:
+        if isinstance(self.motion, Plan):
+            return course(self.motion.t, self.motion.q)
+        return CubicSpline(self.motion.t, self.motion.q)
+
+    @cached_property
+    def _momentum(self) -> Array | None:
+        return self.motion.momentum[0] if isinstance(self.motion, Plan) else None
+
+    def wanted(self, t: float) -> tuple[Array, Array, Array]:
+        """Return joint positions, rates and accelerations (n,) of the motion at a time."""
+        begin, end = self.motion.t[[0, -1]]
+        inside = float(np.clip(t, begin, end))
+        moves = float(inside == t)
+        return (
+            self._wanted(inside),
+            moves * self._wanted(inside, 1),
+            moves * self._wanted(inside, 2),
+        )
+
+    def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
+        """Return the torques (n,) [N m] or forces [N]."""
+        q, rates, ddq = self.wanted(t)
+        ddq = ddq + 2.0 * self.rate * (rates - dq) + self.rate**2 * (q - cfg.q)
+        h = self._momentum
+        return inverse_dynamics(cfg, dq, ddq, mode=self.motion.mode, momentum=h).tau
+
+    def error(self, t: float, cfg: Configuration) -> Array:
+        """Return q_d - q (n,) [rad] or [m]."""
+        return self.wanted(t)[0] - cfg.q
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters as plain data; of the motion its story."""
+        return {"motion": repr(self.motion), "rate": self.rate}

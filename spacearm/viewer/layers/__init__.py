@@ -1,0 +1,1 @@
+"""Layers of the scene besides the arm: where a motion ends, obstacles, loads."""

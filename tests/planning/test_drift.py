@@ -1,0 +1,109 @@
+"""Plans with momentum on board arrive at their time, by an integrator that shares nothing."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import load_text, random_chain
+from scipy.integrate import solve_ivp
+
+import spacearm as sa
+from spacearm.planning.drift.drifting import drifting_attitudes
+
+H = np.array([0.5, 0.2, 0.0, 0.0, 0.0, 0.5])
+
+
+def replay(plan):
+    """The end by DOP853 on w = D^-1 (h - D_q dq), rows linear in time, and a CM that moves on."""
+    arm, start, h = plan.arm, plan[0], plan.momentum[0]
+    T = start.base.rotation.ravel()
+    for i, dt in enumerate(np.diff(plan.t)):
+        rates = (plan.q[i + 1] - plan.q[i]) / dt
+
+        def rate(t, T, i=i, rates=rates):
+            U, _, Vt = np.linalg.svd(T.reshape(3, 3))
+            cfg = arm.at(plan.q[i] + t * rates, base=pin.SE3(U @ Vt, np.zeros(3)))
+            w = sa.base_velocity(cfg, rates, h)[3:]
+            return (pin.skew(w) @ T.reshape(3, 3)).ravel()
+
+        T = solve_ivp(rate, (0.0, dt), T, method="DOP853", rtol=1e-9, atol=1e-11).y[:, -1]
+    U, _, Vt = np.linalg.svd(T.reshape(3, 3))
+    com = start.com + h[:3] / arm.mass * plan.t[-1]
+    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(com)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return sa.load("planar2")
+
+
+@pytest.fixture(scope="module")
+def found(arm):
+    return sa.plan(arm, [0.3, 1.2], (0.9, 1.4), momentum=H, duration=8.0)
+
+
+def test_the_tip_arrives_at_the_stated_time(arm, found):
+    end = replay(found)
+    assert found.t[-1] == 8.0
+    np.testing.assert_allclose(end.tip.translation[:2], (0.9, 1.4), atol=2e-8)
+    np.testing.assert_allclose(found.tip[-1, :2], (0.9, 1.4), atol=2e-8)
+    np.testing.assert_allclose(found.com[-1], found.com[0] + 8.0 * H[:3] / arm.mass, atol=1e-12)
+    assert found.certificate.free
+    assert found.apart
+    np.testing.assert_array_equal(found.dq[[0, -1]], 0.0)
+
+
+def test_the_plan_without_momentum_would_miss(arm):
+    still = sa.plan(arm, [0.3, 1.2], (0.9, 1.4))
+    ends = drifting_attitudes(arm, np.eye(3), still.t, still.q[None], H[3:])[0, -1]
+    assert np.linalg.norm(pin.log3(ends.T @ still[-1].base.rotation)) > 0.05
+
+
+def test_a_simulation_with_the_momentum_keeps_to_the_plan(arm, found):
+    run = sa.simulate(arm, found.q[0], sa.Tracking(found), 8.0, momentum=H, rtol=1e-7)
+    assert np.linalg.norm(run.tip[-1, :2] - (0.9, 1.4)) < 1e-3
+
+
+def test_the_plan_is_kept_with_its_momentum(arm, found, tmp_path):
+    found.save(tmp_path / "p.npz")
+    again = sa.Plan.load(tmp_path / "p.npz", arm)
+    np.testing.assert_array_equal(again.momentum, found.momentum)
+    assert again.to_dict()["momentum"][0] == H.tolist()
+
+
+def test_without_momentum_the_duration_stretches_the_plan(arm):
+    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4))
+    longer = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), duration=30.0)
+    np.testing.assert_array_equal(longer.q, plan.q)
+    np.testing.assert_allclose(longer.t, plan.t * (30.0 / plan.t[-1]), rtol=1e-12)
+    np.testing.assert_allclose(longer.dq, plan.dq * (plan.t[-1] / 30.0), atol=1e-9)
+
+
+@pytest.mark.parametrize("momentum", [None, H])
+def test_what_the_velocity_limits_forbid_is_said(arm, momentum):
+    words = {"momentum": momentum, "duration": 0.1, "timeout": 1.0}
+    with pytest.raises(sa.NoSolutionError, match=r"more than the duration|reached in time"):
+        sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words)
+
+
+def test_an_obstacle_is_kept_off_while_the_spacecraft_drifts(arm):
+    words = {"momentum": H, "duration": 12.0}
+    through = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words)
+    beside = through.at(4.0).tip.translation + np.array([0.12, 0.0, 0.0])
+    ball = sa.Obstacle.sphere(0.06, sa.pose(beside))
+    assert not sa.collision_check(through, ball).apart
+    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words, obstacles=ball)
+    assert sa.collision_check(plan, ball).apart
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_spatial_arms_arrive(seed):
+    """The goal is where a known motion with this momentum ends, in twice its time."""
+    arm, rng = load_text(random_chain(seed, 7), tip="tip", task="pose"), np.random.default_rng(seed)
+    Q = np.linspace(0.0, 0.4, 60)[:, None] * rng.choice([-1.0, 1.0], 7)
+    h = 0.01 * arm.at(Q[0]).A[3:, 3:6] @ rng.normal(size=3)
+    T = drifting_attitudes(arm, np.eye(3), np.linspace(0.0, 10.0, 60), Q[None], h)[0, -1]
+    goal = arm.at(Q[-1], base=pin.SE3(T, np.zeros(3))).centred(arm.at(Q[0]).com).tip
+    plan = sa.plan(arm, Q[0], goal, momentum=[0, 0, 0, *h], duration=10.0)
+    end = replay(plan)
+    np.testing.assert_allclose(end.tip.homogeneous, goal.homogeneous, atol=1e-7)
