@@ -27,7 +27,8 @@ SHARE = (
     "tests/polynomial/test_trig.py", "tests/singularities/test_rounding.py",
     "tests/sweeps/test_study_arms.py",
     "tests/timing/test_optimal.py::test_what_makes_no_sense_is_refused", "tests/test_files.py",
-    "tests/tools/test_robots.py", "tests/uncertainty", "tests/viewer/test_show.py", "tests/workspaces/test_design.py",
+    "tests/tools/test_robots.py", "tests/uncertainty", "tests/viewer/test_show.py",
+    "tests/workspaces/test_design.py",
 )  # fmt: skip
 """Tests of every folder."""
 READS_ALL = "+dac_read_search"
