@@ -134,6 +134,7 @@ RESULTS = {
     "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),
+    "Tracking": lambda: sa.Tracking(motion()),
     "WheelHold": lambda: sa.WheelHold(stiffness=1.0, damping=2.0, torque=0.1, capacity=5.0),
     "Workspace": workspace,
 }

@@ -64,6 +64,19 @@ def test_faults_of_links_are_found(tmp_path):
 
 
 @pytest.mark.slow
+def test_no_lesson_shows_a_picture_twice():
+    """As a notebook does that draws the value of a cell and pyplot's figures."""
+    lessons = sorted((BUILT / "lessons").glob("*.html"))
+    if not lessons:
+        pytest.skip("the site is not built: python -m sphinx -W docs docs/_build/html")
+    for page in lessons:
+        text = page.read_text(encoding="utf-8")
+        pictures = re.findall(r'<img [^>]*src="[^"]*_images/([0-9a-f]{32,}\.png)"', text)
+        assert pictures, page.name
+        assert len(pictures) == len(set(pictures)), page.name
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 390])
 def test_pages_in_a_browser_load_nothing_from_outside_and_fit(width):
     """On the site as `python -m sphinx -W docs docs/_build/html` builds it."""

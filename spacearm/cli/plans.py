@@ -46,7 +46,7 @@ from spacearm.planning.result import Plan
 from spacearm.singularities.report import angle
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
-KINDS = ("box", "sphere", "mesh", "robot")
+KINDS = ("box", "sphere", "cylinder", "mesh", "robot")
 """Kinds of obstacles."""
 
 
@@ -89,8 +89,9 @@ def plan_motion(
     obstacle: Annotated[
         list[str] | None,
         typer.Option(
-            help="box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS, mesh:X,Y,Z:FILE or "
-            "robot:X,Y,Z:MODEL, [m], see --origin; then :R,P,Y and @MARGIN; may be repeated.",
+            help="box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS, "
+            "cylinder:X,Y,Z:RADIUS,LENGTH, mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL, [m], see "
+            "--origin; then :R,P,Y and @MARGIN; may be repeated.",
             metavar="KIND:PLACE:WHAT",
         ),
     ] = None,
@@ -189,6 +190,9 @@ def _obstacle(text: str, deg: bool) -> Obstacle:
         return Obstacle.robot(robot.at(rest, base=pose), margin=margin)
     if kind == "sphere":
         return Obstacle.sphere(float(_counted(text, what, 1)[0]), pose, margin=margin)
+    if kind == "cylinder":
+        radius, length = map(float, _counted(text, what, 2))
+        return Obstacle.cylinder(radius, length, pose, margin=margin)
     size = _counted(text, what, 3 if "," in what else 1)
     return Obstacle.box(size if len(size) == 3 else float(size[0]), pose, margin=margin)
 

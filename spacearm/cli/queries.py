@@ -81,7 +81,10 @@ def report_singularity(
     """Report whether a configuration is singular, and which directions are lost."""
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
     within = TOLERANCE if tolerance is None else np.radians(tolerance) if deg else tolerance
-    report = singularity(cfg, mode=mode.value, tolerance=float(within), exact=not first_order)
+    with working("searching") as told:
+        report = singularity(
+            cfg, mode=mode.value, tolerance=float(within), exact=not first_order, progress=told
+        )
     if as_json:
         print_json(report.to_dict())
     else:
@@ -104,9 +107,9 @@ def find_nearest(
 ) -> None:
     """Find the singular posture nearest to a posture, in joint space."""
     start = joint_values(arm, q or [], deg)
-    with working("searching"):
+    with working("searching") as progress:
         found = singular_set(arm, mode=mode.value)
-        nearest, distance = found.nearest(start, limits=limits)
+        nearest, distance = found.nearest(start, limits=limits, progress=progress)
     square = found.complete and found.codimension == 1 and not arm.slides.any()
     proven = square and not limits and 0 < len(found.relevant) <= GLOBAL_DIMENSION
     if as_json:
@@ -155,8 +158,8 @@ def check_path(
 ) -> int:
     """Prove that straight joint motions from posture to posture meet no singularity."""
     Q = _postures(arm, file, deg)
-    with working("proving"):
-        proof = prove_regular(arm, Q, mode=mode.value)
+    with working("proving") as progress:
+        proof = prove_regular(arm, Q, mode=mode.value, progress=progress)
         if proof is None:
             raise UnsupportedError(
                 f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "

@@ -1,8 +1,9 @@
 """Kernels kept on disk, where that is possible: in the installed package or in the user's cache.
 
-Containers and system users often have neither, disks are full, files damaged: a kernel is then
-compiled anew by each process. numba itself looks at the file of a kernel only when it decides
-whether what it kept is still true; here every source of a kernel counts.
+Containers and system users often can write to neither, disks are full, files damaged. What somebody
+else has compiled in the package is then used; any other kernel is compiled anew by each process.
+numba itself looks at the file of a kernel only when it decides whether what it kept is still true;
+here every source of a kernel counts.
 
 Who waits for a compilation is told so on stderr, and time limits do not count it.
 """
@@ -20,6 +21,8 @@ from pathlib import Path
 from typing import Any
 
 caching: Any = import_module("numba.core.caching")  # not typed
+
+InTree: Any = getattr(caching, "InTreeCacheLocator", None) or caching._InTreeCacheLocator
 
 SECONDS = "about 10 s for each kernel"
 """How long that takes."""
@@ -65,8 +68,26 @@ compilation = Compilation()
 """The compilations of this process."""
 
 
+class ReadOnly(InTree):
+    """The place of kernels in an installed package that only somebody else can write to."""
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> ReadOnly | None:
+        """Return the place of a function's kernels, if there are any."""
+        place = cls(function, file)
+        return place if any(Path(place.get_cache_path()).glob("*.nbi")) else None
+
+
+class Places(caching.CompileResultCacheImpl):
+    """The places in which kernels are kept, the first that can be written to; else that one."""
+
+    _locator_classes = (*caching.CompileResultCacheImpl._locator_classes, ReadOnly)
+
+
 class Kept(caching.FunctionCache):
     """The compiled forms of one kernel, by the types of its arguments."""
+
+    _impl_class = Places
 
     def __init__(self, function: Any, said: str) -> None:
         super().__init__(function)

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, finite
 from spacearm.errors import ConfigurationError
+from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
@@ -119,7 +120,12 @@ class Reaction(Result):
         )
 
 
-def reaction(motion: Playable, *, camera: npt.ArrayLike | None = None) -> Reaction:
+def reaction(
+    motion: Playable,
+    *,
+    camera: npt.ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> Reaction:
     """Compute what a motion does to the spacecraft, and what holding the attitude takes.
 
     The joints move as they do in the motion. Floating, the spacecraft turns as in the motion if it
@@ -134,6 +140,7 @@ def reaction(motion: Playable, *, camera: npt.ArrayLike | None = None) -> Reacti
     Args:
         motion: Any motion of the package, or an object with arm, t, q and base; see `Motion.of`.
         camera: (3,) a camera's line of sight in spacecraft axes.
+        progress: Called now and then as progress(done, samples).
 
     Returns:
         Turns and rates if it floats; momentum, torque and impulse if it is held; over time.
@@ -158,15 +165,16 @@ def reaction(motion: Playable, *, camera: npt.ArrayLike | None = None) -> Reacti
     if isinstance(run, Trajectory) and run.mode == "free-floating":
         h = run.momentum
     excursion = np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in floating])
-    momentum = np.array([_held(cfg) @ dq for cfg, dq in zip(run, run.dq, strict=True)])
-    rate = np.array([
-        cfg.base.rotation.T @ base_velocity(cfg, dq, each)[3:]
-        for cfg, dq, each in zip(floating, run.dq, h, strict=True)
-    ])  # fmt: skip
     own: Array | None = getattr(run, "ddq", None)
     if own is None:
         own = np.gradient(run.dq, run.t, axis=0, edge_order=2 if len(run) > 2 else 1)
-    torque = np.array([_taken(*row) for row in zip(run, run.dq, own, strict=True)])
+    momentum, rate, torque = np.zeros((3, len(run), 3))
+    for i, (cfg, afloat) in enumerate(zip(run, floating, strict=True)):
+        momentum[i] = _held(cfg) @ run.dq[i]
+        rate[i] = afloat.base.rotation.T @ base_velocity(afloat, run.dq[i], h[i])[3:]
+        torque[i] = _taken(cfg, run.dq[i], own[i])
+        if progress:
+            progress(i + 1, len(run))
     return Reaction(run.arm, run.t, excursion, rate, momentum, h[:, 3:] @ start, torque, sight)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Result, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.mechanics.momentum import momentum_matrix
 from spacearm.mechanics.nearness import distance_at
@@ -107,6 +108,7 @@ def size_wheels(
     samples: int = 2000,
     near: float = NEAR,
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> WheelSizing:
     """Compute the momentum that wheels need to hold the attitude against the arm's motions.
 
@@ -123,6 +125,7 @@ def size_wheels(
         near: Distance to the singularities of the held arm below which postures are left out
             [rad]; the joint rates grow there without bound.
         seed: Of the postures.
+        progress: Called now and then as progress(done, cases).
 
     Returns:
         The momentum of each case, about each axis and about any.
@@ -142,18 +145,25 @@ def size_wheels(
     if (motions is None) == (tip_speed is None):
         raise ConfigurationError("give motions or tip_speed, one of them")
     if motions is not None:
-        return _of_motions(arm, list(motions) if isinstance(motions, Sequence) else [motions])
+        given = list(motions) if isinstance(motions, Sequence) else [motions]
+        return _of_motions(arm, given, progress)
     arm.require_one_tip()
     speed = positive(tip_speed, "tip_speed", "speed [m/s]")
     Q = uniform(arm, True, whole(samples, "samples", 1), np.random.default_rng(seed))
-    cfgs = [arm.at(q) for q in Q]
-    cfgs = [cfg for cfg in cfgs if distance_at(cfg, HELD) > near]
+    cfgs: list[Configuration] = []
+    moved: list[Array] = []
+    for i, cfg in enumerate(map(arm.at, Q)):
+        if distance_at(cfg, HELD) > near:
+            cfgs.append(cfg)
+            moved.append(speed * momentum_by_speed(cfg))
+        if progress:
+            progress(i + 1, len(Q))
     if not cfgs:
         raise NoSolutionError(
             f"all {samples} postures of {arm.name} are within {np.degrees(near):.3g}° of a "
             "singularity of the arm with its attitude held; lower near, or take a smaller task"
         )
-    G = speed * np.array([momentum_by_speed(cfg) for cfg in cfgs])
+    G = np.array(moved)
     return WheelSizing(
         arm=arm,
         cases="postures",
@@ -181,7 +191,9 @@ def momentum_by_speed(cfg: Configuration) -> Array:
     return np.asarray((D_q @ np.linalg.pinv(J))[:, rows])
 
 
-def _of_motions(arm: SpaceArm, motions: Sequence[Playable]) -> WheelSizing:
+def _of_motions(
+    arm: SpaceArm, motions: Sequence[Playable], progress: Progress | None
+) -> WheelSizing:
     """Size wheels for motions."""
     if not motions:
         raise ConfigurationError("motions is empty; give one motion or several")
@@ -190,7 +202,14 @@ def _of_motions(arm: SpaceArm, motions: Sequence[Playable]) -> WheelSizing:
             raise ConfigurationError(
                 f"motion {i} is one of {motion.arm.name}, with other joints than {arm.name}"
             )
-    found = [reaction(motion) for motion in motions]
+    found = []
+    for i, motion in enumerate(motions):
+
+        def tell(done: int, of: int, before: int = i) -> None:
+            if progress:
+                progress(before * of + done, len(motions) * of)
+
+        found.append(reaction(motion, progress=tell))
     sizes = [np.linalg.norm(each.wheels, axis=1) for each in found]
     where = [int(np.argmax(size)) for size in sizes]
     return WheelSizing(

@@ -141,29 +141,34 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None
     return axes.figure
 
 
-def draw_barycentric(result: Barycentric, *, ax: Any = None) -> Figure:
+def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True) -> Figure:
     """Draw the bodies' CMs, their barycentres, equation (8), and the Virtual Manipulator.
 
     Args:
         result: The barycentric quantities of a configuration.
+        chain: Whether to draw the Virtual Manipulator.
         ax: Matplotlib axes to draw into, three-dimensional ones unless all lies in a plane; None
             for a new figure.
     """
-    chain = result.virtual_manipulator
+    links = result.virtual_manipulator
     bodies = result.r_cm + result.rho @ result.T0.T
     barycentres = bodies + result.c @ result.T0.T
-    rows = flat_rows(np.vstack((chain.points, bodies, barycentres)))
+    rows = flat_rows(np.vstack((links.points, bodies, barycentres)))
     axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
     with style():
         for name, points, marker, color in (
             ("CM of a body", bodies, "o", BLUE), ("barycentre of a body", barycentres, "D", ORANGE)
         ):  # fmt: skip
             axes.plot(*points[:, rows].T, marker, ms=7, color=color, label=name)
-        for i, x in enumerate(bodies[:, rows]):
-            annotate(axes, f"{i}", x, BLUE)
-        _draw_chain(axes, chain, rows)
+        for first, last in _together(bodies):
+            name = f"{first}" if first == last else f"{first}–{last}"
+            annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), BLUE)
+        if chain:
+            _draw_chain(axes, links, rows)
         axes.legend(frameon=False)
-        axes.set_title(f"{result.M:.4g} kg: CMs, barycentres and Virtual Manipulator")
+        equal_axes(axes, "".join("xyz"[i] for i in rows))
+        also = " and Virtual Manipulator" if chain else ""
+        axes.set_title(f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
     return axes.figure
 
 
@@ -198,13 +203,20 @@ def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> 
     axes.plot(*points.T, "-o", color=PURPLE, lw=2.5, ms=6, mfc="white")
     axes.plot(*points[:1].T, marker="P", ms=9, color="black", ls="none")
     annotate(axes, "CM", points[0], "black", below=True)
-    annotate(axes, "tip", points[-1], PURPLE)
+    annotate(axes, "tip", points[-1], PURPLE, below=True)
     lengths = np.linalg.norm(chain.links, axis=1)
     for i in np.flatnonzero(lengths > LEAST * lengths.sum()):
         middle = 0.5 * (points[i] + points[i + 1])
-        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, formula=True)
+        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, below=True, formula=True)
     axes.margins(0.12)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
+
+
+def _together(points: Array) -> list[tuple[int, int]]:
+    """Return the first and last of points (m, 3) that follow each other too closely for labels."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    parts = np.split(np.arange(len(points)), np.flatnonzero(steps > LEAST * steps.sum()) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts]
 
 
 def _draw_box(axes: Any, R: Array, centre: Array, half: float) -> None:

@@ -91,7 +91,7 @@ DRAWINGS: Mapping[type, Callable[..., Any]] = {
     DistanceRange: draw_distance_range,
     ShellBands: draw_shell_bands,
 }
-"""What draws each kind of result. A function without the parameter `ax` draws several panels."""
+"""What draws each kind of result."""
 
 
 def drawing_of(thing: object) -> Callable[..., Any]:

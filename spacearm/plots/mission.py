@@ -24,7 +24,7 @@ from spacearm.plots.style import (
     RED,
     axes_for,
     equal_axes,
-    figure,
+    panels_for,
     style,
     write_powers,
 )
@@ -53,16 +53,16 @@ def draw_attitudes(result: FeasibleAttitudes, *, ax: Any = None) -> Figure:
     return axes.figure
 
 
-def draw_reaction(result: Reaction) -> Figure:
+def draw_reaction(result: Reaction, *, ax: Any = None) -> Figure:
     """Draw over time what the spacecraft does, and what holding it takes.
 
     Args:
         result: The reaction.
+        ax: Four axes, or a figure or subfigure; None for a new figure.
     """
+    _, panels = panels_for(ax, lambda whole: whole.subplots(4, 1, sharex=True), 8.0, 8.4)
+    turns, wheels, torque, camera = panels
     with style():
-        whole = figure(8.0, 8.4)
-        panels = whole.subplots(4, 1, sharex=True)
-        turns, wheels, torque, camera = panels
         for i, (name, color) in enumerate(AXES):
             turns.plot(result.t, np.degrees(result.excursion[:, i]), color=color, label=name)
             wheels.plot(result.t, result.wheels[:, i], color=color)
@@ -79,7 +79,7 @@ def draw_reaction(result: Reaction) -> Figure:
             f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
             f"{np.degrees(result.pointing.max()):.3g}°"
         )
-        return whole
+    return turns.figure
 
 
 def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
@@ -192,15 +192,15 @@ def draw_level(result: LevelReach, *, ax: Any = None) -> Figure:
     return axes.figure
 
 
-def draw_envelope(result: LevelEnvelope) -> Figure:
+def draw_envelope(result: LevelEnvelope, *, ax: Any = None) -> Figure:
     """Draw reach and turn over the mass of the bus.
 
     Args:
         result: The envelope.
+        ax: Two axes, or a figure or subfigure; None for a new figure.
     """
+    _, (reach, turn) = panels_for(ax, lambda whole: whole.subplots(1, 2), 10.0, 4.4)
     with style():
-        whole = figure(10.0, 4.4)
-        reach, turn = whole.subplots(1, 2)
         for j, tilt in enumerate(result.tilt):
             color = COLOURS[j % len(COLOURS)]
             label = f"turned by {np.degrees(tilt):.3g}°"
@@ -220,18 +220,18 @@ def draw_envelope(result: LevelEnvelope) -> Figure:
         reach.legend(frameon=False)
         turn.legend(frameon=False)
         reach.set_title(f"{result.arm.name}: mean over directions, dotted the worst")
-        return whole
+    return reach.figure
 
 
-def draw_budget(result: MomentumBudget) -> Figure:
+def draw_budget(result: MomentumBudget, *, ax: Any = None) -> Figure:
     """Draw the joints over time while they hold the tip, and while they hold the spacecraft.
 
     Args:
         result: The budget.
+        ax: Two axes, or a figure or subfigure; None for a new figure.
     """
+    _, panels = panels_for(ax, lambda whole: whole.subplots(1, 2, sharey=True), 10.0, 4.2)
     with style():
-        whole = figure(10.0, 4.2)
-        panels = whole.subplots(1, 2, sharey=True)
         for axes, run, title in (
             (panels[0], result.holding, f"tip held for {result.holds:.4g} s: {result.ended}"),
             (
@@ -247,4 +247,4 @@ def draw_budget(result: MomentumBudget) -> Figure:
             axes.set_title(title, fontsize=11)
         panels[0].set_ylabel("joints [rad] or [m]")
         panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-        return whole
+    return panels[0].figure

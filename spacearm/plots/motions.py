@@ -16,7 +16,17 @@ from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import draw_stick_figure
 from spacearm.plots.obstacles import draw_obstacles
-from spacearm.plots.style import BLUE, COLOURS, GREEN, GREY, ORANGE, RED, figure, style
+from spacearm.plots.style import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    headline,
+    panels_for,
+    style,
+)
 from spacearm.workspaces.path_dependent import Workspace
 
 FADES = (0.15, 0.25, 0.35, 0.55)
@@ -28,7 +38,11 @@ FAR = 45.0
 
 
 def draw_motion(
-    motion: Motion, target: npt.ArrayLike | None = None, workspace: Workspace | None = None
+    motion: Motion,
+    target: npt.ArrayLike | None = None,
+    workspace: Workspace | None = None,
+    *,
+    ax: Any = None,
 ) -> Figure:
     """Draw a motion: tip path (figure 5), attitude, joints (figure 6), distance from singularities.
 
@@ -38,18 +52,28 @@ def draw_motion(
         motion: The motion, from `sa.simulate`, `sa.follow` or `sa.plan`, or another one.
         target: (3,) a point to mark on the tip path [m], or (2,) in the plane of a planar arm.
         workspace: Of a planar arm, to draw its shells about the system CM.
+        ax: Axes for the tip path, three-dimensional ones for a spatial arm, and for attitude,
+            wheels if there are any, joints and distance; or a figure or subfigure; None for a new
+            figure.
 
     Raises:
         ConfigurationError: The target has another shape or is not finite.
     """
     mark = None if target is None else _in_picture(motion, target)
+    held = getattr(motion, "wheels", np.empty((len(motion), 0)))
+    spatial = motion.arm.tree.plane_normal() is None
+
+    def parts(whole: Any) -> list[Any]:
+        left, right = whole.subfigures(1, 2, width_ratios=[1.0, 1.1])
+        path = left.add_subplot(projection="3d" if spatial else None)
+        return [path, *right.subplots(3 + bool(held.size), 1, sharex=True)]
+
+    whole, panels = panels_for(ax, parts, 11.0, 6.4)
+    path, attitude, joints, *wheels, nearness = panels
     with style():
-        whole = figure(11.0, 6.4)
-        both: Any = whole.subfigures(1, 2, width_ratios=[1.0, 1.1])
-        left, right = both
-        _draw_path(left, motion, mark, workspace)
-        held = getattr(motion, "wheels", np.empty((len(motion), 0)))
-        attitude, joints, *wheels, nearness = right.subplots(3 + bool(held.size), 1, sharex=True)
+        title = f"{motion.arm.name}, {motion.story}"
+        headline(None if whole is None else path.figure, panels, title)
+        _draw_path(path, motion, mark, workspace)
         _draw_attitude(attitude, motion)
         for axes in wheels:
             _draw_wheels(axes, motion, held)
@@ -60,8 +84,9 @@ def draw_motion(
         for axes in (attitude, joints, *wheels, nearness):
             for t in motion.singular_times:
                 axes.axvline(t, color=RED, lw=0.8, ls=":", alpha=0.7)
-        whole.align_ylabels()
-        return whole
+        if whole is not None:
+            whole.align_ylabels()
+    return path.get_figure(root=True)
 
 
 def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
@@ -75,14 +100,13 @@ def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:
 
 
 def _draw_path(
-    figure: Any, motion: Motion, target: Array | None, workspace: Workspace | None
+    axes: Any, motion: Motion, target: Array | None, workspace: Workspace | None
 ) -> None:
     """Draw the tip path with a few postures of the arm, faint, and what happens on the way."""
     normal = motion.arm.tree.plane_normal()
     along = goal_axes(motion[0])
     x = motion.tip[:, :3] @ along
     singular = _at_times(x, motion)
-    axes = figure.add_subplot(projection="3d" if normal is None else None)
     for cfg, alpha in zip(_snapshots(motion, along), FADES, strict=False):
         before = set(axes.get_children())
         draw_stick_figure(axes, cfg, label=False)
@@ -113,7 +137,6 @@ def _draw_path(
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_box_aspect(None, zoom=0.85)  # room for the label of the vertical axis
-    figure.suptitle(f"{motion.arm.name}, {motion.story}", x=0.02, ha="left")
 
 
 def _at_times(x: Array, motion: Motion) -> Array:

@@ -16,7 +16,7 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.report import CollisionReport
 from spacearm.collisions.solids import corners
-from spacearm.plots.style import BLUE, GREY, RED, axes_for
+from spacearm.plots.style import BLUE, GREY, RED, axes_for, style
 
 OPACITY = 0.35
 
@@ -67,16 +67,25 @@ def _draw_hull(
 
 
 def draw_collision_report(result: CollisionReport, *, ax: Any = None) -> Figure:
-    """Draw the least distance between bodies, less the margins of obstacles, over time.
+    """Draw the least distance between bodies, less the margins of obstacles: over time, if any.
 
     Args:
         result: The report.
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     axes = axes_for(ax, 7.0, 4.0)
-    axes.plot(result.t, result.distance, "." if len(result.t) == 1 else "-", color=BLUE, lw=1.8)
-    axes.axhline(0.0, color=RED, lw=1.2)
-    axes.set(xlabel="time [s]", ylabel="least distance, less margins [m]")
-    a, b = result.nearest
-    axes.set_title(f"{'apart, proven' if result.apart else 'bodies meet'}; nearest: {a}, {b}")
+    label = "least distance, less margins [m]"
+    with style():
+        if len(result.t) == 1:
+            axes.barh([0], result.distance, height=0.5, color=BLUE)
+            axes.bar_label(axes.containers[0], fmt="{:.3g} m", padding=4)
+            axes.axvline(0.0, color=RED, lw=1.2)
+            axes.set(xlabel=label, yticks=[0], yticklabels=["posture"], ylim=(-1.0, 1.0))
+            axes.margins(x=0.15)
+        else:
+            axes.plot(result.t, result.distance, color=BLUE, lw=1.8)
+            axes.axhline(0.0, color=RED, lw=1.2)
+            axes.set(xlabel="time [s]", ylabel=label)
+        a, b = result.nearest
+        axes.set_title(f"{'apart, proven' if result.apart else 'bodies meet'}; nearest:\n{a}, {b}")
     return axes.figure

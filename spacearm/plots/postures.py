@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,8 @@ from matplotlib.patches import Polygon
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.model.configuration import Configuration
-from spacearm.plots.style import BLUE, GREY, ORANGE, PURPLE, RED
+from spacearm.plots.style import BLUE, GREY, RED
 from spacearm.singularities.report import singularity
 
 GOLD = "#d9b25f"
@@ -79,47 +77,6 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
         away = np.sign(lost @ (tip - _flat(cfg, cfg.com))) * lost
         side = "bottom" if away[1] > 0.0 else "top"
         axes.text(*(tip + 0.85 * away), "no motion\nthis way", color=RED, va=side, ha="center")
-
-
-def draw_virtual_manipulator(axes: Any, cfg: Configuration) -> None:
-    """Draw the vectors v_iN,E, laid end to end from the system CM to the tip.
-
-    Args:
-        axes: Matplotlib axes.
-        cfg: A configuration of a planar arm.
-
-    Raises:
-        UnsupportedError: The arm does not move in a plane.
-    """
-    points = barycentric(cfg).virtual_manipulator.points[:, _rows(cfg)]
-    for i, (start, end) in enumerate(pairwise(points)):
-        arrow = {"arrowstyle": "-|>", "color": PURPLE, "lw": 2.0, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", end, start, arrowprops=arrow, zorder=4)
-        along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-300)
-        beside = 0.5 * (start + end) + 0.11 * np.array([-along[1], along[0]])
-        name = rf"$\mathbf{{v}}_{{{i}}}$"
-        place = {"ha": "center", "va": "center"}
-        axes.text(*beside, name, color=PURPLE, fontsize=14, parse_math=True, **place)
-
-
-def draw_barycentres(axes: Any, cfg: Configuration) -> None:
-    """Draw the bodies' CMs and their barycentres, equation (8).
-
-    Args:
-        axes: Matplotlib axes.
-        cfg: A configuration of a planar arm.
-
-    Raises:
-        UnsupportedError: The arm does not move in a plane.
-    """
-    b, rows = barycentric(cfg), _rows(cfg)
-    bodies = b.r_cm + b.rho @ b.T0.T
-    for name, points, marker, color in (
-        ("CM", bodies, "o", "black"), ("barycentre", bodies + b.c @ b.T0.T, "D", ORANGE)
-    ):  # fmt: skip
-        x = points[:, rows]
-        axes.plot(*x.T, marker, ms=7, color=color, mec="white", ls="none", zorder=5)
-        axes.annotate(f"{name} of link 1", x[1], (6, 12), textcoords="offset points", color=color)
 
 
 def _rows(cfg: Configuration) -> tuple[int, int]:

@@ -16,7 +16,16 @@ from spacearm.mechanics.impact import Capture
 from spacearm.mechanics.jacobian import PrescribedMotion
 from spacearm.mechanics.momentum import MomentumMatrix
 from spacearm.plots.configurations import draw_stick_figure, in_plane
-from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, figure, style
+from spacearm.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    RED,
+    axes_for,
+    headline,
+    panels_for,
+    style,
+)
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 
@@ -29,75 +38,83 @@ DECADES = 1e-3
 """Share of the largest entry down to which colours of a matrix are logarithmic."""
 
 
-def draw_report(result: SingularityReport) -> Figure:
+def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
     """Draw the posture, the singular values, and the direction of the tip that belongs to each.
 
     Lost directions are red. Each column under the singular values is one direction.
 
     Args:
         result: The report.
+        ax: Axes for the posture, three-dimensional ones for a spatial arm, the singular values and
+            the directions; or a figure or subfigure; None for a new figure.
     """
     cfg = result.configuration
     arm, k = cfg.arm, len(result.sigma)
     columns = [f"{i + 1}" if i < result.rank else f"{i + 1} lost" for i in range(k)]
-    whole = figure(11.0, 5.4)
-    with style():
+
+    def parts(whole: Any) -> list[Any]:
         grid = whole.add_gridspec(2, 2)
         posture = whole.add_subplot(grid[:, 0], projection=None if in_plane(cfg) else "3d")
+        values = whole.add_subplot(grid[0, 1])
+        return [posture, values, whole.add_subplot(grid[1, 1], sharex=values)]
+
+    whole, (posture, values, directions) = panels_for(ax, parts, 11.0, 5.4)
+    with style():
         draw_stick_figure(posture, cfg)
         _draw_lost(posture, result)
         verdict = textwrap.fill(result.verdict, VERDICT)
         posture.set_title(f"{arm.name}, {result.mode}\n{verdict}")
-        values = whole.add_subplot(grid[0, 1])
         color = [GREEN] * result.rank + [RED] * (k - result.rank)
         bars = values.bar(range(k), result.sigma, color=color)
         values.bar_label(bars, fmt="{:.3g}", fontsize=9)
         values.set(xticks=range(k), xticklabels=columns, ylabel=f"[{arm.sigma_unit}]")
         values.margins(y=0.15)
         values.set_title("Singular values")
-        directions = whole.add_subplot(grid[1, 1], sharex=values)
         both = np.hstack((result.available, result.lost))
         _draw_matrix(directions, both, arm.task.rows, columns)
         directions.set_title("Directions in the rows of the task")
-        whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
-    return whole
+        if whole is not None:
+            whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
+    return posture.figure
 
 
-def draw_capture(result: Capture) -> Figure:
+def draw_capture(result: Capture, *, ax: Any = None) -> Figure:
     """Draw joint rates and the spacecraft's twist just after the grasp.
 
     Args:
         result: The capture.
+        ax: Three axes, or a figure or subfigure; None for a new figure.
     """
     arm = result.configuration.arm
-    whole = figure(10.0, 4.0)
+    shares = [max(arm.n, 3), 3, 3]
+    whole, panels = panels_for(ax, lambda new: new.subplots(1, 3, width_ratios=shares), 10.0, 4.0)
+    rates, linear, angular = panels
     with style():
-        rates, linear, angular = whole.subplots(1, 3, width_ratios=[max(arm.n, 3), 3, 3])
         unit = "m/s" if arm.slides.all() else "rad/s, m/s" if arm.slides.any() else "rad/s"
         _bars(rates, arm.joint_names, result.dq, f"[{unit}]", "Joint rates")
         _bars(linear, "xyz", result.twist[:3], "[m/s]", "Spacecraft, linear")
         _bars(angular, "xyz", result.twist[3:], "[rad/s]", "Spacecraft, angular")
-        whole.suptitle(
-            f"{arm.name} after the capture: {result.energy_lost:.4g} J lost", x=0.02, ha="left"
-        )
-    return whole
+        title = f"{arm.name} after the capture: {result.energy_lost:.4g} J lost"
+        headline(whole, panels, title if whole else f"{title}\nJoint rates")
+    return rates.figure
 
 
-def draw_dynamics(result: Dynamics) -> Figure:
+def draw_dynamics(result: Dynamics, *, ax: Any = None) -> Figure:
     """Draw joint torques and accelerations, the spacecraft's acceleration and the reaction.
 
     Args:
         result: The answer of `forward_dynamics` or `inverse_dynamics`.
+        ax: Four axes, or a figure or subfigure; None for a new figure.
     """
     joints = [f"q{i + 1}" for i in range(len(result.ddq))]
-    whole = figure(10.0, 6.0)
+    _, panels = panels_for(ax, lambda whole: whole.subplots(2, 2).ravel(), 10.0, 6.0)
+    tau, ddq, base, reaction = panels
     with style():
-        (tau, ddq), (base, reaction) = whole.subplots(2, 2)
         _bars(tau, joints, result.tau, "[N m] or [N]", "Joint torques")
         _bars(ddq, joints, result.ddq, "[rad/s²] or [m/s²]", "Joint accelerations")
         _bars(base, ROWS, result.base_acceleration, "[m/s²], [rad/s²]", "Spacecraft acceleration")
         _bars(reaction, ROWS, result.reaction, "[N], [N m]", "Reaction on a held spacecraft")
-    return whole
+    return tau.figure
 
 
 def draw_momentum_matrix(result: MomentumMatrix, *, ax: Any = None) -> Figure:

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Any
 from spacearm.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
 
 
-def plot(thing: object, ax: Axes | None = None, **options: Any) -> Figure:
+def plot(
+    thing: object, ax: Axes | Sequence[Axes] | FigureBase | None = None, **options: Any
+) -> Figure:
     """Draw a result.
 
     In a notebook the figure is shown where it is the last line of a cell; elsewhere write it with
@@ -21,15 +25,19 @@ def plot(thing: object, ax: Axes | None = None, **options: Any) -> Figure:
     Args:
         thing: An arm, a configuration, or what a function of spacearm returns: a report, a map, a
             singular set, a workspace, a risk, a motion, a capture, the dataset of `design`, ...
-        ax: Matplotlib axes to draw into, if the drawing has one panel; with `projection="3d"` for
-            drawings in space. None makes a new figure.
+        ax: Matplotlib axes to draw into, with `projection="3d"` for drawings in space; for drawings
+            of several panels a sequence of axes, as `sa.plot(thing).axes` has them. Or a figure or
+            subfigure, which gets the axes that are needed (best made with layout="constrained").
+            None makes a new figure.
         **options: What some drawings take besides. Motions: `target` (a point to mark) and
             `workspace`, both [m] in inertial axes. Workspaces: `path` (points from the system CM
             [m]) and `profile` (a risk profile). Arms and configurations: `color` and `label`;
             configurations of planar arms: `velocities` (what unit joint rates give to the tip).
+            Barycentric quantities: `chain` (whether to draw the Virtual Manipulator).
 
     Returns:
-        The figure; `ax.figure` where axes are given.
+        The figure; that of `ax` where it is given. A notebook shows it once, those of
+        `matplotlib.pyplot` too.
 
     Raises:
         ConfigurationError: There is no drawing of `thing`, it does not take one of the options, or
@@ -43,12 +51,11 @@ def plot(thing: object, ax: Axes | None = None, **options: Any) -> Figure:
     """
     try:
         from spacearm.plots.drawings import drawing_of  # imports matplotlib
+        from spacearm.plots.notebooks import shown_once
     except ValueError as error:
         raise ConfigurationError(f"MPLBACKEND names no backend of Matplotlib: {error}") from None
     draw, name = drawing_of(thing), type(thing).__name__
     _, *taken = inspect.signature(draw).parameters
-    if ax is not None and "ax" not in taken:
-        raise ConfigurationError(f"a drawing of a {name} has several panels; leave ax out")
     known = [option for option in taken if option != "ax"]
     for option in options:
         if option not in known:
@@ -56,4 +63,4 @@ def plot(thing: object, ax: Axes | None = None, **options: Any) -> Figure:
                 f"a drawing of a {name} has no option {option!r}; it takes: "
                 f"{', '.join(known) or 'none'}"
             )
-    return draw(thing, **options) if ax is None else draw(thing, ax=ax, **options)
+    return shown_once(draw(thing, ax=ax, **options).get_figure(root=True))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib import figure as mpl_figure
 
 from spacearm.arrays import Array
@@ -69,7 +70,8 @@ def axes_for(ax: Any, width: float, height: float, *, spatial: bool = False) -> 
     """Return the given axes, or those of a new figure with one panel.
 
     Args:
-        ax: Matplotlib axes to draw into; None for a new figure.
+        ax: Matplotlib axes to draw into, or a figure or subfigure that gets some; None for a new
+            figure.
         width: Width of a new figure [inch].
         height: Height of a new figure [inch].
         spatial: Whether three-dimensional axes are needed.
@@ -77,11 +79,15 @@ def axes_for(ax: Any, width: float, height: float, *, spatial: bool = False) -> 
     Raises:
         ConfigurationError: `ax` is not Matplotlib axes, or has the wrong number of dimensions.
     """
-    if ax is None:
+    if ax is None or isinstance(ax, mpl_figure.FigureBase):
         with style():
-            return figure(width, height).add_subplot(projection="3d" if spatial else None)
+            whole = figure(width, height) if ax is None else ax
+            return whole.add_subplot(projection="3d" if spatial else None)
     if not isinstance(ax, mpl.axes.Axes):
-        raise ConfigurationError(f"ax is {ax!r}; give Matplotlib axes")
+        raise ConfigurationError(
+            f"ax is {ax!r}; this drawing has one panel: give Matplotlib axes, a figure or a "
+            "subfigure"
+        )
     if spatial != (ax.name == "3d"):
         needed = "projection='3d'" if spatial else "no projection"
         raise ConfigurationError(
@@ -89,6 +95,43 @@ def axes_for(ax: Any, width: float, height: float, *, spatial: bool = False) -> 
             f"{needed}"
         )
     return ax
+
+
+def panels_for(
+    ax: Any, make: Callable[[Any], Sequence[Any]], width: float, height: float
+) -> tuple[Any, list[Any]]:
+    """Return the figure or subfigure that is drawn into, None for given axes, and the panels.
+
+    Args:
+        ax: Axes, one for each panel, or a figure or subfigure; None for a new figure.
+        make: Makes the panels in a figure or subfigure.
+        width: Width of a new figure [inch].
+        height: Height of a new figure [inch].
+
+    Raises:
+        ConfigurationError: `ax` is something else, or has other axes than the drawing needs.
+    """
+    if ax is None or isinstance(ax, mpl_figure.FigureBase):
+        with style():
+            whole = figure(width, height) if ax is None else ax
+            return whole, list(make(whole))
+    wanted = list(make(Figure()))
+    given = list(np.ravel(np.asarray(ax, dtype=object)))
+    kinds = [axes.name if isinstance(axes, mpl.axes.Axes) else repr(axes) for axes in given]
+    if kinds != (needed := [axes.name for axes in wanted]):
+        raise ConfigurationError(
+            f"ax is {', '.join(kinds)}; this drawing has {len(needed)} panels: give a figure or a "
+            f"subfigure, or axes with these projections: {', '.join(needed)}"
+        )
+    return None, given
+
+
+def headline(whole: Any, panels: Sequence[Any], text: str) -> None:
+    """Write a title over all panels, or over the first one where there is no figure of theirs."""
+    if whole is None:
+        panels[0].set_title(text)
+    else:
+        whole.suptitle(text, x=0.02, ha="left")
 
 
 def equal_axes(axes: Any, names: str = "xyz") -> None:

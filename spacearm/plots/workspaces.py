@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
-from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, figure, style
+from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, panels_for, style
 from spacearm.singularities.polynomial import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.workspaces.path_dependent import Workspace
@@ -33,11 +33,11 @@ def draw_workspace(
         result: The workspace.
         path: (m, 2) or (m, 3) a tip path from the system CM to draw over a planar one [m].
         profile: A risk profile to draw beside the shells of a spatial arm.
-        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm; None for a new
-            figure.
+        ax: Matplotlib axes to draw into, three-dimensional ones for a spatial arm, and others
+            for a profile; or a figure or subfigure; None for a new figure.
 
     Raises:
-        ConfigurationError: `ax` is of the wrong kind, or given although there is a profile to draw.
+        ConfigurationError: `ax` is of the wrong kind.
     """
     if result.planar:
         axes = axes_for(ax, 7.2, 6.4)
@@ -49,13 +49,15 @@ def draw_workspace(
         with style():
             _draw_cut_away(axes, result)
         return axes.figure
-    if ax is not None:
-        raise ConfigurationError("a workspace beside a risk profile has two panels; leave ax out")
+
+    def parts(whole: Any) -> list[Any]:
+        return [whole.add_subplot(1, 2, 1, projection="3d"), whole.add_subplot(1, 2, 2)]
+
+    _, (space, beside) = panels_for(ax, parts, 11.0, 5.4)
     with style():
-        whole = figure(11.0, 5.4)
-        _draw_cut_away(whole.add_subplot(1, 2, 1, projection="3d"), result)
-        _draw_profile(whole.add_subplot(1, 2, 2), profile)
-        return whole
+        _draw_cut_away(space, result)
+        _draw_profile(beside, profile)
+    return space.figure
 
 
 def draw_profile(result: RiskProfile, *, ax: Any = None) -> Figure:

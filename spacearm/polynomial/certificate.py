@@ -32,6 +32,9 @@ REFINEMENTS, CLOSE = 20, 1e-6
 """Steps to the best place where several polynomials are rounding; the longest, as a share of the
 segment."""
 
+WHOLE = 1000
+"""Parts of a path in which progress is told."""
+
 Verdict = Literal["free", "singular", "undecided"]
 
 
@@ -64,7 +67,10 @@ class Certificate(NamedTuple):
 
 
 def certify(
-    polynomials: Sequence[Jets], path: Array, singular: Callable[[Array], bool] | None = None
+    polynomials: Sequence[Jets],
+    path: Array,
+    singular: Callable[[Array], bool] | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> Certificate:
     """Follow a path until the first point that is not proven to be free of common roots.
 
@@ -73,8 +79,9 @@ def certify(
         path: (m, n) configurations, joined by straight segments.
         singular: Decides whether a point (n,) at which several polynomials are rounding is a common
             root; undecided if None.
+        progress: Called as progress(done, 1000), in thousandths of the path.
     """
-    return _Path(list(polynomials), path, singular).certificate()
+    return _Path(list(polynomials), path, singular).certificate(progress)
 
 
 class _Path:
@@ -94,7 +101,7 @@ class _Path:
         self.row = np.zeros(len(self.step), dtype=np.intp)
         self.margin = np.inf
 
-    def certificate(self) -> Certificate:
+    def certificate(self, progress: Callable[[int, int], object] | None = None) -> Certificate:
         """Halve intervals until all are free or the first one that is not has been found."""
         m = len(self.step)
         values = self.values(np.arange(m + 1.0))
@@ -116,6 +123,8 @@ class _Path:
         while len(low):
             open_ = ~self.is_free(low, high, left, right) & (low <= blocked)
             low, high, left, right = low[open_], high[open_], left[:, open_], right[:, open_]
+            if progress:
+                progress(int(WHOLE * (1.0 - float((high - low).sum()) / m)), WHOLE)
             if not len(low):
                 break
             if len(self.polynomials) == 1:  # nothing after a proven root matters

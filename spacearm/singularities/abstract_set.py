@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, named
+from spacearm.mechanics.blocks import Progress
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.notebook.tables import shown, table
@@ -124,7 +125,9 @@ class SingularSet(ABC):
         """
 
     @abstractmethod
-    def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
+    def nearest(
+        self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> tuple[Array, float]:
         """Find the singular configuration nearest to q (n,) in joint space.
 
         A set with one equation and up to three relevant joints, none of which slides: the global
@@ -134,6 +137,7 @@ class SingularSet(ABC):
         Args:
             q: (n,) joint positions.
             limits: Whether only configurations within the joint limits count.
+            progress: Called now and then as progress(done, most); a search may end before.
 
         Returns:
             (n,) configuration, no whole turns away, and its distance [rad]: the root of the sum of
@@ -160,12 +164,15 @@ class SingularSet(ABC):
         """
 
     @abstractmethod
-    def clearance(self, path: npt.ArrayLike, *, limits: bool = False) -> Certificate:
+    def clearance(
+        self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> Certificate:
         """Prove the same for a path of straight segments.
 
         Args:
             path: (m, n) joint positions, at least one.
             limits: As in `is_free`.
+            progress: Called now and then as progress(done, 1000), in thousandths of the path.
         """
 
     @abstractmethod

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics import nearness
+from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.nearness import Tangent, foot
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
@@ -67,6 +68,7 @@ def nearest_singular(
     q: Array,
     limits: bool = False,
     S: TrigPolynomial | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Array, float]:
     """Find the singular configuration nearest to q.
 
@@ -77,6 +79,7 @@ def nearest_singular(
         limits: Whether only configurations within the joint limits count.
         S: The polynomial of all n joint angles that vanishes on the set and nowhere else, to prove
             that none is nearer.
+        progress: Called as progress(done, most), in looks at the set.
 
     Returns:
         (n,) configuration and its distance [rad], sliding joints in units of `radians`.
@@ -87,7 +90,10 @@ def nearest_singular(
     unit = radians(arm)
     low = (arm.lower - q) / unit if limits else np.full(arm.n, -np.inf)
     high = (arm.upper - q) / unit if limits else np.full(arm.n, np.inf)
-    search = Search(*_looking(arm, mode, q), low, high)
+    look, compiled = _looking(arm, mode, q)
+    if progress:
+        look = _counted(look, _most(arm.n, compiled), progress)
+    search = Search(look, compiled, low, high)
     best = search.nearest()
     if S is not None and not limits:
         best = _proven(S, q, best, search)
@@ -104,6 +110,29 @@ def _looking(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Callable[[Array],
     from spacearm.mechanics import compiled  # slow to import
 
     return lambda X: compiled.tangent(arm, q + unit * X, mode), True
+
+
+def _counted(
+    look: Callable[[Array], Tangent], most: int, progress: Progress
+) -> Callable[[Array], Tangent]:
+    """Return `look` that tells how often it has looked; branch and bound is beyond `most`."""
+    done = 0
+
+    def counted(X: Array) -> Tangent:
+        nonlocal done
+        seen = look(X)
+        done = min(done + len(X), most)
+        progress(done, most)
+        return seen
+
+    return counted
+
+
+def _most(n: int, compiled: bool) -> int:
+    """Return how many looks descents and settling take if no end rests early."""
+    starts, ends = (STARTS, ENDS) if compiled else (FEW_STARTS, FEW_ENDS)
+    moves = (PRUNED_AFTER + 1) * ends + (SETTLING - PRUNED_AFTER - 1) * min(PRUNED, ends)
+    return (STEPS + 1) * sum(starts) + moves * (2 * n + 1 + 3 * (1 + len(SHARES))) + 7 * ends
 
 
 @dataclass(frozen=True)

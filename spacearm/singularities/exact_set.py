@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.mechanics.blocks import Progress
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.polynomial import level_set, space_curves
 from spacearm.polynomial.certificate import Certificate
@@ -148,21 +149,26 @@ class ExactSet(SingularSet):
         ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
         return self.clearance(ends, limits=limits)
 
-    def clearance(self, path: npt.ArrayLike, *, limits: bool = False) -> Certificate:
+    def clearance(
+        self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> Certificate:
         """Prove that a path of straight segments (m, n) meets no singularity."""
-        proof = prove_free(self.arm, self.mode, self._jets, path, limits)
+        proof = prove_free(self.arm, self.mode, self._jets, path, limits, progress)
         if (
             self.codimension > 1 and proof.verdict == "undecided"
         ):  # all minors tell more than those of the set
             every = minors_of(self.arm, self.mode).every()
-            return prove_free(self.arm, self.mode, every, path, limits)
+            return prove_free(self.arm, self.mode, every, path, limits, progress)
         return proof
 
-    def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
+    def nearest(
+        self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> tuple[Array, float]:
         """Find the singular configuration nearest to q; see `SingularSet.nearest`."""
         one = self.codimension == 1 and not self.chart.slides.any()
         centre = joint_vector(self.arm, q, "q")
-        return nearest_singular(self.arm, self.mode, centre, limits, self.S if one else None)
+        S = self.S if one else None
+        return nearest_singular(self.arm, self.mode, centre, limits, S, progress)
 
     def curves(
         self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None

@@ -9,17 +9,23 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
+from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode
-from spacearm.polynomial.certificate import Certificate, certify
+from spacearm.polynomial.certificate import WHOLE, Certificate, certify
 from spacearm.polynomial.jets import Jets
 from spacearm.singularities.rounding import error_bars
 
 
 def prove_free(
-    arm: SpaceArm, mode: BaseMode, minors: Sequence[Jets], path: npt.ArrayLike, limits: bool
+    arm: SpaceArm,
+    mode: BaseMode,
+    minors: Sequence[Jets],
+    path: npt.ArrayLike,
+    limits: bool,
+    progress: Progress | None = None,
 ) -> Certificate:
     """Prove that a path meets no common root of minors.
 
@@ -31,6 +37,7 @@ def prove_free(
         minors: Minors whose common roots hold the whole singular set.
         path: (m, n) joint positions, at least one.
         limits: Whether only what lies within the joint limits counts.
+        progress: Called as progress(done, 1000), in thousandths of the path.
     """
     rows = np.array([joint_vector(arm, q, "path") for q in np.atleast_2d(np.asarray(path))])
     if not len(rows):
@@ -43,9 +50,11 @@ def prove_free(
 
     decides = singular if len(minors) > 1 else None
     if not limits:
-        return certify(minors, rows, decides)
+        return certify(minors, rows, decides, progress)
     margin = np.inf
     for number, ends in _within(arm, rows):
+        if progress:
+            progress(WHOLE * number // len(rows), WHOLE)
         proof = certify(minors, ends, decides)
         if not proof:
             return proof._replace(segment=number)

@@ -9,6 +9,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Result
 from spacearm.errors import ConfigurationError
+from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import (
     task_jacobian,
     task_jacobian_derivative,
@@ -179,6 +180,7 @@ def singularity(
     mode: BaseMode = "free-floating",
     tolerance: float = TOLERANCE,
     exact: bool = False,
+    progress: Progress | None = None,
 ) -> SingularityReport:
     """Report whether and how a configuration is singular for the arm's task.
 
@@ -212,6 +214,7 @@ def singularity(
             for square tasks of revolute joints if no more than three of them matter, else the best
             of some 200 descents (`SingularSet.nearest`). Takes 10 to 30 ms once the kernels are
             compiled, seconds for several tips. Rank and kind stay decided to first order.
+        progress: As in `SingularSet.nearest`, for `exact`.
 
     Returns:
         Singular values, distance, verdict, directions and the way out.
@@ -240,7 +243,7 @@ def singularity(
     distance, away = refined_at(cfg, found, mode)
     distances = np.append(np.maximum(found.distances[:-1], distance), distance)
     if exact:
-        nearest, found_at = nearest_posture(cfg, mode)
+        nearest, found_at = nearest_posture(cfg, mode, progress)
         if nearest is not None or distance > tolerance:
             distance = found_at
         if nearest is not None and distance > tolerance:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.mechanics.blocks import Progress
 from spacearm.model.joints import joint_vector
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.trig import TrigPolynomial
@@ -118,14 +119,19 @@ class FoundSet(SingularSet):
         ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
         return self.clearance(ends, limits=limits)
 
-    def clearance(self, path: npt.ArrayLike, *, limits: bool = False) -> Certificate:
+    def clearance(
+        self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> Certificate:
         """Prove that a path of straight segments (m, n) meets no singularity."""
         every = minors_of(self.arm, self.mode).every()
-        return prove_free(self.arm, self.mode, every, path, limits)
+        return prove_free(self.arm, self.mode, every, path, limits, progress)
 
-    def nearest(self, q: npt.ArrayLike, *, limits: bool = False) -> tuple[Array, float]:
+    def nearest(
+        self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> tuple[Array, float]:
         """Find the singular configuration nearest to q; see `SingularSet.nearest`."""
-        return nearest_singular(self.arm, self.mode, joint_vector(self.arm, q, "q"), limits)
+        centre = joint_vector(self.arm, q, "q")
+        return nearest_singular(self.arm, self.mode, centre, limits, progress=progress)
 
     def _random(self, rng: np.random.Generator) -> Array:
         """Draw a start: revolute joints anywhere, prismatic ones in their range."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -62,19 +63,25 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
 
 
 def prove_regular(
-    arm: SpaceArm, q: Array, *, mode: BaseMode = "free-floating"
+    arm: SpaceArm,
+    q: Array,
+    *,
+    mode: BaseMode = "free-floating",
+    progress: Progress | None = None,
 ) -> Certificate | None:
     """Return the proof that straight segments through rows q (m, n) meet no singularity.
 
     None where the minors of J* are no polynomials, as for mimic joints, or too large.
     """
     try:
-        return singular_set(arm, mode=mode).clearance(q)
+        return singular_set(arm, mode=mode).clearance(q, progress=progress)
     except UnsupportedError:
         return None
 
 
-def nearest_posture(cfg: Configuration, mode: BaseMode) -> tuple[Array | None, float]:
+def nearest_posture(
+    cfg: Configuration, mode: BaseMode, progress: Progress | None = None
+) -> tuple[Array | None, float]:
     """Find the singular configuration nearest to cfg, and its distance, as `SingularSet.nearest`.
 
     Returns:
@@ -88,6 +95,6 @@ def nearest_posture(cfg: Configuration, mode: BaseMode) -> tuple[Array | None, f
         with suppress(UnsupportedError):  # sliding or mimic joints, several tips
             S = singularity_polynomial(arm, mode=mode)
     try:
-        return nearest_singular(arm, mode, cfg.q, S=S)
+        return nearest_singular(arm, mode, cfg.q, S=S, progress=progress)
     except NoSolutionError:
         return None, np.inf

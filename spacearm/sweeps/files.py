@@ -1,7 +1,7 @@
 """The files of a store, as Zarr reads and writes them: regular ones, inside it, up to a size.
 
 A store may come from elsewhere. A pipe among its files would hang whoever reads it, a link would
-lead out of it, a file of any length would fill the memory.
+lead out of it, a file of any length, or one that unpacks to any length, would fill the memory.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ from zarr.storage import LocalStore
 
 PARTIAL = re.compile(r"(.*\.)?[0-9a-f]{32}\.partial")
 """Names of the files that Zarr and `spacearm.files` write before they rename them."""
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""The first bytes of what Zstandard has packed: RFC 8878, section 3.1.1."""
 
 
 class Files(LocalStore):
     """A directory that Zarr reads and writes.
 
     Attributes:
-        most: Largest size of a file [bytes].
+        most: Largest size of a file, packed and unpacked [bytes].
     """
 
-    def __init__(self, root: Path | str, *, read_only: bool = False, most: int = 2**63) -> None:
+    def __init__(self, root: Path | str, *, read_only: bool = False, most: int) -> None:
         super().__init__(root, read_only=read_only)
         self.most = most
 
@@ -35,12 +37,24 @@ class Files(LocalStore):
     async def get(self, key: str, *others: Any, **options: Any) -> Any:
         """Read a file."""
         check(self.root, key, self.most)
-        return await super().get(key, *others, **options)
+        return self._sound(key, await super().get(key, *others, **options))
 
     def get_sync(self, key: str, **options: Any) -> Any:
         """Read a file."""
         check(self.root, key, self.most)
-        return super().get_sync(key, **options)
+        return self._sound(key, super().get_sync(key, **options))
+
+    def _sound(self, key: str, found: Any) -> Any:
+        """Return what a file holds unless it unpacks to more than `most`."""
+        if found is not None:
+            size = unpacked(found.to_bytes())
+            if size is None or size > self.most:
+                much = "an unknown number of" if size is None else f"{size:,}"
+                raise OSError(
+                    f"{self.root / key} unpacks to {much} bytes, and its numbers need at most "
+                    f"{self.most:,}; remove it"
+                )
+        return found
 
     async def set(self, key: str, value: Any) -> None:
         """Write a file."""
@@ -51,6 +65,23 @@ class Files(LocalStore):
         """Write a file."""
         check(self.root, key)
         super().set_sync(key, value)
+
+
+def unpacked(content: bytes) -> int | None:
+    """Return the size that a file claims to unpack to [bytes], its own if nothing is packed.
+
+    Zstandard unpacks no more than that. None where it does not say: what Zarr writes always does.
+    """
+    if content[:4] != ZSTD:
+        return len(content)
+    kind = content[4] if len(content) > 4 else 0
+    single, width = kind >> 5 & 1, (0, 2, 4, 8)[kind >> 6]
+    width = width or single
+    if not width:
+        return None
+    start = 5 + (not single) + (0, 1, 2, 4)[kind & 3]  # the window, the number of a dictionary
+    size = int.from_bytes(content[start : start + width], "little")
+    return size + 256 * (width == 2)
 
 
 def check(root: Path, key: str, most: int = 2**63) -> None:

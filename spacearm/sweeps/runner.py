@@ -160,7 +160,7 @@ def sweep(
         for tally in tallies:
             if progress:
                 progress(tally.done, tally.total)
-    return dataset(store)
+    return dataset(store, study)
 
 
 def run_chunks(

@@ -158,13 +158,13 @@ class Store:
             raise _trouble(self.path, error) from None
 
 
-def dataset(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Open a store as one labelled dataset, read when it is used; NaN where no numbers are yet."""
+def dataset(path: str | os.PathLike[str], study: Study) -> xr.Dataset:
+    """Open a study's store as one labelled dataset, read when it is used; NaN where nothing is."""
     import xarray as xr
 
     from spacearm.sweeps.files import Files
 
-    files = Files(Path(path), read_only=True)
+    files = Files(Path(path), read_only=True, most=largest(study))
     with warnings.catch_warnings():  # a file that the user put there is no array, and no fault
         warnings.filterwarnings("ignore", "Object at", UserWarning)
         return xr.open_zarr(files, chunks=None, consolidated=False, zarr_format=3)

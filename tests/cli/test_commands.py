@@ -166,6 +166,42 @@ def test_what_takes_long_says_so_on_stderr(capsys, monkeypatch):
     assert "25 %, about" in lines[-1]
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("query", "planar2", 0.3, 1.2),
+        ("query", "dual_ur5", "--tip", "left", "--mode", "fixed", *[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+        ("nearest", "planar2", 0.3, 1.2),
+        ("nearest", "planar2", 0.3, 1.2, "--limits"),
+        ("path", "planar2", "ways.csv"),
+        ("reaction", "planar2", "--motion", "run.npz", "--json"),
+        ("wheels", "planar2", "--motion", "run.npz", "--motion", "run.npz", "--json"),
+        ("wheels", "planar2", "--tip-speed", 0.1, "--samples", 30, "--json"),
+    ],
+    ids=lambda words: " ".join(map(str, words[:3])),
+)
+def test_commands_tell_how_far_they_are(words, tmp_path, monkeypatch):
+    """Without this there is no estimate of the time that is left."""
+    from spacearm.cli.output import Progress
+
+    told = []
+
+    def update(*_, completed, total):
+        told.append((completed, total))
+
+    monkeypatch.setattr(Progress, "update", update)
+    rows = np.linspace((0.3, 0.9), (0.9, 1.0), 30)
+    (tmp_path / "ways.csv").write_text("0.3 0.9\n1.9 2.7\n1.0 0.9\n")
+    still = np.tile(np.eye(7)[6], (30, 1))
+    sa.Motion(sa.load("planar2"), np.arange(30.0), rows, still).save(tmp_path / "run.npz")
+    run = spacearm(*words, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    done = [share for share, _ in told]
+    assert len({total for _, total in told}) == 1
+    assert 0 < done[-1] <= told[0][1]
+    assert done == sorted(done)
+
+
 def test_ctrl_c_in_a_plan_keeps_the_best_attempt(monkeypatch):
     import spacearm.planning.methods as methods
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,11 @@ import spacearm as sa
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "json.md"
 CM = ("0.3", "1.2")
 LAW = ("--q0", 0.3, 0.9, "--target", 0.3, 0.8, "--controller", "joints", "--duration", 0.2)
+OBSTACLES = [
+    word
+    for solid in ("sphere:0,0,9:0.1", "box:0,0,9:0.1", "cylinder:0,0,9:0.1,0.2")
+    for word in ("--obstacle", solid)
+]
 COMMANDS = {
     "models": (),
     "info": ("mda6",),
@@ -25,11 +31,21 @@ COMMANDS = {
     "design": ("planar2", "--base-inertia", "2"),
     "capture": ("planar2", *CM, "--mass", 5),
     "simulate": ("planar2", *LAW, "--limit", "effort"),
-    "plan": ("planar2", "--q0", *CM, "--goal", 0.9, 1.4, "--obstacle", "sphere:0,0,9:0.1"),
+    "plan": ("planar2", "--q0", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
     "attitudes": ("planar2", "--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16),
     "reaction": ("planar2", "--motion", "run.npz"),
     "wheels": ("planar2", "--motion", "run.npz"),
 }
+SPATIAL = ("ets7", "--task", "position", "--mode", "fixed", *(
+    word for joint in "456" for word in ("--lock", f"joint_{joint}=0.3")
+))  # fmt: skip
+MORE = {
+    "design": (*SPATIAL, "--base-inertia", "2"),
+    "workspace": SPATIAL,
+    "simulate": ("planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21, "--origin",
+                 "cm", "--target", 1.5, 1.5, "--kp", 5, "--kd", 15, "--stop", "singularity"),
+}  # fmt: skip
+"""What has in it what the others have not: volumes, events."""
 NUMBERED = {"percentiles", "held", "parameters", "joints_of", "recipe"}
 """Objects whose keys are data: names of joints, of parameters, percentages."""
 
@@ -69,14 +85,26 @@ def folder(tmp_path_factory):
     return here
 
 
+@pytest.fixture(scope="module")
+def told_by(folder):
+    """What all fields are that a command answers with, run once."""
+
+    @cache
+    def told(command, more=False):
+        drawn = () if command in ("models", "info", "query", "nearest", "path", "capture") else (
+            "--output", "p.svg"
+        )  # fmt: skip
+        words = (MORE if more else COMMANDS)[command]
+        run = spacearm(command, *words, "--json", *drawn, cwd=folder)
+        assert run.returncode == 0, run.stderr
+        return found(json.loads(run.stdout))
+
+    return told
+
+
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_field_stands_on_the_page_with_its_unit(command, folder):
-    drawn = () if command in ("models", "info", "query", "nearest", "path", "capture") else (
-        "--output", "p.svg"
-    )  # fmt: skip
-    run = spacearm(command, *COMMANDS[command], "--json", *drawn, cwd=folder)
-    assert run.returncode == 0, run.stderr
-    page, told = documented(), found(json.loads(run.stdout))
+def test_every_field_stands_on_the_page_with_its_unit(command, told_by):
+    page, told = documented(), told_by(command)
     missing = {(o, f) for o, f in told if f not in page.get(o, {})}
     assert not missing
     for inside, name in told:
@@ -87,6 +115,13 @@ def test_every_field_stands_on_the_page_with_its_unit(command, folder):
             assert command in commands, f"{name}: add {command}"
     stale = {f for f, (_, _, commands) in page[""].items() if command in commands}
     assert stale <= {f for o, f in told if not o}
+
+
+@pytest.mark.slow
+def test_every_field_of_the_page_is_answered(told_by):
+    """Lists of objects too: an empty one would show none of their fields."""
+    told = set().union(*map(told_by, COMMANDS), *(told_by(command, True) for command in MORE))
+    assert {(o, f) for o, fields in documented().items() for f in fields} <= told
 
 
 def test_the_page_names_every_command_that_has_json():

@@ -10,16 +10,11 @@ import time
 
 import numpy as np
 import pytest
-from helpers.commands import in_a_process, spacearm
+from helpers.commands import complaints, in_a_process, spacearm
 
 import spacearm as sa
 
 QUERY = (sys.executable, "-m", "spacearm", "query", "planar2", "0", "1")
-
-
-def complaints(run):
-    """What stands on stderr besides the progress of a command that takes its time."""
-    return [line for line in run.stderr.splitlines() if not line.endswith(("so far", "left"))]
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", ">&- 2>&-", "<&- >&- 2>&-"])
@@ -50,7 +45,7 @@ def test_a_backend_that_does_not_exist(tmp_path):
 def test_python_without_docstrings_and_asserts(words):
     run = in_a_process(*words, PYTHONOPTIMIZE="2")
     assert run.returncode == 0
-    told = run.stderr.splitlines()  # kernels without docstrings are others
+    told = complaints(run)  # kernels without docstrings are others
     assert all(line.startswith("spacearm: compiling once") for line in told), told
 
 

@@ -54,6 +54,11 @@ def in_a_process(*words, cwd=None, **environment):
     return Finished(run.returncode, run.stdout, run.stderr)
 
 
+def complaints(run):
+    """What stands on stderr besides the progress of a command that takes its time."""
+    return [line for line in run.stderr.splitlines() if not line.endswith(("so far", "left"))]
+
+
 def answer(*words):
     """Return what a command answers with --json."""
     run = spacearm(*words, "--json")

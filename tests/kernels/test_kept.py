@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import as_nobody
 import pytest
 
 import spacearm as sa
@@ -52,6 +53,15 @@ def test_no_folder_can_be_written(tmp_path, options):
     assert printed.split() == ["4.0", "6.0", "2.0"]
     assert complaint.count("compiled kernels cannot be kept") == 1
     assert complaint.count("set NUMBA_CACHE_DIR") == 1
+
+
+def test_what_somebody_else_compiled_is_used_where_nothing_can_be_written(tmp_path):
+    (tmp_path / "small.py").write_text(SMALL)
+    count = "sum(small.kernel.stats.cache_hits.values())"
+    made = run(f"import small; print(small.kernel(2.0), {count})", cwd=tmp_path)
+    used = run(f"{NOWHERE}import small; print(small.kernel(2.0), {count})", cwd=tmp_path)
+    assert (made[0].split(), used[0].split()) == (["4.0", "0"], ["4.0", "1"])
+    assert used[1] == ""
 
 
 @pytest.mark.parametrize(
@@ -143,3 +153,19 @@ def test_a_system_user_without_a_home(tmp_path):
     _, complaint = run(MANY, "-P", env=environment, **nobody)
     assert complaint.count("compiled kernels cannot be kept") == 1
     assert not [*tmp_path.rglob("__pycache__")]
+
+
+@pytest.mark.slow
+def test_a_share_of_the_fast_tests_as_nobody(tmp_path_factory):
+    """Files of all folders; `python tests/tools/as_nobody.py --all` runs the whole fast tier."""
+    words = as_nobody.become()
+    if words is None:
+        pytest.skip("only root can become another user, on Linux with setpriv")
+    folders = {path.parent.name for path in as_nobody.ROOT.glob("tests/*/test_*.py")} - {"against"}
+    assert {Path(name).parts[1] for name in as_nobody.SHARE} >= folders
+    place = tmp_path_factory.mktemp("nobody")
+    for folder in (place, place.parent, place.parent.parent):
+        folder.chmod(folder.stat().st_mode | 0o055)
+    run = as_nobody.run(words, list(as_nobody.SHARE), place)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert list((place / "home").iterdir()) == []

@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 
 import numba
 import numpy as np
@@ -472,6 +473,22 @@ def test_bad_input(options, message):
     options = {"duration": 1.0} | options
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.simulate(sa.load("planar2"), [0.1, 0.2], nothing, **options)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_threads_may_simulate_at_once(compiled):
+    """Each run has a memory of its own: all are the same to the bit as one after the other."""
+    arm = sa.load("planar2")
+    pull = sa.JointPD(target=[0.4, 1.0], kp=5.0, kd=9.0)
+    law = pull if compiled else lambda _, cfg, dq: pull.kp * (pull.target - cfg.q) - pull.kd * dq
+
+    def end(q1):
+        return sa.simulate(arm, [q1, 1.2], law, 0.3).q[-1]
+
+    starts = np.linspace(0.1, 0.6, 6)
+    with ThreadPoolExecutor(3) as pool:
+        together = list(pool.map(end, starts))
+    np.testing.assert_array_equal(together, [end(q1) for q1 in starts])
 
 
 def test_a_controller_that_fails_later_leaves_the_run_up_to_there():

@@ -1,7 +1,5 @@
 """Plots of postures: what is drawn is where the arm is, and what its tip can do."""
 
-from itertools import pairwise
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,10 +8,8 @@ from matplotlib.figure import Figure
 import spacearm as sa
 from spacearm.plots.postures import (
     SECONDS,
-    draw_barycentres,
     draw_posture,
     draw_velocities,
-    draw_virtual_manipulator,
 )
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
@@ -52,17 +48,16 @@ def test_the_lost_direction_is_named(axes):
 
 def test_the_virtual_manipulator_ends_at_the_tip(axes):
     cfg = sa.load("planar2").at([0.3, 1.1], base=TURNED)
-    draw_virtual_manipulator(axes, cfg)
-    arrows = [text for text in axes.texts if text.get_text() == ""]
-    np.testing.assert_allclose(arrows[0].xyann, cfg.com[:2], atol=1e-12)
-    for one, other in pairwise(arrows):
-        np.testing.assert_allclose(one.xy, other.xyann, atol=1e-12)
-    np.testing.assert_allclose(arrows[-1].xy, cfg.tip.translation[:2], atol=1e-12)
+    sa.plot(sa.barycentric(cfg).virtual_manipulator, ax=axes)
+    chain = axes.lines[0].get_xydata()
+    assert len(chain) == cfg.arm.n + 2
+    np.testing.assert_allclose(chain[0], cfg.com[:2], atol=1e-12)
+    np.testing.assert_allclose(chain[-1], cfg.tip.translation[:2], atol=1e-12)
 
 
 def test_the_system_cm_is_the_mean_of_the_bodies_cms(axes):
     cfg = sa.load("planar2").at([0.3, 1.1], base=TURNED)
-    draw_barycentres(axes, cfg)
+    sa.plot(sa.barycentric(cfg), ax=axes, chain=False)
     masses = np.array([40.0, 4.0, 3.0])
     np.testing.assert_allclose(
         masses @ axes.lines[0].get_xydata() / masses.sum(), cfg.com[:2], atol=1e-12
@@ -71,7 +66,7 @@ def test_the_system_cm_is_the_mean_of_the_bodies_cms(axes):
 
 def test_arms_that_are_not_planar_are_refused(axes):
     cfg = sa.load("mda6").at(np.zeros(6))
-    for draw in (draw_posture, draw_velocities, draw_virtual_manipulator, draw_barycentres):
+    for draw in (draw_posture, draw_velocities):
         with pytest.raises(sa.UnsupportedError, match=r"does not move in a plane; use sa\.view"):
             draw(axes, cfg)
     with pytest.raises(sa.UnsupportedError, match="tip velocities are drawn for the task 'x y'"):

@@ -1,5 +1,8 @@
 """sa.plot: a figure of every result, in axes of one's own where one panel is enough."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -74,6 +77,7 @@ def results():
             sa.collision_check(run, sa.Obstacle.sphere(0.2, sa.pose((3.0, 0.0, 0.0)))),
             1,
         ),
+        "collisions of a posture": (sa.collision_check(cfg), 1),
         "a capture": (sa.capture(cfg, [0, 0, 0.1, 0.05, 0.1, 0], 50.0, 4.0 * np.eye(3)), 3),
         "planar barycentric": (sa.barycentric(flat), 1),
         "spatial barycentric": (sa.barycentric(cfg), 1),
@@ -122,17 +126,72 @@ def test_no_kind_of_drawing_is_untested(results):
 
 
 @pytest.mark.slow
-def test_drawings_of_one_panel_go_into_given_axes(results):
+def test_drawings_go_into_given_axes_and_subfigures(results):
     for what, (thing, _) in results.items():
-        alone = plot(thing).axes
+        alone = [axes for axes in plot(thing).axes if axes.get_label() != "<colorbar>"]
         mine = Figure()
-        space = mine.add_subplot(projection="3d" if alone[0].name == "3d" else None)
-        if sum(axes.get_label() != "<colorbar>" for axes in alone) > 1:
-            with pytest.raises(sa.ConfigurationError, match="several panels; leave ax out"):
-                plot(thing, ax=space)
-        else:
-            assert plot(thing, ax=space) is mine, what
-            assert space.has_data() or space.patches or space.collections, what
+        kinds = ["3d" if axes.name == "3d" else None for axes in alone]
+        panels = [mine.add_subplot(1, len(kinds), i + 1, projection=k) for i, k in enumerate(kinds)]
+        assert plot(thing, ax=panels if len(panels) > 1 else panels[0]) is mine, what
+        for axes in panels:
+            assert axes.has_data() or axes.patches or axes.collections, what
+        whole = Figure()
+        left, right = whole.subfigures(1, 2)
+        assert plot(thing, ax=right) is whole, what
+        assert not left.axes
+        assert [axes.name for axes in whole.axes if axes.get_label() != "<colorbar>"] == [
+            axes.name for axes in alone
+        ]
+
+
+def test_panels_that_do_not_fit_are_refused_before_anything_is_drawn(results):
+    two, space = Figure().subplots(1, 2), Figure().add_subplot(projection="3d")
+    message = "this drawing has 4 panels: give a figure or a subfigure, or axes with"
+    for ax in (two, two[0], [*two, space, space], "here", [1, 2, 3, 4]):
+        with pytest.raises(sa.ConfigurationError, match=message):
+            plot(results["a reaction"][0], ax=ax)
+    assert not any(axes.has_data() for axes in (*two, space))
+    with pytest.raises(sa.ConfigurationError, match="this drawing has one panel"):
+        plot(results["a map"][0], ax=two)
+
+
+NOTEBOOK = """
+from IPython.core.displayhook import CapturingDisplayHook
+from IPython.core.displaypub import CapturingDisplayPublisher
+from IPython.core.interactiveshell import InteractiveShell
+
+shell = InteractiveShell.instance()
+shell.enable_gui = print
+publisher = shell.display_pub = CapturingDisplayPublisher()
+shell.display_trap.hook = CapturingDisplayHook(shell, publisher.outputs)
+begin = [
+    "%matplotlib inline", "import matplotlib.pyplot as plt", "import spacearm as sa",
+    "arm = sa.load('planar2'); cfg = arm.at([0.3, 1.2])",
+]
+new = "figure, axes = plt.subplots()"
+for cell in (
+    *begin,
+    "sa.plot(cfg)",
+    f"{new}; sa.plot(cfg, ax=axes)",
+    f"{new}; sa.plot(cfg, ax=axes); figure",
+    f"{new}; drawn = sa.plot(cfg, ax=axes)",
+    "figure",
+    "figure = plt.figure(); sa.plot(sa.singularity(cfg), ax=figure); figure",
+):
+    publisher.outputs.clear()
+    assert shell.run_cell(cell).success, cell
+    print(sum("image/png" in output["data"] for output in publisher.outputs))
+"""
+
+
+@pytest.mark.slow
+def test_a_notebook_shows_every_figure_once():
+    """As value of a cell, as pyplot's own, as both, and later again."""
+    run = subprocess.run(
+        [sys.executable, "-c", NOTEBOOK], capture_output=True, text=True, check=True
+    )
+    shown = [line for line in run.stdout.splitlines() if line.isdigit()]
+    assert shown == ["0"] * 4 + ["1"] * 6
 
 
 def test_axes_of_the_wrong_kind_are_refused(results):
@@ -141,7 +200,7 @@ def test_axes_of_the_wrong_kind_are_refused(results):
         plot(results["a map"][0], ax=space)
     with pytest.raises(sa.ConfigurationError, match="projection='3d'"):
         plot(results["a spatial arm"][0], ax=flat)
-    with pytest.raises(sa.ConfigurationError, match="give Matplotlib axes"):
+    with pytest.raises(sa.ConfigurationError, match="give Matplotlib axes, a figure or"):
         plot(results["a map"][0], ax="here")
 
 
@@ -190,6 +249,17 @@ def test_the_surface_of_a_set_leaves_the_seams_of_the_torus_open(monkeypatch):
     shown.canvas.draw()
     (drawn,) = shown.axes[0].collections
     assert 0 < len(drawn.get_facecolor()) < len(surface.triangles)
+
+
+def test_labels_of_bodies_do_not_stand_over_each_other(results):
+    axes = plot(results["spatial barycentric"][0]).axes[0]
+    assert "4–6" in [text.get_text().strip() for text in axes.texts]  # the wrist of mda6
+
+
+def test_one_posture_has_no_time(results):
+    axes = plot(results["collisions of a posture"][0]).axes[0]
+    assert "time" not in axes.get_xlabel() + axes.get_ylabel()
+    assert "time" in plot(results["collisions"][0]).axes[0].get_xlabel()
 
 
 def test_the_lost_direction_goes_through_the_tip(results):

@@ -182,3 +182,16 @@ def test_bad_lengths_are_refused(length):
 def test_a_chain_of_zero_motion_is_reported_not_crashed():
     arm = load_text(random_chain(1, 3), tip="link_1", task="z", joints="all")
     assert sa.singularity(arm.at([0, 0, 0])).sigma.shape == (1,)
+
+
+@pytest.mark.parametrize(("name", "beside"), [("planar2", False), ("vispa_cubesat", True)])
+def test_attitude_control_leaves_kinematic_singularities_where_cms_are_in_line(name, beside):
+    """Section VI of the paper; CMs beside the lines between joints leave others."""
+    arm, mode = sa.load(name), "attitude-controlled"
+    Q = sa.singular_set(arm, mode=mode).sample(20, np.random.default_rng(0))
+    reports = [sa.singularity(arm.at(q), mode=mode) for q in Q]
+    assert ("dynamic" in {report.kind for report in reports}) == beside
+    assert not any(report.kind == "regular" for report in reports)
+    for report in reports:
+        held = sa.singularity(report.configuration, mode="fixed", exact=True).distance
+        assert held < 2e-4 if report.kind == "kinematic" else held > 0.5e-4

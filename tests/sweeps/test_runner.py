@@ -124,7 +124,7 @@ def test_what_is_done_is_not_done_again(study, whole, tmp_path):
 
 @pytest.mark.parametrize("damage", ["cut off", "gone"])
 def test_labels_and_descriptions_that_are_damaged_are_written_again(study, whole, tmp_path, damage):
-    sound = dataset(whole)
+    sound = dataset(whole, study)
     store = shutil.copytree(whole, tmp_path / "store")
     labels = [file for name in sound.coords for file in (store / name).rglob("*") if file.is_file()]
     assert labels
@@ -134,7 +134,7 @@ def test_labels_and_descriptions_that_are_damaged_are_written_again(study, whole
         else:
             file.write_bytes(file.read_bytes()[:7])
     Store(store, study)
-    assert dataset(store).identical(sound)
+    assert dataset(store, study).identical(sound)
 
 
 @pytest.mark.slow
@@ -273,7 +273,7 @@ def test_failed_chunks_are_recorded_and_the_rest_goes_on(tmp_path):
     with pytest.raises(sa.SweepError, match="1 of 4 chunks") as caught:
         sa.sweep(tmp_path / "s.toml", tmp_path / "s.zarr", workers=1)
     assert list(caught.value.failed) == ["shells 0"]
-    ds = dataset(tmp_path / "s.zarr")
+    ds = dataset(tmp_path / "s.zarr", sa.Study.read(tmp_path / "s.toml"))
     assert ds["fraction"].isnull().values.tolist() == [True, False]
     assert float(ds["configurations"].sum()) == 2 * 99
 

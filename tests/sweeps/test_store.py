@@ -99,6 +99,33 @@ def test_no_more_is_read_than_numbers_take(small, store):
     assert (store / "base_inertia/c/0").stat().st_size < 1000  # labels are written again
 
 
+@pytest.mark.parametrize("size", [0, 1, 200, 300, 70_000, 3_000_000])
+def test_packed_files_say_how_long_they_are(size):
+    from numcodecs.zstd import compress
+
+    from spacearm.sweeps.files import unpacked
+
+    assert unpacked(compress(bytes(size), 1)) == size
+    assert unpacked(bytes(size)) == size
+
+
+@pytest.mark.parametrize(
+    ("frame", "much"),
+    [
+        (b"\xe0" + (2**40).to_bytes(8, "little"), "1,099,511,627,776"),  # a bomb that says so
+        (b"\xa0" + (2**31).to_bytes(4, "little"), "2,147,483,648"),
+        (b"\x00\x58", "an unknown number of"),  # and one that does not
+    ],
+)
+@pytest.mark.parametrize("file", ["sigma_min/c/0/0/0", "chunks/sigma_min/c/0"])
+def test_nothing_unpacks_to_more_than_numbers_take(small, store, file, frame, much):
+    """A kilobyte of Zstandard may unpack to a terabyte."""
+    zeros = b"\x02\x00\x00" * 400  # blocks of one repeated byte
+    (store / file).write_bytes(b"\x28\xb5\x2f\xfd" + frame + zeros + b"\x00" * 4)
+    with pytest.raises(sa.StoreError, match=rf"unpacks to {much} bytes, .*; remove it"):
+        Store(store, small).is_done(next(small.chunks()))
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -110,7 +137,7 @@ def test_no_more_is_read_than_numbers_take(small, store):
 )  # fmt: skip
 @pytest.mark.parametrize("where", ["zarr.json", "sigma_min/zarr.json", "chunks/zarr.json"])
 def test_descriptions_that_were_tampered_with(small, store, where, change):
-    sound, file = dataset(store).load(), store / where
+    sound, file = dataset(store, small).load(), store / where
     described = json.loads(file.read_text()) | change
     file.write_text(json.dumps(described))
     try:
@@ -147,7 +174,7 @@ def test_a_comment_makes_no_other_study(store, text):
     before = {path: content for path, content in files(store).items() if path.name != "zarr.json"}
     tallies = list(run_chunks(sa.Study.parse(text), store, workers=1))
     assert tallies[-1] == (2, 0, 0, 2)
-    assert dataset(store).attrs["study"] == text
+    assert dataset(store, sa.Study.parse(text)).attrs["study"] == text
     assert {p: c for p, c in files(store).items() if p.name != "zarr.json"} == before
 
 

@@ -127,8 +127,8 @@ def report_reaction(
     """Report what a motion does to the spacecraft, and what holding the attitude takes."""
     check_picture(output)
     sight = None if camera is None else _three("--camera", camera)
-    with working("computing reactions"):
-        found = reaction(Motion.load(motion, arm), camera=sight)
+    with working("computing reactions") as progress:
+        found = reaction(Motion.load(motion, arm), camera=sight, progress=progress)
     if as_json:
         print_json(found.to_dict())
     else:
@@ -160,8 +160,16 @@ def size_wheels_of(
     check_picture(output)
     apart = NEAR if near is None else float(np.radians(near)) if deg else near
     runs = None if not motion else [Motion.load(path, arm) for path in motion]
-    with working("sizing wheels"):
-        found = size_wheels(arm, runs, tip_speed=tip_speed, samples=samples, near=apart, seed=seed)
+    with working("sizing wheels") as progress:
+        found = size_wheels(
+            arm,
+            runs,
+            tip_speed=tip_speed,
+            samples=samples,
+            near=apart,
+            seed=seed,
+            progress=progress,
+        )
     if as_json:
         print_json(found.to_dict())
     else:
