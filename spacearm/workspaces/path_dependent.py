@@ -211,10 +211,9 @@ def workspace(
     Args:
         arm: An arm of revolute joints, as many as its task has rows; for the full pose, and
             "x y rz" in the plane, there may be more.
-        mode: What the spacecraft does: "free-floating"; "fixed", which leaves the kinematic
-            singularities only; or "attitude-controlled", which does so where the CM of each link is
-            on the line between its joints (section VI). For a fixed spacecraft distances count from
-            its own CM.
+        mode: What the spacecraft does. "fixed" leaves the kinematic singularities only, and
+            distances count from its own CM; "attitude-controlled" does where the CM of each link is
+            on the line between its joints (section VI).
         limits: Whether only configurations within the joint limits count; if not, every joint
             turns freely, as in the paper.
         effort: Singular configurations to search from, for arms of more than three joints.
