@@ -118,7 +118,7 @@ def plan(
         >>> plan.method, plan.certificate.free
         ('straight', True)
     """
-    from spacearm.planning.drift.search import Drift, late  # slow to import, as is all behind it
+    from spacearm.planning.drift.search import Drift, stretched  # slow to import, as all here
     from spacearm.planning.methods import METHODS
 
     if method not in ("auto", *METHODS):
@@ -142,11 +142,7 @@ def plan(
     if (h := momentum_vector(momentum)).any():
         return Drift(_Mission(cfg, wish, seed, search), cfg, h, duration, around).plan()
     found = _at_rest(cfg, wish, seed, search)
-    if duration is None or len(found) == 1:
-        return found
-    if found.t[-1] > duration:
-        raise NoSolutionError(f"{arm.name}: {late(found, duration)}", found)
-    return replace(found, t=found.t * (duration / found.t[-1]))
+    return found if duration is None or len(found) == 1 else stretched(found, duration)
 
 
 class Wish(NamedTuple):

@@ -95,6 +95,15 @@ def test_an_obstacle_is_kept_off_while_the_spacecraft_drifts(arm):
     assert sa.collision_check(plan, ball).apart
 
 
+def test_a_longer_duration_minds_what_moves(arm):
+    """A ball that is still far off when the plan ends meets the tip of a slower one."""
+    far = sa.pose((0.9, 1.4 + 1.0, 0.0))
+    ball = sa.Obstacle.sphere(0.1, far, twist=[0.0, -0.1, 0.0, 0.0, 0.0, 0.0])
+    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), obstacles=ball)
+    with pytest.raises(sa.NoSolutionError, match="meets"):
+        sa.plan(arm, [0.3, 1.2], (0.9, 1.4), obstacles=ball, duration=plan.t[-1] + 10.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_spatial_arms_arrive(seed):

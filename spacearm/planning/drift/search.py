@@ -87,8 +87,9 @@ class Drift:
         Raises:
             NoSolutionError: There is none; carries the best attempt.
         """
-        self.mission.problem(self._speed * (self.duration or 0.0))  # refuses what nothing can solve
         lasts = self.duration or 0.0
+        if lasts or not self._speed.any():
+            self.mission.problem(self._speed * lasts)  # refuses what nothing can solve
         turn = pin.exp3(self._spin * lasts)
         for number in itertools.count():
             method = "at zero momentum"
@@ -187,7 +188,7 @@ class Drift:
         if self.duration is None:
             return max(SLACK * float(still.t[-1]), lasts)
         if still.t[-1] > self.duration:
-            raise NoSolutionError(late(still, self.duration))
+            raise NoSolutionError(_late(still, self.duration))
         return self.duration
 
     def _turned(self, turn: Array) -> Configuration:
@@ -216,7 +217,23 @@ def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
     return np.interp(at, rows, t), np.column_stack([np.interp(at, rows, q) for q in plan.q.T])
 
 
-def late(plan: Plan, duration: float) -> str:
+def stretched(plan: Plan, duration: float) -> Plan:
+    """Return a plan without momentum that ends at a time [s].
+
+    Raises:
+        NoSolutionError: The velocity limits do not allow it, or it meets an obstacle that moves.
+    """
+    if plan.t[-1] > duration:
+        raise NoSolutionError(f"{plan.arm.name}: {_late(plan, duration)}", plan)
+    found = replace(plan, t=plan.t * (duration / plan.t[-1]))
+    if plan.obstacles:
+        contact = Collisions(plan.arm, plan.obstacles).contact(Recorded(found))
+        if contact is not None:
+            raise NoSolutionError(f"{plan.arm.name}: {contact}", replace(found, apart=None))
+    return found
+
+
+def _late(plan: Plan, duration: float) -> str:
     """Return why a plan does not arrive in time, in words."""
     return (
         f"the way takes {plan.t[-1]:.4g} s within the velocity limits, more than the duration of "
