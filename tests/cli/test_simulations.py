@@ -114,6 +114,7 @@ dt = 0.1
 """
 
 
+@pytest.mark.slow
 def test_phases_from_a_file_keep_the_momentum(tmp_path):
     pytest.importorskip("tomllib")
     (tmp_path / "flight.toml").write_text(FLIGHT, encoding="utf-8")

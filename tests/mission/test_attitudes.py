@@ -276,6 +276,7 @@ def spatial():
     return arm, q, [home, away]
 
 
+@pytest.mark.slow
 def test_of_spatial_arms_share_ball_and_best_attitude(spatial):
     arm, q, path = spatial
     found = sa.feasible_attitudes(arm, path, q, samples=576, refine=0)

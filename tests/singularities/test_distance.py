@@ -36,7 +36,9 @@ def beside(arm, rng, m, deg):
     return Q + radians(arm) * steps
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n == "two tips" else n for n in ARMS]
+)
 def test_distances_near_the_set_are_right_to_a_fifth(name):
     """Beside a singular configuration; the nearest one is found by a search."""
     arm, rng = ARMS[name](), np.random.default_rng(0)

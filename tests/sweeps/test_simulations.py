@@ -56,6 +56,7 @@ def test_runs_of_a_chunk_are_those_of_simulate_many(study):
         assert found["turn"][0, 0, i] == pytest.approx(max(turns), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_store_is_the_same_whole_and_resumed(study, tmp_path):
     pytest.importorskip("zarr")
     whole, parts = tmp_path / "whole.zarr", tmp_path / "parts.zarr"
