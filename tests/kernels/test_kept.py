@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import as_nobody
@@ -156,16 +157,16 @@ def test_a_system_user_without_a_home(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_share_of_the_fast_tests_as_nobody(tmp_path_factory):
+def test_a_share_of_the_fast_tests_as_nobody():
     """Files of all folders; `python tests/tools/as_nobody.py --all` runs the whole fast tier."""
     words = as_nobody.become()
     if words is None:
         pytest.skip("only root can become another user, on Linux with setpriv")
     folders = {path.parent.name for path in as_nobody.ROOT.glob("tests/*/test_*.py")} - {"against"}
     assert {Path(name).parts[1] for name in as_nobody.SHARE} >= folders
-    place = tmp_path_factory.mktemp("nobody")
-    for folder in (place, place.parent, place.parent.parent):
-        folder.chmod(folder.stat().st_mode | 0o055)
-    run = as_nobody.run(words, list(as_nobody.SHARE), place)
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert list((place / "home").iterdir()) == []
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own are closed to others
+        place = Path(folder)
+        place.chmod(0o755)
+        run = as_nobody.run(words, list(as_nobody.SHARE), place)
+        assert run.returncode == 0, run.stdout + run.stderr
+        assert list((place / "home").iterdir()) == []
