@@ -56,8 +56,8 @@ class Limits:
             acceleration=_bounds(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
             torque=_bounds(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
         )
-        if not np.isfinite((found.acceleration, found.torque)).any(axis=0).all():
-            unlimited = ~np.isfinite((found.acceleration, found.torque)).any(axis=0)
+        unlimited = np.isinf(found.acceleration) & np.isinf(found.torque)
+        if unlimited.any():
             name = arm.joint_names[int(unlimited.argmax())]
             raise UnsupportedError(
                 f"{arm.name}: nothing limits how fast joint {name!r} changes its rate: its "

@@ -22,6 +22,9 @@ from spacearm.planning.timing import course
 class Tracking(Law):
     """tau = inverse dynamics of ddq_d + 2 rate (dq_d - dq) + rate^2 (q_d - q): computed torque.
 
+    The inverse dynamics control of Siciliano, Sciavicco, Villani & Oriolo, Robotics (2009), section
+    8.5.2, DOI 10.1007/978-1-84628-642-1, with the dynamics of the floating arm.
+
     q_d is a spline through the rows of the motion over time; before it begins and after it
     has ended the joints hold still. Plans start and end at rest.
 

@@ -104,10 +104,7 @@ WHEELS = {"spin": rate.spin, "balance": rate.balance}
 PUSHES = {"push": rate.push, "balance": rate.balance}
 """Those of laws that lead a tip, wheels and wrenches, compiled where they are wanted."""
 RADAU = {"implicit_step": radau.implicit_step, "implicit_state": radau.implicit_state}
-RKC = {
-    "implicit_step": chebyshev.stabilised_step,
-    "implicit_state": chebyshev.stabilised_state,
-}
+RKC = {**RADAU, "implicit_step": chebyshev.stabilised_step}  # the state is a cubic of both
 """Those of a method for stiff equations, likewise."""
 
 

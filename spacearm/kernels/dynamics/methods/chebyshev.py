@@ -163,14 +163,3 @@ def error_of(x: Context, h: float) -> float:
         total += (off / scale) ** 2
     norm = math.sqrt(total / x.counted)
     return float(norm) if norm == norm else np.inf
-
-
-@Entry
-def stabilised_state(at: int, t: float, _: int, __: int) -> int:
-    """Compute the state at a time within the last step, in `mid`."""
-    x = context_at(at)
-    F, before, y = mat(x._F, 7, x.states), vec(x._before, x.states), vec(x._mid, x.states)
-    z = (t - x.began) / (x.t - x.began)
-    for o in range(x.states):
-        y[o] = before[o] + z * (F[0, o] + z * (F[1, o] + z * F[2, o]))
-    return 0

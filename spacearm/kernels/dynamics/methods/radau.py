@@ -214,7 +214,7 @@ def predicted(x: Context, h: float, error: float) -> float:
 
 @Entry
 def implicit_state(at: int, t: float, _: int, __: int) -> int:
-    """Compute the state at a time within the last step, in `mid`."""
+    """Compute the state at a time within the last step, a cubic of `F`, in `mid`."""
     x = context_at(at)
     F, before, y = mat(x._F, 7, x.states), vec(x._before, x.states), vec(x._mid, x.states)
     z = (t - x.began) / (x.t - x.began)
