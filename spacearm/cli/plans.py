@@ -16,6 +16,8 @@ from spacearm.cli.options import (
     From,
     Picture,
     PointsFrom,
+    Spacecraft,
+    SpacecraftMode,
     goal_from,
     joint_values,
     mark_of,
@@ -41,6 +43,7 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
 from spacearm.motion.motion_file import check_suffix
+from spacearm.motion.plant import WheelHold
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
 from spacearm.singularities.report import angle
@@ -105,6 +108,19 @@ def plan_motion(
     duration: Annotated[
         float | None, typer.Option(help="When the motion ends [s]; else as soon as it can.")
     ] = None,
+    mode: SpacecraftMode = Spacecraft.FREE,
+    wheel_limits: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            help="Largest torque [N m] and momentum [N m s] of each wheel that holds the attitude; "
+            "else those of the description.",
+            metavar="T H",
+        ),
+    ] = None,
+    wheels0: Annotated[
+        str | None,
+        typer.Option("--wheels0", help="What the wheels hold at the start.", metavar="H1 ..."),
+    ] = None,
     fastest: Annotated[
         bool,
         typer.Option(
@@ -137,6 +153,8 @@ def plan_motion(
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
                 timeout=timeout, obstacles=around, momentum=momentum, duration=duration,
+                mode=mode.value, wheels=wheel_limits and _limits(*wheel_limits),
+                wheels0=None if wheels0 is None else numbers("--wheels0", wheels0),
                 progress=tell,
             )  # fmt: skip
         if fastest:
@@ -168,6 +186,11 @@ def plan_motion(
         from spacearm.viewer.show import view as show
 
         serve_until_interrupted(show(found, open=False))
+
+
+def _limits(torque: float, capacity: float) -> WheelHold:
+    """Return wheels with these limits; their gains do not matter to a plan."""
+    return WheelHold(stiffness=0.0, damping=0.0, torque=torque, capacity=capacity)
 
 
 def _obstacle(text: str, deg: bool) -> Obstacle:
@@ -226,6 +249,8 @@ def _print(found: Plan, deg: bool, limits: str) -> None:
     out.print(f"origin              {found.origin}")
     out.print(f"attitude            {rotation(pin.log3(end.base.rotation), deg)}")
     out.print(f"time                {found.t[-1]:.4g} s within the {limits} limits")
+    if found.wheel_load:
+        out.print(f"wheels              {found.wheel_load}")
     out.print(f"clear by            {found.nearest}; asked for {angle(found.clearance)}")
     if found.certificate is not None:
         out.print(f"no singularity is met: {'proven' if found.certificate else 'NOT proven'}")

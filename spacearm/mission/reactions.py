@@ -26,6 +26,7 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.motion.playable import Playable
 from spacearm.motion.trajectory import Trajectory
+from spacearm.planning.result import Plan
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,9 +162,10 @@ def reaction(
     sight = None if camera is None else _unit(camera)
     floating = list(run) if run.mode == "free-floating" else _floating(run)
     start = floating[0].base.rotation
-    h: Array = np.zeros((len(run), 6))
-    if isinstance(run, Trajectory) and run.mode == "free-floating":
-        h = run.momentum
+    on_board: Array = np.zeros((len(run), 6))
+    if isinstance(run, Plan) or (isinstance(run, Trajectory) and run.mode == "free-floating"):
+        on_board = run.momentum
+    h = on_board if run.mode == "free-floating" else np.zeros_like(on_board)
     excursion = np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in floating])
     own: Array | None = getattr(run, "ddq", None)
     if own is None:
@@ -175,7 +177,9 @@ def reaction(
         torque[i] = _taken(cfg, run.dq[i], own[i])
         if progress:
             progress(i + 1, len(run))
-    return Reaction(run.arm, run.t, excursion, rate, momentum, h[:, 3:] @ start, torque, sight)
+    return Reaction(
+        run.arm, run.t, excursion, rate, momentum, on_board[:, 3:] @ start, torque, sight
+    )
 
 
 def _held(cfg: Configuration) -> Array:

@@ -19,11 +19,10 @@ from spacearm.mission.reactions import reaction
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.mode import HELD
 from spacearm.motion.playable import Playable
 from spacearm.singularities.risk import NEAR, uniform
 
-HELD: BaseMode = "attitude-controlled"
 PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
 """Those that are reported."""
 

@@ -8,6 +8,9 @@ from spacearm.errors import ConfigurationError, unknown
 
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
 
+FLOATING: BaseMode = "free-floating"
+HELD: BaseMode = "attitude-controlled"
+
 FREE_TWIST = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}
 """Components of the spacecraft's twist [linear; angular] that momentum conservation decides."""
 

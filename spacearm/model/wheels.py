@@ -56,9 +56,15 @@ def wheels_of(tree: Tree, model: pin.Model, path: Path) -> tuple[Wheel, ...]:
     )
 
 
-def _fault(tree: Tree, wheel: Joint) -> str | None:
-    """Say why a joint is no wheel; None if it is one."""
-    whole, waiting = pin.Inertia.Zero(), [(wheel.child, pin.SE3.Identity())]
+def rotor(tree: Tree, wheel: Joint) -> float:
+    """Return the moment of inertia of a wheel about its axis [kg m^2]."""
+    whole, _ = _spinning(tree, wheel)
+    return float(wheel.axis @ whole.inertia @ wheel.axis)
+
+
+def _spinning(tree: Tree, wheel: Joint) -> tuple[pin.Inertia, list[Joint]]:
+    """Return the inertia of what a wheel spins, in its frame, and the joints on it that move."""
+    whole, carried, waiting = pin.Inertia.Zero(), [], [(wheel.child, pin.SE3.Identity())]
     while waiting:
         link, pose = waiting.pop()
         if part := tree.links[link]:
@@ -66,8 +72,16 @@ def _fault(tree: Tree, wheel: Joint) -> str | None:
         for joint in tree.joints.values():
             if joint.parent == link:
                 if joint.kind != "fixed":
-                    return f"carries joint {joint.name!r}"
+                    carried.append(joint)
                 waiting.append((joint.child, pose * joint.origin))
+    return whole, carried
+
+
+def _fault(tree: Tree, wheel: Joint) -> str | None:
+    """Say why a joint is no wheel; None if it is one."""
+    whole, carried = _spinning(tree, wheel)
+    if carried:
+        return f"carries joint {carried[0].name!r}"
     if whole.mass == 0.0:
         return None
     off_axis = np.linalg.norm(np.cross(wheel.axis, whole.lever))

@@ -15,7 +15,9 @@ from spacearm.collisions.separation import Collisions, Contact, collision_geomet
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import walk
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.mode import FLOATING, HELD
 from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.optimiser import Target
 from spacearm.planning.search import Search
@@ -43,6 +45,7 @@ class Problem:
         seed: Seed of the random first guesses.
         search: The time of the search, and its account.
         collisions: The bodies that must not meet; None if collisions do not count.
+        held: The arm itself if the start is one on a spacecraft that does not turn.
         best: The last attempt that is no solution.
         note: Remark of a method on its solution.
     """
@@ -53,6 +56,7 @@ class Problem:
     seed: int
     search: Search
     collisions: Collisions | None
+    held: SpaceArm | None = None
     best: Rows | None = None
     note: str = ""
 
@@ -77,9 +81,10 @@ class Problem:
             name = self.start.arm.joint_names[int(over.argmax())]
             self.search.ways["limits"] += 1
             raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
+        arm, mode = (self.held, HELD) if self.held else (self.start.arm, FLOATING)
         for i in range(0, max(len(q) - 1, 1), TOGETHER):
             self.search.check_time()
-            proof = prove_regular(self.start.arm, q[i : i + TOGETHER + 1])
+            proof = prove_regular(arm, q[i : i + TOGETHER + 1], mode=mode)
             if proof is None:
                 break
             if proof.at is not None:

@@ -69,13 +69,18 @@ class Plan(Motion):
         checked: What the check of collisions covers and what it does not, in one sentence.
         apart: Whether it is proven that no two of the bodies checked meet; None if none were.
         tried: All methods that were tried, in order.
-        momentum: (m, 6) [linear [kg m/s]; angular about the system CM [N m s]], inertial axes.
+        momentum: (m, 6) [linear [kg m/s]; angular about the system CM [N m s]], inertial axes; what
+            wheels hold is part of it.
+        wheels: (m, w) what each wheel of the description holds [N m s].
+        wheel_load: What the wheels hold and give at most while they hold the attitude, in one
+            sentence, bounds between the rows included; empty where the spacecraft floats.
         obstacles: What was held off besides; the file of a plan does not hold them.
     """
 
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
         **Motion.QUANTITIES,
         "momentum": Quantity("kg m/s, kg m^2/s", "component"),
+        "wheels": Quantity("N m s", "wheel"),
     }
 
     method: str
@@ -84,6 +89,8 @@ class Plan(Motion):
     apart: bool | None
     tried: tuple[Attempt, ...]
     momentum: Array
+    wheels: Array
+    wheel_load: str = ""
     obstacles: tuple[Obstacle, ...] = field(default=(), metadata={"in_file": False})
 
     @classmethod
@@ -109,8 +116,14 @@ class Plan(Motion):
             apart=apart,
             tried=tuple(tried),
             momentum=np.zeros((len(rows), 6)),
+            wheels=np.zeros((len(rows), len(arm.wheels))),
             obstacles=tuple(obstacles),
         )
+
+    def __getitem__(self, i: int) -> Configuration:
+        cfg = super().__getitem__(i)
+        spinning = self.wheels[i] if self.wheels.any() else None
+        return cfg if spinning is None else self.arm.at(cfg.q, base=cfg.base, wheels=spinning)
 
     @cached_property
     def dq(self) -> Array:
@@ -165,10 +178,11 @@ class Plan(Motion):
 
     def _tables(self) -> tuple[str, ...]:
         met = {True: "none, proven", False: "not proven", None: "not checked"}[self.apart]
+        held = [("wheels", self.wheel_load)] if self.wheel_load else []
         came = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return (
             *super()._tables(),
-            table(("", ""), [("collisions", met), ("checked", self.checked)]),
+            table(("", ""), [("collisions", met), ("checked", self.checked), *held]),
             table(("method", "", ""), came),
         )
 

@@ -75,8 +75,8 @@ def time_optimal(
 
     Raises:
         ConfigurationError: An argument does not make sense, or the motion stays where it is.
-        UnsupportedError: The plan has momentum, toppra is not installed (pip install
-            'spacearm[timing]'), or nothing limits the acceleration of a joint.
+        UnsupportedError: The plan has momentum or is held by wheels, toppra is not installed (pip
+            install 'spacearm[timing]'), or nothing limits the acceleration of a joint.
         NoSolutionError: The smooth path breaks what the plan keeps; names it.
 
     Example:
@@ -88,8 +88,9 @@ def time_optimal(
     """
     if not 0.0 <= rise <= 1.0:
         raise ConfigurationError(f"rise is {rise!r}; give a share of the duration from 0 to 1")
-    if isinstance(motion, Plan) and motion.momentum.any():
-        raise UnsupportedError("the plan has momentum on board, and its path depends on its times")
+    if isinstance(motion, Plan) and (motion.momentum.any() or motion.wheel_load):
+        what = "is held by wheels" if motion.wheel_load else "has momentum on board"
+        raise UnsupportedError(f"the plan {what}, which depends on its times")
     if len(motion) < 2 or not np.ptp(motion.q, axis=0).any():
         raise ConfigurationError(f"{motion!r} stays where it is; there is nothing to time")
     limits = Limits.of(motion.arm, motion.mode, rate, acceleration, torque)
@@ -176,6 +177,7 @@ def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline
     held: dict[str, Any] = {}
     if isinstance(motion, Plan):
         held["momentum"] = np.zeros((len(rows), 6))
+        held["wheels"] = np.zeros((len(rows), len(motion.arm.wheels)))
     q = np.array([cfg.q for cfg in rows])
     return replace(motion, t=np.concatenate(t), q=q, base=base, **held)
 

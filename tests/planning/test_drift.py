@@ -3,13 +3,21 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import load_text, random_chain
+from helpers.arms import joint, link, load_text, random_chain
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
 from spacearm.planning.drift.drifting import drifting_attitudes
 
 H = np.array([0.5, 0.2, 0.0, 0.0, 0.0, 0.5])
+
+
+def stored(plan, cfg):
+    """What wheels on the spacecraft hold, its frame theirs, inertial axes."""
+    h = np.zeros(6)
+    for wheel, spin in zip(plan.arm.wheels, plan.wheels[0], strict=True):
+        h[3:] += cfg.base.rotation @ wheel.axis * spin
+    return h
 
 
 def replay(plan):
@@ -22,7 +30,7 @@ def replay(plan):
         def rate(t, T, i=i, rates=rates):
             U, _, Vt = np.linalg.svd(T.reshape(3, 3))
             cfg = arm.at(plan.q[i] + t * rates, base=pin.SE3(U @ Vt, np.zeros(3)))
-            w = sa.base_velocity(cfg, rates, h)[3:]
+            w = sa.base_velocity(cfg, rates, h - stored(plan, cfg))[3:]
             return (pin.skew(w) @ T.reshape(3, 3)).ravel()
 
         T = solve_ivp(rate, (0.0, dt), T, method="DOP853", rtol=1e-9, atol=1e-11).y[:, -1]
@@ -54,7 +62,7 @@ def test_the_tip_arrives_at_the_stated_time(arm, found):
 
 def test_the_plan_without_momentum_would_miss(arm):
     still = sa.plan(arm, [0.3, 1.2], (0.9, 1.4))
-    ends = drifting_attitudes(arm, np.eye(3), still.t, still.q[None], H[3:])[0, -1]
+    ends = drifting_attitudes(arm, np.eye(3), still.t, still.q[None], H[3:], np.zeros(3))[0, -1]
     assert np.linalg.norm(pin.log3(ends.T @ still[-1].base.rotation)) > 0.05
 
 
@@ -68,6 +76,20 @@ def test_the_plan_is_kept_with_its_momentum(arm, found, tmp_path):
     again = sa.Plan.load(tmp_path / "p.npz", arm)
     np.testing.assert_array_equal(again.momentum, found.momentum)
     assert again.to_dict()["momentum"][0] == H.tolist()
+
+
+@pytest.mark.parametrize("total", [0.0, 0.5])
+def test_wheels_that_spin_on_count(total):
+    """They hold 0.3 N m s: with nothing else on board the spacecraft turns the other way."""
+    inside = '<limit effort="1" velocity="300"/><wheel/>'
+    rotor = link("rotor") + joint("wheel", "spacecraft", "rotor", "continuous", inside=inside)
+    text = sa.load("planar2").path.read_text().replace("</robot>", rotor + "</robot>")
+    arm, h = load_text(text), [0.0, 0.0, 0.0, 0.0, 0.0, total]
+    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), momentum=h, wheels0=[0.3], duration=8.0)
+    end = replay(plan)
+    np.testing.assert_allclose(end.tip.translation[:2], (0.9, 1.4), atol=2e-8)
+    np.testing.assert_array_equal(plan.wheels, [[0.3]] * len(plan))
+    np.testing.assert_array_equal(plan.momentum, [h] * len(plan))
 
 
 def test_without_momentum_the_duration_stretches_the_plan(arm):
@@ -111,7 +133,8 @@ def test_spatial_arms_arrive(seed):
     arm, rng = load_text(random_chain(seed, 7), tip="tip", task="pose"), np.random.default_rng(seed)
     Q = np.linspace(0.0, 0.4, 60)[:, None] * rng.choice([-1.0, 1.0], 7)
     h = 0.01 * arm.at(Q[0]).A[3:, 3:6] @ rng.normal(size=3)
-    T = drifting_attitudes(arm, np.eye(3), np.linspace(0.0, 10.0, 60), Q[None], h)[0, -1]
+    t = np.linspace(0.0, 10.0, 60)
+    T = drifting_attitudes(arm, np.eye(3), t, Q[None], h, np.zeros(3))[0, -1]
     goal = arm.at(Q[-1], base=pin.SE3(T, np.zeros(3))).centred(arm.at(Q[0]).com).tip
     plan = sa.plan(arm, Q[0], goal, momentum=[0, 0, 0, *h], duration=10.0)
     end = replay(plan)

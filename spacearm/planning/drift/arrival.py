@@ -106,7 +106,7 @@ class Arrival:
 
     def _attitudes(self, t: Array, Q: Array) -> Array:
         T = self.start.base.rotation
-        return drifting_attitudes(self.start.arm, T, t, Q, self.h)
+        return drifting_attitudes(self.start.arm, T, t, Q, self.h, T.T @ self.start.stored[3:])
 
     def _shapes(self, t: Array) -> Array:
         """Return the ramp, unless the joints have a goal, and the waves (m, shapes) at times."""

@@ -1,7 +1,8 @@
 """Joint motions of a spacecraft with momentum: how its attitude changes.
 
 The angular momentum h about the system CM is constant in inertial axes, and so, with (33c), the
-spacecraft of attitude T turns with w_0 = D^-1 (T^T h - D_q dq) in its own axes.
+spacecraft of attitude T turns with w_0 = D^-1 (T^T h - s - D_q dq) in its own axes, s what its
+wheels hold.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import kinematics
 
 
-def drifting_attitudes(arm: SpaceArm, T: Array, t: Array, Q: Array, h: Array) -> Array:
+def drifting_attitudes(
+    arm: SpaceArm, T: Array, t: Array, Q: Array, h: Array, stored: Array
+) -> Array:
     """Return the attitudes (p, m, 3, 3) of the spacecraft along p joint motions at once.
 
     Celledoni, Marthinsen & Owren's commutator-free method of order 4, Future Gener. Comput. Syst.
@@ -27,6 +30,7 @@ def drifting_attitudes(arm: SpaceArm, T: Array, t: Array, Q: Array, h: Array) ->
         t: (m,) times of the rows [s].
         Q: (p, m, n) joint positions of the rows, between which they are linear in time.
         h: (3,) angular momentum about the system CM [N m s], inertial axes.
+        stored: (3,) what wheels hold of it all the time [N m s], spacecraft axes.
     """
     p, m, n = Q.shape
     halves = np.empty((p, 2 * m - 1, n))
@@ -43,7 +47,8 @@ def drifting_attitudes(arm: SpaceArm, T: Array, t: Array, Q: Array, h: Array) ->
         spin = [dt * inverse[:, 2 * i + k] for k in range(3)]
 
         def rate(R: Array, k: int, turn: list[Array] = turn, spin: list[Array] = spin) -> Array:
-            return turn[k] + np.einsum("pij,pkj,k->pi", spin[k], R, h)
+            left = np.einsum("pkj,k->pj", R, h) - stored
+            return turn[k] + np.einsum("pij,pj->pi", spin[k], left)
 
         R = out[:, i]
         k1 = rate(R, 0)

@@ -160,8 +160,9 @@ class Drift:
         found = Plan.of_rows(method, rows, problem.target.clearance, (), FAILED, None)
         base = found.base.copy()
         base[:, :3] += np.outer(t, self._speed)
-        h = np.tile(self.momentum, (len(t), 1))
-        self.best = found = replace(found, t=t, base=base, momentum=h, obstacles=self.obstacles)
+        h, spins = (np.tile(x, (len(t), 1)) for x in (self.momentum, self.start.wheels))
+        found = replace(found, t=t, base=base, momentum=h, wheels=spins, obstacles=self.obstacles)
+        self.best = found
         problem.check(rows)
         over = (np.abs(np.diff(found.q, axis=0)) / np.diff(t)[:, None]).max(axis=0)
         over /= largest_rates(arm)

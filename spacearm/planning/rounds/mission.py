@@ -1,0 +1,44 @@
+"""Mission: what a plan with momentum on board is made of."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from spacearm.arrays import Array
+from spacearm.model.configuration import Configuration
+from spacearm.planning.problem import Problem
+from spacearm.planning.result import Plan
+from spacearm.planning.rounds.at_rest import at_rest
+from spacearm.planning.rounds.wish import Wish, problem_of
+from spacearm.planning.search import Search
+
+AGAIN, SHORT = ("joint space", "tree", "cycles"), 1.0
+"""Methods by which a plan with momentum begins, after others, and the least time for each [s]."""
+
+
+class Mission(NamedTuple):
+    """What a plan with momentum is made of, see `drift.search.Mission`."""
+
+    cfg: Configuration
+    wish: Wish
+    seed: int
+    search: Search
+
+    def problem(self, moved: Array) -> Problem:
+        """Return the problem if the system CM moves by (3,) [m] until the tip arrives."""
+        return problem_of(self.cfg, self.wish.moved(self.cfg, moved), self.seed, self.search)
+
+    def still(self, start: Configuration, moved: Array, number: int) -> Plan:
+        """Return a plan without momentum from another start; after two others of other methods."""
+        wish = self.wish.moved(self.cfg, moved)
+        if number % 2 == 0:  # about where they will be
+            wish = wish._replace(obstacles=self.wish.obstacles)
+        if wish.method == "auto" and number > 1:
+            wish = wish._replace(method=AGAIN[number % len(AGAIN)])
+        time = max((self.search.timeout - self.search.elapsed) / 3.0, SHORT)
+        search = Search(time, lambda *_: self.check_time())
+        return at_rest(start, wish, self.seed + number, search)
+
+    def check_time(self) -> None:
+        """Raise a TimeUpError if the time is up."""
+        self.search.check_time()

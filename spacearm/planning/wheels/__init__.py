@@ -1,0 +1,1 @@
+"""Plans of a spacecraft whose attitude wheels hold, within what these can take."""

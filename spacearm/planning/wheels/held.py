@@ -1,0 +1,112 @@
+"""Held: plans of a spacecraft whose attitude wheels hold.
+
+A held spacecraft moves as one of boundless moment of inertia would: D^-1 D_q dq is zero, and J* is
+the Jacobian of the held arm. The way is sought for such a spacecraft and then timed, evenly, so
+that the wheels keep within their limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.description.bodies import Inertial
+from spacearm.errors import NoSolutionError
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration, kinematics
+from spacearm.planning.drift.search import stretched
+from spacearm.planning.result import Plan
+from spacearm.planning.wheels.limits import Wheels
+from spacearm.planning.wheels.loads import load_of, momentum_and_torque
+from spacearm.planning.wheels.majorants import ROOT
+
+Find: TypeAlias = Callable[[Configuration, Array, float | None], Plan]
+"""A planner: it takes the start, a momentum (6,) and the duration [s]."""
+
+BOUNDLESS = 1e9
+"""Moment of inertia of a spacecraft that does not turn, over what the system has."""
+TRIES, SLACK, ROUND_UP = 4, 1.05, 1.0 + 1e-9
+"""Durations tried with a CM that moves, the room that the next has, and that for rounding."""
+
+
+def held_plan(
+    cfg: Configuration, wheels: Wheels, find: Find, momentum: Array, duration: float | None
+) -> Plan:
+    """Return a plan with the attitude held as at the start.
+
+    Args:
+        cfg: Where it begins.
+        wheels: What holds the attitude.
+        find: Plans for a spacecraft that floats.
+        momentum: (6,) momentum, inertial axes; the wheels hold the angular part.
+        duration: When it ends [s]; if None as soon as rates and wheels allow.
+
+    Raises:
+        NoSolutionError: There is none, or the wheels cannot hold it in time.
+    """
+    start = boundless(cfg.arm).at(cfg.q, base=cfg.base)
+    h = np.append(momentum[:3], np.zeros(3))
+    lasts, why = duration, ""
+    for _ in range(TRIES):
+        try:
+            found = find(start, h, lasts)
+        except NoSolutionError as error:
+            best = error.best
+            if isinstance(best, Plan):
+                best = _held(cfg, best, wheels, momentum)
+            raise NoSolutionError("; ".join(filter(None, (str(error), why))), best) from None
+        if len(found) == 1:
+            return _held(cfg, found, wheels, momentum)
+        slower, why = wheels.slowdown(load_of(cfg.arm, found.t, found.q))
+        needed = float(found.t[-1]) * slower
+        if slower > 1.0 and duration is not None:
+            raise NoSolutionError(
+                f"{cfg.arm.name}: in {duration:.4g} s {why}; within the limits of the wheels this "
+                f"way takes {needed:.4g} s, {needed - duration:.4g} s more",
+                _held(cfg, found, wheels, momentum),
+            )
+        if slower > 1.0 and not h.any():
+            found = stretched(found, needed * ROUND_UP)
+        if slower <= 1.0 or not h.any():
+            plan = _held(cfg, found, wheels, momentum)
+            return replace(plan, wheel_load=wheels.story(load_of(plan.arm, plan.t, plan.q)))
+        lasts = SLACK * needed
+    raise NoSolutionError(
+        f"{cfg.arm.name}: {why} along each of the {TRIES} ways found; give a longer duration",
+        _held(cfg, found, wheels, momentum),
+    )
+
+
+@lru_cache(maxsize=16)
+def boundless(arm: SpaceArm) -> SpaceArm:
+    """Return an arm on a spacecraft that no joint motion turns, of the same mass and CM."""
+    system = kinematics(arm, np.clip(np.zeros(arm.n), arm.lower, arm.upper), pin.SE3.Identity())
+    largest = BOUNDLESS * float(np.linalg.norm(system.A[3:, 3:6], 2))
+    tree = arm.whole.with_spacecraft(None, np.eye(3))
+    body = tree.pinocchio().inertias[ROOT]
+    heavy = Inertial(body.mass, pin.SE3(np.eye(3), body.lever), largest * np.eye(3))
+    return arm.on(replace(tree, links={**tree.links, tree.root: heavy}))
+
+
+def _held(cfg: Configuration, found: Plan, wheels: Wheels, momentum: Array) -> Plan:
+    """Return the plan of the arm itself, its attitude that of the start."""
+    arm, attitude = cfg.arm, pin.SE3(cfg.base.rotation, np.zeros(3))
+    rows = [
+        kinematics(arm, q, attitude).centred(com) for q, com in zip(found.q, found.com, strict=True)
+    ]
+    total = np.append(momentum[:3], attitude.rotation @ wheels.axes @ wheels.start)
+    moving, _ = momentum_and_torque(arm, found.q, found.dq, found.ddq)
+    return replace(
+        found,
+        arm=arm,
+        mode="attitude-controlled",
+        base=np.array([pin.SE3ToXYZQUAT(row.base) for row in rows]),
+        momentum=np.tile(total, (len(rows), 1)),
+        wheels=wheels.momenta(moving)[:, : len(arm.wheels)],
+    )

@@ -1,0 +1,166 @@
+"""Limits: what each wheel of a spacecraft can hold and give, and how a motion keeps within that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array, finite
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
+from spacearm.model.configuration import Configuration
+from spacearm.model.wheels import rotor
+from spacearm.motion.plant import WheelHold
+from spacearm.planning.wheels.loads import Load
+from spacearm.planning.wheels.majorants import ROOT
+
+ROUNDING = 1e-9
+"""Share of a momentum that is rounding."""
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Wheels:
+    """The wheels that hold an attitude.
+
+    Attributes:
+        names: What each is called in messages.
+        axes: (3, w) unit vectors of their axes, spacecraft axes.
+        torque: (w,) largest torque of each motor [N m].
+        capacity: (w,) largest momentum that each holds [N m s].
+        start: (w,) what each holds at the start [N m s].
+    """
+
+    names: tuple[str, ...]
+    axes: Array
+    torque: Array
+    capacity: Array
+    start: Array
+
+    @classmethod
+    def of(
+        cls,
+        cfg: Configuration,
+        hold: WheelHold | None,
+        start: npt.ArrayLike | None,
+        momentum: Array,
+    ) -> Wheels:
+        """Return the wheels of a spacecraft; three about its axes where none are described.
+
+        Args:
+            cfg: Where the plan begins.
+            hold: Their limits; those of the description if None.
+            start: (w,) what they hold at the start [N m s]; zero, or the momentum, if None.
+            momentum: (3,) angular momentum about the system CM, inertial axes.
+
+        Raises:
+            ConfigurationError: They do not hold the momentum, or another number of them.
+            UnsupportedError: A wheel is on a link that moves.
+        """
+        arm, count = cfg.arm, len(cfg.arm.wheels) or 3
+        names, axes = tuple(f"about {axis}" for axis in AXES), np.eye(3)
+        torque = capacity = np.full(count, np.inf)
+        if arm.wheels:
+            frames = [arm.model.frames[wheel.frame] for wheel in arm.wheels]
+            for wheel, frame in zip(arm.wheels, frames, strict=True):
+                if frame.parentJoint != ROOT:
+                    raise UnsupportedError(
+                        f"wheel {wheel.name!r} is on link {frame.name!r}, which moves with the "
+                        "arm; plan with wheels on the spacecraft"
+                    )
+            names = tuple(repr(wheel.name) for wheel in arm.wheels)
+            axes = np.column_stack(
+                [f.placement.rotation @ w.axis for f, w in zip(frames, arm.wheels, strict=True)]
+            )
+            joints = [arm.tree.joints[wheel.name] for wheel in arm.wheels]
+            torque = np.array([joint.effort for joint in joints])
+            capacity = np.array([_most(joint.velocity, rotor(arm.tree, joint)) for joint in joints])
+        if hold is not None:
+            torque, capacity = np.full((2, count), [[hold.torque], [hold.capacity]])
+        h = cfg.base.rotation.T @ momentum
+        if start is None:
+            held = np.linalg.pinv(axes) @ h
+        else:
+            held = finite(start, (count,), "wheels0", f"[N m s], one for each of: {listed(names)}")
+            h = h if h.any() else axes @ held
+        if np.abs(axes @ held - h).max() > ROUNDING * max(np.abs(h).max(), 1.0):
+            raise ConfigurationError(
+                f"the wheels hold {(axes @ held).round(6).tolist()} N m s at the start and the "
+                f"momentum is {h.round(6).tolist()} (spacecraft axes); an attitude that is held "
+                "takes the two to be the same"
+            )
+        return cls(names, axes, torque, capacity, held)
+
+    @property
+    def limited(self) -> bool:
+        """Whether any of them has a limit."""
+        return bool(np.isfinite([self.torque, self.capacity]).any())
+
+    def momenta(self, arm: Array) -> Array:
+        """Return what each wheel holds (m, w) while the arm has momenta (m, 3), spacecraft axes.
+
+        Each takes its share by the pseudo-inverse of the axes.
+
+        Raises:
+            UnsupportedError: They cannot hold it, having no axis along it.
+        """
+        share = np.linalg.pinv(self.axes)
+        left = arm - arm @ share.T @ self.axes.T
+        if np.abs(left).max() > ROUNDING * np.abs(arm).max():
+            raise UnsupportedError(
+                f"the arm's momentum has a part across the axes of {listed(self.names)}, which "
+                "they cannot take; add wheels about other axes"
+            )
+        return np.asarray(self.start - arm @ share.T)
+
+    def slowdown(self, load: Load) -> tuple[float, str]:
+        """Return how many times longer a motion must last within the limits, and what asks for it.
+
+        Momentum falls with the duration, torque with its square. Bounds between the times of the
+        load count.
+
+        Raises:
+            NoSolutionError: A wheel holds more than it can at the start.
+        """
+        rows = np.linalg.norm(np.linalg.pinv(self.axes), axis=1)
+        spins = self.momenta(load.momentum) - self.start
+        most, least = (spins.max(axis=0), spins.min(axis=0))
+        torque = np.abs(load.torque @ np.linalg.pinv(self.axes).T).max(axis=0)
+        found = [(0.0, "no wheel has a limit")]
+        for i, name in enumerate(self.names):
+            spare = rows[i] * load.beyond
+            need = torque[i] + spare[1]
+            story = f"wheel {name} gives {need:.4g} of at most {self.torque[i]:.4g} N m"
+            found.append((float(np.sqrt(need / self.torque[i])), story))
+            for sign, end in ((1.0, most[i]), (-1.0, -least[i])):
+                swing, room = end + spare[0], self.capacity[i] - sign * self.start[i]
+                story = (
+                    f"wheel {name} comes to {self.start[i] + sign * swing:.4g} of at most "
+                    f"{self.capacity[i]:.4g} N m s"
+                )
+                if room < 0.0 or (room == 0.0 and end > ROUNDING * self.capacity[i]):
+                    raise NoSolutionError(
+                        f"wheel {name} holds {self.start[i]:.4g} N m s at the start, of at most "
+                        f"{self.capacity[i]:.4g}, and any motion brings more; unload it first"
+                    )
+                found.append((float(swing / room) if room else 0.0, story))
+        return max(found)
+
+    def story(self, load: Load) -> str:
+        """Return what the wheels hold and give at most, and how that is known, in one sentence."""
+        rows = np.linalg.norm(np.linalg.pinv(self.axes), axis=1)
+        spins = np.abs(self.momenta(load.momentum)).max(axis=0) + rows * load.beyond[0]
+        torques = np.abs(load.torque @ np.linalg.pinv(self.axes).T).max(axis=0)
+        each = zip(self.names, spins, torques + rows * load.beyond[1], strict=True)
+        words = [f"wheel {name} at most {h:.4g} N m s and {tau:.4g} N m" for name, h, tau in each]
+        spare = [f"{largest:.2g}" for largest in rows.max() * load.beyond]
+        return (
+            f"{'; '.join(words)}: bounds between {len(load.t)} times included, {spare[0]} N m s "
+            f"and {spare[1]} N m of it"
+        )
+
+
+def _most(rate: float, moment: float) -> float:
+    """Return the momentum of a wheel at its largest rate; no limit of one without inertia."""
+    return rate * moment if moment > 0.0 else np.inf
