@@ -108,6 +108,12 @@ def plan_motion(
     duration: Annotated[
         float | None, typer.Option(help="When the motion ends [s]; else as soon as it can.")
     ] = None,
+    keep_attitude: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest turn of the spacecraft on the way [rad], with --deg in degrees."
+        ),
+    ] = None,
     mode: SpacecraftMode = Spacecraft.FREE,
     wheel_limits: Annotated[
         tuple[float, float] | None,
@@ -149,11 +155,12 @@ def plan_motion(
         with working(f"planning, at most {timeout:g} s") as tell:
             found = plan(
                 arm, start, target, base=spacecraft_pose(attitude, deg), origin=origin.value,
-                clearance=float(np.radians(clearance)) if clearance and deg else clearance,
+                clearance=_angle(clearance, deg),
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
                 timeout=timeout, obstacles=around, momentum=momentum, duration=duration,
-                mode=mode.value, wheels=wheel_limits and _limits(*wheel_limits),
+                keep_attitude=_angle(keep_attitude, deg), mode=mode.value,
+                wheels=wheel_limits and _limits(*wheel_limits),
                 wheels0=None if wheels0 is None else numbers("--wheels0", wheels0),
                 progress=tell,
             )  # fmt: skip
@@ -186,6 +193,11 @@ def plan_motion(
         from spacearm.viewer.show import view as show
 
         serve_until_interrupted(show(found, open=False))
+
+
+def _angle(value: float | None, deg: bool) -> float | None:
+    """Return an angle in radians."""
+    return float(np.radians(value)) if value and deg else value
 
 
 def _limits(torque: float, capacity: float) -> WheelHold:

@@ -8,6 +8,7 @@ attitude therefore obeys an ordinary differential equation in one variable, T' =
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.model.arguments import of_configuration
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.model.joints import joint_vector
 
@@ -84,11 +86,18 @@ def attitudes(start: Configuration, Q: Array) -> Array:
     step = np.arange(len(segment)) - np.repeat(last - steps, steps)
     rate, h = dq[segment], 1.0 / steps[segment, None]
     nodes = [Q[segment] + h * (step[:, None] + s) * rate for s in GAUSS]
-    w1, w2 = (np.einsum("mij,mj->mi", reactions(start.arm, q.T).A, rate) for q in nodes)
+    arm = _with_one_tip(start.arm)
+    w1, w2 = (np.einsum("mij,mj->mi", reactions(arm, q.T).A, rate) for q in nodes)
     T = [start.base.rotation]
     for angle in magnus_step(w1, w2, h):
         T.append(T[-1] @ pin.exp3(angle))
     return np.array(T)[np.append(0, last)]
+
+
+@lru_cache(maxsize=16)
+def _with_one_tip(arm: SpaceArm) -> SpaceArm:
+    """Return an arm with the first of its tips alone, for kernels that know one; else itself."""
+    return arm if len(arm.tips) == 1 else arm.replace(tip=arm.tips[0], joints=arm.joint_names)
 
 
 def placed(start: Configuration, q: Array, T: Array) -> Configuration:

@@ -7,7 +7,7 @@ rows are replayed, with the clearance asked for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, positive, whole
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.mechanics.momentum import momentum_vector
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
@@ -31,12 +31,15 @@ from spacearm.planning.search import Progress, Search
 FLOATING: BaseMode = "free-floating"
 HELD: BaseMode = "attitude-controlled"
 
+SEVERAL = ("auto", "straight", "joint space")
+"""Methods for several tips."""
+
 
 @of_arm
 def plan(
     arm: SpaceArm,
     q0: npt.ArrayLike,
-    goal: Goal | Joints,
+    goal: Goal | Joints | Mapping[str, Goal],
     *,
     base: PoseLike | None = None,
     origin: Origin = "spacecraft",
@@ -48,6 +51,7 @@ def plan(
     obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
     momentum: npt.ArrayLike | None = None,
     duration: float | None = None,
+    keep_attitude: float | None = None,
     mode: BaseMode = FLOATING,
     wheels: WheelHold | None = None,
     wheels0: npt.ArrayLike | None = None,
@@ -75,7 +79,9 @@ def plan(
     Args:
         arm: The arm.
         q0: (n,) joint positions at the start [rad] or [m].
-        goal: A point in the task's linear rows [m], a pose, or `Joints`.
+        goal: A point in the task's linear rows [m], a pose, or `Joints`; of an arm with several
+            tips goals by the names of tips. If one is named, joints that do not lead to it are free
+            to move; to hold them, load the arm with this tip alone.
         base: Pose of the spacecraft at the start; the identity if None.
         origin: Where the inertial frame has its origin: "spacecraft", as `base` says, so that
             poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at the start, as
@@ -99,6 +105,8 @@ def plan(
             attitude hold the angular part.
         duration: When the motion ends [s]; if None as soon as the velocity limits and the wheels
             allow, with momentum about so.
+        keep_attitude: Largest turn of the floating spacecraft on the way [rad], proven between the
+            rows too; joints of another arm, if they count, move so as to keep it.
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
         wheels: Limits of each wheel that holds the attitude; if None those of the description,
             `effort` and `velocity` times its moment of inertia. A spacecraft without wheels in its
@@ -132,6 +140,7 @@ def plan(
     from spacearm.planning.methods import METHODS
     from spacearm.planning.rounds.at_rest import at_rest
     from spacearm.planning.rounds.mission import Mission
+    from spacearm.planning.rounds.together import together
     from spacearm.planning.rounds.wish import Wish
     from spacearm.planning.wheels.held import held_plan
     from spacearm.planning.wheels.limits import Wheels
@@ -143,7 +152,19 @@ def plan(
     if mode not in (FLOATING, HELD):
         raise ConfigurationError(unknown("mode", mode, (FLOATING, HELD)))
     seed = whole(seed, "seed", 0)
-    arm.require_one_tip()  # whose path the plan holds
+    goals: Mapping[str, Goal] = {}
+    if isinstance(goal, Mapping):
+        arm, goals = _of_tips(arm, goal)
+        if len(goals) == 1:
+            (goal,) = goals.values()
+            goals = {}
+        elif method not in SEVERAL or final_attitude is not None:
+            raise UnsupportedError(
+                "several tips are led by the methods 'straight' and 'joint space' and end with any "
+                "attitude; leave out method and final_attitude"
+            )
+    if not goals:
+        arm.require_one_tip()  # whose path the plan holds
     if arm.n < arm.task.k:
         raise UnsupportedError(
             f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "
@@ -154,14 +175,22 @@ def plan(
         raise ConfigurationError("obstacles count as collisions do; leave out collisions=False")
     cfg, search = started(arm.at(q0, base=base), origin), Search(float(timeout), progress)
     duration = None if duration is None else positive(duration, "duration", "time [s]")
+    keep = (
+        None if keep_attitude is None else positive(keep_attitude, "keep_attitude", "angle [rad]")
+    )
     held = arm if mode == HELD else None
-    wish = Wish(goal, clearance, final_attitude, limits, collisions, method, around, held)
+    wish = Wish(goal, clearance, final_attitude, limits, collisions, method, around, held, keep)
     h = momentum_vector(momentum)
 
     def find(start: Configuration, h: Array, lasts: float | None) -> Plan:
+        if goals and (h.any() or start.wheels.any()):
+            raise UnsupportedError("several tips are led at zero momentum only; lead one")
         if h.any() or start.wheels.any():
             return Drift(Mission(start, wish, seed, search), start, h, lasts, around).plan()
-        found = at_rest(start, wish, seed, search)
+        if goals:
+            found = together(start, goals, wish, seed, search)
+        else:
+            found = at_rest(start, wish, seed, search)
         return found if lasts is None or len(found) == 1 else stretched(found, lasts)
 
     if held is None:
@@ -173,3 +202,20 @@ def plan(
     if final_attitude is not None:
         raise ConfigurationError("final_attitude is of no use: the attitude stays what it is")
     return held_plan(cfg, Wheels.of(cfg, wheels, wheels0, h[3:]), find, h, duration)
+
+
+def _of_tips(arm: SpaceArm, goals: Mapping[str, Goal]) -> tuple[SpaceArm, Mapping[str, Goal]]:
+    """Return the arm with the tips that have goals, and the goals; all its joints count.
+
+    Raises:
+        ConfigurationError: A name is no tip, or there are no goals.
+    """
+    if not goals:
+        raise ConfigurationError(f"goal is empty; name some of the tips {listed(arm.tips)}")
+    for name in goals:
+        if name not in arm.tips:
+            raise ConfigurationError(f"goal: {unknown('tip', name, arm.tips)}")
+    tips = tuple(tip for tip in arm.tips if tip in goals)
+    if tips == arm.tips:
+        return arm, goals
+    return arm.replace(tip=tips, joints=arm.joint_names), goals

@@ -15,11 +15,14 @@ from spacearm.collisions.separation import Collisions, Contact, collision_geomet
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import walk
+from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import FLOATING, HELD
 from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.optimiser import Target
+from spacearm.planning.reactions.turns import largest_turn
 from spacearm.planning.search import Search
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.singularities.report import angle
@@ -46,6 +49,7 @@ class Problem:
         search: The time of the search, and its account.
         collisions: The bodies that must not meet; None if collisions do not count.
         held: The arm itself if the start is one on a spacecraft that does not turn.
+        keep: Largest turn of the spacecraft on the way [rad]; None for any.
         best: The last attempt that is no solution.
         note: Remark of a method on its solution.
     """
@@ -57,6 +61,7 @@ class Problem:
     search: Search
     collisions: Collisions | None
     held: SpaceArm | None = None
+    keep: float | None = None
     best: Rows | None = None
     note: str = ""
 
@@ -67,7 +72,7 @@ class Problem:
             NoSolutionError: They do not.
         """
         q = np.array([cfg.q for cfg in rows])
-        distance = evaluate(self.start.arm, q, ("distance",))["distance"]
+        distance = self._distances(q)
         worst = int(np.argmin(distance))
         if distance[worst] < self.target.clearance:
             self.search.ways["singular"] += 1
@@ -81,6 +86,7 @@ class Problem:
             name = self.start.arm.joint_names[int(over.argmax())]
             self.search.ways["limits"] += 1
             raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
+        self._check_turn(rows)
         arm, mode = (self.held, HELD) if self.held else (self.start.arm, FLOATING)
         for i in range(0, max(len(q) - 1, 1), TOGETHER):
             self.search.check_time()
@@ -96,6 +102,30 @@ class Problem:
         if (contact := self._contact(q, lambda: rows, 0.0)) is not None:
             raise NoSolutionError(str(contact))
         return rows
+
+    def _distances(self, q: Array) -> Array:
+        """Return the distances to the singular set (m,), negative on the other side [rad]."""
+        arm = self.start.arm
+        if len(arm.tips) == 1:
+            return evaluate(arm, q, ("distance",))["distance"]
+        rows = [arm.at(row) for row in q]
+        J = np.array([task_jacobian(cfg) for cfg in rows])
+        sign = np.sign(np.linalg.det(J)) if arm.n == arm.task.k else np.ones(len(q))
+        return sign[0] * sign * np.array([distance_at(cfg, FLOATING) for cfg in rows])
+
+    def _check_turn(self, rows: Rows) -> None:
+        """Raise a NoSolutionError if the spacecraft turns too far."""
+        if self.keep is None:
+            return
+        turn = largest_turn(rows)
+        self.note = f"the spacecraft turns by at most {turn:.2g} rad, between the rows too"
+        if turn > self.keep:
+            self.search.ways["turn"] += 1
+            raise NoSolutionError(
+                f"the spacecraft turns by up to {angle(turn)}, and keep_attitude allows "
+                f"{angle(self.keep)}",
+                rows,
+            )
 
     def _contact(self, path: Array, rows: Callable[[], Rows], before: float) -> Contact | None:
         """Return a contact on a motion through joint positions (m, n) that begins at a time [s].
@@ -123,6 +153,21 @@ class Problem:
         """
         self.search.check_time()
         return self._contact(path, lambda: self.walk(start, path), before)
+
+    def stopped(self, q: Array) -> str:
+        """Return why a motion cannot go through joint positions (n,), in words, or nothing.
+
+        Joint limits and contacts of the arm's own bodies count.
+        """
+        self.search.check_time()
+        over = np.maximum(q - self.target.upper, self.target.lower - q)
+        if over.max() > 0.0:
+            self.search.ways["limits"] += 1
+            return f"joint {self.start.arm.joint_names[int(over.argmax())]!r} reaches its limit"
+        if self.collisions is not None and self.collisions.touch(q):
+            self.search.ways["contact"] += 1
+            return "bodies meet"
+        return ""
 
     def walk(self, start: Configuration, path: Array) -> Rows:
         """Return the configurations along straight joint segments (m, n), as `floating.walk`."""

@@ -27,6 +27,7 @@ WAYS = {
     "limits": "leave the joint limits",
     "singular": "meet a singularity or come too near to one",
     "contact": "are in collision",
+    "turn": "turn the spacecraft too far",
 }
 """What stops curves to the goal, likewise."""
 REMEDIES = {
@@ -38,6 +39,7 @@ REMEDIES = {
     "singular": "ask for a smaller clearance, or go by way of a posture in between (sa.Joints)",
     "contact": "move the obstacles, lower their margins, or see how the way looks with "
     "collisions=False",
+    "turn": "allow a larger turn, or let more joints count (joints='all')",
     "landing": "give a longer timeout, another seed, or a posture in between (sa.Joints)",
 }
 """What to relax."""

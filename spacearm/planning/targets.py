@@ -43,8 +43,8 @@ def make_target(
         ConfigurationError: An argument does not make sense.
         NoSolutionError: No motion can achieve the target.
     """
-    lower, upper = _bounds(cfg, limits)
-    least, ample = _clearance(cfg, clearance)
+    lower, upper = bounds_of(cfg, limits)
+    least, ample = clearance_of(cfg, clearance)
     target = Target(
         tip=None if isinstance(goal, Joints) else _reachable(cfg, goal_pose(cfg, goal), limits),
         q=joint_vector(cfg.arm, goal.q, "goal") if isinstance(goal, Joints) else None,
@@ -58,7 +58,7 @@ def make_target(
     return target, ample
 
 
-def _bounds(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
+def bounds_of(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
     """Return the least and the largest joint positions (n,).
 
     Raises:
@@ -141,7 +141,7 @@ def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
     return sound_pose(pin.SE3(R, np.zeros(3)), "final_attitude").rotation
 
 
-def _clearance(cfg: Configuration, clearance: float | None) -> tuple[float, float]:
+def clearance_of(cfg: Configuration, clearance: float | None) -> tuple[float, float]:
     """Return the least distance to the singular set on the way [rad], and the one to aim at first.
 
     Raises:

@@ -1,6 +1,7 @@
 """Obstacles: what is proven apart is apart on the true motion, with the spacecraft moving."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -341,10 +342,7 @@ def test_times_of_a_plan_are_those_of_its_check(free):
 def test_obstacles_are_drawn_and_not_kept_in_the_file(arm, free, tmp_path):
     ball = sa.Obstacle.sphere(0.1, at(3.0, 2.0, 0.0), twist=[0.01, 0, 0, 0, 0, 0])
     block = sa.Obstacle.robot(arm.at(Q0, base=at(-4, 0, 0)))
-    plan = sa.Plan(**{name: getattr(free, name) for name in (
-        "arm", "t", "q", "base", "mode", "method", "clearance", "checked", "apart", "tried",
-            "momentum",
-    )}, obstacles=(ball, block))  # fmt: skip
+    plan = replace(free, obstacles=(ball, block))
     names = draw_motion(plan).subfigs[0].axes[0].get_legend_handles_labels()[1]
     assert "sphere" in names
     plan.save(tmp_path / "plan.npz")

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from scipy.interpolate import CubicSpline
 
 import spacearm as sa
+from spacearm.planning.reactions.loads import load_of, momentum_and_torque
+from spacearm.planning.reactions.majorants import momentum_bounds
 from spacearm.planning.timing import course
-from spacearm.planning.wheels.loads import load_of, momentum_and_torque
-from spacearm.planning.wheels.majorants import momentum_bounds
 
 Q0, GOAL = [0.3, 1.2], (0.9, 1.4)
 HELD = {"mode": "attitude-controlled"}

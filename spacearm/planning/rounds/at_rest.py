@@ -12,6 +12,10 @@ from spacearm.planning.problem import Problem
 from spacearm.planning.result import IGNORED, Attempt, Plan
 from spacearm.planning.rounds.wish import Wish, best_attempt, problem_of
 from spacearm.planning.search import Search, TimeUpError
+from spacearm.planning.tips.reactionless import reactionless
+
+REACTIONLESS = "reactionless"
+"""Name of the method that comes before the others where the attitude is to be kept."""
 
 
 def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
@@ -23,12 +27,13 @@ def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
     problem = problem_of(cfg, wish, seed, search)
     bodies = problem.collisions
     tried: dict[str, str] = {}
-    order = list(METHODS)
+    methods = METHODS if wish.keep is None else {REACTIONLESS: reactionless, **METHODS}
+    order = list(methods)
     if wish.obstacles:
-        order.sort(key=lambda name: name not in ("straight", "tree"))
+        order.sort(key=lambda name: name not in (REACTIONLESS, "straight", "tree"))
     for name in _in_rounds(order, wish.method, search):
         try:
-            rows = METHODS[name](problem)
+            rows = methods[name](problem)
         except TimeUpError as error:
             tried.setdefault(name, str(error))
             break

@@ -23,7 +23,8 @@ from spacearm.planning.targets import make_target
 class Wish(NamedTuple):
     """What a plan shall be like, as in the arguments of `plan`.
 
-    `held` is the arm itself if the search is for one on a spacecraft that does not turn.
+    `held` is the arm itself if the search is for one on a spacecraft that does not turn; `keep` the
+    largest turn on the way [rad].
     """
 
     goal: Goal | Joints
@@ -34,6 +35,7 @@ class Wish(NamedTuple):
     method: str
     obstacles: tuple[Obstacle, ...]
     held: SpaceArm | None = None
+    keep: float | None = None
 
     def moved(self, cfg: Configuration, by: Array) -> Wish:
         """Return the wish without obstacles, its goal moved back by (3,) [m]."""
@@ -56,7 +58,7 @@ def problem_of(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Pro
         bodies = bodies_apart(cfg, target, wish.obstacles) if wish.collisions else None
     except NoSolutionError as error:
         raise NoSolutionError(str(error), best_attempt(cfg, error.best, ())) from None
-    return Problem(cfg, target, ample, seed, search, bodies, wish.held)
+    return Problem(cfg, target, ample, seed, search, bodies, wish.held, wish.keep)
 
 
 def best_attempt(cfg: Configuration, rows: object, tried: Sequence[Attempt]) -> Plan:

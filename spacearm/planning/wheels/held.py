@@ -21,10 +21,10 @@ from spacearm.errors import NoSolutionError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration, kinematics
 from spacearm.planning.drift.search import stretched
+from spacearm.planning.reactions.loads import load_of, momentum_and_torque
+from spacearm.planning.reactions.majorants import ROOT
 from spacearm.planning.result import Plan
 from spacearm.planning.wheels.limits import Wheels
-from spacearm.planning.wheels.loads import load_of, momentum_and_torque
-from spacearm.planning.wheels.majorants import ROOT
 
 Find: TypeAlias = Callable[[Configuration, Array, float | None], Plan]
 """A planner: it takes the start, a momentum (6,) and the duration [s]."""

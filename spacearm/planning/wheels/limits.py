@@ -12,8 +12,8 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.model.configuration import Configuration
 from spacearm.model.wheels import rotor
 from spacearm.motion.plant import WheelHold
-from spacearm.planning.wheels.loads import Load
-from spacearm.planning.wheels.majorants import ROOT
+from spacearm.planning.reactions.loads import Load
+from spacearm.planning.reactions.majorants import ROOT
 
 ROUNDING = 1e-9
 """Share of a momentum that is rounding."""

@@ -16,8 +16,8 @@ from scipy.interpolate import PPoly
 
 from spacearm.arrays import Array
 from spacearm.model.arm import SpaceArm
+from spacearm.planning.reactions.majorants import momentum_bounds
 from spacearm.planning.timing import course
-from spacearm.planning.wheels.majorants import momentum_bounds
 
 DERIVATIVES = 4
 """Of the joint positions that the bounds take."""

@@ -1,0 +1,1 @@
+"""Several tips at once, or tips and the attitude of the spacecraft."""
