@@ -17,7 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
+from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.processors import processors
+from spacearm.kernels.waves import fill_waves
 from spacearm.polynomial.univariate import Complex
 
 CACHE = 1 << 16
@@ -59,12 +61,12 @@ def _basis(d: int) -> Complex:
 def waves(q: Array, d: int) -> Array:
     """Compute 1, cos q, ..., cos d q, sin q, ..., sin d q at angles (m,), as (2 d + 1, m)."""
     rows = np.empty((2 * d + 1, len(q)))
-    rows[0] = 1.0
-    if d > 0:
-        c, s = np.cos(q, out=rows[1]), np.sin(q, out=rows[d + 1])
-        for k in range(1, d):
-            rows[k + 1] = c * rows[k] - s * rows[d + k]
-            rows[d + k + 1] = s * rows[k] + c * rows[d + k]
+    if d == 0:
+        rows[0] = 1.0
+    elif np.abs(q).max(initial=0.0) > LARGEST_ANGLE:
+        fill_waves(np.remainder(q, 2.0 * np.pi), rows)
+    else:
+        fill_waves(q, rows)
     return rows
 
 
@@ -89,9 +91,10 @@ def contract(
     matrix = tensor.transpose(*keep, *later, *first).reshape(-1, width)
 
     def do(q: Array) -> Array:
-        partial = matrix @ _product(q, first, tensor.shape)
+        by_axis = np.ascontiguousarray(q.T)
+        partial = matrix @ _product(by_axis, first, tensor.shape)
         if later:
-            after = _product(q, later, tensor.shape)
+            after = _product(by_axis, later, tensor.shape)
             partial = np.einsum(
                 "klm,lm->km", partial.reshape(len(matrix) // len(after), *after.shape), after
             )
@@ -124,11 +127,11 @@ def _halves(axes: list[int], shape: tuple[int, ...]) -> tuple[list[int], list[in
 
 
 def _product(q: Array, axes: list[int], shape: tuple[int, ...]) -> Array:
-    """Multiply out the waves of several axes, (product of their sizes, m)."""
-    product: Array = np.ones((1, len(q)))
+    """Multiply out the waves of several axes of angles (n, m), (product of their sizes, m)."""
+    m = q.shape[1]
+    product: Array = np.ones((1, m))
     for j in axes:
         if shape[j] > 1:
-            wave = waves(q[:, j], shape[j] // 2)
-            size = len(product) * len(wave)
-            product = (product[:, None] * wave).reshape(size, len(q))
+            wave = waves(q[j], shape[j] // 2)
+            product = (product[:, None] * wave).reshape(len(product) * len(wave), m)
     return product
