@@ -239,8 +239,10 @@ def test_names_are_imported_from_where_type_checkers_see_them():
 def test_an_unknown_name_is_an_attribute_error():
     import spacearm as sa
 
-    with pytest.raises(AttributeError, match="has no attribute 'singular'"):
+    with pytest.raises(AttributeError, match="has no attribute 'singular'") as caught:
         _ = sa.singular
+    assert caught.value.name == "singular"
+    assert caught.value.obj is sa
 
 
 def test_a_name_imports_no_more_than_it_needs():
