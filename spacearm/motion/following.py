@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,18 +24,13 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import PoseLike
 from spacearm.model.mode import BaseMode
-from spacearm.motion.events import (
-    Event,
-)
+from spacearm.motion.events import Event
 from spacearm.motion.goal import Origin, goal_axes, started
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.motion.tip_curve import TipCurve, state_of
 from spacearm.motion.tip_path import Path, segments
 from spacearm.singularities.report import NO_INVERSE
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -129,8 +124,27 @@ def follow(
         >>> sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)]).reason
         'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    cfg, speed = started(arm.at(q0, base=base), origin), positive(speed, "speed", "speed [m/s]")
-    _check_start(cfg, mode, limits)
+    return lead(started(arm.at(q0, base=base), origin), path, mode, length, speed, limits, progress)
+
+
+def lead(
+    cfg: Configuration,
+    path: Path,
+    mode: BaseMode = "free-floating",
+    length: float | None = None,
+    speed: float = 0.1,
+    limits: bool = True,
+    progress: Callable[[float, float], object] | None = None,
+) -> Followed:
+    """Lead the tip along a path as `follow` does, from a configuration.
+
+    Raises:
+        ConfigurationError: An argument does not make sense, or the start is singular or, where
+            limits count, beyond them.
+        UnsupportedError: The task has more rows than the arm has joints.
+    """
+    arm, speed = cfg.arm, positive(speed, "speed", "speed [m/s]")
+    check_start(cfg, mode, limits)
     pieces = segments(cfg, path, length)
     states, behind = [state_of(cfg, 0.0)], 0.0
     for piece in pieces:
@@ -153,12 +167,17 @@ def follow(
         s=s.copy(),
         length=whole,
         ended=end.kind,
-        reason=_reason(curve.configuration(rows[-1]), float(s[-1]), whole, end),
+        reason=how_it_ended(arm, curve.configuration(rows[-1]).tip.translation, s[-1], whole, end),
     )
 
 
-def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
-    """Refuse a start from which no path can be followed, by the errors of `follow`."""
+def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
+    """Refuse a start from which no path can be followed.
+
+    Raises:
+        ConfigurationError: It is singular, or beyond the joint limits where they count.
+        UnsupportedError: The task has more rows than the arm has joints.
+    """
     arm = cfg.arm
     if arm.task.k > arm.n:
         raise UnsupportedError(
@@ -178,14 +197,14 @@ def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         )
 
 
-def _reason(cfg: Configuration, s: float, length: float, end: Event) -> str:
-    """Return where and why the motion ended."""
-    place = ", ".join(f"{x:.4g}" for x in cfg.tip.translation)
-    unit = "m" if min(cfg.arm.task.indices) < 3 else "rad"
+def how_it_ended(arm: SpaceArm, tip: Array, s: float, length: float, end: Event) -> str:
+    """Return where and why a motion ended, with the tip at a place (3,) [m]."""
+    place = ", ".join(f"{x:.4g}" for x in tip)
+    unit = "m" if min(arm.task.indices) < 3 else "rad"
     if end.kind == "arrived":
         return f"arrived at ({place}) m after {s:.4g} {unit}"
     where = f"after {s:.4g} of {length:.4g} {unit}, tip at ({place}) m"
     if end.kind == "joint limit":
         return f"joint {end.detail!r} reaches its limit {where}"
-    q = cfg.arm.in_words(cfg.q)
+    q = arm.in_words(end.q)
     return f"singular {where}, q = {q}{end.detail}: J* cannot lead the tip on along the path"

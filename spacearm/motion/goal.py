@@ -70,16 +70,16 @@ def goal_axes(cfg: Configuration) -> Array:
     a planar arm (see `Task.axes`), unless these turn while the joints move: then they are the
     inertial axes.
     """
-    return cfg.arm.task.axes(cfg.base.rotation) if _steady(cfg.arm) else np.eye(3)
+    return cfg.arm.task.axes(cfg.base.rotation) if steady(cfg.arm) else np.eye(3)
 
 
 def goal_normal(arm: SpaceArm) -> int | None:
     """Return the normal (0, 1, 2) that the goal axes tilt with; None if they are inertial."""
-    return next(iter(arm.task.singled_out), None) if _steady(arm) else None
+    return next(iter(arm.task.singled_out), None) if steady(arm) else None
 
 
 @lru_cache(maxsize=64)
-def _steady(arm: SpaceArm) -> bool:
+def steady(arm: SpaceArm) -> bool:
     """Tell whether the task singles out no direction but, if any, the normal of the arm's plane."""
     return arm.task.singled_out <= {arm.tree.plane_normal()}
 
@@ -95,7 +95,8 @@ def goal_pose(cfg: Configuration, goal: Goal) -> pin.SE3:
     rows, names = cfg.arm.task.indices, cfg.arm.task.names
     if max(rows) > 2:
         raise ConfigurationError(
-            f"target is {goal!r}; the task {names!r} takes a pose, as pin.SE3 or as a (4, 4) matrix"
+            f"target is {goal!r}; the task {names!r} takes a pose, as pin.SE3 or as a (4, 4) "
+            "matrix: sa.pose(xyz, rpy) makes one, and task='position' of sa.load takes points"
         )
     meaning = f"[m], one for each row of the task {names!r}, or a pin.SE3"
     pose, axes = cfg.tip, goal_axes(cfg)
