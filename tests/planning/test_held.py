@@ -170,7 +170,7 @@ def test_a_spacecraft_without_wheels_has_three():
     seen = sa.reaction(plan)
     assert plan.wheels.shape == (len(plan), 0)
     assert np.abs(seen.wheels).max() <= 1.0
-    assert 0.95 * 0.2 < np.abs(seen.torque).max() <= 0.2
+    assert 0.85 * 0.2 < np.abs(seen.torque).max() <= 0.2  # the largest is between rows
     np.testing.assert_allclose(seen.wheels[0], [0, 0, -0.4])
 
 
