@@ -11,7 +11,7 @@ import pytest
 from helpers.arms import load_text, random_chain, random_tree
 
 import spacearm as sa
-from spacearm.export.expressions import Tape
+from spacearm.export.c_code.expressions import Tape
 from spacearm.export.parameters import parameters_of
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.momentum import momentum_derivatives

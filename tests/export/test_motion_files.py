@@ -1,6 +1,7 @@
 """Files of motions: what other programs read is the motion."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -49,6 +50,62 @@ def test_netcdf(way, tmp_path):
     with xr.open_dataset(sa.write_motion(way, tmp_path / "way.nc")) as found:
         np.testing.assert_array_equal(found["q"].values, way.q)
         assert found.attrs["arm"] == "planar2"
+
+
+def test_zarr(way, tmp_path):
+    pytest.importorskip("zarr", reason="needs Python 3.11")
+    path = sa.write_motion(way, tmp_path / "way.zarr")
+    sa.write_motion(way, path)  # in its place
+    with xr.open_zarr(path) as found:
+        xr.testing.assert_identical(found.load(), way.to_xarray())
+    assert [entry.name for entry in tmp_path.iterdir()] == ["way.zarr"]
+    (other := tmp_path / "other.zarr").mkdir()
+    (other / "letters").touch()
+    with pytest.raises(sa.SpaceArmError, match="something else"):
+        sa.write_motion(way, other)
+    assert (other / "letters").exists()
+
+
+def test_a_bag_of_ros_messages(tmp_path):
+    reader = pytest.importorskip("mcap.reader")
+    decoder = pytest.importorskip("mcap_ros2.decoder")
+    law = sa.JointPD(target=[0.5, 0.6], kp=4.0, kd=8.0)
+    run = sa.simulate(sa.load("planar2"), [0.3, 0.9], law, 0.5, dt=0.01)
+    path = sa.write_motion(run, tmp_path / "run.mcap")
+    found = {}
+    with path.open("rb") as file:
+        bag = reader.make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        assert bag.get_header().profile == "ros2"
+        for _, channel, raw, message in bag.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((raw.log_time, message))
+    times = [time for time, _ in found["/joint_states"]]
+    np.testing.assert_allclose(np.array(times) * 1e-9, run.t, atol=1e-9)
+    states, placed = ([message for _, message in found[x]] for x in ("/joint_states", "/tf"))
+    np.testing.assert_array_equal([state.position for state in states], run.q)
+    np.testing.assert_array_equal([state.velocity for state in states], run.dq)
+    np.testing.assert_array_equal([state.effort for state in states], run.torque)
+    assert list(states[0].name) == list(run.arm.joint_names)
+    stamp = states[-1].header.stamp
+    assert stamp.sec * 10**9 + stamp.nanosec == times[-1]
+    for message, pose in zip(placed, run.base, strict=True):
+        (spacecraft,) = message.transforms
+        assert (spacecraft.header.frame_id, spacecraft.child_frame_id) == ("world", "spacecraft")
+        at, turn = spacecraft.transform.translation, spacecraft.transform.rotation
+        assert (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w) == tuple(pose)
+    np.testing.assert_array_equal([x.data for _, x in found["/sigma_min"]], run.sigma_min)
+    np.testing.assert_array_equal([x.data for _, x in found["/momentum"]], run.momentum)
+    assert set(found) == {"/joint_states", "/tf"} | {
+        f"/{name}" for name in run.to_xarray() if name not in ("q", "dq", "base", "torque")
+    }
+
+
+@pytest.mark.parametrize(("suffix", "module", "extra"), [
+    (".mcap", "mcap_ros2.writer", "mcap"), (".zarr", "zarr", "sweep"),
+])  # fmt: skip
+def test_a_missing_extra_is_named(way, tmp_path, monkeypatch, suffix, module, extra):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(sa.UnsupportedError, match=rf"pip install 'spacearm\[{extra}\]'"):
+        sa.write_motion(way, tmp_path / f"way{suffix}")
 
 
 def test_other_suffixes_and_things_are_refused(way, tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
-from spacearm.export.expressions import Expression, Operand, Tape
+from spacearm.export.c_code.expressions import Expression, Operand, Tape
 
 SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 

@@ -14,7 +14,9 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.export import equations
-from spacearm.export.c_templates import (
+from spacearm.export.c_code.expressions import Expression, Operand, Tape
+from spacearm.export.c_code.straight_line import body, number
+from spacearm.export.c_code.templates import (
     BY_PARAMETERS,
     HEADER,
     MORE,
@@ -24,10 +26,8 @@ from spacearm.export.c_templates import (
     SOURCE,
     STRUCT,
 )
-from spacearm.export.expressions import Expression, Operand, Tape
 from spacearm.export.functions import structure_in
 from spacearm.export.parameters import Parameters, Structure, chosen, parameters_of, symbolic
-from spacearm.export.straight_line import body, number
 from spacearm.files import name_part, write
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
