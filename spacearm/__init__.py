@@ -14,8 +14,8 @@ query        singularity generalized_jacobian generalized_jacobian_derivative
              generalized_jacobian_rate fixed_base_jacobian prescribed_motion error_bars evaluate
              generalized_jacobians SingularityReport PrescribedMotion ErrorBars
 dynamics     momentum_matrix base_velocity generalized_inertia forward_dynamics inverse_dynamics
-             kinetic_energy capture barycentric MomentumMatrix Dynamics Capture Barycentric
-             VirtualManipulator
+             joint_accelerations kinetic_energy capture barycentric MomentumMatrix Dynamics Capture
+             Barycentric VirtualManipulator
 sets         singular_set singular_map singularity_polynomial SingularSet FoundSet SingularMap
              TrigPolynomial Certificate
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
@@ -81,6 +81,7 @@ _HOMES = {
     "export.mjcf_files": "to_mjcf",
     "export.motion_files": "write_motion",
     "export.sdf_files": "to_sdf",
+    "mechanics.accelerations": "joint_accelerations",
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
     "mechanics.batch": "evaluate generalized_jacobians",
     "mechanics.dynamics": (

@@ -28,6 +28,7 @@ from spacearm.export.jax_functions import to_jax as to_jax
 from spacearm.export.mjcf_files import to_mjcf as to_mjcf
 from spacearm.export.motion_files import write_motion as write_motion
 from spacearm.export.sdf_files import to_sdf as to_sdf
+from spacearm.mechanics.accelerations import joint_accelerations as joint_accelerations
 from spacearm.mechanics.barycentric_formulation import Barycentric as Barycentric
 from spacearm.mechanics.barycentric_formulation import VirtualManipulator as VirtualManipulator
 from spacearm.mechanics.barycentric_formulation import barycentric as barycentric
