@@ -77,11 +77,11 @@ from spacearm.motion.controllers import Reactionless as Reactionless
 from spacearm.motion.controllers import ResolvedRate as ResolvedRate
 from spacearm.motion.controllers import TransposedJacobian as TransposedJacobian
 from spacearm.motion.events import Event as Event
-from spacearm.motion.flight import Flight as Flight
-from spacearm.motion.flight import Grasp as Grasp
-from spacearm.motion.flight import Phase as Phase
-from spacearm.motion.flight import Release as Release
-from spacearm.motion.flight import simulate_phases as simulate_phases
+from spacearm.motion.flights.flight import Flight as Flight
+from spacearm.motion.flights.phases import Grasp as Grasp
+from spacearm.motion.flights.phases import Phase as Phase
+from spacearm.motion.flights.phases import Release as Release
+from spacearm.motion.flights.phases import simulate_phases as simulate_phases
 from spacearm.motion.following import Followed as Followed
 from spacearm.motion.following import follow as follow
 from spacearm.motion.many_runs import simulate_many as simulate_many

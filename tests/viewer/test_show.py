@@ -64,6 +64,26 @@ def test_motions_are_played(arm):
         assert viewer.about()["motion"]["span"] == [0.0, float(thing.t[-1])]
 
 
+def test_a_flight_is_played_with_what_it_holds(arm):
+    law = sa.JointPD([0.5, 1.0], kp=5.0, kd=5.0)
+    phases = [sa.Phase(law, 0.2, sa.Grasp(mass=20.0)), sa.Phase(law, 0.2, sa.Release()),
+              sa.Phase(law, 0.1)]  # fmt: skip
+    flight = sa.simulate_phases(arm, Q, phases)
+    viewer = sa.view(flight, open=False)
+    motion = viewer.about()["motion"]
+    assert motion["span"] == pytest.approx([0.0, 0.5])
+    assert [(e["kind"], round(e["t"], 9)) for e in motion["events"]] == [
+        ("grasp", 0.2), ("release", 0.4),
+    ]  # fmt: skip
+    for t in (0.1, 0.3, 0.45):
+        viewer.handle({"do": "time", "t": t})
+        viewer.draw()
+        shown, known = viewer.session.cfg, flight.at(t)
+        np.testing.assert_allclose(shown.com, known.com)
+        assert shown.arm.mass == pytest.approx(arm.mass + (20.0 if t == 0.3 else 0.0))
+    assert len(viewer.html()) > 1000
+
+
 def test_a_workspace_shows_its_shells_around_the_posture_asked_for(arm):
     result = sa.workspace(arm)
     viewer = sa.view(result, Q, open=False)
@@ -106,7 +126,7 @@ def test_a_region_shows_its_first_singular_configuration(arm):
 def test_what_has_no_posture_is_refused(thing):
     message = (
         f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
-        r"\(with arm, t, q and base\), a Workspace, a singular set, feasible attitudes, "
+        r"\(with arm, t, q and base\), a Flight, a Workspace, a singular set, feasible attitudes, "
         r"a Region, a result with a conf"
     )
     with pytest.raises(sa.ConfigurationError, match=message):

@@ -41,7 +41,7 @@ class LoadLayer:
     ) -> None:
         self._wheels, self._wrenches = root["wheels"], root["wrenches"]
         self._length = LONGEST * size
-        self._data = pin.Data(cfg.arm.model)
+        self._arm, self._data = cfg.arm, pin.Data(cfg.arm.model)
         self._t = np.zeros(1) if motion is None else motion.t
         self._held: Any = getattr(motion, "wheels", None)
         impulse: Any = getattr(motion, "impulse", None)
@@ -56,7 +56,7 @@ class LoadLayer:
 
     def draw(self, cfg: Configuration, t: float) -> None:
         """Draw the loads at a time, of a motion, or those of the configuration."""
-        arm = cfg.arm
+        arm = self._arm  # without what it may hold for a while
         pin.framesForwardKinematics(arm.model, self._data, cfg.full)
         values = cfg.wheels[None] if self._held is None else self._held
         most = float(np.abs(values).max(initial=0.0))
