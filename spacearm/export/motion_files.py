@@ -77,10 +77,14 @@ def _csv(motion: Motion) -> bytes:
         if values.ndim == 1:
             heads.append(f"{name} [{unit}]")
             columns.append(values.values)
-        else:
-            kind, size = str(values.dims[1]), values.shape[1]
-            heads += [f"{name} {column}" for column in _columns(motion, kind, unit, size)]
-            columns += list(values.values.T)
+            continue
+        kind, size = str(values.dims[-1]), values.shape[-1]
+        own = _columns(motion, kind, unit, size)
+        links = [""]
+        if "link" in values.dims:
+            links = [f"{link} ".replace(",", "_") for link in values["link"].values.tolist()]
+        heads += [f"{name} {link}{column}" for link in links for column in own]
+        columns += list(values.values.reshape(len(values), -1).T)
     text = io.StringIO()
     text.write(",".join(heads) + "\n")
     np.savetxt(text, np.column_stack(columns), fmt="%.17g", delimiter=",")
@@ -106,7 +110,8 @@ def _mat(motion: Motion) -> bytes:
     data = motion.to_xarray()
     content: dict[str, Any] = {str(name): values.values for name, values in data.data_vars.items()}
     content |= {"t": np.asarray(motion.t)[:, None], "arm": motion.arm.name}
-    content["joint"] = np.array(motion.arm.joint_names, dtype=object)
+    names = {str(name): x.values for name, x in data.coords.items() if name != "t"}
+    content |= {name: np.array(words, dtype=object) for name, words in names.items()}
     content["units"] = {str(name): values.attrs["units"] for name, values in data.data_vars.items()}
     file: Any = io.BytesIO()  # which the stubs of scipy do not know
     savemat(file, content, long_field_names=True)

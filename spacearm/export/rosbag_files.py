@@ -13,6 +13,8 @@ from spacearm.motion.motion import Motion
 
 WORLD = "world"
 """ROS's name of the inertial frame."""
+JOINTS_AND_BASE = ("q", "dq", "torque", "base")
+"""Quantities that have messages of their own."""
 STAMP = "builtin_interfaces/Time stamp\nstring frame_id"
 TIME = "int32 sec\nuint32 nanosec"
 TRANSFORM = "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation"
@@ -68,9 +70,10 @@ def mcap(motion: Motion) -> bytes:
     buffer = io.BytesIO()
     writer = library.Writer(buffer)
     schemas = {name: writer.register_msgdef(name, text) for name, text in DEFINITIONS.items()}
-    columns = {str(name): x.values for name, x in motion.to_xarray().data_vars.items()}
-    effort = columns.pop("torque", np.empty((len(motion), 0)))
-    others = {name: x for name, x in columns.items() if name not in ("q", "dq", "base")}
+    data = motion.to_xarray()
+    q, dq, base = (data[name].values for name in ("q", "dq", "base"))
+    effort = data["torque"].values if "torque" in data else np.empty((len(motion), 0))
+    others = {str(name): x for name, x in data.data_vars.items() if name not in JOINTS_AND_BASE}
     names, root = list(motion.arm.joint_names), motion.arm.tree.root
     for i, since in enumerate(np.asarray(motion.t) - motion.t[0]):
         time = round(1e9 * since)
@@ -78,16 +81,16 @@ def mcap(motion: Motion) -> bytes:
         joints = {
             "header": header,
             "name": names,
-            "position": columns["q"][i].tolist(),
-            "velocity": columns["dq"][i].tolist(),
+            "position": q[i].tolist(),
+            "velocity": dq[i].tolist(),
             "effort": effort[i].tolist(),
         }
-        transform = _transform(columns["base"][i])
+        transform = _transform(base[i])
         placed = {"header": header, "child_frame_id": root, "transform": transform}
         messages = [
             ("/joint_states", "sensor_msgs/msg/JointState", joints),
             ("/tf", "tf2_msgs/msg/TFMessage", {"transforms": [placed]}),
-            *(_quantity(name, values[i]) for name, values in others.items()),
+            *(_quantity(name, values, i) for name, values in others.items()),
         ]
         for topic, kind, message in messages:
             writer.write_message(topic, schemas[kind], message, log_time=time, sequence=i)
@@ -104,10 +107,14 @@ def _transform(pose: Any) -> dict[str, dict[str, float]]:
     }
 
 
-def _quantity(name: str, value: Any) -> tuple[str, str, dict[str, Any]]:
-    """Return topic, type and message of a number or a row of numbers."""
-    if np.ndim(value) == 0:
-        return f"/{name}", "std_msgs/msg/Float64", {"data": float(value)}
-    label = {"label": name, "size": len(value), "stride": len(value)}
-    layout = {"dim": [label], "data_offset": 0}
-    return f"/{name}", "std_msgs/msg/Float64MultiArray", {"layout": layout, "data": value.tolist()}
+def _quantity(name: str, values: Any, i: int) -> tuple[str, str, dict[str, Any]]:
+    """Return topic, type and message of a row of numbers at a time."""
+    row = values.values[i]
+    if row.ndim == 0:
+        return f"/{name}", "std_msgs/msg/Float64", {"data": float(row)}
+    dims = [
+        {"label": str(dim), "size": row.shape[j], "stride": int(np.prod(row.shape[j:]))}
+        for j, dim in enumerate(values.dims[1:])
+    ]
+    message = {"layout": {"dim": dims, "data_offset": 0}, "data": row.ravel().tolist()}
+    return f"/{name}", "std_msgs/msg/Float64MultiArray", message

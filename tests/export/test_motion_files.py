@@ -52,6 +52,36 @@ def test_netcdf(way, tmp_path):
         assert found.attrs["arm"] == "planar2"
 
 
+@pytest.fixture(scope="module")
+def pushed():
+    law = sa.JointPD(target=[0.5, 0.6], kp=4.0, kd=8.0)
+    push = {"spacecraft": lambda t: [t, 0, 0, 0, 0, 1], "link_2": [0, 2, 0, 0, 0, 0]}
+    return sa.simulate(sa.load("planar2"), [0.3, 0.9], law, 0.5, dt=0.01, wrenches=push)
+
+
+def test_wrenches_of_each_link(pushed, tmp_path):
+    path = sa.write_motion(pushed, tmp_path / "run.csv")
+    heads = path.read_text().splitlines()[0].split(",")
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    assert table.shape[1] == len(heads) == len(set(heads))
+    column = heads.index("wrenches spacecraft px [N; N m]")
+    np.testing.assert_array_equal(table[:, column], pushed.wrenches["spacecraft"][:, 0])
+    with xr.open_dataset(sa.write_motion(pushed, tmp_path / "run.nc")) as found:
+        np.testing.assert_array_equal(
+            found.wrenches.sel(link="link_2").values, pushed.wrenches["link_2"]
+        )
+    found = loadmat(sa.write_motion(pushed, tmp_path / "run.mat"), simplify_cells=True)
+    assert list(found["link"]) == ["spacecraft", "link_2"]
+    np.testing.assert_array_equal(found["wrenches"][:, 1], pushed.wrenches["link_2"])
+
+
+def test_a_saved_trajectory_is_loaded_with_its_wrenches(pushed, tmp_path):
+    pushed.save(tmp_path / "run.npz")
+    again = sa.Trajectory.load(tmp_path / "run.npz", pushed.arm)
+    xr.testing.assert_identical(again.to_xarray(), pushed.to_xarray())
+    assert [*again.wrenches] == ["spacecraft", "link_2"]
+
+
 def test_zarr(way, tmp_path):
     pytest.importorskip("zarr", reason="needs Python 3.11")
     path = sa.write_motion(way, tmp_path / "way.zarr")
@@ -66,11 +96,10 @@ def test_zarr(way, tmp_path):
     assert (other / "letters").exists()
 
 
-def test_a_bag_of_ros_messages(tmp_path):
+def test_a_bag_of_ros_messages(pushed, tmp_path):
     reader = pytest.importorskip("mcap.reader")
     decoder = pytest.importorskip("mcap_ros2.decoder")
-    law = sa.JointPD(target=[0.5, 0.6], kp=4.0, kd=8.0)
-    run = sa.simulate(sa.load("planar2"), [0.3, 0.9], law, 0.5, dt=0.01)
+    run = pushed
     path = sa.write_motion(run, tmp_path / "run.mcap")
     found = {}
     with path.open("rb") as file:
@@ -94,6 +123,12 @@ def test_a_bag_of_ros_messages(tmp_path):
         assert (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w) == tuple(pose)
     np.testing.assert_array_equal([x.data for _, x in found["/sigma_min"]], run.sigma_min)
     np.testing.assert_array_equal([x.data for _, x in found["/momentum"]], run.momentum)
+    rows = np.reshape([x.data for _, x in found["/wrenches"]], (-1, 2, 6))
+    np.testing.assert_array_equal(rows[:, 1], run.wrenches["link_2"])
+    dims = found["/wrenches"][0][1].layout.dim
+    assert [(dim.label, dim.size, dim.stride) for dim in dims] == [
+        ("link", 2, 12), ("component", 6, 6),
+    ]  # fmt: skip
     assert set(found) == {"/joint_states", "/tf"} | {
         f"/{name}" for name in run.to_xarray() if name not in ("q", "dq", "base", "torque")
     }

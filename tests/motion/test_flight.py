@@ -148,6 +148,10 @@ def test_a_flight_as_one_motion():
     np.testing.assert_allclose(motion.other_work[-1], sum(r.other_work[-1] for r in flight.phases))
     assert motion.imbalance == max(run.imbalance for run in flight.phases)
     assert motion.drift < 1e-6
+    pushed = motion.wrenches["spacecraft"]
+    assert pushed.shape == (len(motion), 6)
+    np.testing.assert_array_equal(np.unique(pushed[motion.t <= 2.5, 5]), [0.3])
+    assert not pushed[motion.t > 2.5].any()
     assert motion.to_xarray().q.shape == motion.q.shape
     with pytest.raises(IndexError):
         motion[len(motion)]

@@ -90,6 +90,7 @@ class Flown(Trajectory):
             t=np.concatenate(times),
             mode=runs[0].mode,
             exchanged=sum(run.exchanged for run in runs),
+            wrenches=_wrenches(flight),
             events=flight.events,
             ended=flight.ended,
             flight=flight,
@@ -166,3 +167,16 @@ def _joined(flight: Flight, name: str) -> Array:
         if name in SUMS:
             before = before + getattr(run, name)[-1]
     return np.concatenate(parts)
+
+
+def _wrenches(flight: Flight) -> dict[str, Array]:
+    """Return the wrenches on each link that is pushed in any phase."""
+    links = dict.fromkeys(link for run in flight.phases for link in run.wrenches)
+    none = [np.zeros((len(run), 6)) for run in flight.phases]
+    pairs = list(zip(flight.phases, none, strict=True))
+    return {
+        link: np.concatenate(
+            [run.wrenches.get(link, zero)[min(i, 1) :] for i, (run, zero) in enumerate(pairs)]
+        )
+        for link in links
+    }
