@@ -1,4 +1,4 @@
-"""Loads in the scene: what wheels hold, and the wrenches from outside, as arrows."""
+"""Loads in the scene: bodies that are held, what wheels hold, and the wrenches from outside."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
+from spacearm.viewer.layers.held import HeldLayer
 from spacearm.viewer.shapes import along
 
 TEAL, RUST = 0x009E73, 0xB2182B
@@ -23,7 +24,7 @@ LONGEST = 0.5
 
 
 class LoadLayer:
-    """Arrows of one configuration, or of a motion, in the layers "wheels" and "wrenches".
+    """Loads of one configuration, or of a motion, in the layers "wheels", "wrenches" and "bodies".
 
     A ring stands about each wheel's axis, its arrow is what the wheel holds. Wrenches are drawn on
     the links that they push: the force as an arrow, the torque as one with two heads.
@@ -43,6 +44,7 @@ class LoadLayer:
         size: float,
     ) -> None:
         self._wheels, self._wrenches = root["wheels"], root["wrenches"]
+        self._held_bodies = HeldLayer(root, cfg.arm, motion, size)
         self._length = LONGEST * size
         self._arm, self._data = cfg.arm, pin.Data(cfg.arm.model)
         self._t = np.zeros(1) if motion is None else motion.t
@@ -59,6 +61,7 @@ class LoadLayer:
 
     def draw(self, cfg: Configuration, t: float) -> None:
         """Draw the loads at a time, of a motion, or those of the configuration."""
+        self._held_bodies.draw(cfg)
         arm = self._arm  # without what it may hold for a while
         pin.framesForwardKinematics(arm.model, self._data, cfg.full)
         values = cfg.wheels[None] if self._held is None else self._held
