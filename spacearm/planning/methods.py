@@ -16,8 +16,8 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
-from spacearm.motion.following import lead
-from spacearm.motion.goal import as_goal, goal_axes, goal_rows, miss
+from spacearm.motion.following import check_start, how_it_ended, lead
+from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, CurveOptimiser, Target
@@ -242,12 +242,7 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
     limits = np.append(problem.target.lower, problem.target.upper)
     if np.linalg.norm(miss(start, tip)) <= ARRIVED:
         return [start]
-    goal = as_goal(start, tip)
-    limited = bool(np.isfinite(limits).any())
-    line = lead(start, [goal], limits=limited, progress=lambda *_: problem.search.check_time())
-    if not line.arrived:
-        raise NoSolutionError(line.reason, list(line))
-    Q = line.q
+    Q = _line(problem, start, as_goal(start, tip), bool(np.isfinite(limits).any()))
     ramp = np.linspace(0.0, 1.0, len(Q))[:, None]
     for _ in range(NEWTON_STEPS):
         rows = problem.walk(start, Q)
@@ -257,6 +252,28 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
         J = goal_rows(rows[-1], generalized_jacobian(rows[-1]))
         Q = Q + ramp * np.linalg.lstsq(J, left, rcond=None)[0]
     raise NoSolutionError("the end of the line cannot be made exact", rows)
+
+
+def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> Array:
+    """Return joint positions (m, n) along the line, its end nearly exact.
+
+    Raises:
+        NoSolutionError: The line meets a singularity or a limit.
+    """
+    arm = start.arm
+    if not steady(arm):  # the directions of the task turn on the way
+        slow = lead(start, [goal], limits=limited, progress=lambda *_: problem.search.check_time())
+        if not slow.arrived:
+            raise NoSolutionError(slow.reason, list(slow))
+        return slow.q
+    from spacearm.motion.runs.line import straight_line  # imports the compiler
+
+    check_start(start, "free-floating", limited)
+    line = straight_line(start, goal, limited)
+    if line.end.kind != "arrived":
+        why = how_it_ended(arm, line.tip, line.end.t, line.length, line.end)
+        raise NoSolutionError(why, problem.walk(start, line.q))
+    return line.q
 
 
 METHODS: dict[str, Callable[[Problem], Rows]] = {
