@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
@@ -28,6 +29,8 @@ from spacearm.planning.tree import by_tree, straight_rows
 
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
 """Sizes of the curves that are tried [rad]."""
+FEW, MANY = 75, 600
+"""Numbers of curves of each size that are tried at once: many where few do not do."""
 PLACES = 8
 """Postures about which loops are tried."""
 STARTS = 60
@@ -59,10 +62,11 @@ def straight(problem: Problem) -> Rows:
 def joint_space(problem: Problem) -> Rows:
     """Find the shortest joint curve that arrives, of the first few."""
     finder = problem.guesses(problem.start, problem.target)
-    tries = []
-    for width in WIDTHS:
-        tries.append(list(finder.curves(width)))
-    mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
+    _, apart = _guesses(problem, finder, FEW)
+    if apart:
+        with suppress(NoSolutionError):  # more may do; they too end when the time is up
+            return _optimised(problem, finder, apart)
+    mixed, apart = _guesses(problem, finder, MANY)
     if not mixed:
         found = problem.search.postures["usable"]
         raise NoSolutionError(
@@ -71,8 +75,6 @@ def joint_space(problem: Problem) -> Rows:
             if found
             else "no joint positions that keep all constraints were found at the goal"
         )
-    free = (guess for guess in mixed if guess.room > problem.target.clearance)
-    apart = _without_contact(problem, finder, free)
     return _optimised(problem, finder, apart or mixed[: STARTS // problem.start.arm.n])
 
 
@@ -104,6 +106,14 @@ def attitude_first(problem: Problem) -> Rows:
         if free
         else "the line is free from no attitude that the spacecraft can take under the tip"
     )
+
+
+def _guesses(problem: Problem, finder: GuessFinder, m: int) -> tuple[list[Guess], list[Guess]]:
+    """Return guesses of all sizes in turn, and the first few free ones, in which nothing meets."""
+    tries = [list(finder.curves(width, m)) for width in WIDTHS]
+    mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
+    free = (guess for guess in mixed if guess.room > problem.target.clearance)
+    return mixed, _without_contact(problem, finder, free)
 
 
 def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) -> Rows:
