@@ -24,7 +24,7 @@ from spacearm.model.arm import SpaceArm
 def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
     """Write spacecraft and arm as an SDF file, which `load` reads.
 
-    Its version is 1.7, which all Gazebos read; 1.11 if joints mimic others (Gazebo Harmonic).
+    Its version is 1.7, or 1.11, the first with mimic joints, if there are any.
     Gravity does not act on the links. Links that are fixed to others are frames of their body.
     Joints that `arm` holds or has locked, and wheels, are fixed. Meshes have absolute paths.
 
