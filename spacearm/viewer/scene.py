@@ -16,10 +16,8 @@ from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport
-from spacearm.viewer.layers.ghost import draw_ghost
-from spacearm.viewer.panel.readouts import FAR, NEAR
+from spacearm.viewer.panel.readouts import NEAR
 from spacearm.viewer.paths import distance_colors, tube
 from spacearm.viewer.shapes import along, shapes
 from spacearm.viewer.window import Window
@@ -42,6 +40,7 @@ LAYERS = {
     "wrenches": "#b2182b",
     "trace": "#d55e00",
     "goal": "#7d8794",
+    "comparison": "#3a7ca5",
 }
 """Layers, and their colours in the panel; red, green and blue are for axes alone."""
 
@@ -219,15 +218,6 @@ class Scene:
             vertexColors=True, transparent=True, depthTest=False, depthWrite=False
         )
         self._layer("trace")["line"].set_object(geometry, material)
-
-    def show_motion(self, motion: Motion) -> None:
-        """Draw the tip's path, coloured by the distance to the singular set, and where it ends.
-
-        Several tips have no one path.
-        """
-        if len(motion.arm.tips) == 1:
-            self.trace(motion.tip[:, :3], motion.distance / FAR)
-            draw_ghost(self._layer("goal"), motion[len(motion) - 1], self.size)
 
     def _extent(self, cfg: Configuration) -> tuple[Array, float]:
         """Compute centre (3,) and radius of a ball around the system [m]."""

@@ -26,6 +26,7 @@ def view(
     q: npt.ArrayLike | None = None,
     *,
     base: pin.SE3 | None = None,
+    compare: Any = None,
     port: int | None = None,
     open: bool | None = None,  # noqa: A002 - as webbrowser has it
 ) -> Viewer:
@@ -49,6 +50,9 @@ def view(
         q: (n,) joint positions of an arm, a workspace or a singular set. If None, zeros (or the
             nearest limits); an arm that is singular there is shown bent.
         base: Pose of the spacecraft for the same things; the identity if None.
+        compare: What a motion is played in step with, as a ghost and by dashed curves: another
+            motion, or "free-floating", "attitude-controlled" or "fixed" for the same joint motion
+            with the spacecraft doing that.
         port: Port of the page; the first free one from 7400 on if None.
         open: Whether to serve the page and open the browser; if None, unless in a notebook.
 
@@ -56,8 +60,8 @@ def view(
         A `Viewer`: `.url`, `.show`, `.shells`, `.save`, `.png`, `.close`.
 
     Raises:
-        ConfigurationError: The thing cannot be shown, q, base or the motion has the wrong shape or
-            is not finite, or q or base is given for a thing that has its own.
+        ConfigurationError: The thing cannot be shown or compared, q, base or the motion has the
+            wrong shape or is not finite, or q or base is given for a thing that has its own.
         SpaceArmError: The port is in use.
 
     Example:
@@ -75,6 +79,8 @@ def view(
             f"a {type(thing).__name__} has a posture of its own; leave out q and base"
         )
     viewer = rule.show(thing, q, base)
+    if compare is not None:
+        viewer.compare(compare)
     if open or (open is None and not in_notebook()):
         viewer.open(port)
     return viewer

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import math
 import os
 import tempfile
 import threading
@@ -21,22 +20,18 @@ from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
-from spacearm.singularities.report import singularity
-from spacearm.viewer.layers.loads import LoadLayer
-from spacearm.viewer.layers.obstacles import ObstacleLayer
 from spacearm.viewer.panel.choices import chosen, offered
+from spacearm.viewer.panel.comparison import WORDS, Comparison, compared
 from spacearm.viewer.panel.joint_map import joint_map
 from spacearm.viewer.panel.motions import account
 from spacearm.viewer.panel.opening import opening_posture
 from spacearm.viewer.pictures import render
-from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
-from spacearm.viewer.scene import LAYERS, Scene
+from spacearm.viewer.scene import LAYERS
 from spacearm.viewer.server import Server
 from spacearm.viewer.session import Session, number
+from spacearm.viewer.stage import Stage
 from spacearm.viewer.window import Window
 
-MOST_FRAMES = 9000
-"""Largest number of frames of a motion in a page; each takes some kilobytes."""
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 
@@ -44,7 +39,6 @@ class Viewer:
     """A scene of one arm: in the browser, in a notebook, in a file.
 
     Attributes:
-        session: The configuration on show, and how the panel moves it.
         window: The drawing.
     """
 
@@ -53,20 +47,13 @@ class Viewer:
         self._lock = threading.RLock()
         self._server: Server | None = None
         self._edition = 0
-        self._start(Session(cfg.arm, cfg), motion)
+        self._stage = Stage(self.window, Session(cfg.arm, cfg), motion)
+        self._given: Comparison | None = None
 
-    def _start(self, session: Session, motion: Motion | None = None) -> None:
-        """Show an arm in place of the present one, if there is one."""
-        self._scene = Scene(self.window, session.arm)
-        self.session, self._motion = session, motion
-        self._hidden: set[str] = set()
-        self._time = float(motion.t[0]) if motion else 0.0
-        root, moved = self._scene.root, getattr(motion, "obstacles", ())
-        self._obstacles = ObstacleLayer(root["obstacles"], moved)
-        self._loads = LoadLayer(root, session.cfg, motion, self._scene.size)
-        self.draw()
-        if motion:
-            self._scene.show_motion(motion)
+    @property
+    def session(self) -> Session:
+        """The configuration on show, and how the panel moves it."""
+        return self._stage.session
 
     def _change_arm(self, message: dict[str, Any]) -> None:
         """Show the arm that the page asks for, in the present posture if it has the same joints."""
@@ -79,7 +66,8 @@ class Viewer:
             session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
             session.mode, session.note = before.mode, said
             with self.window.replaced():
-                self._start(session)
+                self._stage = Stage(self.window, session)
+        self._given = None
         self._edition += 1
 
     # --- what is shown ----------------------------------------------------------------------
@@ -98,6 +86,33 @@ class Viewer:
             cfg = self.session.cfg
             self.session.show(cfg.arm.at(q, base=cfg.base if base is None else base))
         self._changed()
+
+    def compare(self, other: Any) -> None:
+        """Play another motion in step with the present one, as a ghost.
+
+        Args:
+            other: The motion, or a mode: "free-floating", "attitude-controlled" or "fixed" is the
+                same joint motion with the spacecraft doing that. None ends the comparison.
+
+        Raises:
+            ConfigurationError: It is neither, or no motion plays.
+            UnsupportedError: The wheels hold momentum.
+        """
+        with self._lock:
+            if not (motion := self._stage.motion):
+                raise ConfigurationError("there is no motion to compare; view one")
+            found = None if other is None else compared(motion, other)
+            if found and not isinstance(other, str):
+                self._given = found
+            self._stage.compare(found)
+        self._changed()
+
+    def _compare_with(self, asked: object) -> None:
+        """Compare the motion with what the page names: a mode, what was given, or nothing."""
+        if asked == "given" and self._given:
+            self.compare(self._given.motion)
+        else:
+            self.compare(str(asked) if asked else None)
 
     @property
     def configuration(self) -> Configuration:
@@ -123,7 +138,7 @@ class Viewer:
         for radius in radii:
             if not 0.0 < radius < np.inf:
                 raise ConfigurationError(f"shell radius is {radius}; give a positive length")
-        self._scene.shells(list(zip(radii, colors, strict=True)))
+        self._stage.scene.shells(list(zip(radii, colors, strict=True)))
         self._changed()
 
     def layer(self, name: str, visible: bool) -> None:
@@ -134,8 +149,7 @@ class Viewer:
         """
         if name not in LAYERS:
             raise ConfigurationError(unknown("layer", name, LAYERS))
-        self._hidden = self._hidden - {name} if visible else self._hidden | {name}
-        self._scene.show_layer(name, visible)
+        self._stage.show_layer(name, visible)
         self._changed()
 
     def _changed(self) -> None:
@@ -152,8 +166,12 @@ class Viewer:
             kind = message.get("do") if isinstance(message, dict) else None
             if isinstance(message, dict) and kind == "layer":
                 self.layer(str(message.get("name")), bool(message.get("visible")))
-            elif isinstance(message, dict) and kind == "time" and self._motion:
-                self._seek(self._motion, message.get("t"))
+            elif isinstance(message, dict) and kind == "time" and self._stage.motion:
+                self._stage.seek(number(message.get("t"), "time"))
+            elif isinstance(message, dict) and kind == "compare":
+                self._compare_with(message.get("with"))
+            elif kind == "motion":
+                return {"motion": self._told_motion()}
             elif isinstance(message, dict) and kind == "arm":
                 self._change_arm(message)
             elif isinstance(message, dict) and kind == "map":
@@ -165,29 +183,28 @@ class Viewer:
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
         with self._lock:
-            more = {"hidden": sorted(self._hidden), "t": self._time, "edition": self._edition}
-            return {**self.session.readout(), **more}
+            stage = self._stage
+            state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
+            return {**self.session.readout(), **state, "edition": self._edition}
 
     def draw(self) -> None:
         """Draw the configuration."""
         with self._lock:
-            self._scene.draw(self.session.cfg, self.session.report)
-            self._obstacles.draw(self._time)
-            self._loads.draw(self.session.cfg, self._time)
+            self._stage.draw()
 
     def about(self) -> dict[str, Any]:
         """Return what the page needs once."""
-        motion = account(self._motion) if self._motion else None
-        more = {"layers": LAYERS, "motion": motion, "edition": self._edition}
-        return {
-            **self.session.about(),
-            **more,
-            "choices": offered(self.session.arm, self.session.origin),
-        }
+        session = self.session
+        more = {"layers": LAYERS, "motion": self._told_motion(), "edition": self._edition}
+        return {**session.about(), **more, "choices": offered(session.arm, session.origin)}
 
-    def _seek(self, motion: Motion, t: object) -> None:
-        self._time = float(np.clip(number(t, "time"), motion.t[0], motion.t[-1]))
-        self.session.show(motion.at(self._time))
+    def _told_motion(self) -> dict[str, Any] | None:
+        """Return what the page needs of the motion, and what it can be compared with."""
+        if not (motion := self._stage.motion):
+            return None
+        ways = {words: mode for mode, words in WORDS.items()}
+        given = {} if self._given is None else {self._given.name: "given"}
+        return {**account(motion, self._stage.other), "ways": {**ways, **given}}
 
     # --- in the browser ---------------------------------------------------------------------
 
@@ -235,8 +252,7 @@ class Viewer:
         """
         with self._lock:
             self.draw()
-            if self._motion:
-                self._animate(self._motion)
+            self._stage.animate()
             about = {"about": self.about(), "readout": self.readout()}
             return self.window.static_html(f"{self.session.arm.name} - spacearm", about)
 
@@ -278,22 +294,3 @@ class Viewer:
 
     def __repr__(self) -> str:
         return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"
-
-    # --- motions ----------------------------------------------------------------------------
-
-    def _animate(self, motion: Motion) -> None:
-        """Record the motion into the window."""
-        first, last = float(motion.t[0]), float(motion.t[-1])
-        recorder = Recorder()
-        self.window.recorder = recorder
-        try:
-            frames = min(math.ceil((last - first) * FRAMES_PER_SECOND) + 1, MOST_FRAMES)
-            for t in np.linspace(first, last, frames):
-                recorder.frame = float(t - first) * FRAMES_PER_SECOND
-                cfg = motion.at(float(t))
-                self._scene.draw(cfg, singularity(cfg))
-                self._obstacles.draw(float(t))
-                self._loads.draw(cfg, float(t))
-        finally:
-            self.window.recorder = None
-        self.window.send(recorder)

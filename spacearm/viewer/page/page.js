@@ -13,7 +13,8 @@ import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
 
 const viewer = createViewer(byId("scene"));
-let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, drawTime] = [];
+let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart] = [];
+let played = null;
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
 
@@ -74,6 +75,7 @@ async function reconnect() {
 function receive(message) {
   if (message.about && !about) build((about = message.about), message.readout);
   if (message.map) map.draw(message.map);
+  if ("motion" in message) load(message.motion);
   if (message.error) complain(message.error);
   if (message.readout && message.readout.edition !== about.edition) {
     location.reload(); // another arm is shown now
@@ -93,7 +95,8 @@ function receive(message) {
 
 /* --- the panel's parts, once --- */
 
-function build(told, { hidden }) {
+function build(told, { hidden, played: already }) {
+  played = already;
   showState = createReadouts(told);
   camera = createCamera(viewer, told.view);
   joints = createJoints(told.joints, (index, value) => {
@@ -108,10 +111,22 @@ function build(told, { hidden }) {
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
   const film = createRecorder(viewer, told.model);
-  if (told.motion) {
-    playback = createPlayback(told.motion, (t) => ask({ do: "time", t }));
-    drawTime = createChart(told.motion, playback.seek);
-    film(playback.playOnce);
+  playback = createPlayback((t) => ask({ do: "time", t }));
+  chart = createChart(playback.seek);
+  film(playback.playOnce);
+  byId("compare").addEventListener("change", ({ target }) =>
+    ask({ do: "compare", with: target.value }));
+  load(told.motion);
+}
+
+/* A motion to be played, with its curves and what it can be compared with. */
+function load(motion) {
+  chart.load(motion);
+  playback.load(motion);
+  const compare = byId("compare");
+  compare.replaceChildren(new Option("nothing", ""));
+  for (const [words, way] of Object.entries(motion?.ways ?? {})) {
+    compare.append(new Option(words, way, false, words === motion.compared));
   }
 }
 
@@ -171,8 +186,10 @@ function show(state) {
   byId("blocked").textContent = state.blocked;
   map.show(state);
   grab.show(state);
-  playback?.show(state.t);
-  drawTime?.(state.t);
+  playback.show(state.t);
+  chart.show(state.t);
+  if (state.played !== played) ask({ do: "motion" });
+  played = state.played;
 }
 
 function complain(text) {

@@ -76,8 +76,11 @@ function play(viewer, { motion, joints, near, tolerance }, film) {
       outputs[i].textContent = angle ? fixed(turning.shift(), 2) : fixed(sliding.shift(), 3);
     });
   };
-  const playback = createPlayback(motion, seek);
-  drawTime = createChart(motion, playback.seek);
+  const playback = createPlayback(seek);
+  const chart = createChart(playback.seek);
+  drawTime = chart.show;
+  chart.load(motion);
+  playback.load(motion);
   film(playback.playOnce);
 }
 

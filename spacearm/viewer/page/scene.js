@@ -18,6 +18,7 @@ const MEANING = {
   "obstacles": "What must not be met.",
   "trace": "The path of the tip, vermilion where a singular posture is near, blue from 30° on.",
   "goal": "Where the motion ends.",
+  "comparison": "The motion that plays in step with this one.",
 };
 
 /* Returns null, and says so in the page, where the browser cannot draw in three dimensions. */
