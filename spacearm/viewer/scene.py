@@ -17,9 +17,9 @@ from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.singularities.report import SingularityReport
+from spacearm.viewer.layers.paths import distance_colors, tube
+from spacearm.viewer.layers.shapes import along, shapes
 from spacearm.viewer.panel.readouts import NEAR
-from spacearm.viewer.paths import distance_colors, tube
-from spacearm.viewer.shapes import along, shapes
 from spacearm.viewer.window import Window
 
 AXES = (0xD62728, 0x2CA02C, 0x1F4FD8)

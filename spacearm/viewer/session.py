@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
@@ -22,6 +22,7 @@ from spacearm.singularities.report import SingularityReport, angle, singularity
 from spacearm.viewer.panel import readouts
 from spacearm.viewer.panel.choices import Origin
 from spacearm.viewer.panel.grab import pulled
+from spacearm.viewer.panel.numbers import number, vector
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -41,6 +42,7 @@ class Session:
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
         note: What the last request did, in one line; empty if there is nothing to say.
+        goal: Pose of the tip to plan to; None if there is none.
         blocked: Why the tip did not follow the last pull; empty if it did.
     """
 
@@ -50,6 +52,7 @@ class Session:
         self.mode = "posture"
         self.note = ""
         self.blocked = ""
+        self.goal: pin.SE3 | None = None
         self._grip = 0.0
         self._grabbed: pin.SE3 | None = None
         self._rng = np.random.default_rng(0)
@@ -57,6 +60,7 @@ class Session:
             "joint": self._joint,
             "joints": self._joints,
             "grab": self._grab,
+            "goal": self._goal,
             "attitude": self._attitude,
             "mode": self._mode,
             "home": lambda _: self._home(),
@@ -163,6 +167,15 @@ class Session:
         self.blocked = found.blocked
         self.show(found.cfg)
 
+    def _goal(self, message: dict[str, Any]) -> None:
+        """Set the goal of plans: the tip's pose, with a position and an attitude if given."""
+        goal = self.cfg.tip.copy()
+        if message.get("position") is not None:
+            goal.translation = vector(message["position"], "position")
+        if message.get("rpy") is not None:
+            goal.rotation = pin.rpy.rpyToMatrix(vector(message["rpy"], "rpy"))
+        self.goal = goal
+
     def _moved(self, cfg: Configuration, q: Array) -> Configuration:
         """Return a configuration after a short joint motion in the present mode."""
         return move(cfg, q) if self.mode == "free-floating" else cfg.arm.at(q, base=cfg.base)
@@ -204,30 +217,7 @@ class Session:
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        said = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
+        said: dict[str, Any] = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
+        said |= {"goal": None if self.goal is None else readouts.pose(self.goal)}
         code = readouts.as_python(self.cfg, self.origin.source, self.origin.locked)
         return {**said, **readouts.readout(self.report), "python": code}
-
-
-def number(value: object, what: str) -> float:
-    """Return a number out of a message.
-
-    Raises:
-        ConfigurationError: It is no finite number; names it by `what`.
-    """
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST:
-        return float(value)
-    raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give a finite number")
-
-
-def vector(value: object, what: str) -> Array:
-    """Return a vector (3,) out of a message, zero if it is left out.
-
-    Raises:
-        ConfigurationError: It is no list of three finite numbers; names it by `what`.
-    """
-    if value is None:
-        return np.zeros(3)
-    if not isinstance(value, list) or len(value) != 3:
-        raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give three numbers")
-    return np.array([number(x, what) for x in value])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -27,6 +28,7 @@ def view(
     *,
     base: pin.SE3 | None = None,
     compare: Any = None,
+    obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
     port: int | None = None,
     open: bool | None = None,  # noqa: A002 - as webbrowser has it
 ) -> Viewer:
@@ -53,6 +55,7 @@ def view(
         compare: What a motion is played in step with, as a ghost and by dashed curves: another
             motion, or "free-floating", "attitude-controlled" or "fixed" for the same joint motion
             with the spacecraft doing that.
+        obstacles: What is drawn besides, and held off by plans of the page; as in `sa.plan`.
         port: Port of the page; the first free one from 7400 on if None.
         open: Whether to serve the page and open the browser; if None, unless in a notebook.
 
@@ -60,8 +63,8 @@ def view(
         A `Viewer`: `.url`, `.show`, `.shells`, `.save`, `.png`, `.close`.
 
     Raises:
-        ConfigurationError: The thing cannot be shown or compared, q, base or the motion has the
-            wrong shape or is not finite, or q or base is given for a thing that has its own.
+        ConfigurationError: The thing cannot be shown or compared, q, base, the motion or an
+            obstacle makes no sense, or q or base is given for a thing that has its own.
         SpaceArmError: The port is in use.
 
     Example:
@@ -79,6 +82,8 @@ def view(
             f"a {type(thing).__name__} has a posture of its own; leave out q and base"
         )
     viewer = rule.show(thing, q, base)
+    if obstacles:
+        viewer.obstacles(obstacles)
     if compare is not None:
         viewer.compare(compare)
     if open or (open is None and not in_notebook()):

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from spacearm.collisions.obstacles import Obstacle
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
-from spacearm.viewer.layers.ghost import STEEL, Ghost
+from spacearm.viewer.layers.ghost import STEEL, VIOLET, Ghost, draw_axes
 from spacearm.viewer.layers.loads import LoadLayer
 from spacearm.viewer.layers.obstacles import ObstacleLayer
 from spacearm.viewer.panel.comparison import Comparison
@@ -21,7 +22,7 @@ from spacearm.viewer.window import Window
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
-PLAYED = ("obstacles", "wheels", "wrenches", "trace", "goal", "comparison")
+PLAYED = ("wheels", "wrenches", "trace", "goal", "comparison")
 """Layers that belong to a motion."""
 
 
@@ -33,6 +34,7 @@ class Stage:
         scene: Its drawing.
         motion: The motion; None if there is none.
         other: What it is compared with.
+        obstacles: All that are on show.
         time: The time on show [s].
         played: How often another motion or comparison came on show.
         hidden: Layers that are not shown.
@@ -42,6 +44,7 @@ class Stage:
         self.session, self.scene, self._window = session, Scene(window, session.arm), window
         self.hidden: set[str] = set()
         self.played = -1
+        self._around: tuple[Obstacle, ...] = ()
         self.play(motion)
 
     def play(self, motion: Motion | None) -> None:
@@ -51,14 +54,27 @@ class Stage:
         for name in PLAYED if self.played >= 0 else ():
             root[name].delete()
             self.show_layer(name, name not in self.hidden)
+        self._goal = root["goal"]["frame"]
+        draw_axes(self._goal, self.scene.size, VIOLET)
         if motion:
             session.show(motion[0])
-        self._obstacles = ObstacleLayer(root["obstacles"], getattr(motion, "obstacles", ()))
+        self.obstruct(self._around)
         self._loads = LoadLayer(root, session.cfg, motion, self.scene.size)
         self.compare(None)
         if motion and len(motion.arm.tips) == 1:  # several tips have no one path
             self.scene.trace(motion.tip[:, :3], motion.distance / FAR)
-            Ghost(root["goal"], motion.arm, self.scene.size).place(motion[len(motion) - 1])
+            Ghost(root["goal"]["end"], motion.arm, self.scene.size).place(motion[len(motion) - 1])
+
+    def obstruct(self, around: tuple[Obstacle, ...]) -> None:
+        """Draw obstacles besides those of the motion."""
+        self._around = around
+        own: tuple[Obstacle, ...] = tuple(getattr(self.motion, "obstacles", ()))
+        names = {obstacle.name for obstacle in own}
+        self.obstacles = (*own, *(one for one in around if one.name not in names))
+        node = self.scene.root["obstacles"]
+        node.delete()
+        self._obstacle_layer = ObstacleLayer(node, self.obstacles)
+        self.show_layer("obstacles", "obstacles" not in self.hidden)
 
     def compare(self, other: Comparison | None) -> None:
         """Show another motion in step with the present one; none if None."""
@@ -96,7 +112,11 @@ class Stage:
     def _draw(self, cfg: Configuration, report: SingularityReport, t: float) -> None:
         self.scene.draw(cfg, report)
         self._loads.draw(cfg, t)
-        self._obstacles.draw(t)
+        self._obstacle_layer.draw(t)
+        goal = self.session.goal
+        self._goal.set_property("visible", goal is not None)
+        if goal is not None:
+            self._goal.set_transform(goal.homogeneous)
         if self.other and self._ghost:
             self._ghost.place(self.other.motion.at(t))
 

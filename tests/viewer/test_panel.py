@@ -15,7 +15,7 @@ from spacearm.viewer.panel.readouts import about, joints, readout
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.paths import distance_colors, tube
+    from spacearm.viewer.layers.paths import distance_colors, tube
 
 
 class Run(sa.Motion):

@@ -13,8 +13,8 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer.layers.shapes import shapes
     from spacearm.viewer.session import Session
-    from spacearm.viewer.shapes import shapes
 
 Q = [0.3, 1.2]
 

@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.viewer.shapes import along, shapes
+from spacearm.viewer.layers.shapes import along, shapes
 
-GREY, STEEL = 0x7D8794, 0x3A7CA5
+GREY, STEEL, VIOLET = 0x7D8794, 0x3A7CA5, 0x6A3D9A
 
 
 class Ghost:
@@ -43,11 +43,7 @@ class Ghost:
             body = node["bodies"][str(i)]
             body.set_object(shape.geometry, faint)
             self._drawn.append((body, arm.model.getFrameId(shape.link, pin.BODY), shape.pose))
-        solid = g.MeshBasicMaterial(color=color, transparent=True, depthTest=False, opacity=0.8)
-        for axis in range(3):
-            arrow = node["tip"][str(axis)]
-            arrow.set_object(g.Cylinder(0.2 * size, 0.004 * size), solid)
-            arrow.set_transform(along(np.zeros(3), 0.2 * size * np.eye(3)[axis]))
+        draw_axes(node["tip"], size, color)
 
     def place(self, cfg: Configuration) -> None:
         """Move it to a configuration."""
@@ -56,3 +52,12 @@ class Ghost:
             body.set_transform(self._data.oMf[frame].homogeneous @ pose)
         if len(cfg.arm.tips) == 1:
             self._node["tip"].set_transform(cfg.tip.homogeneous)
+
+
+def draw_axes(node: meshcat.Visualizer, size: float, color: int) -> None:
+    """Draw the axes of a frame, each 0.2 of a size [m] long, seen through everything."""
+    solid = g.MeshBasicMaterial(color=color, transparent=True, depthTest=False, opacity=0.8)
+    for axis in range(3):
+        arrow = node[str(axis)]
+        arrow.set_object(g.Cylinder(0.2 * size, 0.004 * size), solid)
+        arrow.set_transform(along(np.zeros(3), 0.2 * size * np.eye(3)[axis]))

@@ -12,7 +12,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
-from spacearm.viewer.shapes import along
+from spacearm.viewer.layers.shapes import along
 
 TEAL, RUST = 0x009E73, 0xB2182B
 LONGEST = 0.5

@@ -11,9 +11,10 @@ import { createPlayback } from "./playback.js";
 import { createReadouts, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
+import { createWork } from "./work.js";
 
 const viewer = createViewer(byId("scene"));
-let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart] = [];
+let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart, showWork] = [];
 let played = null;
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
@@ -110,6 +111,7 @@ function build(told, { hidden, played: already }) {
   grab = createGrab(viewer, told, (pull) => ask({ do: "grab", ...pull }));
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
+  showWork = createWork(viewer, told, ask);
   const film = createRecorder(viewer, told.model);
   playback = createPlayback((t) => ask({ do: "time", t }));
   chart = createChart(playback.seek);
@@ -186,6 +188,7 @@ function show(state) {
   byId("blocked").textContent = state.blocked;
   map.show(state);
   grab.show(state);
+  showWork(state);
   playback.show(state.t);
   chart.show(state.t);
   if (state.played !== played) ask({ do: "motion" });

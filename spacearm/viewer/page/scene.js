@@ -66,3 +66,17 @@ export function legend(list, layers, hidden, onChange) {
     list.append(label);
   }
 }
+
+/* Where the line of sight through a pointer meets a plane; null where it does not. */
+export function pointUnder(viewer, { clientX, clientY }, plane) {
+  const { Raycaster, Vector2, Vector3 } = MeshCat.THREE;
+  const { left, top, width, height } = viewer.renderer.domElement.getBoundingClientRect();
+  const at = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
+  const ray = new Raycaster();
+  ray.setFromCamera(at, viewer.camera);
+  return ray.ray.intersectPlane(plane, new Vector3());
+}
+
+/* three.js has y upwards, meshcat turns it. */
+export const toDrawing = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y);
+export const toInertial = ({ x, y, z }) => [x, -z, y];
