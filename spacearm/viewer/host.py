@@ -29,6 +29,7 @@ from spacearm.viewer.session import Session
 from spacearm.viewer.stage import Stage
 from spacearm.viewer.window import Window
 from spacearm.viewer.work.desk import Desk
+from spacearm.workspaces.path_dependent import Workspace
 
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
@@ -124,20 +125,26 @@ class Host:
         """(n,) joint positions on show [rad] or [m]."""
         return self.configuration.q.copy()
 
-    def shells(self, radii: Sequence[float]) -> None:
-        """Draw translucent spheres about the system CM.
+    def shells(self, radii: Sequence[float] | Workspace) -> None:
+        """Draw a workspace cut open, or translucent spheres about the system CM.
 
         Args:
-            radii: Radii [m].
+            radii: The workspace, or radii [m].
 
         Raises:
             ConfigurationError: A radius is not positive and finite.
         """
-        colors = [SHELL_COLORS[i % len(SHELL_COLORS)] for i in range(len(radii))]
-        for radius in radii:
-            if not 0.0 < radius < np.inf:
-                raise ConfigurationError(f"shell radius is {radius}; give a positive length")
-        self._stage.scene.shells(list(zip(radii, colors, strict=True)))
+        with self._lock:
+            if isinstance(radii, Workspace):
+                self._stage.draw_shells(radii)
+            else:
+                colors = [SHELL_COLORS[i % len(SHELL_COLORS)] for i in range(len(radii))]
+                for radius in radii:
+                    if not 0.0 < radius < np.inf:
+                        raise ConfigurationError(
+                            f"shell radius is {radius}; give a positive length"
+                        )
+                self._stage.scene.shells(list(zip(radii, colors, strict=True)))
         self._changed()
 
     def layer(self, name: str, visible: bool) -> None:
@@ -173,6 +180,10 @@ class Host:
         if name == "plan":
             self._given = None
             self._stage.play(replace(result, arm=self.session.arm))
+        elif name == "shells":
+            self._stage.draw_shells(result)
+        else:
+            self._stage.draw_risk(result)
 
     # --- the panel (see server.Panel) -------------------------------------------------------
 
@@ -188,6 +199,8 @@ class Host:
                 self._compare_with(message.get("with"))
             elif kind == "plan":
                 self._plan(client)
+            elif isinstance(message, dict) and kind == "compute":
+                self._compute(message.get("what"), client)
             elif kind == "cancel":
                 self._desk.cancel()
             elif kind == "motion":
@@ -213,13 +226,22 @@ class Host:
         given = (cfg.arm, cfg.q, cfg.base, goal, self._stage.obstacles)
         self._desk.start("plan", given, client)
 
+    def _compute(self, what: object, client: object) -> None:
+        """Have the workspaces or the risk of the arm computed."""
+        arm = self.session.arm
+        jobs: dict[str, tuple[Any, ...]] = {"shells": (arm, "free-floating"), "risk": (arm,)}
+        if not isinstance(what, str) or what not in jobs:
+            raise ConfigurationError(unknown("layer to compute", str(what)[:40], jobs))
+        self._desk.start(what, jobs[what], client)
+
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
         with self._lock:
             stage = self._stage
             state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
             state |= {"edition": self._edition, **self._desk.readout()}
-            return {**self.session.readout(), **state}
+            legend = [key._asdict() for key in stage.legend]
+            return {**self.session.readout(), **state, "legend": legend}
 
     def draw(self) -> None:
         """Draw the configuration."""

@@ -35,6 +35,7 @@ LAYERS = {
     "ellipsoid": "#17becf",
     "directions": "#d6007f",
     "shells": "#56b4e9",
+    "risk": "#f0e442",
     "obstacles": "#5f6b7a",
     "wheels": "#009e73",
     "wrenches": "#b2182b",
@@ -118,7 +119,6 @@ class Scene:
         for link, frame in self._links.items():
             bodies[_name(link)].set_transform(self._data.oMf[frame].homogeneous)
         self._layer("centre of mass").set_transform(_at(cfg.com))
-        self._layer("shells").set_transform(_at(cfg.com))
         self._layer("tip frame").set_transform(cfg.tip.homogeneous)
         self._draw_virtual_manipulator(cfg)
         self._draw_ellipsoid(cfg)

@@ -45,7 +45,7 @@ def view(
             - a configuration, or a result that has one, such as a `Capture`;
             - a `Trajectory`, `Followed`, `Plan` or `Motion`, or any object with `arm`, `t`, `q`
               and `base`, which is played;
-            - a `Workspace`: its path dependent shells about the system CM;
+            - a `Workspace`: cut open about the system CM, rings for planar arms;
             - a singular set: the arm at the singular posture nearest to q;
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them.
@@ -124,9 +124,9 @@ def _motion(thing: Any) -> Viewer:
 
 
 def _workspace(thing: Any, start: Configuration) -> Viewer:
-    """Show the shells of the path dependent workspace, or the outer bound if there are none."""
+    """Show the path dependent and path independent workspaces, cut open."""
     viewer = _posture(start)
-    viewer.shells([R for R in np.unique(thing.pdw) if R > 0.0] or [thing.reachable[0, 1]])
+    viewer.shells(thing)
     return viewer
 
 

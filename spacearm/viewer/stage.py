@@ -6,22 +6,30 @@ import math
 
 import numpy as np
 
+from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
+from spacearm.singularities.risk import RiskProfile
 from spacearm.viewer.layers.ghost import STEEL, VIOLET, Ghost, draw_axes
 from spacearm.viewer.layers.loads import LoadLayer
 from spacearm.viewer.layers.obstacles import ObstacleLayer
+from spacearm.viewer.layers.workspaces import Key, draw_risk, draw_workspace
 from spacearm.viewer.panel.comparison import Comparison
 from spacearm.viewer.panel.readouts import FAR
 from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
 from spacearm.viewer.scene import Scene
 from spacearm.viewer.session import Session
 from spacearm.viewer.window import Window
+from spacearm.workspaces.path_dependent import Workspace
+from spacearm.workspaces.regions import centre_of
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
+VIEW = np.array([0.55, -0.75, 0.0])
+"""Direction from which workspaces of spatial arms are cut open: the page's, but level."""
 PLAYED = ("wheels", "wrenches", "trace", "goal", "comparison")
 """Layers that belong to a motion."""
 
@@ -38,12 +46,15 @@ class Stage:
         time: The time on show [s].
         played: How often another motion or comparison came on show.
         hidden: Layers that are not shown.
+        legend: What the colours of workspaces and risk mean.
     """
 
     def __init__(self, window: Window, session: Session, motion: Motion | None = None) -> None:
         self.session, self.scene, self._window = session, Scene(window, session.arm), window
         self.hidden: set[str] = set()
         self.played = -1
+        self.legend: list[Key] = []
+        self._centre: BaseMode = "free-floating"
         self._around: tuple[Obstacle, ...] = ()
         self.play(motion)
 
@@ -75,6 +86,25 @@ class Stage:
         node.delete()
         self._obstacle_layer = ObstacleLayer(node, self.obstacles)
         self.show_layer("obstacles", "obstacles" not in self.hidden)
+
+    def draw_shells(self, space: Workspace) -> None:
+        """Draw a workspace."""
+        self._centre = space.mode
+        self._explain("shells", draw_workspace(self.scene.root["shells"], space, self._view))
+
+    def draw_risk(self, risk: RiskProfile) -> None:
+        """Draw how likely singular postures are, over the distance of the tip from the CM."""
+        self._explain("risk", draw_risk(self.scene.root["risk"], risk, self._view))
+
+    def _explain(self, layer: str, keys: list[Key]) -> None:
+        self.legend = [key for key in self.legend if key.layer != layer] + keys
+        self.show_layer(layer, True)
+
+    @property
+    def _view(self) -> Array:
+        """Direction from which workspaces are seen, in the frame of their layers."""
+        normal = self.scene.arm.tree.plane_normal()
+        return VIEW if normal is None else np.eye(3)[normal]
 
     def compare(self, other: Comparison | None) -> None:
         """Show another motion in step with the present one; none if None."""
@@ -112,6 +142,13 @@ class Stage:
     def _draw(self, cfg: Configuration, report: SingularityReport, t: float) -> None:
         self.scene.draw(cfg, report)
         self._loads.draw(cfg, t)
+        pose = np.eye(4)
+        if self.scene.arm.tree.plane_normal() is not None:
+            pose[:3, :3] = cfg.base.rotation
+        layers: dict[str, BaseMode] = {"shells": self._centre, "risk": "free-floating"}
+        for layer, mode in layers.items():
+            pose[:3, 3] = centre_of(cfg, mode)
+            self.scene.root[layer].set_transform(pose)
         self._obstacle_layer.draw(t)
         goal = self.session.goal
         self._goal.set_property("visible", goal is not None)

@@ -1,4 +1,5 @@
-/* What the server computes meanwhile: plans to a goal of the tip, with progress and cancel. */
+/* What the server computes meanwhile, with progress and cancel: plans to a goal of the tip,
+   workspaces and risk. */
 
 import { DEGREE, byId, fixed } from "./format.js";
 import { pointUnder, toDrawing, toInertial } from "./scene.js";
@@ -7,6 +8,10 @@ export function createWork(viewer, { task, normal }, ask) {
   const box = byId("work");
   const bar = box.querySelector("progress");
   byId("cancel").addEventListener("click", () => ask({ do: "cancel" }));
+  const buttons = [...document.querySelectorAll("[data-compute]")];
+  for (const button of buttons) {
+    button.addEventListener("click", () => ask({ do: "compute", what: button.dataset.compute }));
+  }
   const goal = createGoal(viewer, { task, normal }, ask);
 
   return (state) => {
@@ -23,6 +28,8 @@ export function createWork(viewer, { task, normal }, ask) {
     }
     const [failed, why] = state.failure ?? [];
     byId("planfailure").textContent = failed === "plan" ? why : "";
+    byId("layerfailure").textContent = failed && failed !== "plan" ? why : "";
+    for (const button of buttons) button.disabled = Boolean(name);
     goal(state, Boolean(name));
   };
 }
