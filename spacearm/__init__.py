@@ -61,6 +61,7 @@ symbols      q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & 
 ===========  ====================================================================================
 """
 
+import sys
 from importlib import import_module
 
 _HOMES = {
@@ -155,7 +156,8 @@ def __getattr__(name: str) -> object:
 
         value: object = version("spacearm")
     elif home is None:
-        raise AttributeError(f"module 'spacearm' has no attribute {name!r}")
+        here = sys.modules[__name__]  # by it Python proposes names
+        raise AttributeError(f"module 'spacearm' has no attribute {name!r}", name=name, obj=here)
     else:
         module = import_module(f"spacearm.{home}")
         value = getattr(module, name, module)  # `design` is the module itself

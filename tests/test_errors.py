@@ -205,6 +205,10 @@ FIRST_DAY = {
     ),
     "an address": (lambda: sa.load("https://example.org/arm.urdf"), "nothing is downloaded"),
     "a number for a robot": (lambda: sa.load(5), "a int is no robot; give the path"),
+    "a configuration for q": (
+        lambda: arm().at(arm().at([0.0, 0.0])),
+        "q must be 2 .*give the .q of",
+    ),
     "a tensor with a gradient": (lambda: arm().at(Gradient()), "q must be 2 numbers: .*grad"),
     "the same in a batch": (lambda: sa.evaluate(arm(), Gradient()), "Q"),
 }

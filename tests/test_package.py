@@ -177,12 +177,11 @@ def test_the_sdist_is_complete(archives):
 
 
 def test_metadata_is_complete(archives):
-    import spacearm as sa
-
+    now = python(sys.executable, "-m", "hatchling", "version", cwd=ROOT).stdout.strip()
     with zipfile.ZipFile(next(archives[0].glob("*.whl"))) as wheel:
         (name,) = (name for name in wheel.namelist() if name.endswith("METADATA"))
         found = Metadata.from_email(wheel.read(name))  # refuses what is not valid
-    assert found.version == Version(sa.__version__)
+    assert found.version == Version(now)
     assert found.license_expression == "BSD-3-Clause"
     assert found.license_files == ["LICENSE", "spacearm/viewer/page/uplot/LICENSE"]
     assert found.summary
@@ -240,8 +239,10 @@ def test_names_are_imported_from_where_type_checkers_see_them():
 def test_an_unknown_name_is_an_attribute_error():
     import spacearm as sa
 
-    with pytest.raises(AttributeError, match="has no attribute 'singular'"):
+    with pytest.raises(AttributeError, match="has no attribute 'singular'") as caught:
         _ = sa.singular
+    assert caught.value.name == "singular"
+    assert caught.value.obj is sa
 
 
 def test_a_name_imports_no_more_than_it_needs():

@@ -1,6 +1,10 @@
 """What a release is made of says the same everywhere: versions, requirements, workflows."""
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,7 +17,9 @@ except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = SETTINGS["project"]
+WRITTEN = SETTINGS["tool"]["hatch"]["version"]["raw-options"]["fallback_version"]
 RECIPE = ROOT / "recipe" / "recipe.yaml"
 WORKFLOWS = ROOT / ".github" / "workflows"
 OF_CONDA = {"pin": "pinocchio", "matplotlib": "matplotlib-base", "meshcat": "meshcat-python"}
@@ -28,8 +34,31 @@ def read(path):
 
 def test_versions_are_one():
     citation = read(ROOT / "CITATION.cff")
-    assert citation["version"] == PROJECT["version"] == read(RECIPE)["context"]["version"]
+    assert citation["version"] == WRITTEN == read(RECIPE)["context"]["version"]
     assert citation["license"] == PROJECT["license"] == read(RECIPE)["about"]["license"]
+
+
+def test_the_version_is_the_tag(tmp_path):
+    def call(*arguments):
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("GIT_")}
+        me = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+        command = ("git", *me, *arguments) if arguments[0] != "hatchling" else (
+            sys.executable, "-m", *arguments
+        )  # fmt: skip
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
+        ).stdout.strip()
+
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    shutil.copy(ROOT / "README.md", tmp_path)
+    assert call("hatchling", "version") == WRITTEN  # a copy without history
+    call("init", "-q")
+    call("add", ".")
+    call("commit", "-q", "-m", "a release")
+    call("tag", "v9.8.7")
+    assert call("hatchling", "version") == "9.8.7"
+    call("commit", "-q", "--allow-empty", "-m", "more")
+    assert call("hatchling", "version").startswith("9.8.7.post1.dev1+g")
 
 
 def test_the_citation_has_what_the_format_asks_for():
@@ -47,7 +76,7 @@ def test_the_changelog_keeps_its_form():
     versions = re.findall(r"^## (.*)$", text, re.MULTILINE)
     released = [v for v in versions if v != "Unreleased"]
     assert all(re.fullmatch(r"\d+\.\d+\.\d+ - \d{4}-\d\d-\d\d", version) for version in released)
-    assert versions[0] == "Unreleased" or versions[0].startswith(PROJECT["version"])
+    assert versions[0] == "Unreleased" or versions[0].startswith(WRITTEN)
     for part in re.split(r"^## .*$", text, flags=re.MULTILINE)[1:]:
         kinds = re.findall(r"^### (.*)$", part, re.MULTILINE)
         assert len(kinds) == len(set(kinds))

@@ -28,7 +28,8 @@ def draw_singular_map(
     axes: Annotated[
         tuple[str, str] | None,
         typer.Option(
-            help="The two joints, by name or as q1 q2; by default the first two that matter.",
+            help="The two joints, by name or as q1 q2; by default those along which sigma_min "
+            "changes most.",
             metavar="A B",
         ),
     ] = None,

@@ -41,7 +41,8 @@ def joint_vector(arm: Jointed, values: npt.ArrayLike, what: str) -> Array:
     try:
         vector = np.array(values, dtype=np.float64)
     except NO_NUMBERS as error:
-        raise ConfigurationError(f"{what} must be {arm.n} numbers: {error}") from None
+        why = f"give the .q of the {type(values).__name__}" if hasattr(values, "q") else error
+        raise ConfigurationError(f"{what} must be {arm.n} numbers: {why}") from None
     if vector.shape != (arm.n,):
         raise ConfigurationError(
             f"{what} has shape {vector.shape}; {arm.name} needs ({arm.n},), one number for each "

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,18 +24,13 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import PoseLike
 from spacearm.model.mode import BaseMode
-from spacearm.motion.events import (
-    Event,
-)
+from spacearm.motion.events import Event
 from spacearm.motion.goal import Origin, goal_axes, started
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.motion.tip_curve import TipCurve, state_of
 from spacearm.motion.tip_path import Path, segments
 from spacearm.singularities.report import NO_INVERSE
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -129,7 +124,26 @@ def follow(
         >>> sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)]).reason
         'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    cfg, speed = started(arm.at(q0, base=base), origin), positive(speed, "speed", "speed [m/s]")
+    return lead(started(arm.at(q0, base=base), origin), path, mode, length, speed, limits, progress)
+
+
+def lead(
+    cfg: Configuration,
+    path: Path,
+    mode: BaseMode = "free-floating",
+    length: float | None = None,
+    speed: float = 0.1,
+    limits: bool = True,
+    progress: Callable[[float, float], object] | None = None,
+) -> Followed:
+    """Lead the tip along a path as `follow` does, from a configuration.
+
+    Raises:
+        ConfigurationError: An argument does not make sense, or the start is singular or, where
+            limits count, beyond them.
+        UnsupportedError: The task has more rows than the arm has joints.
+    """
+    arm, speed = cfg.arm, positive(speed, "speed", "speed [m/s]")
     _check_start(cfg, mode, limits)
     pieces = segments(cfg, path, length)
     states, behind = [state_of(cfg, 0.0)], 0.0

@@ -95,7 +95,8 @@ def goal_pose(cfg: Configuration, goal: Goal) -> pin.SE3:
     rows, names = cfg.arm.task.indices, cfg.arm.task.names
     if max(rows) > 2:
         raise ConfigurationError(
-            f"target is {goal!r}; the task {names!r} takes a pose, as pin.SE3 or as a (4, 4) matrix"
+            f"target is {goal!r}; the task {names!r} takes a pose, as pin.SE3 or as a (4, 4) "
+            "matrix: sa.pose(xyz, rpy) makes one, and task='position' of sa.load takes points"
         )
     meaning = f"[m], one for each row of the task {names!r}, or a pin.SE3"
     pose, axes = cfg.tip, goal_axes(cfg)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from numbers import Real
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -72,11 +73,12 @@ def segments(
     if length is not None:
         raise ConfigurationError(f"length is {length}; a polyline has its own, leave it out")
     try:
-        corners = [goal_pose(cfg, corner) for corner in path]
+        whole = list(path)
     except TypeError:
-        corners = []
-    if not corners:
+        whole = []
+    if not whole or any(isinstance(corner, Real) for corner in whole):  # one point, perhaps
         raise _no_path(path)
+    corners = [goal_pose(cfg, corner) for corner in whole]
     poses = [cfg.tip if start is None else start, *corners]
     pieces = [_line(cfg, *pair) for pair in pairwise(poses)]
     found = [segment for piece in pieces for segment in piece]
@@ -86,7 +88,9 @@ def segments(
 
 
 def _no_path(path: object) -> ConfigurationError:
-    return ConfigurationError(f"path is {path!r}; give corners, or a function of path length")
+    return ConfigurationError(
+        f"path is {path!r}; give corners (one: [goal]), or a function of path length"
+    )
 
 
 def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:

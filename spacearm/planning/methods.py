@@ -16,7 +16,7 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
-from spacearm.motion.following import follow
+from spacearm.motion.following import lead
 from spacearm.motion.goal import as_goal, goal_axes, goal_rows, miss
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
@@ -244,10 +244,7 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
         return [start]
     goal = as_goal(start, tip)
     limited = bool(np.isfinite(limits).any())
-    line = follow(
-        start.arm, start.q, [goal], base=start.base, limits=limited,
-        progress=lambda *_: problem.search.check_time(),
-    )  # fmt: skip
+    line = lead(start, [goal], limits=limited, progress=lambda *_: problem.search.check_time())
     if not line.arrived:
         raise NoSolutionError(line.reason, list(line))
     Q = line.q

@@ -1,9 +1,9 @@
 """Values of trigonometric polynomials by contraction with real waves.
 
 In the basis 1, cos q, ..., cos d q, sin q, ..., sin d q of each angle a real polynomial has as many
-real numbers as it has complex coefficients. At m points one matrix product sums over about half of
-the angles, whose waves are multiplied out first; the others follow point by point. Blocks of points
-fit the processor cache, and several blocks are computed at once.
+real numbers as it has complex coefficients. At m points the sum over about half of the angles is a
+product with their waves, multiplied out; the other half follows. Blocks of points are computed at
+once.
 """
 
 from __future__ import annotations
@@ -14,18 +14,15 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from spacearm.arrays import Array
+from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.processors import processors
+from spacearm.kernels.waves import fill_waves, sums
 from spacearm.polynomial.univariate import Complex
 
-CACHE = 1 << 16
-"""Numbers that a block of work may hold, to stay in the processor cache."""
-ALONE = 4
-"""Number of blocks below which one thread computes them all."""
-
-Integers = npt.NDArray[np.int_]
+BLOCK = 1 << 12
+"""Points of a block: a thread's work at a time."""
 
 
 def to_real(c: Complex) -> Array:
@@ -59,12 +56,7 @@ def _basis(d: int) -> Complex:
 def waves(q: Array, d: int) -> Array:
     """Compute 1, cos q, ..., cos d q, sin q, ..., sin d q at angles (m,), as (2 d + 1, m)."""
     rows = np.empty((2 * d + 1, len(q)))
-    rows[0] = 1.0
-    if d > 0:
-        c, s = np.cos(q, out=rows[1]), np.sin(q, out=rows[d + 1])
-        for k in range(1, d):
-            rows[k + 1] = c * rows[k] - s * rows[d + k]
-            rows[d + k + 1] = s * rows[k] + c * rows[d + k]
+    fill_waves(_small(q), rows)
     return rows
 
 
@@ -82,34 +74,31 @@ def contract(
     Returns:
         (2 d_j + 1 for j in keep, m), or what `last` makes of it, joined along the last axis.
     """
-    summed = [j for j in range(tensor.ndim) if j not in keep]
-    first, later = _halves(summed, tensor.shape)
+    first, later = _halves([j for j in range(tensor.ndim) if j not in keep], tensor.shape)
     kept = [tensor.shape[j] for j in keep]
     width = math.prod(tensor.shape[j] for j in first)
-    matrix = tensor.transpose(*keep, *later, *first).reshape(-1, width)
+    matrix = np.ascontiguousarray(tensor.transpose(*keep, *later, *first))
+    matrix = matrix.reshape(math.prod(kept), -1, width)
+    axes = np.array(first, dtype=np.int_), np.array(later, dtype=np.int_), np.array(tensor.shape)
+    angles = np.ascontiguousarray(_small(Q))
 
-    def do(q: Array) -> Array:
-        partial = matrix @ _product(q, first, tensor.shape)
-        if later:
-            after = _product(q, later, tensor.shape)
-            partial = np.einsum(
-                "klm,lm->km", partial.reshape(len(matrix) // len(after), *after.shape), after
-            )
-        partial = partial.reshape(*kept, len(q))
-        return partial if last is None else last(partial)
+    def do(start: int) -> Array:
+        q = angles[start : start + BLOCK]
+        summed = np.empty((len(matrix), len(q)))
+        sums(matrix, q, *axes, summed)
+        summed = summed.reshape(*kept, -1)
+        return summed if last is None else last(summed)
 
-    block = max(64, CACHE // sum(matrix.shape))
-    if len(Q) <= block:
-        return do(Q)
-    return np.concatenate(in_blocks(do, [Q[i : i + block] for i in range(0, len(Q), block)]), -1)
-
-
-def in_blocks(do: Callable[[Array], Array], blocks: list[Array]) -> list[Array]:
-    """Apply a function to blocks, on all processors if there are many."""
-    if len(blocks) < ALONE:
-        return [do(block) for block in blocks]
+    starts = range(0, max(len(Q), 1), BLOCK)
+    if len(starts) == 1:
+        return do(0)
     with ThreadPoolExecutor(processors()) as pool:
-        return list(pool.map(do, blocks))
+        return np.concatenate(list(pool.map(do, starts)), -1)
+
+
+def _small(q: Array) -> Array:
+    """Return angles that the kernels take: those in use, or what is left of full turns."""
+    return np.remainder(q, 2.0 * np.pi) if (np.abs(q) > LARGEST_ANGLE).any() else q
 
 
 def _halves(axes: list[int], shape: tuple[int, ...]) -> tuple[list[int], list[int]]:
@@ -121,14 +110,3 @@ def _halves(axes: list[int], shape: tuple[int, ...]) -> tuple[list[int], list[in
         groups[smaller].append(j)
         sizes[smaller] *= shape[j]
     return groups
-
-
-def _product(q: Array, axes: list[int], shape: tuple[int, ...]) -> Array:
-    """Multiply out the waves of several axes, (product of their sizes, m)."""
-    product: Array = np.ones((1, len(q)))
-    for j in axes:
-        if shape[j] > 1:
-            wave = waves(q[:, j], shape[j] // 2)
-            size = len(product) * len(wave)
-            product = (product[:, None] * wave).reshape(size, len(q))
-    return product

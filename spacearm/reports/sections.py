@@ -184,8 +184,8 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     section.table(("postures within the limits nearer than", "share"), near)
     section.picture(
         plot(singular_map(arm, None, q, 121)),
-        "Least joint motion to a singular posture over the first two joints that matter, the "
-        "others as in the working posture.",
+        "Least joint motion to a singular posture over the two joints that change sigma_min most, "
+        "the others as in the working posture.",
         _python(about, f"sa.singular_map(arm, q=[{', '.join(f'{x:.6g}' for x in q)}])"),
     )
     section.picture(plot(found), "The singular set.", _python(about, "sa.singular_set(arm)"))

@@ -13,6 +13,8 @@ import numpy.typing as npt
 from spacearm.arrays import Array, named
 from spacearm.mechanics.blocks import Progress
 from spacearm.model.arm import SpaceArm
+from spacearm.model.joints import joint_vector
+from spacearm.model.limits import warn_outside
 from spacearm.model.mode import BaseMode
 from spacearm.notebook.tables import shown, table
 from spacearm.polynomial.certificate import Certificate
@@ -147,7 +149,6 @@ class SingularSet(ABC):
             NoSolutionError: None was found.
         """
 
-    @abstractmethod
     def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that the straight segment from q0 to q1 in joint space meets no singularity.
 
@@ -161,7 +162,14 @@ class SingularSet(ABC):
         Returns:
             A certificate, true if it is free; else it names the first singular configuration, or
             the first at which it could not be decided.
+
+        Warns:
+            ModelWarning: An end is outside the joint limits, or looks like degrees.
         """
+        ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
+        for q, name in zip(ends, ("q0", "q1"), strict=True):
+            warn_outside(self.arm, q, name)
+        return self.clearance(ends, limits=limits)
 
     @abstractmethod
     def clearance(

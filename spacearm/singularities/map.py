@@ -17,7 +17,11 @@ from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.singularities.abstract_set import SingularSet
+from spacearm.singularities.minors import chart_of
 from spacearm.singularities.sets import singular_set
+
+LINES, ON_LINE = 16, 32
+"""Postures, and points on a line through each, by which the joints of a map are chosen."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,8 +73,8 @@ def singular_map(
 
     Args:
         arm: The arm.
-        joints: Two revolute joints, by name or as q1, q2, ...; the first two that the singular set
-            depends on if None.
+        joints: Two revolute joints, by name or as q1, q2, ...; those along which sigma_min changes
+            most if None.
         q: (n,) positions of the other joints; zeros if None.
         points: Grid points in each joint.
         progress: Called now and then as progress(done, total); curves count as much as postures.
@@ -91,7 +95,7 @@ def singular_map(
     """
     found = singular_set(arm)
     centre = joint_vector(arm, np.zeros(arm.n) if q is None else q, "q")
-    names = [joint_name(arm, name) for name in joints or _default_joints(found)]
+    names = [joint_name(arm, name) for name in joints or _telling(arm)]
     if len(names) != 2:
         raise ConfigurationError(f"joints is {joints!r}; name two")
     a, b = (_turning(arm, name) for name in names)
@@ -137,14 +141,18 @@ def _curves(found: SingularSet, q: Array, a: int, b: int) -> list[Array]:
     return [curve[:, [a, b]] for curve in found.curves((a, b), q)]
 
 
-def _default_joints(found: SingularSet) -> tuple[str, str]:
-    """Choose the first two joints that the set depends on, then others."""
-    arm = found.arm
-    matter = found.relevant if found.complete else range(arm.n)
-    numbers = [*matter, *(j for j in range(arm.n) if j not in matter)][:2]
-    if len(numbers) < 2:
-        raise ConfigurationError(f"{arm.name} has one joint; a map needs two")
-    return arm.joint_names[numbers[0]], arm.joint_names[numbers[1]]
+def _telling(arm: SpaceArm) -> list[str]:
+    """Choose the two revolute joints along which sigma_min changes most, from random postures."""
+    turning = np.flatnonzero(~arm.slides)
+    if len(turning) < 2:
+        raise ConfigurationError(f"{arm.name} has fewer than two revolute joints; a map needs two")
+    Q = chart_of(arm).positions(np.random.default_rng(0).uniform(-np.pi, np.pi, (LINES, arm.n)))
+    lines = np.tile(Q[:, None, None], (1, len(turning), ON_LINE, 1))
+    for i, j in enumerate(turning):
+        lines[:, i, :, j] += 2.0 * np.pi * np.arange(ON_LINE) / ON_LINE
+    sigma = evaluate(arm, lines.reshape(-1, arm.n), ("sigma_min",))["sigma_min"]
+    change = sigma.reshape(LINES, len(turning), ON_LINE).std(axis=2).mean(axis=0)
+    return [arm.joint_names[j] for j in sorted(turning[np.argsort(-change, kind="stable")[:2]])]
 
 
 def _turning(arm: SpaceArm, name: str) -> int:

@@ -114,11 +114,6 @@ class FoundSet(SingularSet):
             )
         return np.array(found).reshape(m, self.arm.n)
 
-    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
-        """Prove that a straight segment meets no singularity; see `SingularSet.is_free`."""
-        ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
-        return self.clearance(ends, limits=limits)
-
     def clearance(
         self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
     ) -> Certificate:

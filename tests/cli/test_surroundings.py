@@ -88,7 +88,10 @@ def stopped_after(blocks, size, monkeypatch):
             time.sleep(0.01)
             do(block)
 
-        before(slowly, m, threads, tell, arrays, size)
+        if progress is None:  # not what is waited for
+            before(do, m, threads, progress, arrays)
+        else:
+            before(slowly, m, threads, tell, arrays, size)
 
     monkeypatch.setattr(module, "run_blocks", interrupted)
 

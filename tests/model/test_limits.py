@@ -138,6 +138,12 @@ def test_a_slight_step_outside_is_no_talk_of_degrees():
     assert arm.at(q).outside_limits == ()
 
 
+def test_segments_warn_of_their_ends():
+    arm = sa.load("mda6")
+    with pytest.warns(sa.ModelWarning, match="q1 of mda6: joint 'joint_2' at 60 rad.*radians"):
+        sa.singular_set(arm).is_free(np.zeros(6), [0, 60, -100, -50, 0, 0])
+
+
 def test_motions_warn_of_their_start():
     arm = sa.load("mda6")
     law = sa.JointPD(np.zeros(6), 1.0, 1.0)

@@ -1,11 +1,14 @@
 """Following: the story of figure 7, singularities that stop, closed forms, bad input."""
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
+from spacearm.motion.following import lead
 
 E, A, B, C = (2.0, 0.0), np.radians([-57.936, 60.337]), (1.5, 1.5), np.array([1.0, 0.0])
 
@@ -203,6 +206,7 @@ def test_a_motion_plays(to_c):
         (A, [(1.0, 0.0, 0.0)], {}, "2 finite numbers"),
         (A, [], {}, "give corners"),
         (A, 3.0, {}, "give corners"),
+        (A, (1.0, 0.0), {}, r"give corners \(one: \[goal\]\)"),
         (A, lambda s: (s, 0.0), {}, "length is None"),
         (A, [(1.0, 0.0)], {"length": 1.0}, "polyline"),
         (A, [(1.0, 0.0)], {"speed": 0.0}, "speed is 0"),
@@ -214,6 +218,17 @@ def test_a_motion_plays(to_c):
 def test_bad_input(arm, q0, path, options, message):
     with pytest.raises(sa.ConfigurationError, match=message):
         sa.follow(arm, q0, path, **options)
+
+
+def test_only_who_calls_follow_is_warned_of_a_start_beyond_the_limits(arm):
+    q0 = (3.9, 1.0)
+    with pytest.warns(sa.ModelWarning, match="of planar2: joint 'joint_1' at 3.9 rad"):
+        run = sa.follow(arm, q0, [(1.0, 0.0)], limits=False)
+    start = run[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        again = lead(start, [(1.0, 0.0)], limits=False)
+    np.testing.assert_array_equal(again.q, run.q)
 
 
 def test_nothing_to_follow(arm):

@@ -22,7 +22,7 @@ def joint_map(cfg: Configuration, joints: object) -> dict[str, Any]:
 
     Args:
         cfg: The configuration; its other joints are held.
-        joints: The numbers of the two joints; the first two that matter if None.
+        joints: The numbers of the two joints; if None as `singular_map` chooses them.
 
     Returns:
         Plain data: `joints`; `shares`, whole numbers up to `SHARES` by rows of the second joint,
