@@ -63,7 +63,9 @@ class Host:
             same = arm.joint_names == before.arm.joint_names
             q = before.cfg.q if same else opening_posture(arm)
             session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
-            session.mode, session.note = before.mode, said
+            session.mode = before.mode
+            session.handle({"do": "spacecraft", "mode": before.spacecraft})
+            session.note = said
             with self.window.replaced():
                 self._stage = Stage(self.window, session)
         self._desk.cancel()
@@ -208,7 +210,9 @@ class Host:
             elif isinstance(message, dict) and kind == "arm":
                 self._change_arm(message)
             elif isinstance(message, dict) and kind == "map":
-                return {"map": joint_map(self.session.cfg, message.get("joints"))}
+                session = self.session
+                told = joint_map(session.cfg, message.get("joints"), session.spacecraft)
+                return {"map": {**told, "spacecraft": session.spacecraft}}
             else:
                 self.session.handle(message)
         return None
@@ -229,7 +233,10 @@ class Host:
     def _compute(self, what: object, client: object) -> None:
         """Have the workspaces or the risk of the arm computed."""
         arm = self.session.arm
-        jobs: dict[str, tuple[Any, ...]] = {"shells": (arm, "free-floating"), "risk": (arm,)}
+        jobs: dict[str, tuple[Any, ...]] = {
+            "shells": (arm, self.session.spacecraft),
+            "risk": (arm,),
+        }
         if not isinstance(what, str) or what not in jobs:
             raise ConfigurationError(unknown("layer to compute", str(what)[:40], jobs))
         self._desk.start(what, jobs[what], client)

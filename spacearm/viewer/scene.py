@@ -16,6 +16,7 @@ from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
 from spacearm.singularities.report import SingularityReport
 from spacearm.viewer.layers.paths import distance_colors, tube
 from spacearm.viewer.layers.shapes import along, shapes
@@ -112,7 +113,7 @@ class Scene:
 
         Args:
             cfg: The configuration.
-            report: Its singularity report, of the free-floating mode.
+            report: Its singularity report.
         """
         pin.framesForwardKinematics(self.arm.model, self._data, cfg.full)
         bodies = self._layer("bodies")
@@ -121,7 +122,7 @@ class Scene:
         self._layer("centre of mass").set_transform(_at(cfg.com))
         self._layer("tip frame").set_transform(cfg.tip.homogeneous)
         self._draw_virtual_manipulator(cfg)
-        self._draw_ellipsoid(cfg)
+        self._draw_ellipsoid(cfg, report.mode)
         self._draw_directions(cfg, report)
 
     def _draw_virtual_manipulator(self, cfg: Configuration) -> None:
@@ -139,8 +140,8 @@ class Scene:
             layer[str(i)].set_transform(along(start, end) @ stretch)
             layer[f"joint_{i}"].set_transform(_at(end))
 
-    def _draw_ellipsoid(self, cfg: Configuration) -> None:
-        U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg)[:3])
+    def _draw_ellipsoid(self, cfg: Configuration, mode: BaseMode) -> None:
+        U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg, mode=mode)[:3])
         radii = np.zeros(3)
         radii[: len(sigma)] = ELLIPSOID_SECONDS * sigma
         pose = _at(cfg.tip.translation)

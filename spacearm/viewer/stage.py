@@ -68,6 +68,7 @@ class Stage:
         self._goal = root["goal"]["frame"]
         draw_axes(self._goal, self.scene.size, VIOLET)
         if motion:
+            session.spacecraft = motion.mode
             session.show(motion[0])
         self.obstruct(self._around)
         self._loads = LoadLayer(root, session.cfg, motion, self.scene.size)
@@ -169,7 +170,7 @@ class Stage:
             for t in np.linspace(first, last, frames):
                 recorder.frame = float(t - first) * FRAMES_PER_SECOND
                 cfg = self.motion.at(float(t))
-                self._draw(cfg, singularity(cfg), float(t))
+                self._draw(cfg, singularity(cfg, mode=self.motion.mode), float(t))
         finally:
             self._window.recorder = None
         self._window.send(recorder)

@@ -64,6 +64,7 @@ def draw_workspace(node: meshcat.Visualizer, space: Workspace, view: Array) -> l
             key = Key("shells", (f"#{color:06x}",), f"{name}: {words} m from the CM")
             legend.append(key)
     proof = "proven" if space.kind == "certified" else f"found, proven up to {space.gap:.2g} m"
+    proof += "" if space.mode == "free-floating" else f"; spacecraft {space.mode}"
     return [key._replace(words=f"{key.words} ({proof})") for key in legend]
 
 

@@ -21,6 +21,7 @@ export function createMap(joints, ask, move) {
   const picks = [byId("map-x"), byId("map-y")];
   const picture = document.createElement("canvas");
   let [map, q, dragging, asked, timer, since, sent, took] = [null, null, false, null, 0, null, 0, 0];
+  let spacecraft = "free-floating";
 
   for (const pick of picks) {
     for (const i of turning) pick.append(new Option(joints[i].label, i));
@@ -43,11 +44,12 @@ export function createMap(joints, ask, move) {
   }
 
   function paintPicture() {
-    const n = map.shares.length;
+    const n = map.shares?.length ?? 1;
     Object.assign(picture, { width: n, height: n });
     const context = picture.getContext("2d");
     const image = context.createImageData(n, n);
-    map.shares.forEach((row, j) => row.forEach((share, i) => {
+    if (!map.shares) image.data.set([190, 200, 210, 255]); // no distances, curves alone
+    map.shares?.forEach((row, j) => row.forEach((share, i) => {
       image.data.set([...distanceColour(share / 100), 255], 4 * ((n - 1 - j) * n + i));
     }));
     context.putImageData(image, 0, 0);
@@ -167,14 +169,15 @@ export function createMap(joints, ask, move) {
   });
   new ResizeObserver(paint).observe(canvas);
 
-  const held = (at) => at.map((x, i) => (map?.joints.includes(i) ? 0 : x.toFixed(6))).join();
+  const held = (at, mode) =>
+    [mode, ...at.map((x, i) => (map?.joints.includes(i) ? 0 : x.toFixed(6)))].join();
 
   /* Asks for a new map where another joint has moved since the last, at a pace that leaves the server
      time for the sliders. */
   function refresh() {
     if (!open() || !q) return;
     clearTimeout(timer);
-    if (held(q) === asked) {
+    if (held(q, spacecraft) === asked) {
       since = null;
       paint();
       return;
@@ -187,24 +190,33 @@ export function createMap(joints, ask, move) {
 
   function request() {
     since = null;
-    asked = held(q); // once for each state: a refused one is not asked for again
+    asked = held(q, spacecraft); // once for each state: a refused one is not asked for again
     sent = performance.now();
     ask({ do: "map", joints: map?.joints ?? null });
+  }
+
+  function note() {
+    if (!map.shares) {
+      return map.curves ? `Lines: singular postures, exact. Spacecraft ${map.spacecraft}.`
+        : "Singular postures of this arm are not known exactly unless it floats.";
+    }
+    return map.curves
+      ? "Lines: singular postures, exact. Colour: distance, from vermilion at 0 to blue at 30°."
+      : "Colour: distance to a singular posture, vermilion at 0, blue from 30° on.";
   }
 
   return {
     show(state) {
       if (!dragging) q = [...state.q];
+      spacecraft = state.spacecraft;
       refresh();
     },
     draw(received) {
       map = received;
       took = performance.now() - sent;
-      asked = held(map.q);
+      asked = held(map.q, map.spacecraft);
       picks.forEach((pick, k) => (pick.value = map.joints[k]));
-      byId("mapnote").textContent = map.curves
-        ? "Lines: singular postures, exact. Colour: distance, from vermilion at 0 to blue at 30°."
-        : "Colour: distance to a singular posture, vermilion at 0, blue from 30° on.";
+      byId("mapnote").textContent = note();
       paintPicture();
       paint();
       canvas.dataset.held = asked;

@@ -142,6 +142,8 @@ for (const button of document.querySelectorAll("[data-do]")) {
 for (const radio of document.querySelectorAll("[name=mode]")) {
   radio.addEventListener("change", () => ask({ do: "mode", mode: radio.value }));
 }
+byId("spacecraft").addEventListener("change", ({ target }) =>
+  ask({ do: "spacecraft", mode: target.value }));
 const angles = [...byId("attitude").querySelectorAll("input")];
 for (const [i, input] of angles.entries()) {
   input.addEventListener("change", () => {
@@ -175,9 +177,11 @@ function show(state) {
   joints.show(state.q, (index) => waiting.has(`joint ${index}`));
   angles.forEach((input, i) => {
     if (document.activeElement !== input) input.value = fixed(state.attitude[i] / DEGREE, 2);
-    input.disabled = state.mode !== "posture";
+    input.disabled = state.mode !== "posture" && state.spacecraft === "free-floating";
   });
   document.querySelector(`[name=mode][value="${state.mode}"]`).checked = true;
+  byId("spacecraft").value = state.spacecraft;
+  byId("modes").disabled = state.spacecraft !== "free-floating";
   for (const box of document.querySelectorAll("[data-layer]")) {
     box.checked = !state.hidden.includes(box.dataset.layer);
   }
