@@ -178,6 +178,8 @@ class Server:
         for browser in list(self._browsers):
             browser.tell({"readout": readout})  # before the drawing, which is slower in a browser
         self._panel.draw()
+        for browser in list(self._browsers):
+            browser.tell({"drawn": readout["t"]})
 
     def _draw(self, key: Key, data: bytes) -> None:
         for browser in list(self._browsers):

@@ -1,5 +1,6 @@
 """The page's looks and manners in a real browser."""
 
+import zipfile
 from types import SimpleNamespace
 
 import numpy as np
@@ -392,6 +393,15 @@ def test_the_drawing_is_kept_as_a_picture_and_a_motion_as_a_video(browser, tmp_p
             assert (tmp_path / name).read_bytes().startswith(start)
             assert (tmp_path / name).stat().st_size > 2_000
         page.page.wait_for_selector("#film:not([aria-busy])")
+        with page.page.expect_download() as kept:
+            page.page.click("#frames")
+        kept.value.save_as(tmp_path / "frames.zip")
+        with zipfile.ZipFile(tmp_path / "frames.zip") as archive:
+            assert archive.testzip() is None
+            assert archive.namelist() == [f"planar2_{i:04}.png" for i in range(1, 17)]
+            pictures = [archive.read(name) for name in archive.namelist()]
+        assert all(picture.startswith(b"\x89PNG") for picture in pictures)
+        assert len(set(pictures)) == 16, "each is of another time"
         assert page.errors == []
         page.close()
     viewer.close()

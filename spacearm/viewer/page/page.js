@@ -15,7 +15,7 @@ import { createWork } from "./work.js";
 
 const viewer = createViewer(byId("scene"));
 let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart, showWork] = [];
-let played = null;
+let [played, drawn] = [null, null];
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
 
@@ -87,6 +87,10 @@ function receive(message) {
     show((readout = message.readout));
     flush();
   }
+  if (drawn && message.drawn === drawn.t) {
+    drawn.done();
+    drawn = null;
+  }
   if (message.complete) {
     camera.fit();
     document.body.dataset.ready = "yes";
@@ -115,7 +119,10 @@ function build(told, { hidden, played: already }) {
   const film = createRecorder(viewer, told.model);
   playback = createPlayback((t) => ask({ do: "time", t }));
   chart = createChart(playback.seek);
-  film(playback.playOnce);
+  film(playback, (t) => new Promise((done) => {
+    drawn = { t, done };
+    playback.seek(t);
+  }));
   byId("compare").addEventListener("change", ({ target }) =>
     ask({ do: "compare", with: target.value }));
   load(told.motion);

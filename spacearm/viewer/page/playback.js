@@ -105,5 +105,12 @@ export function createPlayback(onTime) {
     event.preventDefault();
     toggle();
   });
-  return { load, show: (t) => playing || show(t), seek, playOnce };
+  /* Times of frames at the chosen speed, the last one at the end of the motion. */
+  function times(perSecond, most) {
+    const number = Math.ceil(((last - first) * perSecond) / Number(speed.value)) + 1;
+    const count = Math.min(Math.max(number, 1), most);
+    return Array.from({ length: count }, (_, i) => first + ((last - first) * i) / Math.max(count - 1, 1));
+  }
+
+  return { load, times, show: (t) => playing || show(t), seek, playOnce };
 }

@@ -81,7 +81,7 @@ function play(viewer, { motion, joints, near, tolerance }, film) {
   drawTime = chart.show;
   chart.load(motion);
   playback.load(motion);
-  film(playback.playOnce);
+  film(playback, async (t) => playback.seek(t));
 }
 
 start(DATA, COMMANDS);
