@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from helpers.arms import joint, link, robot, two_links
 
 import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.shapes import shapes
+    from spacearm.viewer.layers.shapes import coarsened, shapes
     from spacearm.viewer.session import Session
 
 Q = [0.3, 1.2]
@@ -145,3 +146,15 @@ def test_a_visual_with_a_fault_gives_a_warning_and_a_scene(tmp_path, visual, mes
     assert len(caught) == 1
     assert caught[0].filename == __file__
     assert {shape.link for shape in drawn} == {"bus", "arm"}
+
+
+def test_meshes_lose_no_more_than_the_size_of_a_cell():
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    coarse = coarsened(ball, 0.1)
+    assert 100 <= len(coarse.faces) < 0.3 * len(ball.faces)
+    radii = np.linalg.norm(coarse.vertices, axis=1)
+    np.testing.assert_allclose(radii, 1.0, atol=0.1)
+    assert coarse.area == pytest.approx(ball.area, rel=0.1)
+    assert coarsened(ball, 10.0) is ball, "nothing would be left"
+    box = trimesh.creation.box()
+    assert coarsened(box, 1e-3) is box
