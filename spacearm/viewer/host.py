@@ -258,7 +258,12 @@ class Host:
     def about(self) -> dict[str, Any]:
         """Return what the page needs once."""
         session = self.session
-        more = {"layers": LAYERS, "motion": self._told_motion(), "edition": self._edition}
+        more = {
+            "layers": LAYERS,
+            "grid": self._stage.scene.step,
+            "motion": self._told_motion(),
+            "edition": self._edition,
+        }
         return {**session.about(), **more, "choices": offered(session.arm, session.origin)}
 
     def _told_motion(self) -> dict[str, Any] | None:

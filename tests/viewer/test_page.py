@@ -261,6 +261,25 @@ def test_on_a_phone_the_panel_folds_away(browser):
 
 
 @pytest.mark.slow
+def test_a_tap_explains_a_symbol_and_a_control_works(browser):
+    viewer, page = opened(
+        browser, sa.load("planar2"), [0.3, 1.2], width=390, height=844, has_touch=True
+    )
+    symbol = page.page.locator("dt", has_text="R from the CM")
+    symbol.tap()
+    assert page.text("#explanation") == symbol.get_attribute("title")
+    assert page.page.is_visible("#explanation")
+    box = page.page.locator("#explanation").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 390
+    page.page.locator("#fold").tap()
+    assert not page.page.is_visible("#explanation")
+    assert not page.page.is_visible("#panel")
+    assert page.text("#squares") == "grid 0.5 m"
+    shut(viewer, page)
+
+
+@pytest.mark.slow
 def test_names_are_text_wherever_they_stand(browser, tmp_path):
     arm = sa.load("planar2")
     bad = "<img src=x onerror=alert(1)>"

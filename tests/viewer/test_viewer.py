@@ -588,8 +588,8 @@ def test_layers_and_shells(viewer):
         viewer.layer("shell", True)
     with pytest.raises(sa.ConfigurationError, match="shell radius is -1"):
         viewer.shells([-1])
-    assert set(scene.LAYERS) == {"bodies", "centre of mass", "virtual manipulator", "tip frame",
-                                 "ellipsoid", "directions", "shells", "risk", "trace",
+    assert set(scene.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
+                                 "tip frame", "ellipsoid", "directions", "shells", "risk", "trace",
                                  "obstacles", "goal", "comparison",
                                  "wheels", "wrenches"}  # fmt: skip
 

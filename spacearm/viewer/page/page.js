@@ -11,6 +11,7 @@ import { createPlayback } from "./playback.js";
 import { createReadouts, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
+import { explainByTouch } from "./touch.js";
 import { createWork } from "./work.js";
 
 const viewer = createViewer(byId("scene"));
@@ -210,5 +211,6 @@ function complain(text) {
   byId("error").textContent = text;
 }
 
+explainByTouch();
 connect();
 window.spacearm = { viewer, points: () => camera.points() };

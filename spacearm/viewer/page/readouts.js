@@ -5,7 +5,8 @@ import { DEGREE, byId, digits, distanceColour, element, fixed } from "./format.j
 const FAR = 30; // degrees at the end of the gauge
 
 export function createReadouts({ model, tip, tip_reason, task, unit, joints, meaning, missing,
-  contacts }) {
+  contacts, grid }) {
+  byId("squares").textContent = `grid ${digits(grid)} m`;
   byId("model").textContent = byId("model").title = model;
   document.title = `${model} - spacearm`;
   byId("tipname").textContent = tip;

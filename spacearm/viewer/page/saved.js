@@ -7,6 +7,7 @@ import { createPlayback } from "./playback.js";
 import { createReadouts, gauge, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
+import { explainByTouch } from "./touch.js";
 
 function start({ about, readout }, commands) {
   const viewer = createViewer(byId("scene"));
@@ -84,4 +85,5 @@ function play(viewer, { motion, joints, near, tolerance }, film) {
   film(playback, async (t) => playback.seek(t));
 }
 
+explainByTouch();
 start(DATA, COMMANDS);
