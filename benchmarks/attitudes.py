@@ -16,8 +16,8 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.mission.leading import Settings, lead_all, table_of
 from spacearm.mission.starts import branch
+from spacearm.motion.runs.leading import Settings, lead_all, table_of
 from spacearm.motion.tip_path import segments
 
 ROUNDS = 5

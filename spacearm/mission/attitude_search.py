@@ -109,10 +109,10 @@ def feasible_attitudes(
     start = path_start(cfg, path)
     pieces = segments(cfg, path, length, start)
 
-    from spacearm.mission.leading import Settings, table_of  # imports the compiler
     from spacearm.mission.ring import survey_ring
     from spacearm.mission.sphere import at_border, largest_ball, survey_sphere, volume
     from spacearm.mission.survey import Survey
+    from spacearm.motion.runs.leading import Settings, table_of  # imports the compiler
 
     settings = Settings(h[3:] / speed, limits, care=margin)
     survey = Survey(arm, start, table_of(arm, [pieces]), settings, posture, first, seed)

@@ -164,7 +164,7 @@ def _hold(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[f
     The path of the tip is one point, its length the share of the horizon that has passed.
     """
     from spacearm.mission.growth import waiting  # imports the compiler
-    from spacearm.mission.leading import ENDS, Led, Settings, lead_all
+    from spacearm.motion.runs.leading import ENDS, Led, Settings, lead_all
 
     centred = cfg.centred(np.zeros(3))
     settings = Settings(horizon * h[3:], limits, tolerance=1e-9)

@@ -13,10 +13,10 @@ from spacearm.arrays import Array
 from spacearm.kernels.paths.table import Table
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.compiled import bodies, frame_on_body
-from spacearm.mission.leading import Led, Settings, lead_all
 from spacearm.mission.rotations import angle_between
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.motion.runs.leading import Led, Settings, lead_all
 
 STATES = 2
 """States that are kept of each cell: the spacecraft's attitude there depends on the way."""

@@ -144,7 +144,7 @@ def lead(
         UnsupportedError: The task has more rows than the arm has joints.
     """
     arm, speed = cfg.arm, positive(speed, "speed", "speed [m/s]")
-    _check_start(cfg, mode, limits)
+    check_start(cfg, mode, limits)
     pieces = segments(cfg, path, length)
     states, behind = [state_of(cfg, 0.0)], 0.0
     for piece in pieces:
@@ -167,12 +167,17 @@ def lead(
         s=s.copy(),
         length=whole,
         ended=end.kind,
-        reason=_reason(curve.configuration(rows[-1]), float(s[-1]), whole, end),
+        reason=how_it_ended(arm, curve.configuration(rows[-1]).tip.translation, s[-1], whole, end),
     )
 
 
-def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
-    """Refuse a start from which no path can be followed, by the errors of `follow`."""
+def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
+    """Refuse a start from which no path can be followed.
+
+    Raises:
+        ConfigurationError: It is singular, or beyond the joint limits where they count.
+        UnsupportedError: The task has more rows than the arm has joints.
+    """
     arm = cfg.arm
     if arm.task.k > arm.n:
         raise UnsupportedError(
@@ -192,14 +197,14 @@ def _check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         )
 
 
-def _reason(cfg: Configuration, s: float, length: float, end: Event) -> str:
-    """Return where and why the motion ended."""
-    place = ", ".join(f"{x:.4g}" for x in cfg.tip.translation)
-    unit = "m" if min(cfg.arm.task.indices) < 3 else "rad"
+def how_it_ended(arm: SpaceArm, tip: Array, s: float, length: float, end: Event) -> str:
+    """Return where and why a motion ended, with the tip at a place (3,) [m]."""
+    place = ", ".join(f"{x:.4g}" for x in tip)
+    unit = "m" if min(arm.task.indices) < 3 else "rad"
     if end.kind == "arrived":
         return f"arrived at ({place}) m after {s:.4g} {unit}"
     where = f"after {s:.4g} of {length:.4g} {unit}, tip at ({place}) m"
     if end.kind == "joint limit":
         return f"joint {end.detail!r} reaches its limit {where}"
-    q = cfg.arm.in_words(cfg.q)
+    q = arm.in_words(end.q)
     return f"singular {where}, q = {q}{end.detail}: J* cannot lead the tip on along the path"

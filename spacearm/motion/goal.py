@@ -70,16 +70,16 @@ def goal_axes(cfg: Configuration) -> Array:
     a planar arm (see `Task.axes`), unless these turn while the joints move: then they are the
     inertial axes.
     """
-    return cfg.arm.task.axes(cfg.base.rotation) if _steady(cfg.arm) else np.eye(3)
+    return cfg.arm.task.axes(cfg.base.rotation) if steady(cfg.arm) else np.eye(3)
 
 
 def goal_normal(arm: SpaceArm) -> int | None:
     """Return the normal (0, 1, 2) that the goal axes tilt with; None if they are inertial."""
-    return next(iter(arm.task.singled_out), None) if _steady(arm) else None
+    return next(iter(arm.task.singled_out), None) if steady(arm) else None
 
 
 @lru_cache(maxsize=64)
-def _steady(arm: SpaceArm) -> bool:
+def steady(arm: SpaceArm) -> bool:
     """Tell whether the task singles out no direction but, if any, the normal of the arm's plane."""
     return arm.task.singled_out <= {arm.tree.plane_normal()}
 

@@ -35,8 +35,8 @@ from spacearm.planning.search import Search
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
-FEW, MANY = 600, 2000
-"""Numbers of curves, and of loops, that are tried at once."""
+MANY = 2000
+"""Number of loops that are tried at once."""
 BROAD, SPREAD, GENERATIONS = 300, 0.2, 4
 """Loops that are made larger at random, those that turn the spacecraft most; by how much at most
 [rad] or [m]; how often."""
@@ -99,14 +99,15 @@ class GuessFinder:
         self._basis, self._slope = sines(np.append(s, 1.0), waves)
         self._along, _ = sines(np.linspace(0.0, 1.0, POINTS), waves)
 
-    def curves(self, width: float) -> Iterator[Guess]:
+    def curves(self, width: float, m: int) -> Iterator[Guess]:
         """Yield curves that arrive: free ones, shortest first, then others.
 
         Args:
             width: Size of the sines [rad], [m], and of the turns of the spacecraft [rad].
+            m: Number of curves that are tried.
         """
-        _, ends = self.ends(width, FEW)
-        ends = np.resize(ends, (FEW if len(ends) else 0, self.arm.n))
+        _, ends = self.ends(width, m)
+        ends = np.resize(ends, (m if len(ends) else 0, self.arm.n))
         P = width * closed(self._sines(len(ends)))
         P[1::4] = 0.0  # straight lines too
         P[:, 0] = ends - self.start.q

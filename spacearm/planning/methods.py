@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
@@ -16,8 +17,8 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
-from spacearm.motion.following import lead
-from spacearm.motion.goal import as_goal, goal_axes, goal_rows, miss
+from spacearm.motion.following import check_start, how_it_ended, lead
+from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, CurveOptimiser, Target
@@ -28,6 +29,8 @@ from spacearm.planning.tree import by_tree, straight_rows
 
 WIDTHS = (0.3, 0.6, 1.0, 2.0)
 """Sizes of the curves that are tried [rad]."""
+FEW, MANY = 75, 600
+"""Numbers of curves of each size that are tried at once: many where few do not do."""
 PLACES = 8
 """Postures about which loops are tried."""
 STARTS = 60
@@ -59,10 +62,11 @@ def straight(problem: Problem) -> Rows:
 def joint_space(problem: Problem) -> Rows:
     """Find the shortest joint curve that arrives, of the first few."""
     finder = problem.guesses(problem.start, problem.target)
-    tries = []
-    for width in WIDTHS:
-        tries.append(list(finder.curves(width)))
-    mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
+    _, apart = _guesses(problem, finder, FEW)
+    if apart:
+        with suppress(NoSolutionError):  # more may do; they too end when the time is up
+            return _optimised(problem, finder, apart)
+    mixed, apart = _guesses(problem, finder, MANY)
     if not mixed:
         found = problem.search.postures["usable"]
         raise NoSolutionError(
@@ -71,8 +75,6 @@ def joint_space(problem: Problem) -> Rows:
             if found
             else "no joint positions that keep all constraints were found at the goal"
         )
-    free = (guess for guess in mixed if guess.room > problem.target.clearance)
-    apart = _without_contact(problem, finder, free)
     return _optimised(problem, finder, apart or mixed[: STARTS // problem.start.arm.n])
 
 
@@ -104,6 +106,14 @@ def attitude_first(problem: Problem) -> Rows:
         if free
         else "the line is free from no attitude that the spacecraft can take under the tip"
     )
+
+
+def _guesses(problem: Problem, finder: GuessFinder, m: int) -> tuple[list[Guess], list[Guess]]:
+    """Return guesses of all sizes in turn, and the first few free ones, in which nothing meets."""
+    tries = [list(finder.curves(width, m)) for width in WIDTHS]
+    mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
+    free = (guess for guess in mixed if guess.room > problem.target.clearance)
+    return mixed, _without_contact(problem, finder, free)
 
 
 def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) -> Rows:
@@ -242,12 +252,7 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
     limits = np.append(problem.target.lower, problem.target.upper)
     if np.linalg.norm(miss(start, tip)) <= ARRIVED:
         return [start]
-    goal = as_goal(start, tip)
-    limited = bool(np.isfinite(limits).any())
-    line = lead(start, [goal], limits=limited, progress=lambda *_: problem.search.check_time())
-    if not line.arrived:
-        raise NoSolutionError(line.reason, list(line))
-    Q = line.q
+    Q = _line(problem, start, as_goal(start, tip), bool(np.isfinite(limits).any()))
     ramp = np.linspace(0.0, 1.0, len(Q))[:, None]
     for _ in range(NEWTON_STEPS):
         rows = problem.walk(start, Q)
@@ -257,6 +262,28 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
         J = goal_rows(rows[-1], generalized_jacobian(rows[-1]))
         Q = Q + ramp * np.linalg.lstsq(J, left, rcond=None)[0]
     raise NoSolutionError("the end of the line cannot be made exact", rows)
+
+
+def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> Array:
+    """Return joint positions (m, n) along the line, its end nearly exact.
+
+    Raises:
+        NoSolutionError: The line meets a singularity or a limit.
+    """
+    arm = start.arm
+    if not steady(arm):  # the directions of the task turn on the way
+        slow = lead(start, [goal], limits=limited, progress=lambda *_: problem.search.check_time())
+        if not slow.arrived:
+            raise NoSolutionError(slow.reason, list(slow))
+        return slow.q
+    from spacearm.motion.runs.line import straight_line  # imports the compiler
+
+    check_start(start, "free-floating", limited)
+    line = straight_line(start, goal, limited)
+    if line.end.kind != "arrived":
+        why = how_it_ended(arm, line.tip, line.end.t, line.length, line.end)
+        raise NoSolutionError(why, problem.walk(start, line.q))
+    return line.q
 
 
 METHODS: dict[str, Callable[[Problem], Rows]] = {

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.mission.leading import Settings, lead_all, table_of
 from spacearm.mission.rotations import (
     Neighbours,
     angle_between,
@@ -17,6 +16,7 @@ from spacearm.mission.rotations import (
     children,
     spacing,
 )
+from spacearm.motion.runs.leading import Settings, lead_all, table_of
 from spacearm.motion.tip_path import segments
 
 A, LINE = np.radians([-57.936, 60.337]), [(2.0, 0.0), (1.5, 1.5)]  # figure 5

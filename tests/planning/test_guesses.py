@@ -103,7 +103,7 @@ def test_guesses_arrive_and_are_free(name, way):
     tip = turned.centred(np.zeros(3)).tip
     target = Target(tip, None, None, 1e-3, arm.lower, arm.upper)
     finder = GuessFinder(start, target, 3, rng)
-    guesses = list(finder.curves(0.5) if way == "direct" else finder.loops_and_lines())
+    guesses = list(finder.curves(0.5, 600) if way == "direct" else finder.loops_and_lines())
     free = [guess for guess in guesses if guess.room > 0.0][:5]
     assert free
     for guess in free:

@@ -21,8 +21,10 @@ COMPONENTS = 7
 and where along the path it was, the least distance to a joint limit, the largest turn of the
 spacecraft, steps."""
 FIRST_STEP = 0.02
+LEAST_STEP = 1e-11
+"""Shorter steps are not made: where no longer one is accurate, the arm is at a singularity."""
 LANDED = 1e-12
-"""The end of a piece is met to this share of its path."""
+"""The end of a piece is met to this share of its path, and to `LEAST_STEP`."""
 ALONG = 10.0
 """Rate, by the share of the path, at which the tip returns to it from rounding errors."""
 
@@ -120,7 +122,7 @@ def judge(
         ended, share = LIMIT, crossing(before[4, l], now[4, l])
     elif now[3, l] > p.most_tilt:
         ended, share = TILTED, crossing(p.most_tilt - before[3, l], p.most_tilt - now[3, l])
-    elif s >= table.end[a.piece[l]] - LANDED * table.end[a.last[l]]:
+    elif s >= table.end[a.piece[l]] - LANDED * table.end[a.last[l]] - LEAST_STEP:
         if a.piece[l] == a.last[l]:
             ended = ARRIVED
         else:

@@ -19,6 +19,7 @@ from spacearm.kernels.paths.lane import (
     COMPONENTS,
     FRESH,
     LANDED,
+    LEAST_STEP,
     SINGULAR,
     STUCK,
     WAITING,
@@ -41,7 +42,6 @@ STAGES = np.array([
 FIFTH = np.array([37 / 378, 0.0, 250 / 621, 125 / 594, 0.0, 512 / 1771])
 ERROR = FIFTH - np.array([2825 / 27648, 0.0, 18575 / 48384, 13525 / 55296, 277 / 14336, 1 / 4])
 
-LEAST_STEP = 1e-11
 MOST_STEPS = 200_000
 
 

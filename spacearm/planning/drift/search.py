@@ -209,7 +209,7 @@ class Drift:
 
 def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
     """Return times (m,) and joint positions (m, n) of a plan that lasts longer, in small steps."""
-    t = plan.t * (lasts / plan.t[-1])
+    t = plan.t / plan.t[-1] * lasts  # ends there exactly
     step = np.maximum(np.abs(np.diff(plan.q, axis=0)).max(axis=1), spin * np.diff(t))
     parts = np.maximum(1, np.ceil(step / FINE)).astype(int)
     at = np.concatenate([*(i + np.arange(k) / k for i, k in enumerate(parts)), [len(parts)]])
@@ -225,7 +225,7 @@ def stretched(plan: Plan, duration: float) -> Plan:
     """
     if plan.t[-1] > duration:
         raise NoSolutionError(f"{plan.arm.name}: {_late(plan, duration)}", plan)
-    found = replace(plan, t=plan.t * (duration / plan.t[-1]))
+    found = replace(plan, t=plan.t / plan.t[-1] * duration)
     if plan.obstacles:
         contact = Collisions(plan.arm, plan.obstacles).contact(Recorded(found))
         if contact is not None:

@@ -12,6 +12,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
+from spacearm.kernels.lanes import LANES
 from spacearm.kernels.paths.lane import COMPONENTS
 from spacearm.kernels.paths.leading import lead
 from spacearm.kernels.paths.table import Table
@@ -133,7 +134,7 @@ def lead_all(
     from_ = y0[n:] if home is None else np.tile(home[:, None], (1, m))
     ends, values = np.empty_like(y0), np.empty((COMPONENTS, m))
     threads = processors()
-    cuts = np.unique(np.linspace(0, m, 1 + min(m, threads * PIECES)).astype(int))
+    cuts = np.linspace(0, m, 1 + min(-(-m // LANES), threads * PIECES)).astype(int)
 
     def do(first: int, last: int) -> int:
         part = slice(first, last)

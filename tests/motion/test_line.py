@@ -1,0 +1,33 @@
+"""Straight lines of the tip by compiled kernels, beside `follow`."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import seeds
+from hypothesis import given, settings
+
+import spacearm as sa
+from spacearm.motion.goal import as_goal
+from spacearm.motion.runs.line import POINTS, straight_line
+
+
+@pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
+@settings(max_examples=8)
+@given(seed=seeds)
+def test_it_ends_as_follow_does(name, seed):
+    arm, rng = sa.load(name), np.random.default_rng(seed)
+    q, quaternion = rng.uniform(-1.0, 1.0, arm.n), np.array([0.0, 0.0, 0.6, 0.8])
+    q = np.clip(q, arm.lower + 0.1, arm.upper - 0.1)
+    start = arm.at(q, base=pin.SE3(pin.Quaternion(quaternion), np.array([1.0, 2.0, 0.0])))
+    goal = as_goal(start, start.arm.at(q + rng.normal(0.0, 0.3, arm.n), base=start.base).tip)
+    slow, line = sa.follow(arm, q, [goal], base=start.base), straight_line(start, goal, True)
+    assert line.end.kind == slow.ended
+    assert line.length == pytest.approx(slow.length, rel=1e-12)
+    exact = 1e-6 if line.end.kind == "arrived" else 0.02  # det J* or the distance is interpolated
+    assert line.end.t == pytest.approx(slow.s[-1], abs=exact * line.length)
+    if slow.arrived:
+        assert len(line.q) == POINTS + 1
+        assert line.q[-1] == pytest.approx(slow.q[-1], abs=1e-4)
+        assert line.tip == pytest.approx(slow.tip[-1, :3], abs=1e-7)
+    elif line.end.kind == "joint limit":
+        assert line.end.detail in slow.reason
