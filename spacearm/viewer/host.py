@@ -239,6 +239,8 @@ class Host:
         }
         if not isinstance(what, str) or what not in jobs:
             raise ConfigurationError(unknown("layer to compute", str(what)[:40], jobs))
+        if what == "risk" and self.session.spacecraft != "free-floating":
+            raise ConfigurationError("the risk is known for floating spacecraft; choose that mode")
         self._desk.start(what, jobs[what], client)
 
     def readout(self) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def view(
         open: Whether to serve the page and open the browser; if None, unless in a notebook.
 
     Returns:
-        A `Viewer`: `.url`, `.show`, `.shells`, `.save`, `.png`, `.close`.
+        A `Viewer`: `.url`, `.show`, `.shells`, `.compare`, `.obstacles`, `.save`, `.png`, `.close`.
 
     Raises:
         ConfigurationError: The thing cannot be shown or compared, q, base, the motion or an

@@ -71,6 +71,9 @@ def test_the_page_asks_for_what_can_be_computed(monkeypatch):
     for what in ("everything", None, ["risk"]):
         with pytest.raises(sa.ConfigurationError, match="unknown layer to compute"):
             viewer.handle({"do": "compute", "what": what})
+    viewer.handle({"do": "spacecraft", "mode": "fixed"})
+    with pytest.raises(sa.ConfigurationError, match="for floating spacecraft; choose that mode"):
+        viewer.handle({"do": "compute", "what": "risk"})
 
 
 @pytest.mark.slow
