@@ -14,8 +14,8 @@ query        singularity generalized_jacobian generalized_jacobian_derivative
              generalized_jacobian_rate fixed_base_jacobian prescribed_motion error_bars evaluate
              generalized_jacobians SingularityReport PrescribedMotion ErrorBars
 dynamics     momentum_matrix base_velocity generalized_inertia forward_dynamics inverse_dynamics
-             kinetic_energy capture barycentric MomentumMatrix Dynamics Capture Barycentric
-             VirtualManipulator
+             joint_accelerations kinetic_energy capture barycentric MomentumMatrix Dynamics Capture
+             Barycentric VirtualManipulator
 sets         singular_set singular_map singularity_polynomial SingularSet FoundSet SingularMap
              TrigPolynomial Certificate
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
@@ -73,7 +73,7 @@ _HOMES = {
         "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError "
         "StoppedError StoreError SweepError UnsupportedError"
     ),
-    "export.c_files": "to_c",
+    "export.c_code.files": "to_c",
     "export.casadi_functions": "to_casadi",
     "export.inverse_kinematics": (
         "GeneralizedJacobianTask MomentumConservation SingularityBarrier"
@@ -82,6 +82,7 @@ _HOMES = {
     "export.mjcf_files": "to_mjcf",
     "export.motion_files": "write_motion",
     "export.sdf_files": "to_sdf",
+    "mechanics.accelerations": "joint_accelerations",
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
     "mechanics.batch": "evaluate generalized_jacobians",
     "mechanics.dynamics": (
@@ -108,7 +109,8 @@ _HOMES = {
     "model.task": "Task",
     "motion.controllers": "DampedLeastSquares JointPD Reactionless ResolvedRate TransposedJacobian",
     "motion.events": "Event",
-    "motion.flight": "Flight Grasp Phase Release simulate_phases",
+    "motion.flights.flight": "Flight",
+    "motion.flights.phases": "Grasp Phase Release simulate_phases",
     "motion.following": "Followed follow",
     "motion.many_runs": "simulate_many",
     "motion.motion": "Motion",

@@ -17,7 +17,7 @@ from spacearm.errors import StoppedError as StoppedError
 from spacearm.errors import StoreError as StoreError
 from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError
-from spacearm.export.c_files import to_c as to_c
+from spacearm.export.c_code.files import to_c as to_c
 from spacearm.export.casadi_functions import to_casadi as to_casadi
 from spacearm.export.inverse_kinematics import (
     GeneralizedJacobianTask as GeneralizedJacobianTask,
@@ -28,6 +28,7 @@ from spacearm.export.jax_functions import to_jax as to_jax
 from spacearm.export.mjcf_files import to_mjcf as to_mjcf
 from spacearm.export.motion_files import write_motion as write_motion
 from spacearm.export.sdf_files import to_sdf as to_sdf
+from spacearm.mechanics.accelerations import joint_accelerations as joint_accelerations
 from spacearm.mechanics.barycentric_formulation import Barycentric as Barycentric
 from spacearm.mechanics.barycentric_formulation import VirtualManipulator as VirtualManipulator
 from spacearm.mechanics.barycentric_formulation import barycentric as barycentric
@@ -76,11 +77,11 @@ from spacearm.motion.controllers import Reactionless as Reactionless
 from spacearm.motion.controllers import ResolvedRate as ResolvedRate
 from spacearm.motion.controllers import TransposedJacobian as TransposedJacobian
 from spacearm.motion.events import Event as Event
-from spacearm.motion.flight import Flight as Flight
-from spacearm.motion.flight import Grasp as Grasp
-from spacearm.motion.flight import Phase as Phase
-from spacearm.motion.flight import Release as Release
-from spacearm.motion.flight import simulate_phases as simulate_phases
+from spacearm.motion.flights.flight import Flight as Flight
+from spacearm.motion.flights.phases import Grasp as Grasp
+from spacearm.motion.flights.phases import Phase as Phase
+from spacearm.motion.flights.phases import Release as Release
+from spacearm.motion.flights.phases import simulate_phases as simulate_phases
 from spacearm.motion.following import Followed as Followed
 from spacearm.motion.following import follow as follow
 from spacearm.motion.many_runs import simulate_many as simulate_many

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import re
 import stat
+from collections.abc import Callable
 from pathlib import Path
 from secrets import token_hex
+from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
 from spacearm.errors import SpaceArmError
@@ -79,6 +81,37 @@ def write(path: Path, content: bytes) -> Path:
     finally:
         if beside:
             beside.unlink(missing_ok=True)
+    return path
+
+
+def write_folder(path: Path, fill: Callable[[Path], object], mark: str) -> Path:
+    """Write a folder, whole or not at all.
+
+    Args:
+        path: The folder; an existing one is replaced if it is of the same kind.
+        fill: Called with an empty folder, writes into it.
+        mark: Name of a file that all folders of this kind hold.
+
+    Returns:
+        The path.
+
+    Raises:
+        SpaceArmError: It cannot be written, or there is something else.
+    """
+    try:
+        if path.exists() and not (path / mark).is_file():
+            raise SpaceArmError(f"{path} cannot be written: there is something else; name another")
+        target = Path(os.path.realpath(path))
+        with TemporaryDirectory(prefix=".", suffix=".partial", dir=target.parent) as beside:
+            made = Path(beside, "made")
+            made.mkdir()
+            fill(made)
+            if target.exists():
+                target.rename(Path(beside, "before"))
+            made.rename(target)
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise SpaceArmError(f"{path} cannot be written: {why}") from None
     return path
 
 

@@ -41,6 +41,7 @@ def pytest_configure(config):
         sa.evaluate(arm, Q)
         sa.evaluate(arm, Q, ("distance",))
         sa.generalized_jacobians(arm, Q)
+        sa.joint_accelerations(arm, Q, Q, Q)
         reactions(arm, Q.T.copy())
         sa.singularity_polynomial(arm)
         sa.feasible_attitudes(arm, [(1.5, 0.2), (1.5, 0.5)], samples=8)

@@ -28,7 +28,7 @@ class Posture(NamedTuple):
     """Where all bodies are, and what their joints carry.
 
     Attributes:
-        M: Mass of the whole [kg].
+        M: (1,) mass of the whole [kg].
         r_cm: (3,) system CM from the spacecraft frame [m].
         tip_positions: (tips, 3) the tips from the system CM [m].
         tip_rotations: (tips, 3, 3) their attitudes.
@@ -58,7 +58,7 @@ def posture(xp: Any, tree: Structure, p: Parameters, q: Any) -> Posture:
     S = tree.turns
     body = np.array(tree.tips)
     masses = p.masses[:, None]
-    M = p.masses.sum()
+    M = masses.sum(axis=0)
     own = S.transpose(0, 2, 1)
     rho = a + (R @ (own @ p.centres[..., None]))[..., 0]
     r_cm = (masses * rho).sum(axis=0) / M

@@ -59,7 +59,7 @@ def to_mjcf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
         elements.append(element)
     joints = [body.joint for body in bodies if body.joint]
     document = E.mujoco(
-        E.compiler(angle="radian", autolimits="true"),
+        E.compiler(angle="radian", autolimits="true", inertiafromgeom="false"),
         E.option(gravity="0 0 0"),
         E.worldbody(elements[0]),
         E.equality(*(_tie(joint.name, joint.mimic) for joint in joints if joint.mimic)),

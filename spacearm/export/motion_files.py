@@ -1,4 +1,4 @@
-"""A motion as a table, for MATLAB, for ROS, and as NetCDF."""
+"""A motion as a table, for MATLAB, for ROS, and as labelled arrays in NetCDF and Zarr."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ import json
 import math
 import os
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.files import write
+from spacearm.export.rosbag_files import mcap
+from spacearm.files import write, write_folder
 from spacearm.motion.motion import Motion
 
 COLUMNS = {
@@ -30,7 +32,10 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
     - .mat: a MATLAB file with an array for each quantity, `joint` names and `units`.
     - .json: a JointTrajectory as ROS 2's messages have it (trajectory_msgs): names of the joints,
       and points with positions, velocities and time from start.
+    - .mcap: ROS 2 messages as bags hold them (extra `mcap`): /joint_states, /tf of the spacecraft
+      in "world", and each other quantity on a topic of its name; time starts at 0.
     - .nc: NetCDF, as `Motion.to_xarray` has it.
+    - .zarr: the same in a folder, Zarr's second format (extra `sweep`).
 
     `Motion.save` writes files that `Motion.load` reads.
 
@@ -43,7 +48,7 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
 
     Raises:
         ConfigurationError: The suffix is none of these.
-        UnsupportedError: What was given is no motion.
+        UnsupportedError: What was given is no motion, or the extra is not installed.
         SpaceArmError: The file cannot be written.
 
     Example:
@@ -56,8 +61,11 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
     if not isinstance(motion, Motion):
         raise UnsupportedError(f"a {type(motion).__name__} is no motion; give one, as sa.plan does")
     path = Path(path)
+    if path.suffix == ".zarr":
+        return _zarr(motion, path)
     if path.suffix not in WRITERS:
-        raise ConfigurationError(unknown("suffix of a motion's file", path.suffix, WRITERS))
+        valid = (*WRITERS, ".zarr")
+        raise ConfigurationError(unknown("suffix of a motion's file", path.suffix, valid))
     return write(path, WRITERS[path.suffix](motion))
 
 
@@ -69,10 +77,14 @@ def _csv(motion: Motion) -> bytes:
         if values.ndim == 1:
             heads.append(f"{name} [{unit}]")
             columns.append(values.values)
-        else:
-            kind, size = str(values.dims[1]), values.shape[1]
-            heads += [f"{name} {column}" for column in _columns(motion, kind, unit, size)]
-            columns += list(values.values.T)
+            continue
+        kind, size = str(values.dims[-1]), values.shape[-1]
+        own = _columns(motion, kind, unit, size)
+        links = [""]
+        if "link" in values.dims:
+            links = [f"{link} ".replace(",", "_") for link in values["link"].values.tolist()]
+        heads += [f"{name} {link}{column}" for link in links for column in own]
+        columns += list(values.values.reshape(len(values), -1).T)
     text = io.StringIO()
     text.write(",".join(heads) + "\n")
     np.savetxt(text, np.column_stack(columns), fmt="%.17g", delimiter=",")
@@ -98,7 +110,8 @@ def _mat(motion: Motion) -> bytes:
     data = motion.to_xarray()
     content: dict[str, Any] = {str(name): values.values for name, values in data.data_vars.items()}
     content |= {"t": np.asarray(motion.t)[:, None], "arm": motion.arm.name}
-    content["joint"] = np.array(motion.arm.joint_names, dtype=object)
+    names = {str(name): x.values for name, x in data.coords.items() if name != "t"}
+    content |= {name: np.array(words, dtype=object) for name, words in names.items()}
     content["units"] = {str(name): values.attrs["units"] for name, values in data.data_vars.items()}
     file: Any = io.BytesIO()  # which the stubs of scipy do not know
     savemat(file, content, long_field_names=True)
@@ -134,9 +147,18 @@ def _netcdf(motion: Motion) -> bytes:
     return bytes(motion.to_xarray().to_netcdf())
 
 
+def _zarr(motion: Motion, path: Path) -> Path:
+    """Write Zarr, whose third format has no strings yet."""
+    if find_spec("zarr") is None:
+        raise UnsupportedError("Zarr is not installed: pip install 'spacearm[sweep]'")
+    data = motion.to_xarray()
+    return write_folder(path, lambda folder: data.to_zarr(folder, zarr_format=2), ".zgroup")
+
+
 WRITERS: dict[str, Callable[[Motion], bytes]] = {
     ".csv": _csv,
     ".mat": _mat,
     ".json": _joint_trajectory,
+    ".mcap": mcap,
     ".nc": _netcdf,
 }

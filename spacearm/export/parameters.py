@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.kernels.floating import Bodies
 from spacearm.mechanics.compiled import all_bodies
 from spacearm.model.arm import SpaceArm
@@ -124,6 +126,19 @@ def parameters_of(arm: SpaceArm) -> Parameters:
 def symbolic(p: Parameters) -> Parameters:
     """Return numbers as arrays of objects, which symbols can stand beside."""
     return Parameters(*(np.asarray(values).astype(object) for values in p))
+
+
+def chosen(names: str | Sequence[str]) -> tuple[str, ...]:
+    """Return names of parameters as they are given, each once.
+
+    Raises:
+        ConfigurationError: There is no such parameter.
+    """
+    wanted = tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
+    for name in wanted:
+        if name not in Parameters._fields:
+            raise ConfigurationError(unknown("parameter", name, Parameters._fields))
+    return wanted
 
 
 def _turns(arm: SpaceArm, b: Bodies) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
 
@@ -22,8 +22,9 @@ from spacearm.model.arm import SpaceArm
 
 @of_arm
 def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
-    """Write spacecraft and arm as an SDF file (version 1.11), which `load` reads.
+    """Write spacecraft and arm as an SDF file, which `load` reads.
 
+    Its version is 1.7, or 1.11, the first with mimic joints, if there are any.
     Gravity does not act on the links. Links that are fixed to others are frames of their body.
     Joints that `arm` holds or has locked, and wheels, are fixed. Meshes have absolute paths.
 
@@ -50,7 +51,8 @@ def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
         parts += [_link(body, before), *_frames(body)]
         if body.joint:
             parts.append(_joint(body.joint, before, body.name))
-    document = E.sdf(E.model(*parts, name=arm.name), version="1.11")
+    version = "1.11" if any(body.joint and body.joint.mimic for body in bodies) else "1.7"
+    document = E.sdf(E.model(*parts, name=arm.name), version=version)
     etree.indent(document)
     return write(
         Path(path), etree.tostring(document, xml_declaration=True, encoding="utf-8") + b"\n"
@@ -60,16 +62,15 @@ def to_sdf(arm: SpaceArm, path: str | os.PathLike[str]) -> Path:
 def _link(body: RigidBody, before: str) -> etree._Element:
     """Write <link>."""
     link = E.link(_pose(body.pose, before), E.gravity("false"), name=body.name)
-    if body.inertia.mass > 0.0:
-        I = body.inertia.inertia
-        pairs = [(i, j) for i in range(3) for j in range(i, 3)]
-        entries = (E(f"i{'xyz'[i]}{'xyz'[j]}", repr(float(I[i, j]))) for i, j in pairs)
-        centre = _pose(pin.SE3(np.eye(3), body.inertia.lever))
-        mass = E.mass(repr(float(body.inertia.mass)))
-        link.append(E.inertial(centre, mass, E.inertia(*entries)))
-    for element, shapes in ((E.visual, body.visual), (E.collision, body.collision)):
+    I = body.inertia.inertia  # written of massless bodies too: SDF's default is 1 kg
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    entries = (E(f"i{'xyz'[i]}{'xyz'[j]}", repr(float(I[i, j]))) for i, j in pairs)
+    centre = _pose(pin.SE3(np.eye(3), body.inertia.lever))
+    mass = E.mass(repr(float(body.inertia.mass)))
+    link.append(E.inertial(centre, mass, E.inertia(*entries)))
+    for kind, shapes in (("visual", body.visual), ("collision", body.collision)):
         for i, shape in enumerate(shapes):
-            link.extend(_shape(element, shape, f"{body.name}_{i}"))
+            link.extend(_shape(kind, shape, f"{kind}_{i}"))  # a name of its own in the link
     return link
 
 
@@ -95,9 +96,7 @@ def _joint(joint: Joint, parent: str, child: str) -> etree._Element:
     return E.joint(E.parent(parent), E.child(child), axis, name=joint.name, type=kind)
 
 
-def _shape(
-    element: Callable[..., etree._Element], shape: Shape, name: str
-) -> Iterable[etree._Element]:
+def _shape(kind: str, shape: Shape, name: str) -> Iterable[etree._Element]:
     """Write <visual> or <collision>; nothing for a shape that cannot be used."""
     match shape.geometry:
         case Box(size):
@@ -110,8 +109,8 @@ def _shape(
             geometry = E.mesh(E.uri(file.as_uri()), E.scale(_text(scale)))
         case _:
             return
-    made = element(_pose(shape.pose), E.geometry(geometry), name=name)
-    if shape.rgba and made.tag == "visual":
+    made = E(kind, _pose(shape.pose), E.geometry(geometry), name=name)
+    if shape.rgba and kind == "visual":
         made.append(E.material(E.ambient(_text(shape.rgba)), E.diffuse(_text(shape.rgba))))
     yield made
 

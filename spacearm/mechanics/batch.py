@@ -8,10 +8,17 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import NO_NUMBERS, Array
-from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.kernels.quantities import NEARNESS, QUANTITIES
-from spacearm.mechanics.blocks import Progress, checked_output, read_block, run_blocks
+from spacearm.mechanics.blocks import (
+    FEW,
+    Progress,
+    checked_output,
+    joint_rows,
+    read_block,
+    run_blocks,
+)
 from spacearm.mechanics.jacobian import (
     generalized_jacobian,
     singular_values_of,
@@ -21,9 +28,6 @@ from spacearm.mechanics.jacobian import (
 from spacearm.mechanics.nearness import nearness_of, refined_at
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-
-FEW = 50
-"""Batches smaller than this are computed without loading the compiler."""
 
 CARD_BLOCK = 2**20
 """Configurations per block on a graphics card."""
@@ -88,7 +92,7 @@ def evaluate(
         raise ConfigurationError(
             f"out has arrays for {', '.join(sorted(extra))}, which quantities does not name"
         )
-    Q = _configurations(arm, Q)
+    Q = joint_rows(arm, Q, "Q")
     m = len(Q)
     shapes = {name: (m, arm.n) if name == "away" else (m,) for name in quantities}
     results = {
@@ -162,7 +166,7 @@ def generalized_jacobians(
         (2, 6, 2)
     """
     arm.require_one_tip()
-    Q = _configurations(arm, Q)
+    Q = joint_rows(arm, Q, "Q")
     m = len(Q)
     J = np.empty((m, 6, arm.n)) if out is None else checked_output(out, (m, 6, arm.n), "out")
     jacobians = _compiled().jacobians if m >= FEW else _jacobians
@@ -228,19 +232,3 @@ def _jacobians(arm: SpaceArm, q: Array) -> Array:
     for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
         J[i] = generalized_jacobian(arm.at(q[:, i]))
     return J
-
-
-def _configurations(arm: SpaceArm, Q: npt.ArrayLike) -> Array:
-    """Check Q and return it as an array (m, n), not copied if it is one."""
-    try:
-        array: npt.NDArray[Any] = Q if isinstance(Q, np.ndarray) else np.asarray(Q)
-    except NO_NUMBERS as error:
-        raise ConfigurationError(f"Q holds no numbers: {error}") from None
-    if array.size == 0 and array.ndim < 2:
-        array = array.reshape(0, arm.n)
-    if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != arm.n:
-        raise ConfigurationError(
-            f"Q has shape {array.shape} and type {array.dtype}; {arm.name} needs real numbers of "
-            f"shape (m, {arm.n}), one column for each of: {listed(arm.joint_names)}"
-        )
-    return array

@@ -5,12 +5,18 @@ from __future__ import annotations
 import mmap
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array, whole
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array, whole
+from spacearm.errors import ConfigurationError, listed
 from spacearm.kernels.processors import processors
+from spacearm.model.arm import SpaceArm
+
+FEW = 50
+"""Batches smaller than this are computed without loading the compiler."""
 
 BLOCK = 16384
 """Configurations per thread and block: their data fit the processor cache."""
@@ -30,6 +36,26 @@ def checked_output(array: Array, shape: tuple[int, ...], what: str) -> Array:
         )
     if not array.flags.writeable:
         raise ConfigurationError(f"{what} is read-only; give one that can be written to")
+    return array
+
+
+def joint_rows(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
+    """Check values (m, n), a row for each state, and return them, not copied if they are an array.
+
+    Raises:
+        ConfigurationError: They are no numbers, or have another shape.
+    """
+    try:
+        array: npt.NDArray[Any] = values if isinstance(values, np.ndarray) else np.asarray(values)
+    except NO_NUMBERS as error:
+        raise ConfigurationError(f"{what} holds no numbers: {error}") from None
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, arm.n)
+    if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != arm.n:
+        raise ConfigurationError(
+            f"{what} has shape {array.shape} and type {array.dtype}; {arm.name} needs real numbers "
+            f"of shape (m, {arm.n}), one column for each of: {listed(arm.joint_names)}"
+        )
     return array
 
 

@@ -17,7 +17,7 @@ from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.quantities import NEARNESS, QUANTITIES
 from spacearm.mechanics.nearness import Tangent, refined
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import FREE_TWIST, BaseMode
+from spacearm.model.mode import FREE_TWIST, BaseMode, free_components
 from spacearm.model.scale import radians
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -105,6 +105,17 @@ def jacobians(arm: SpaceArm, q: Array) -> Array:
     J = np.empty((q.shape[1], 6, arm.n))
     cpu.jacobians(*bodies(arm), _all_joints(arm, q), J)
     return J
+
+
+def accelerations(
+    arm: SpaceArm, mode: BaseMode, q: Array, dq: Array, tau: Array, h: Array
+) -> Array:
+    """Compute joint accelerations (n, m) at q, dq, tau (n, m) with angular momenta h (3, m)."""
+    from spacearm.kernels.dynamics.many.equations import accelerations
+
+    ddq = np.empty_like(dq)
+    accelerations(all_bodies(arm), free_components(mode), _all_joints(arm, q), dq, tau, h, ddq)
+    return ddq
 
 
 class Reactions(NamedTuple):
@@ -281,7 +292,7 @@ def _all_joints(arm: SpaceArm, q: Array) -> Array:
     q = np.ascontiguousarray(q)
     if arm.coupling is not None:
         q = arm.coupling @ q + arm.offsets[:, None]
-    turns = ~bodies(arm)[0]["slides"][1:]
+    turns = ~all_bodies(arm)["slides"][1:]
     if (np.abs(q[turns]) > LARGEST_ANGLE).any():
         q[turns] = np.arctan2(np.sin(q[turns]), np.cos(q[turns]))
     return q

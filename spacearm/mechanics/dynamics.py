@@ -108,7 +108,7 @@ def forward_dynamics(
     momentum: npt.ArrayLike | None = None,
     wrenches: Wrenches | None = None,
 ) -> Dynamics:
-    """Compute the accelerations under joint torques.
+    """Compute the accelerations under joint torques; of many states, see `joint_accelerations`.
 
     Wheels keep their rates relative to the links that carry them, by their motors.
 

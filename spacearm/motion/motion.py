@@ -234,7 +234,7 @@ class Motion(Result):
         try:
             arrays = motion_file.read(path)
             kind = cls._kind(motion_file.word(arrays, "kind"))
-            joints = motion_file.joint_names(arrays)
+            joints = motion_file.names(arrays)
             values = motion_file.values(arrays, kind._layout(arm), len(joints))
             if joints == arm.joint_names:
                 stored = {f.name for f in fields(kind) if f.metadata.get("in_file", True)} - {"arm"}

@@ -1,8 +1,9 @@
 """The file of a motion: named arrays of numbers and words in NumPy's format, checked when read.
 
 Each field of a motion is one array. A list of records, such as the events of a trajectory, is one
-array for each field of the records ("events_t", "events_kind"). The file names the joints of the
-arm, but does not hold the arm.
+array for each field of the records ("events_t", "events_kind"). Wrenches by link are one array with
+the names beside it ("wrenches_links"). The file names the joints of the arm, but does not hold the
+arm.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ class Layout(NamedTuple):
         quantities: The quantities over time.
         details: The other fields and their types: `str`, `float` or `bool | None`.
         lists: The fields that are tuples of records, and the types of the records.
+        by_link: The fields that hold six components at each time for links by name.
         wheels: Number of wheels.
     """
 
@@ -62,6 +64,7 @@ class Layout(NamedTuple):
     quantities: Mapping[str, Quantity]
     details: Mapping[str, Any]
     lists: Mapping[str, Any]
+    by_link: tuple[str, ...]
     wheels: int
 
     @classmethod
@@ -76,8 +79,9 @@ class Layout(NamedTuple):
         lists = {
             name: get_args(types[name])[0] for name in names if get_origin(types[name]) is tuple
         }
-        details = {name: types[name] for name in names if name not in lists}
-        return cls(kind.__name__, quantities, details, lists, wheels)
+        by_link = tuple(name for name in names if get_origin(types[name]) is Mapping)
+        details = {name: types[name] for name in names if name not in (*lists, *by_link)}
+        return cls(kind.__name__, quantities, details, lists, by_link, wheels)
 
 
 def check_suffix(path: str | os.PathLike[str]) -> None:
@@ -113,6 +117,10 @@ def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
         for i, (column, form) in enumerate(_forms(record, len(items), len(joints)).items()):
             array: npt.NDArray[Any] = np.array([item[i] for item in items], TYPES[form[0]])
             arrays[f"{name}_{column}"] = array.reshape(form[1])
+    for name in layout.by_link:
+        rows = getattr(motion, name)
+        arrays[f"{name}_links"] = np.array([*rows], np.str_)
+        arrays[name] = np.array([*rows.values()], np.float64).reshape(len(rows), len(motion.t), 6)
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     write(Path(path), buffer.getvalue())
@@ -147,16 +155,16 @@ def word(arrays: Arrays, name: str) -> str:
     return str(_array(arrays, name, ("U", ())))
 
 
-def joint_names(arrays: Arrays) -> tuple[str, ...]:
-    """Return the names of the joints.
+def names(arrays: Arrays, which: str = "joints") -> tuple[str, ...]:
+    """Return the names in an array.
 
     Raises:
         ValueError: They are missing, or no names.
     """
-    joints = arrays.get("joints", np.empty(0))
-    if joints.dtype.kind != "U" or joints.itemsize == 0:  # no letters, no bytes: any number of them
-        raise ValueError(f"joints holds {joints.dtype} of shape {joints.shape}, not names")
-    return tuple(str(name) for name in joints.ravel())
+    found = arrays.get(which, np.empty(0))
+    if found.dtype.kind != "U" or found.itemsize == 0:  # no letters, no bytes: any number of them
+        raise ValueError(f"{which} holds {found.dtype} of shape {found.shape}, not names")
+    return tuple(str(name) for name in found.ravel())
 
 
 def values(arrays: Arrays, layout: Layout, n: int) -> dict[str, Any]:
@@ -185,6 +193,10 @@ def values(arrays: Arrays, layout: Layout, n: int) -> dict[str, Any]:
             raise ValueError(f"{name} is {text[:60]!r}, none of {', '.join(MAYBE)}")
     for name, record in layout.lists.items():
         found[name] = tuple(_records(arrays, name, record, n))
+    for name in layout.by_link:
+        links = names(arrays, f"{name}_links")
+        form: Form = ("f", (len(links), m, 6))
+        found[name] = dict(zip(links, _array(arrays, name, form), strict=True))
     return found
 
 

@@ -169,6 +169,31 @@ class Plant:
             placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
         return configure(arm, q, placed.base, y[2 * n + 17 :]) if arm.wheels else placed
 
+    def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
+        """Return the wrenches on each link that is pushed, along inertial axes.
+
+        Args:
+            t: (m,) times [s].
+            q: (m, n) joint positions.
+            base: (m, 7) poses of the spacecraft.
+
+        Returns:
+            (m, 6) [force [N]; torque [N m]] at the origin of the link's frame, by its name.
+        """
+        model, data = self.arm.model, pin.Data(self.arm.model)
+        found: dict[str, Array] = {link: np.zeros((len(t), 6)) for link, *_ in self.pushed}
+        for i, time in enumerate(t):
+            if self.thrusters:
+                pose = pin.XYZQUATToSE3(base[i])
+                pin.framesForwardKinematics(model, data, kinematics(self.arm, q[i], pose).full)
+            for link, wrench, own in self.pushed:
+                values = _wrench_at(link, wrench, float(time))
+                if own:
+                    R = data.oMf[model.getFrameId(link, pin.BODY)].rotation
+                    values = (values.reshape(2, 3) @ R.T).ravel()
+                found[link][i] += values
+        return found
+
     def push(self, t: float, out: Array) -> None:
         """Write all wrenches at a time to (6 p,) numbers."""
         for i, (link, wrench, _) in enumerate(self.pushed):

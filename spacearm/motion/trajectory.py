@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import Quantity
 from spacearm.notebook.tables import table
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Trajectory(Motion):
@@ -27,6 +30,8 @@ class Trajectory(Motion):
         torque: (m, n) joint torques [N m] or forces [N].
         momentum: (m, 6) [linear [kg m/s]; angular about the system CM [kg m^2/s]], inertial axes.
         impulse: (m, 6) what external wrenches added to the momentum since the start.
+        wrenches: (m, 6) [force [N]; torque [N m]] on each link that wrenches or thrusters push, by
+            its name: at the origin of its frame, inertial axes.
         wheels: (m, w) what each wheel holds [N m s].
         energy: (m,) kinetic energy without the spin of wheels [J].
         work: (m,) work of the torques since the start [J].
@@ -41,6 +46,7 @@ class Trajectory(Motion):
     torque: Array
     momentum: Array
     impulse: Array
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
     wheels: Array
     energy: Array
     work: Array
@@ -94,6 +100,16 @@ class Trajectory(Motion):
         change = np.abs((self.momentum - self.impulse - self.momentum[0])[:, :f]).max(initial=0.0)
         most = np.abs([*brought, self.momentum[0, :f], *self.impulse[:, :f]]).max(initial=0.0)
         return float(change / most) if most > 0.0 else 0.0
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return all quantities as labelled arrays; wrenches along "link"."""
+        data = super().to_xarray()
+        if not self.wrenches:
+            return data
+        values = np.stack([*self.wrenches.values()], axis=1)
+        units = {"units": "N, N m"}
+        data = data.assign_coords(link=[*self.wrenches])
+        return data.assign(wrenches=(("t", "link", "component"), values, units))
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, with the balances of both audits."""

@@ -21,6 +21,7 @@ from spacearm.mission.reactions import Reaction
 from spacearm.mission.wheel_sizing import WheelSizing
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.motion.flights.flight import Flight
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import (
     draw_arm,
@@ -38,7 +39,7 @@ from spacearm.plots.mission import (
     draw_reaction,
     draw_wheel_sizing,
 )
-from spacearm.plots.motions import draw_motion
+from spacearm.plots.motions import draw_flight, draw_motion
 from spacearm.plots.obstacles import draw_collision_report
 from spacearm.plots.polynomials import draw_polynomial
 from spacearm.plots.reports import (
@@ -82,6 +83,7 @@ DRAWINGS: Mapping[type, Callable[..., Any]] = {
     RiskProfile: draw_profile,
     PoseRisk: draw_pose_risk,
     Motion: draw_motion,
+    Flight: draw_flight,
     FeasibleAttitudes: draw_attitudes,
     Reaction: draw_reaction,
     WheelSizing: draw_wheel_sizing,

@@ -272,6 +272,7 @@ class Host:
         """Return what the page needs of the motion, and what it can be compared with."""
         if not (motion := self._stage.motion):
             return None
-        ways = {words: mode for mode, words in WORDS.items()}
+        flown = getattr(motion, "flight", None) is not None
+        ways: dict[str, str] = {} if flown else {words: mode for mode, words in WORDS.items()}
         given = {} if self._given is None else {self._given.name: "given"}
         return {**account(motion, self._stage.other), "ways": {**ways, **given}}

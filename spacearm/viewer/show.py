@@ -45,6 +45,7 @@ def view(
             - a configuration, or a result that has one, such as a `Capture`;
             - a `Trajectory`, `Followed`, `Plan` or `Motion`, or any object with `arm`, `t`, `q`
               and `base`, which is played;
+            - a `Flight`, whose phases are played one after the other;
             - a `Workspace`: cut open about the system CM, rings for planar arms;
             - a singular set: the arm at the singular posture nearest to q;
             - a `Region`: its first singular configuration;
@@ -176,6 +177,7 @@ RULES = (
         _has("arm", "t", "q", "base"),
         lambda motion, *_: _motion(motion),
     ),
+    _Rule("a Flight", _has("phases", "motion"), lambda flight, *_: _motion(flight.motion)),
     _Rule(
         "a Workspace",
         _has("arm", "pdw", "reachable"),

@@ -49,6 +49,8 @@ class Stage:
         legend: What the colours of workspaces and risk mean.
     """
 
+    _loads: LoadLayer
+
     def __init__(self, window: Window, session: Session, motion: Motion | None = None) -> None:
         self.session, self.scene, self._window = session, Scene(window, session.arm), window
         self.hidden: set[str] = set()
@@ -62,6 +64,8 @@ class Stage:
         """Show a motion from its start, in place of the present one."""
         self.motion, self.time = motion, float(motion.t[0]) if motion else 0.0
         root, session = self.scene.root, self.session
+        if self.played >= 0:
+            self._loads.delete_held()
         for name in PLAYED if self.played >= 0 else ():
             root[name].delete()
             self.show_layer(name, name not in self.hidden)

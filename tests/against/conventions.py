@@ -9,6 +9,7 @@ MuJoCo      [linear inertial; angular     origin of its frame       wxyz
 Drake       [angular; linear], inertial   origin of its frame       wxyz
 iDynTree    [linear; angular], inertial   origin of its frame       4 x 4 matrix
             (MIXED_REPRESENTATION)
+DART        [angular; linear], inertial   origin of its frame       4 x 4 matrix
 SPART       [angular in spacecraft axes;  CM of the spacecraft      3 x 3
             linear inertial]
 ==========  ============================  ========================  ===============================
@@ -17,9 +18,10 @@ Velocities of engines are v' = T v with v spacearm's, (6 + n,) [linear; angular;
 M = T^T M' T, J = J' T, h = h', and accelerations, which the engines give as the time derivatives of
 their velocities, are turned back by the blocks of T that do not depend on time. All are asked
 about the same URDF, written from the arm without what is drawn, SPART about one with links that are
-fixed to each other merged. Joints are matched by name. SPART's [angular; linear] order holds for
-its Jacobians too. MuJoCo, Drake (by articulated bodies) and SPART solve for the accelerations
-themselves; of iDynTree the equations of motion that it gives are solved.
+fixed to each other merged, as DART does. Joints are matched by name. The [angular; linear] order
+of DART and SPART holds for their Jacobians too. MuJoCo, Drake, DART (by articulated bodies) and
+SPART solve for the accelerations themselves; of iDynTree the equations of motion that it gives are
+solved.
 """
 
 from __future__ import annotations
@@ -215,6 +217,56 @@ def numbers(values):
     return np.array(values.toNumPy())
 
 
+class DART:
+    """dartpy, the engine that Gazebo runs.
+
+    It takes links without <inertial> for bodies of a kilogram: links that are fixed to each other
+    are one link, and the tip is a point of it.
+    """
+
+    def __init__(self, arm):
+        loader = importlib.import_module("dartpy.utils").DartLoader()
+        tree = merged(arm)
+        hand = tree.joints["hand"]
+        links = {name: body for name, body in tree.links.items() if name != arm.tip}
+        joints = {name: joint for name, joint in tree.joints.items() if name != "hand"}
+        text = document(replace(tree, links=links, joints=joints), ()).decode()
+        self.ask(loader.parseSkeletonString(text, ""), arm, hand.parent, hand.origin)
+
+    def ask(self, robot, arm, last, tip):
+        """Be about a skeleton, whose body `last` carries the tip of the arm at a pose."""
+        self.robot, self.tip = robot, tip.translation
+        robot.setGravity(np.zeros(3))
+        self.free, self.last = robot.getRootJoint(), robot.getBodyNode(last)
+        self.joints = [robot.getJoint(name) for name in arm.joint_names]
+        order = [self.free.getIndexInSkeleton(i) for i in (3, 4, 5, 0, 1, 2)]
+        self.v = [*order, *(joint.getIndexInSkeleton(0) for joint in self.joints)]
+
+    def __call__(self, state):
+        robot, (cfg, v, tau) = self.robot, state
+        pose = importlib.import_module("dartpy.math").Isometry3(cfg.base.homogeneous)
+        self.free.setPositions(self.free.convertToPositions(pose))
+        for joint, position in zip(self.joints, cfg.q, strict=True):
+            joint.setPosition(0, position)
+        rates, forces = np.zeros((2, len(v)))
+        rates[self.v], forces[self.v[6:]] = v, tau
+        robot.setVelocities(rates)
+        robot.setForces(forces)
+        robot.computeForwardDynamics()
+        M = robot.getMassMatrix()[np.ix_(self.v, self.v)]
+        angular, linear = np.split(robot.getWorldJacobian(self.last, self.tip), 2)
+        J = np.vstack((linear, angular))[:, self.v]
+        com, h = robot.getCOM(), np.zeros(6)
+        for body in robot.getBodyNodes():
+            R, mass = body.getWorldTransform().rotation(), body.getMass()
+            at, velocity = body.getCOM() - com, body.getCOMLinearVelocity()
+            spin = R @ body.getInertia().getMoment() @ R.T @ body.getAngularVelocity()
+            h += [*(mass * velocity), *(spin + mass * np.cross(at, velocity))]
+        last = self.last.getWorldTransform()
+        tip = last.translation() + last.rotation() @ self.tip
+        return Answers(M, h, com, tip, J, floating(M, J), robot.getAccelerations()[self.v])
+
+
 class SPART:
     """spartpy, for arms without branches; links that are fixed to each other are one link.
 
@@ -310,6 +362,8 @@ def merged(arm) -> Tree:
             parent=names[model.parents[j]],
             child=names[j],
             origin=model.jointPlacements[j],
+            damping=0.0,
+            friction=0.0,
         )
         for j, name in enumerate(arm.joint_names, start=2)
     }
@@ -317,8 +371,14 @@ def merged(arm) -> Tree:
     return Tree(arm.name, "spacecraft", links | {arm.tip: None}, joints | {"hand": hand})
 
 
-ENGINES = {"MuJoCo": MuJoCo, "Drake": Drake, "iDynTree": IDynTree, "SPART": SPART}
+ENGINES = {"MuJoCo": MuJoCo, "Drake": Drake, "iDynTree": IDynTree, "DART": DART, "SPART": SPART}
 """By the name of their conventions above."""
 
-MODULES = {"MuJoCo": "mujoco", "Drake": "pydrake", "iDynTree": "idyntree", "SPART": "SPARTpy"}
-DISTRIBUTIONS = {"MuJoCo": "mujoco", "Drake": "drake", "iDynTree": "idyntree", "SPART": "spartpy"}
+MODULES = {
+    "MuJoCo": "mujoco",
+    "Drake": "pydrake",
+    "iDynTree": "idyntree",
+    "DART": "dartpy",
+    "SPART": "SPARTpy",
+}
+DISTRIBUTIONS = MODULES | {"Drake": "drake", "SPART": "spartpy"}

@@ -6,6 +6,7 @@ from comparison import UNLIKE, compared, differences, main, relative, states, su
 from conventions import ENGINES, MODULES, Spacearm
 
 import spacearm as sa
+from spacearm.mechanics.blocks import FEW
 
 ARMS = subjects()
 
@@ -19,6 +20,25 @@ def test_everything_agrees(engine, name):
         pytest.skip(UNLIKE.get((engine, name), "spartpy's velocities are those of serial arms"))
     for quantity, difference in compared(arm, ENGINES[engine]).items():
         assert difference < 1e-10, quantity
+
+
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_accelerations_of_many_states_agree(engine, name):
+    """`joint_accelerations` by compiled kernels, on so many states that they are taken."""
+    pytest.importorskip(MODULES[engine], reason="pip install spacearm[against]")
+    arm = ARMS[name]
+    if not suits(engine, name, arm):
+        pytest.skip(UNLIKE.get((engine, name), "spartpy's velocities are those of serial arms"))
+    there, some = ENGINES[engine](arm), list(states(arm))
+    theirs = np.array([there(state).acceleration[6:] for state in some])
+    Q, dQ, tau = (np.array(x) for x in zip(*((s.cfg.q, s.v[6:], s.tau) for s in some), strict=True))
+    h = [Spacearm()(s).momentum.reshape(2, 3) @ s.cfg.base.rotation for s in some]
+    many = -(-FEW // len(some))
+    rows = [np.tile(x, (many, 1)) for x in (Q, dQ, tau, np.reshape(h, (-1, 6)))]
+    ours = sa.joint_accelerations(arm, *rows[:3], momentum=rows[3])
+    size = np.abs(theirs).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(ours[: len(some)] / size, theirs / size, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])

@@ -3,11 +3,12 @@
 import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from helpers.commands import spacearm
 
 import spacearm as sa
-from spacearm.cli.motions.flights import read_phases
+from spacearm.cli.motions.flights import fly, read_phases
 from spacearm.cli.options import join_numbers
 
 FIGURE_5 = ["planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21]
@@ -134,6 +135,17 @@ def test_phases_from_a_file_keep_the_momentum(tmp_path):
     np.testing.assert_allclose(held[0, :2] - before[-1, :2], brought, atol=1e-9)
     np.testing.assert_allclose(held[-1, :2] - held[0, :2], [0.0, 2.0], atol=1e-6)
     np.testing.assert_allclose(after[-1], after[0], atol=1e-9)
+
+
+def test_phases_are_played(monkeypatch, capsys):
+    shown = []
+    monkeypatch.setattr("spacearm.cli.views.serve_until_interrupted", shown.append)
+    arm, law = sa.load("planar2"), sa.JointPD(target=[0.3, 0.9], kp=1.0, kd=1.0)
+    phases = [sa.Phase(law, 0.2, sa.Grasp(mass=1.0)), sa.Phase(law, 0.1)]
+    rest = (pin.SE3.Identity(), None, (0.0,) * 6, None, None)
+    assert fly(arm, np.array([0.3, 0.9]), phases, *rest, view=True, as_json=False) == 0
+    assert "grasp" in capsys.readouterr().out
+    assert shown[0].about()["motion"]["span"] == pytest.approx([0.0, 0.3])
 
 
 PD = "[[phase]]\nduration = 1\nlaw = 'joints'\ntarget = [0.3, 0.9]\nkp = 1\nkd = 1\n"

@@ -3,6 +3,7 @@
 import ctypes
 import shutil
 import subprocess
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +11,8 @@ import pytest
 from helpers.arms import load_text, random_chain, random_tree
 
 import spacearm as sa
-from spacearm.export.expressions import Tape
+from spacearm.export.c_code.expressions import Tape
+from spacearm.export.parameters import parameters_of
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.momentum import momentum_derivatives
 
@@ -141,6 +143,61 @@ def test_fewer_joints_than_rows(tmp_path):
     np.testing.assert_allclose(library.jacobian(q), J, atol=1e-13)
     assert library.S(q) == 0.0
     assert library.bounds(q) == (0.0, 0.0)
+
+
+def structure(numbers, names):
+    """The struct of the parameters, filled."""
+    arrays = {name: np.ascontiguousarray(getattr(numbers, name)) for name in names}
+    fields = [(name, ctypes.c_double * array.size) for name, array in arrays.items()]
+    made = type("Struct", (ctypes.Structure,), {"_fields_": fields})
+    return made(
+        *(field(*array.ravel()) for (_, field), array in zip(fields, arrays.values(), strict=True))
+    )
+
+
+@compiled_code
+@pytest.mark.parametrize(
+    ("name", "task"),
+    [("planar2", "x y"), pytest.param("chaser7", "position", marks=pytest.mark.slow)],
+)
+def test_masses_and_mounts_in_a_struct(name, task, tmp_path):
+    """S, J* and the gradient by the parameters, against arms with other masses and mounts."""
+    arm = sa.load(name, task=task)
+    names = ("masses", "joint_positions")
+    (tmp_path / "plain").mkdir()
+    plain = Library(arm, tmp_path / "plain")
+    library, q = Library(arm, tmp_path, parameters=names), np.linspace(-0.7, 0.9, arm.n)
+    nominal = structure(parameters_of(arm), names)
+    own = bytes(type(nominal).in_dll(library.library, f"{library.name}_nominal"))
+    assert own == bytes(nominal)
+
+    def S(p, gradient=None):
+        which = "_by_parameters" if gradient else ""
+        function = getattr(library.library, f"{library.name}_singularity{which}")
+        function.restype = ctypes.c_double
+        pointers = (ctypes.byref(x) for x in (p, gradient) if x)
+        return function(q.ctypes, *pointers)
+
+    assert S(nominal) == pytest.approx(plain.S(q), rel=1e-13)
+    gradient = type(nominal)()
+    assert S(nominal, gradient) == S(nominal)
+    h, bus = 1e-4, arm.model.inertias[1].mass
+
+    def moved(d, axis):
+        mount = arm.mount
+        mount.translation = mount.translation + d * np.eye(3)[axis]
+        return arm.replace(mount=mount)
+
+    changes = [(gradient.joint_positions[axis], partial(moved, axis=axis)) for axis in (0, 1)]
+    changes.append((gradient.masses[0], lambda d: arm.replace(base_mass=bus + d)))
+    for slope, changed in changes:
+        pair = [structure(parameters_of(changed(d)), names) for d in (h, -h)]
+        assert slope == pytest.approx((S(pair[0]) - S(pair[1])) / (2 * h), rel=1e-6)
+    J = np.empty((6, arm.n))
+    jacobian = getattr(library.library, f"{library.name}_jacobian")
+    jacobian(q.ctypes, ctypes.byref(structure(parameters_of(moved(0.1, 0)), names)), J.ctypes)
+    wanted = sa.generalized_jacobian(moved(0.1, 0).at(q))
+    np.testing.assert_allclose(J, wanted, atol=1e-12 * np.abs(wanted).max())
 
 
 def test_names_are_those_of_c(tmp_path):

@@ -50,3 +50,35 @@ def test_the_functions_write_c(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sa.to_casadi(sa.load("planar2")).S_gradient.generate("gradient.c")
     assert "sin(" in (tmp_path / "gradient.c").read_text()
+
+
+def test_derivatives_by_masses_and_a_mount():
+    """Against arms with other masses and mounts."""
+    arm, q, h = sa.load("planar2"), np.array([0.3, 1.2]), 1e-4
+    fly = sa.to_casadi(arm, parameters=("joint_positions", "masses"))
+    assert list(fly.parameters) == ["joint_positions", "masses"]
+    positions, masses = (casadi.SX.sym(name, *x.shape) for name, x in fly.parameters.items())
+    J = fly.jacobian(q, positions, masses)
+    own = fly.parameters.values()
+    assert_same(fly.jacobian(q, *own).full(), sa.generalized_jacobian(arm.at(q)))
+
+    def slope(symbol, changed):
+        by = casadi.Function("by", [positions, masses], [casadi.jacobian(J, symbol)])
+        found = by(*own).full().reshape(J.shape, order="F")
+        more, less = (sa.generalized_jacobian(changed(d).at(q)) for d in (h, -h))
+        np.testing.assert_allclose(found, (more - less) / (2 * h), atol=1e-8)
+        assert np.abs(found).max() > 1e-4
+
+    def shifted(d):
+        mount = arm.mount
+        mount.translation = mount.translation + np.array([d, 0.0, 0.0])
+        return arm.replace(mount=mount)
+
+    bus = arm.model.inertias[1].mass
+    slope(masses[0], lambda d: arm.replace(base_mass=bus + d))
+    slope(positions[0, 0], shifted)
+
+
+def test_parameters_that_are_none_are_named():
+    with pytest.raises(sa.ConfigurationError, match=r"parameter 'mass'.*masses"):
+        sa.to_casadi(sa.load("planar2"), parameters=("mass",))

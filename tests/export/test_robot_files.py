@@ -7,6 +7,8 @@ import pytest
 from helpers.arms import load_text, random_chain, random_tree, seeds
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lxml import etree
+from lxml.builder import E
 
 import spacearm as sa
 
@@ -107,3 +109,32 @@ def test_joints_that_are_held_are_fixed(tmp_path):
     twin = loaded(sa.to_sdf(arm, tmp_path / "robot.sdf"), arm)
     assert twin.joint_names == arm.joint_names
     assert_the_same(twin, arm, 0)
+
+
+def massless():
+    """A chain whose link_1 has a shape and no mass, as between the axes of a universal joint."""
+    robot = etree.fromstring(random_chain(3, 2))
+    (link,) = robot.xpath("link[@name='link_1']")
+    etree.strip_elements(link, "inertial")
+    link.append(E.visual(E.geometry(E.box(size="1 1 1"))))
+    with pytest.warns(sa.ModelWarning, match="taken as massless: 'link_1'"):
+        return load_text(etree.tostring(robot, encoding="unicode"), tip="tip", task="x")
+
+
+def test_what_has_no_mass_gets_none(tmp_path):
+    """Of SDF 1 kg is the default, and MuJoCo would take the volume of the shape."""
+    mujoco, arm = pytest.importorskip("mujoco"), massless()
+    twin = loaded(sa.to_sdf(arm, tmp_path / "robot.sdf"), arm)
+    assert twin.mass == pytest.approx(arm.mass, rel=1e-14)
+    assert_the_same(twin, arm, 0)
+    path = sa.to_mjcf(arm, tmp_path / "robot.xml")
+    with pytest.raises(ValueError, match=r"mass and inertia of moving bodies(.|\n)*link_1"):
+        mujoco.MjModel.from_xml_path(str(path))
+
+
+def test_parts_of_a_link_have_names_of_their_own(tmp_path):
+    root = etree.parse(sa.to_sdf(sa.load("planar2"), tmp_path / "robot.sdf")).getroot()
+    for parent in root.iter():
+        names = [child.get("name") for child in parent if child.get("name")]
+        assert len(names) == len(set(names))
+    assert root.get("version") == "1.7"

@@ -19,8 +19,7 @@ from spacearm.kernels.floating import Work, moving
 from spacearm.kernels.measures import measure
 from spacearm.kernels.quantities import QUANTITIES
 from spacearm.kernels.singular_values import bidiagonal
-from spacearm.mechanics.batch import FEW
-from spacearm.mechanics.blocks import BLOCK
+from spacearm.mechanics.blocks import BLOCK, FEW
 
 MODELS = ("planar2", "planar3", "mda6", "ets7", "chaser7")
 MANY = FEW + 14  # takes the compiled path, with lanes left over

@@ -111,3 +111,49 @@ def test_a_body_with_a_cm_of_two_numbers_is_refused():
     phase = sa.Phase(law, 0.1, sa.Grasp(mass=1.0, com=[0.1, 0.0]))
     with pytest.raises(sa.ConfigurationError, match="com of the body"):
         sa.simulate_phases(sa.load("planar2"), [0.3, 0.9], [phase])
+
+
+def carried():
+    """A flight that grasps, moves and releases, pushed on the way, and begins with rates."""
+    push = {"wrenches": {"spacecraft": [0.2, 0.1, 0, 0, 0, 0.3]}}
+    twist = np.array([0.05, -0.08, 0.0, 0.0, 0.0, 0.3])
+    return sa.simulate_phases(
+        ARM, Q0, dq0=[0.1, -0.2],
+        phases=[
+            sa.Phase(LAW, 1.0, sa.Grasp(twist=twist, **BODY), options=push),
+            sa.Phase(LAW, 1.5, sa.Release(), options=push),
+            sa.Phase(LAW, 0.5),
+        ],
+    )  # fmt: skip
+
+
+def test_a_flight_as_one_motion():
+    flight = carried()
+    motion, (first, held, last) = flight.motion, flight.phases
+    assert isinstance(motion, sa.Trajectory)
+    assert len(motion) == len(first) + len(held) - 1 + len(last) - 1
+    assert (np.diff(motion.t) > 0.0).all()
+    assert motion.t[-1] == pytest.approx(3.0)
+    assert motion.events is flight.events
+    assert np.abs(np.diff(motion.q, axis=0)).max() < 0.02
+    for i, run, row in ((0, first, 0), (len(first), held, 1), (-1, last, -1)):
+        assert motion[i].arm is run.arm
+        for name in ("q", "dq", "tip", "com", "torque", "momentum", "energy", "sigma_min"):
+            np.testing.assert_array_equal(getattr(motion, name)[i], getattr(run, name)[row])
+        np.testing.assert_array_equal(motion[i].com, run[row].com)
+    middle = motion.at(1.7)
+    assert middle.arm is held.arm
+    np.testing.assert_allclose(middle.com, held.at(0.7).com)
+    np.testing.assert_allclose(motion.impulse[-1], first.impulse[-1] + held.impulse[-1])
+    np.testing.assert_allclose(motion.other_work[-1], sum(r.other_work[-1] for r in flight.phases))
+    assert motion.imbalance == max(run.imbalance for run in flight.phases)
+    assert motion.drift < 1e-6
+    pushed = motion.wrenches["spacecraft"]
+    assert pushed.shape == (len(motion), 6)
+    np.testing.assert_array_equal(np.unique(pushed[motion.t <= 2.5, 5]), [0.3])
+    assert not pushed[motion.t > 2.5].any()
+    assert motion.to_xarray().q.shape == motion.q.shape
+    with pytest.raises(IndexError):
+        motion[len(motion)]
+    with pytest.raises(sa.UnsupportedError, match="save its phases"):
+        motion.save("flight.npz")

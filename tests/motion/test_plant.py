@@ -109,6 +109,12 @@ def test_a_force_brings_momentum_and_work():
     linear = force * (3.0 + np.sin(3.0))
     np.testing.assert_allclose(run.momentum[-1, :3], linear, atol=1e-7)
     np.testing.assert_allclose(run.impulse[-1], run.momentum[-1] - run.momentum[0], atol=1e-7)
+    assert [*run.wrenches] == [links[0], arm.tip]
+    at = {links[0]: run.base[:, :3], arm.tip: run.tip[:, :3]}
+    moved = sum(w[:, :3] for w in run.wrenches.values())
+    turned = sum(w[:, 3:] + np.cross(at[x] - run.com, w[:, :3]) for x, w in run.wrenches.items())
+    brought = np.trapezoid(np.hstack((moved, turned)), run.t, axis=0)
+    np.testing.assert_allclose(brought, run.impulse[-1], atol=1e-5)
     assert run.imbalance < 1e-8
     assert run.other_work[-1] > 0.1
     assert not run.work.any()
@@ -131,6 +137,10 @@ def test_a_thruster_turns_with_its_link():
     )
     assert np.linalg.norm(fixed.impulse[-1, :3]) == pytest.approx(0.1, rel=1e-6)
     assert np.linalg.norm(turning.impulse[-1, :3]) < 2e-3
+    for i in (0, 300, 700):
+        R = turning[i].base.rotation
+        np.testing.assert_allclose(turning.wrenches[root][i], [*(0.01 * R[:, 0]), 0, 0, 0])
+    assert np.ptp(fixed.wrenches[root], axis=0).max() == 0.0
     assert turning.imbalance < 1e-6
 
 

@@ -133,3 +133,11 @@ def test_wheels_are_drawn_with_what_they_hold():
     drawn = [axes for axes in sa.plot(run).axes if axes.get_ylabel().startswith("wheels")]
     assert len(drawn) == 1
     np.testing.assert_array_equal(drawn[0].lines[0].get_ydata(), run.wheels[:, 0])
+
+
+def test_a_flight_is_drawn_as_one_motion():
+    arm, law = sa.load("planar2"), sa.JointPD(target=[0.5, 0.6], kp=4.0, kd=8.0)
+    phases = [sa.Phase(law, 1.0, sa.Grasp(mass=3.0)), sa.Phase(law, 1.0)]
+    flight = sa.simulate_phases(arm, [0.3, 0.9], phases)
+    drawn = sa.plot(flight).axes[2]
+    np.testing.assert_array_equal(drawn.lines[0].get_xdata(), flight.motion.t)

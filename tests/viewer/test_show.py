@@ -7,12 +7,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+import umsgpack
 from helpers.arms import joint, link, robot, two_links
 
 import spacearm as sa
+from spacearm.description.bodies import Inertial
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer.layers.held import ellipsoid
     from spacearm.viewer.layers.shapes import coarsened, shapes
     from spacearm.viewer.session import Session
 
@@ -64,6 +67,53 @@ def test_motions_are_played(arm):
         assert viewer.about()["motion"]["span"] == [0.0, float(thing.t[-1])]
 
 
+def test_a_flight_is_played_with_what_it_holds(arm):
+    law = sa.JointPD([0.5, 1.0], kp=5.0, kd=5.0)
+    body = sa.Grasp(mass=20.0, inertia=np.diag([2.0, 3.0, 4.0]), com=(0.3, 0.1, 0.0))
+    phases = [sa.Phase(law, 0.2, body), sa.Phase(law, 0.1), sa.Phase(law, 0.1, sa.Release()),
+              sa.Phase(law, 0.1)]  # fmt: skip
+    flight = sa.simulate_phases(arm, Q, phases)
+    viewer = sa.view(flight, open=False)
+    motion = viewer.about()["motion"]
+    assert motion["span"] == pytest.approx([0.0, 0.5])
+    assert [(e["kind"], round(e["t"], 9)) for e in motion["events"]] == [
+        ("grasp", 0.2), ("release", 0.4),
+    ]  # fmt: skip
+    for t in (0.1, 0.3, 0.45):
+        viewer.handle({"do": "time", "t": t})
+        viewer.draw()
+        shown, known = viewer.session.cfg, flight.at(t)
+        np.testing.assert_allclose(shown.com, known.com)
+        assert shown.arm.mass == pytest.approx(arm.mass + (20.0 if t == 0.3 else 0.0))
+        bodies = viewer.window._tree["spacearm"]["bodies"]["held 1"]["payload"]
+        assert {umsgpack.unpackb(data)["value"] for _, data in bodies.properties} == {t == 0.3}
+        if t == 0.3:
+            placed = np.reshape(umsgpack.unpackb(bodies.transform)["matrix"], (4, 4)).T
+            np.testing.assert_allclose(placed[:3, 3], shown.tip.act(np.array([0.3, 0.1, 0.0])))
+    assert set(viewer.window._tree["spacearm"]["bodies"]) & {"held 0", "held 2"} == set()
+    assert len(viewer.html()) > 1000
+    viewer.compare(flight.motion)
+    viewer.handle({"do": "time", "t": 0.3})
+    viewer.draw()
+    assert list(viewer.about()["motion"]["ways"].values()) == ["given"]
+    with pytest.raises(sa.UnsupportedError, match="grasps and releases bodies"):
+        viewer.compare("fixed")
+
+
+def test_what_is_held_is_drawn_with_its_inertia():
+    rng = np.random.default_rng(0)
+    R, a = pin.exp3(rng.normal(size=3)), np.array([0.3, 0.5, 0.9])
+    moments = 7.0 / 5.0 * ((a @ a) - a * a)
+    body = Inertial(7.0, pin.SE3(pin.exp3(rng.normal(size=3)), a), R @ np.diag(moments) @ R.T)
+    shape = ellipsoid(body, 0.01)
+    points = shape[:3, :3] @ shape[:3, :3].T  # axes in the frame of the link
+    turned = body.origin.rotation @ R
+    np.testing.assert_allclose(points, turned @ np.diag(a * a) @ turned.T, atol=1e-12)
+    np.testing.assert_array_equal(shape[:3, 3], a)
+    point = ellipsoid(body._replace(inertia=np.zeros((3, 3))), 0.01)[:3, :3]
+    np.testing.assert_allclose(point @ point.T, 1e-4 * np.eye(3), atol=1e-18)
+
+
 def test_a_workspace_shows_its_shells_around_the_posture_asked_for(arm):
     viewer = sa.view(sa.workspace(arm), Q, open=False)
     assert viewer.session.cfg.q.tolist() == Q
@@ -99,7 +149,7 @@ def test_a_region_shows_its_first_singular_configuration(arm):
 def test_what_has_no_posture_is_refused(thing):
     message = (
         f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
-        r"\(with arm, t, q and base\), a Workspace, a singular set, feasible attitudes, "
+        r"\(with arm, t, q and base\), a Flight, a Workspace, a singular set, feasible attitudes, "
         r"a Region, a result with a conf"
     )
     with pytest.raises(sa.ConfigurationError, match=message):

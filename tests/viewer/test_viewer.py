@@ -609,7 +609,7 @@ def test_wheels_and_wrenches_are_drawn_while_they_act():
     for t, pushed in ((0.5, True), (3.0, False)):
         viewer.handle({"do": "time", "t": t})
         viewer.draw()
-        assert recorded(viewer, "wrenches/force") is pushed
+        assert recorded(viewer, "wrenches/0/force") is pushed
         assert recorded(viewer, "wheels/0/arrow") is True
     viewer.close()
 

@@ -25,7 +25,8 @@ from spacearm.cli.output import (
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Controller
-from spacearm.motion.flight import Flight, Grasp, Phase, Release, simulate_phases
+from spacearm.motion.flights.flight import Flight
+from spacearm.motion.flights.phases import Grasp, Phase, Release, simulate_phases
 from spacearm.motion.goal import goal_of
 from spacearm.motion.plant import PassiveJoint, WheelHold, Wrench
 from spacearm.sweeps.toml import Table, parse
@@ -188,9 +189,10 @@ def fly(
     momentum: tuple[float, ...],
     save: Path | None,
     output: Path | None,
+    view: bool,
     as_json: bool,
 ) -> int:
-    """Simulate the phases, print, save and draw them; return the exit code.
+    """Simulate the phases, print, save, draw and show them; return the exit code.
 
     Files get the number of their phase.
     """
@@ -208,6 +210,11 @@ def fly(
             from spacearm.plots.motions import draw_motion
 
             write_picture(output.with_stem(f"{output.stem}_{i}"), draw_motion(run, None))
+    if view:
+        from spacearm.cli.views import serve_until_interrupted
+        from spacearm.viewer.show import view as show
+
+        serve_until_interrupted(show(flight, open=False))
     if flight.ended == "interrupted":
         say_stopped(f"{len(flight.phases)} of {len(phases)} phases simulated")
         return INTERRUPTED

@@ -181,12 +181,12 @@ def simulate_motion(
             "--target": target, "--stop": stop, "--event": event, "--limit": limit, "--dt": dt,
             "--passive": passive, "--described-friction": described, "--wrench": wrench,
             "--thruster": thruster, "--hold": hold, "--period": period, "--wheels0": wheels0,
-            "--view": view, "--mode": mode is not Spacecraft.FREE,
+            "--mode": mode is not Spacecraft.FREE,
         }  # fmt: skip
         if given := [option for option, value in own.items() if value]:
             raise ConfigurationError(f"--phases and {given[0]} are given; say it in the file")
         return fly(arm, start, read_phases(phases, arm), spacecraft_pose(attitude, deg), moving,
-                   momentum, save, output, as_json)  # fmt: skip
+                   momentum, save, output, view, as_json)  # fmt: skip
     if target is None:
         raise ConfigurationError("neither --target nor --phases is given; give one of them")
     parameters = {"kp": gain_of("--kp", kp), "kd": gain_of("--kd", kd), "gain": gain}

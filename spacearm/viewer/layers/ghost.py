@@ -33,7 +33,7 @@ class Ghost:
         color: int = GREY,
         opacity: float = 0.2,
     ) -> None:
-        self._node, self._data = node, pin.Data(arm.model)
+        self._node, self._arm, self._data = node, arm, pin.Data(arm.model)
         node.delete()
         faint = g.MeshPhongMaterial(
             color=color, opacity=opacity, transparent=True, depthWrite=False
@@ -47,7 +47,9 @@ class Ghost:
 
     def place(self, cfg: Configuration) -> None:
         """Move it to a configuration."""
-        pin.framesForwardKinematics(cfg.arm.model, self._data, cfg.full)
+        pin.framesForwardKinematics(
+            self._arm.model, self._data, cfg.full
+        )  # without what it may hold
         for body, frame, pose in self._drawn:
             body.set_transform(self._data.oMf[frame].homogeneous @ pose)
         if len(cfg.arm.tips) == 1:

@@ -1,7 +1,8 @@
-"""Loads in the scene: what wheels hold, and the wrenches from outside, as arrows."""
+"""Loads in the scene: bodies that are held, what wheels hold, and the wrenches from outside."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import meshcat
@@ -12,18 +13,21 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
+from spacearm.viewer.layers.held import HeldLayer
 from spacearm.viewer.layers.shapes import along
 
 TEAL, RUST = 0x009E73, 0xB2182B
+PARTS = (("force", 1, slice(3)), ("torque", 2, slice(3, 6)))
+"""Parts of a wrench: name, heads of the arrow, and the components."""
 LONGEST = 0.5
 """Length of the arrow of the largest load, as a share of the size of the system."""
 
 
 class LoadLayer:
-    """Arrows of one configuration, or of a motion, in the layers "wheels" and "wrenches".
+    """Loads of one configuration, or of a motion, in the layers "wheels", "wrenches" and "bodies".
 
-    A ring stands about each wheel's axis, its arrow is what the wheel holds. The wrenches are drawn
-    as their sum: the force at the system CM, and the moment about it as an arrow with two heads.
+    A ring stands about each wheel's axis, its arrow is what the wheel holds. Wrenches are drawn on
+    the links that they push: the force as an arrow, the torque as one with two heads.
 
     Args:
         root: The node that holds the layers.
@@ -40,23 +44,25 @@ class LoadLayer:
         size: float,
     ) -> None:
         self._wheels, self._wrenches = root["wheels"], root["wrenches"]
+        self._held_bodies = HeldLayer(root, cfg.arm, motion, size)
         self._length = LONGEST * size
-        self._data = pin.Data(cfg.arm.model)
+        self._arm, self._data = cfg.arm, pin.Data(cfg.arm.model)
         self._t = np.zeros(1) if motion is None else motion.t
         self._held: Any = getattr(motion, "wheels", None)
-        impulse: Any = getattr(motion, "impulse", None)
-        self._push = np.zeros((1, 6)) if impulse is None else _rates(self._t, impulse)
+        self._push: Mapping[str, Array] = getattr(motion, "wrenches", {})
         for i in range(len(cfg.arm.wheels)):
             ring = self._wheels[str(i)]["ring"]
             material = g.MeshPhongMaterial(color=TEAL, opacity=0.5, transparent=True)
             ring.set_object(g.Cylinder(0.01 * size, 0.07 * size), material)
             _arrow(self._wheels[str(i)]["arrow"], TEAL, 1)
-        for name, heads in (("force", 1), ("moment", 2)):
-            _arrow(self._wrenches[name], RUST, heads)
+        for i in range(len(self._push)):
+            for name, heads, _ in PARTS:
+                _arrow(self._wrenches[str(i)][name], RUST, heads)
 
     def draw(self, cfg: Configuration, t: float) -> None:
         """Draw the loads at a time, of a motion, or those of the configuration."""
-        arm = cfg.arm
+        self._held_bodies.draw(cfg)
+        arm = self._arm  # without what it may hold for a while
         pin.framesForwardKinematics(arm.model, self._data, cfg.full)
         values = cfg.wheels[None] if self._held is None else self._held
         most = float(np.abs(values).max(initial=0.0))
@@ -66,10 +72,16 @@ class LoadLayer:
             axis, held = pose.rotation @ wheel.axis, float(self._now(values, t)[i])
             self._wheels[str(i)]["ring"].set_transform(along(at - axis, at + axis))
             self._point(self._wheels[str(i)]["arrow"], at, axis * held, most)
-        push = self._now(self._push, t)
-        for name, rows in (("force", slice(3)), ("moment", slice(3, 6))):
-            longest = float(np.linalg.norm(self._push[:, rows], axis=1).max())
-            self._point(self._wrenches[name], cfg.com, push[rows], longest)
+        for name, _, rows in PARTS:
+            largest = (np.linalg.norm(x[:, rows], axis=1).max() for x in self._push.values())
+            longest = max(map(float, largest), default=0.0)
+            for i, (link, push) in enumerate(self._push.items()):
+                at = self._data.oMf[arm.model.getFrameId(link, pin.BODY)].translation
+                self._point(self._wrenches[str(i)][name], at, self._now(push, t)[rows], longest)
+
+    def delete_held(self) -> None:
+        """Draw no bodies that are held any more."""
+        self._held_bodies.delete()
 
     def _now(self, values: Array, t: float) -> Array:
         """Return the values (m, k) at a time."""
@@ -85,15 +97,6 @@ class LoadLayer:
             way = self._length / most * load
             length = float(np.linalg.norm(way))
             node.set_transform(along(at, at + way) @ np.diag([length, length, length, 1.0]))
-
-
-def _rates(t: Array, impulse: Array) -> Array:
-    """Return the wrenches (m, 6) that brought an impulse, zero where that is rounding."""
-    if len(t) < 2:
-        return np.zeros((1, 6))
-    rates = np.gradient(impulse, t, axis=0)
-    rates[np.abs(rates) <= 1e-9 * np.abs(rates).max(initial=0.0)] = 0.0
-    return rates if np.abs(impulse).max() > 0.0 else np.zeros((1, 6))
 
 
 def _arrow(node: meshcat.Visualizer, color: int, heads: int) -> None:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.floating import move, placed
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
@@ -45,12 +45,16 @@ def compared(motion: Motion, other: Any) -> Comparison:
 
     Raises:
         ConfigurationError: It is neither.
-        UnsupportedError: The wheels hold momentum.
+        UnsupportedError: The wheels hold momentum, or the motion is that of a flight.
     """
     if not isinstance(other, str):
         second = Motion.of(other)
         return Comparison(f"{type(second).__name__}, {second.story}", second)
     mode = next((mode for mode in WORDS if mode == other), None)
+    if getattr(motion, "flight", None) is not None:
+        raise UnsupportedError(
+            "the arm of a flight grasps and releases bodies; give the motion to compare it with"
+        )
     if mode is None:
         raise ConfigurationError(unknown("comparison", other[:40], tuple(WORDS)))
     return Comparison(WORDS[mode], _reacting(motion, mode))

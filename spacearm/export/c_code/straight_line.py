@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 
-from spacearm.export.expressions import Expression, Operand, Tape
+from spacearm.export.c_code.expressions import Expression, Operand, Tape
 
 SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
 
-def body(tape: Tape, outputs: Mapping[str, Operand]) -> str:
-    """Return the body of a C function of q.
+def body(tape: Tape, arguments: Iterable[str], outputs: Mapping[str, Operand]) -> str:
+    """Return the body of a C function.
 
     The variables w0, w1, ... hold what is still needed, and are used again.
 
     Args:
         tape: Where the expressions stand.
+        arguments: Names that the variables begin with; those that are not used are said to be so.
         outputs: Expressions by the text of what they are assigned to.
     """
     steps = tape.needed(outputs.values())
@@ -40,7 +42,8 @@ def body(tape: Tape, outputs: Mapping[str, Operand]) -> str:
     lines += [f"    {left} = {_text(e, place)};" for left, e in outputs.items()]
     names = [f"w{i}" for i in range(count)]
     declared = [f"    double {', '.join(names[i : i + 12])};" for i in range(0, count, 12)]
-    unused = [] if any(e.operation == "var" for e in steps) else ["    (void)q;"]
+    used = {re.split(r"\W", e.name)[0] for e in steps if e.operation == "var"}
+    unused = [f"    (void){name};" for name in arguments if name not in used]
     return "\n".join((*declared, *unused, *lines))
 
 

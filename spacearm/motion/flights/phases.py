@@ -1,4 +1,4 @@
-"""Flights: simulations one after the other, with bodies that are grasped and released between."""
+"""Simulations one after the other, with bodies that are grasped and released between."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, plain
+from spacearm.arrays import Array, finite, plain
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.dynamics import generalized_velocity
 from spacearm.mechanics.impact import Capture, JointState, capture
 from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event
+from spacearm.motion.flights.flight import Flight
 from spacearm.motion.simulation import simulate
 from spacearm.motion.trajectory import Trajectory
 
@@ -92,44 +92,6 @@ class Phase:
             "then": then,
             "options": options,
         }
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Flight(Result):
-    """What became of the phases.
-
-    Attributes:
-        phases: The trajectories, each of the arm with what it held then; their times begin at 0.
-        begins: (p,) times at which they began [s].
-        events: What happened, with times since the start of the flight; "grasp" and "release" too.
-        captures: What each grasp did: impulse, energy lost, momenta.
-        ended: Why the last phase ended.
-    """
-
-    phases: tuple[Trajectory, ...]
-    begins: Array
-    events: tuple[Event, ...]
-    captures: tuple[Capture, ...]
-    ended: str
-
-    def at(self, t: float) -> Configuration:
-        """Return the configuration at a time since the start of the flight."""
-        i = max(int(np.searchsorted(self.begins, t, side="right")) - 1, 0)
-        return self.phases[i].at(t - self.begins[i])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data."""
-        return {
-            "phases": [run.to_dict() for run in self.phases],
-            "begins": plain(self.begins),
-            "events": [event.to_dict() for event in self.events],
-            "captures": [taken.to_dict() for taken in self.captures],
-            "ended": self.ended,
-        }
-
-    def __repr__(self) -> str:
-        name, end = self.phases[0].arm.name, self.begins[-1] + self.phases[-1].t[-1]
-        return f"Flight({name}: {len(self.phases)} phases, {end:.6g} s, ended by {self.ended})"
 
 
 def simulate_phases(

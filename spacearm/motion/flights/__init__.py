@@ -1,0 +1,1 @@
+"""Flights of several phases, with bodies that are grasped and released."""

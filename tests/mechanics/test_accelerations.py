@@ -1,0 +1,120 @@
+"""Forward dynamics of many states: against Pinocchio's articulated bodies and one at a time."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from helpers.arms import load_text, random_chain, random_tree, seeds
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import spacearm as sa
+from spacearm.mechanics.blocks import BLOCK, FEW
+
+MODES = ("free-floating", "attitude-controlled", "fixed")
+MANY = FEW + 14  # takes the compiled path, with lanes left over
+
+
+def states(arm, m, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-2, 2, (m, arm.n)), *rng.normal(size=(2, m, arm.n)), rng.normal(size=(m, 6))
+
+
+def assert_close(found, wanted, rtol=1e-10):
+    size = np.abs(wanted).max(axis=1, keepdims=True) + 1.0
+    np.testing.assert_allclose(found / size, wanted / size, rtol=0, atol=rtol)
+
+
+def tree(seed, n=5):
+    return load_text(random_tree(seed, n), tip="link_1", task="x", joints="all")
+
+
+@settings(max_examples=15)
+@given(seeds, st.integers(1, 8))
+def test_those_of_the_full_system_by_aba(seed, n):
+    """No reduced form and no momentum assumed: Pinocchio's articulated bodies, 6 + n of them."""
+    arm = load_text(random_chain(seed, n, ("revolute", "prismatic")), tip="tip", task="x")
+    Q, dQ, tau, twists = states(arm, MANY, seed)
+    model, data = arm.model, arm.model.createData()
+    momenta, wanted = np.zeros((MANY, 6)), np.zeros_like(Q)
+    for i in range(MANY):
+        cfg, v = arm.at(Q[i]), np.append(twists[i], dQ[i])
+        momenta[i] = cfg.A @ v
+        wanted[i] = pin.aba(model, data, cfg.full, v, np.append(np.zeros(6), tau[i]))[6:]
+    assert_close(sa.joint_accelerations(arm, Q, dQ, tau, momentum=momenta), wanted)
+
+
+@settings(max_examples=15)
+@given(seeds, st.sampled_from(MODES))
+def test_those_of_one_state_at_a_time(seed, mode):
+    """Any tree, sliding and mimic joints; and what small batches compute without the compiler."""
+    arm = tree(seed)
+    Q, dQ, tau, h = states(arm, MANY, seed)
+    found = sa.joint_accelerations(arm, Q, dQ, tau, mode=mode, momentum=h)
+    one = [
+        sa.forward_dynamics(arm.at(Q[i]), dQ[i], tau[i], mode=mode, momentum=h[i]).ddq
+        for i in range(0, MANY, 9)
+    ]
+    assert_close(found[::9], np.array(one))
+    few = sa.joint_accelerations(arm, Q[:3], dQ[:3], tau[:3], mode=mode, momentum=h[:3])
+    assert_close(few, found[:3])
+
+
+@pytest.mark.parametrize("name", ["mda6", "chaser7", "dual_ur5"])
+def test_models_of_the_catalogue(name):
+    arm = sa.load(name)
+    if name == "dual_ur5":
+        arm = arm.replace(tip=("left_tool0", "right_tool0"))
+    Q, dQ, tau, h = states(arm, MANY)
+    found = sa.joint_accelerations(arm, Q, dQ, tau, momentum=h[0])
+    for i in range(0, MANY, 13):
+        ddq = sa.forward_dynamics(arm.at(Q[i]), dQ[i], tau[i], momentum=h[0]).ddq
+        assert_close(found[i : i + 1], ddq[None])
+
+
+def test_blocks_threads_and_memory_order():
+    arm = sa.load("planar2")
+    m = 2 * BLOCK + 7
+    Q, dQ, tau, _ = states(arm, m)
+    seen = []
+    out = np.empty((m, 2))
+    found = sa.joint_accelerations(
+        arm, np.asfortranarray(Q), dQ, tau.astype(np.float32), out=out, threads=2,
+        progress=lambda *x: seen.append(x),
+    )  # fmt: skip
+    assert found is out
+    assert seen[-1] == (m, m)
+    last = sa.joint_accelerations(arm, Q[-FEW:], dQ[-FEW:], tau[-FEW:].astype(np.float32))
+    np.testing.assert_array_equal(found[-FEW:], last)
+
+
+@pytest.mark.parametrize("m", [3, MANY])
+def test_rows_without_numbers(m):
+    arm = sa.load("planar2")
+    Q, dQ, tau, _ = states(arm, m)
+    Q[0, 0], dQ[1, 1], tau[2, 0] = np.nan, np.inf, -np.inf
+    found = sa.joint_accelerations(arm, Q, dQ, tau)
+    np.testing.assert_array_equal(np.isnan(found).any(axis=1), np.arange(m) < 3)
+    assert sa.joint_accelerations(arm, [], [], []).shape == (0, 2)
+
+
+def test_large_angles_are_turns():
+    arm = sa.load("planar2")
+    Q, dQ, tau, _ = states(arm, MANY)
+    turned = sa.joint_accelerations(arm, Q + 2e5 * np.pi, dQ, tau)
+    assert_close(turned, sa.joint_accelerations(arm, Q, dQ, tau), 1e-9)
+
+
+def test_what_is_refused():
+    arm, Q = sa.load("planar2"), np.zeros((3, 2))
+    for changed, said in (
+        ({"dQ": np.zeros((3, 3))}, "dQ has shape"),
+        ({"tau": np.zeros((2, 2))}, "tau has 2 rows and Q 3"),
+        ({"Q": ["a"]}, "Q has"),
+        ({"momentum": np.zeros(3)}, "momentum has shape"),
+        ({"momentum": "h"}, "momentum holds no numbers"),
+        ({"mode": "free"}, "mode 'free'"),
+        ({"out": np.zeros((3, 3))}, "out is"),
+    ):
+        given = {"Q": Q, "dQ": Q, "tau": Q} | changed
+        with pytest.raises(sa.ConfigurationError, match=said):
+            sa.joint_accelerations(arm, **given)
