@@ -16,12 +16,12 @@ from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.motion.motion import Motion
+from spacearm.model.mode import BaseMode
 from spacearm.singularities.report import SingularityReport
-from spacearm.viewer.layers.ghost import draw_ghost
-from spacearm.viewer.panel.readouts import FAR, NEAR
-from spacearm.viewer.paths import distance_colors, tube
-from spacearm.viewer.shapes import along, shapes
+from spacearm.viewer.layers.grid import draw_grid, step_of
+from spacearm.viewer.layers.paths import distance_colors, tube
+from spacearm.viewer.layers.shapes import along, shapes
+from spacearm.viewer.panel.readouts import NEAR
 from spacearm.viewer.window import Window
 
 AXES = (0xD62728, 0x2CA02C, 0x1F4FD8)
@@ -30,6 +30,7 @@ BROWN, PURPLE, CYAN, AMBER, MAGENTA, PINK = (
 )  # fmt: skip
 
 LAYERS = {
+    "grid": "#8b949e",
     "bodies": "#8a8f98",
     "centre of mass": "#7a4a00",
     "virtual manipulator": "#7b52c7",
@@ -37,11 +38,13 @@ LAYERS = {
     "ellipsoid": "#17becf",
     "directions": "#d6007f",
     "shells": "#56b4e9",
+    "risk": "#f0e442",
     "obstacles": "#5f6b7a",
     "wheels": "#009e73",
     "wrenches": "#b2182b",
     "trace": "#d55e00",
     "goal": "#7d8794",
+    "comparison": "#3a7ca5",
 }
 """Layers, and their colours in the panel; red, green and blue are for axes alone."""
 
@@ -58,6 +61,7 @@ class Scene:
         root: The node that everything is drawn under.
         arm: The arm.
         size: Radius of the system at q = 0 [m].
+        step: Side of a square of the grid [m].
     """
 
     def __init__(self, window: Window, arm: SpaceArm) -> None:
@@ -67,9 +71,13 @@ class Scene:
         self._links: dict[str, int] = {}
         self._virtual_links = 0
         self._draw_bodies()
-        self.size = self._extent(arm.at(np.zeros(arm.n)))[1]
+        centre, self.size = self._extent(arm.at(np.zeros(arm.n)))
+        self.step, normal = step_of(self.size), arm.tree.plane_normal()
+        below = float(centre[2]) - self.size
+        grid = (2, below) if normal is None else (normal, 0.0)
+        draw_grid(self._layer("grid")["lines"], *grid, self.step)
         self._draw_markers()
-        for name in ("/Grid", "/Axes"):  # meshcat's own; the page draws a grid of the arm's size
+        for name in ("/Grid", "/Axes"):  # meshcat's own, of one metre
             meshcat.Visualizer(window=window)[name].set_property("visible", False)
 
     # --- once -----------------------------------------------------------------------------
@@ -112,17 +120,16 @@ class Scene:
 
         Args:
             cfg: The configuration.
-            report: Its singularity report, of the free-floating mode.
+            report: Its singularity report.
         """
         pin.framesForwardKinematics(self.arm.model, self._data, cfg.full)
         bodies = self._layer("bodies")
         for link, frame in self._links.items():
             bodies[_name(link)].set_transform(self._data.oMf[frame].homogeneous)
         self._layer("centre of mass").set_transform(_at(cfg.com))
-        self._layer("shells").set_transform(_at(cfg.com))
         self._layer("tip frame").set_transform(cfg.tip.homogeneous)
         self._draw_virtual_manipulator(cfg)
-        self._draw_ellipsoid(cfg)
+        self._draw_ellipsoid(cfg, report.mode)
         self._draw_directions(cfg, report)
 
     def _draw_virtual_manipulator(self, cfg: Configuration) -> None:
@@ -140,8 +147,8 @@ class Scene:
             layer[str(i)].set_transform(along(start, end) @ stretch)
             layer[f"joint_{i}"].set_transform(_at(end))
 
-    def _draw_ellipsoid(self, cfg: Configuration) -> None:
-        U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg)[:3])
+    def _draw_ellipsoid(self, cfg: Configuration, mode: BaseMode) -> None:
+        U, sigma, _ = np.linalg.svd(generalized_jacobian(cfg, mode=mode)[:3])
         radii = np.zeros(3)
         radii[: len(sigma)] = ELLIPSOID_SECONDS * sigma
         pose = _at(cfg.tip.translation)
@@ -219,15 +226,6 @@ class Scene:
             vertexColors=True, transparent=True, depthTest=False, depthWrite=False
         )
         self._layer("trace")["line"].set_object(geometry, material)
-
-    def show_motion(self, motion: Motion) -> None:
-        """Draw the tip's path, coloured by the distance to the singular set, and where it ends.
-
-        Several tips have no one path.
-        """
-        if len(motion.arm.tips) == 1:
-            self.trace(motion.tip[:, :3], motion.distance / FAR)
-            draw_ghost(self._layer("goal"), motion[len(motion) - 1], self.size)
 
     def _extent(self, cfg: Configuration) -> tuple[Array, float]:
         """Compute centre (3,) and radius of a ball around the system [m]."""

@@ -40,12 +40,15 @@ class Panel(Protocol):
 
     window: Window
 
-    def handle(self, message: object) -> dict[str, Any] | None:
-        """Do what a message asks, and return what the one who asked is told besides.
+    def handle(self, message: object, client: object) -> dict[str, Any] | None:
+        """Do what a message of a client asks, and return what it is told besides.
 
         Raises:
             SpaceArmError: It cannot be done.
         """
+
+    def left(self, client: object) -> None:
+        """End what was begun for a client that is gone."""
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the present state."""
@@ -149,13 +152,14 @@ class Server:
         browser.tell({"complete": True})
 
     def closed(self, browser: _Socket) -> None:
-        """Forget a browser."""
+        """Forget a browser, and end what it has asked for."""
         self._browsers.discard(browser)
+        self._panel.left(browser)
 
     def received(self, browser: _Socket, text: str | bytes) -> None:
         """Do what a browser asks, or send it the error."""
         try:
-            if answer := self._panel.handle(json.loads(text)):
+            if answer := self._panel.handle(json.loads(text), browser):
                 browser.tell(answer)
         except SpaceArmError as error:
             browser.tell({"error": str(error)})
@@ -174,6 +178,8 @@ class Server:
         for browser in list(self._browsers):
             browser.tell({"readout": readout})  # before the drawing, which is slower in a browser
         self._panel.draw()
+        for browser in list(self._browsers):
+            browser.tell({"drawn": readout["t"]})
 
     def _draw(self, key: Key, data: bytes) -> None:
         for browser in list(self._browsers):

@@ -12,16 +12,17 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.floating import move
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.report import SingularityReport, angle, singularity
 from spacearm.viewer.panel import readouts
 from spacearm.viewer.panel.choices import Origin
+from spacearm.viewer.panel.comparison import WORDS, moved
 from spacearm.viewer.panel.grab import pulled
+from spacearm.viewer.panel.numbers import number, vector
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -40,7 +41,10 @@ class Session:
         origin: Where it comes from.
         mode: "posture": the attitude stays while joints move; "free-floating": the spacecraft turns
             as momentum conservation demands.
+        spacecraft: What the spacecraft does, which decides what is singular. Unless it is
+            "free-floating", it decides how the spacecraft moves, too.
         note: What the last request did, in one line; empty if there is nothing to say.
+        goal: Pose of the tip to plan to; None if there is none.
         blocked: Why the tip did not follow the last pull; empty if it did.
     """
 
@@ -48,8 +52,10 @@ class Session:
         self.arm = arm
         self.origin = origin or Origin.of(arm)
         self.mode = "posture"
+        self.spacecraft: BaseMode = "free-floating"
         self.note = ""
         self.blocked = ""
+        self.goal: pin.SE3 | None = None
         self._grip = 0.0
         self._grabbed: pin.SE3 | None = None
         self._rng = np.random.default_rng(0)
@@ -57,8 +63,10 @@ class Session:
             "joint": self._joint,
             "joints": self._joints,
             "grab": self._grab,
+            "goal": self._goal,
             "attitude": self._attitude,
             "mode": self._mode,
+            "spacecraft": self._spacecraft,
             "home": lambda _: self._home(),
             "nearest": lambda _: self._nearest(),
             "random": lambda _: self.go(self._rng.uniform(*self.range)),
@@ -68,7 +76,7 @@ class Session:
     def show(self, cfg: Configuration) -> None:
         """Show a configuration."""
         self.cfg = cfg
-        self.report: SingularityReport = singularity(cfg)
+        self.report: SingularityReport = singularity(cfg, mode=self.spacecraft)
 
     def go(self, q: Array) -> None:
         """Move the joints straight to q (n,); in free-floating mode the spacecraft reacts.
@@ -76,8 +84,8 @@ class Session:
         Raises:
             ConfigurationError: The motion is too long to integrate the reaction.
         """
-        if self.mode == "posture":
-            self.show(self.arm.at(q, base=self.cfg.base))
+        if self._moves != "free-floating":
+            self.show(moved(self.cfg, q, self._moves))
             return
         way = np.abs(q - self.cfg.q).max()
         if way > LONGEST:
@@ -85,7 +93,7 @@ class Session:
                 f"a joint would move by {way:.4g} rad or m; the spacecraft is followed over at "
                 f"most {LONGEST:g}: switch to posture"
             )
-        self.show(move(self.cfg, q))
+        self.show(moved(self.cfg, q, "free-floating"))
 
     @property
     def home(self) -> Array:
@@ -158,14 +166,28 @@ class Session:
         shift, turn = (vector(message.get(name), name) for name in ("shift", "turn"))
         grabbed = self._grabbed
         goal = pin.SE3(pin.exp3(turn) @ grabbed.rotation, grabbed.translation + shift)
-        mode: BaseMode = "fixed" if self.mode == "posture" else "free-floating"
-        found = pulled(self.cfg, goal, mode, self._moved, self.range)
+        found = pulled(self.cfg, goal, self._moves, self._moved, self.range)
         self.blocked = found.blocked
         self.show(found.cfg)
 
+    def _goal(self, message: dict[str, Any]) -> None:
+        """Set the goal of plans: the tip's pose, with a position and an attitude if given."""
+        goal = self.cfg.tip.copy()
+        if message.get("position") is not None:
+            goal.translation = vector(message["position"], "position")
+        if message.get("rpy") is not None:
+            goal.rotation = pin.rpy.rpyToMatrix(vector(message["rpy"], "rpy"))
+        self.goal = goal
+
     def _moved(self, cfg: Configuration, q: Array) -> Configuration:
         """Return a configuration after a short joint motion in the present mode."""
-        return move(cfg, q) if self.mode == "free-floating" else cfg.arm.at(q, base=cfg.base)
+        return moved(cfg, q, self._moves)
+
+    @property
+    def _moves(self) -> BaseMode:
+        """What the spacecraft does while joints move here; a posture is set by hand."""
+        by_hand = self.spacecraft == "free-floating" and self.mode == "posture"
+        return "fixed" if by_hand else self.spacecraft
 
     def _attitude(self, message: dict[str, Any]) -> None:
         rpy = message.get("rpy")
@@ -180,16 +202,23 @@ class Session:
             raise ConfigurationError(unknown("mode", mode[:40], MODES))
         self.mode = mode
 
+    def _spacecraft(self, message: dict[str, Any]) -> None:
+        spacecraft = next((mode for mode in WORDS if mode == message.get("mode")), None)
+        if spacecraft is None:
+            raise ConfigurationError(unknown("mode", str(message.get("mode"))[:40], WORDS))
+        self.spacecraft = spacecraft
+        self.show(self.cfg)
+
     def _home(self) -> None:
         """Move the joints home; in posture mode turn the spacecraft back too."""
-        if self.mode == "posture":
+        if self.mode == "posture" and self.spacecraft == "free-floating":
             self.show(self.arm.at(self.home))
         else:
             self.go(self.home)
 
     def _nearest(self) -> None:
         """Go to the nearest singular configuration in joint space, inside the limits or not."""
-        found = singularity(self.cfg, exact=True)
+        found = singularity(self.cfg, mode=self.spacecraft, exact=True)
         if found.nearest is None:
             raise ConfigurationError(f"{self.arm.name}: no singular configuration was found")
         if found.distance == 0.0:
@@ -204,30 +233,10 @@ class Session:
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        said = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
+        said: dict[str, Any] = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
+        said |= {"spacecraft": self.spacecraft}
+        said |= {"goal": None if self.goal is None else readouts.pose(self.goal)}
         code = readouts.as_python(self.cfg, self.origin.source, self.origin.locked)
+        if self.spacecraft != "free-floating":
+            code += f"report = sa.singularity(cfg, mode={self.spacecraft!r})\n"
         return {**said, **readouts.readout(self.report), "python": code}
-
-
-def number(value: object, what: str) -> float:
-    """Return a number out of a message.
-
-    Raises:
-        ConfigurationError: It is no finite number; names it by `what`.
-    """
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST:
-        return float(value)
-    raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give a finite number")
-
-
-def vector(value: object, what: str) -> Array:
-    """Return a vector (3,) out of a message, zero if it is left out.
-
-    Raises:
-        ConfigurationError: It is no list of three finite numbers; names it by `what`.
-    """
-    if value is None:
-        return np.zeros(3)
-    if not isinstance(value, list) or len(value) != 3:
-        raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give three numbers")
-    return np.array([number(x, what) for x in value])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -26,6 +27,8 @@ def view(
     q: npt.ArrayLike | None = None,
     *,
     base: pin.SE3 | None = None,
+    compare: Any = None,
+    obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
     port: int | None = None,
     open: bool | None = None,  # noqa: A002 - as webbrowser has it
 ) -> Viewer:
@@ -43,22 +46,26 @@ def view(
             - a `Trajectory`, `Followed`, `Plan` or `Motion`, or any object with `arm`, `t`, `q`
               and `base`, which is played;
             - a `Flight`, whose phases are played one after the other;
-            - a `Workspace`: its path dependent shells about the system CM;
+            - a `Workspace`: cut open about the system CM, rings for planar arms;
             - a singular set: the arm at the singular posture nearest to q;
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them.
         q: (n,) joint positions of an arm, a workspace or a singular set. If None, zeros (or the
             nearest limits); an arm that is singular there is shown bent.
         base: Pose of the spacecraft for the same things; the identity if None.
+        compare: What a motion is played in step with, as a ghost and by dashed curves: another
+            motion, or "free-floating", "attitude-controlled" or "fixed" for the same joint motion
+            with the spacecraft doing that.
+        obstacles: What is drawn besides, and held off by plans of the page; as in `sa.plan`.
         port: Port of the page; the first free one from 7400 on if None.
         open: Whether to serve the page and open the browser; if None, unless in a notebook.
 
     Returns:
-        A `Viewer`: `.url`, `.show`, `.shells`, `.save`, `.png`, `.close`.
+        A `Viewer`: `.url`, `.show`, `.shells`, `.compare`, `.obstacles`, `.save`, `.png`, `.close`.
 
     Raises:
-        ConfigurationError: The thing cannot be shown, q, base or the motion has the wrong shape or
-            is not finite, or q or base is given for a thing that has its own.
+        ConfigurationError: The thing cannot be shown or compared, q, base, the motion or an
+            obstacle makes no sense, or q or base is given for a thing that has its own.
         SpaceArmError: The port is in use.
 
     Example:
@@ -76,6 +83,10 @@ def view(
             f"a {type(thing).__name__} has a posture of its own; leave out q and base"
         )
     viewer = rule.show(thing, q, base)
+    if obstacles:
+        viewer.obstacles(obstacles)
+    if compare is not None:
+        viewer.compare(compare)
     if open or (open is None and not in_notebook()):
         viewer.open(port)
     return viewer
@@ -114,9 +125,9 @@ def _motion(thing: Any) -> Viewer:
 
 
 def _workspace(thing: Any, start: Configuration) -> Viewer:
-    """Show the shells of the path dependent workspace, or the outer bound if there are none."""
+    """Show the path dependent and path independent workspaces, cut open."""
     viewer = _posture(start)
-    viewer.shells([R for R in np.unique(thing.pdw) if R > 0.0] or [thing.reachable[0, 1]])
+    viewer.shells(thing)
     return viewer
 
 

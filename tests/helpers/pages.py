@@ -38,7 +38,7 @@ class Page:
     def wait_text(self, selector, text):
         """Waits until an element holds a text."""
         self.page.wait_for_function(
-            "([selector, text]) => document.querySelector(selector).textContent.includes(text)",
+            "([selector, text]) => document.querySelector(selector)?.textContent.includes(text)",
             arg=[selector, text],
         )
 

@@ -27,6 +27,10 @@ VALUES = (
 )  # fmt: skip
 PANEL = {
     "joint": {"index": (0, 1, 2), "value": (0.3, -0.7, 3.0, 250.0, 1e6, -1e12)},
+    "goal": {"position": ([1, 0, 0], [1e12, 0, 0]), "rpy": ([0, 0, 3], [1e9, 0, 0], "x")},
+    "compare": {"with": ("fixed", "given", "")},
+    "spacecraft": {"mode": ("fixed", "attitude-controlled", "free-floating")},
+    "cancel": {},
     "joints": {"indices": ([0, 1], [1], [0, 0]), "values": ([0.3, -0.7], [3.0], [1e6, -1e12])},
     "attitude": {"rpy": ([0, 0, 1], [1e12, -1e12, 3])},
     "grab": {

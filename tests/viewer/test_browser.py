@@ -53,7 +53,7 @@ def test_a_slider_at_the_singularity_shows_dynamic_and_the_arrow(page, viewer):
 
 @pytest.mark.slow
 def test_floating_turns_the_attitude_by_the_momentum_integral(page, viewer):
-    page.page.check("[value=free-floating]")
+    page.page.check("[name=mode][value=free-floating]")
     start = viewer.session.cfg
     path = [(0, 120), (1, 150), (0, -65), (1, -40)]
     expected, q = start, np.degrees(start.q)

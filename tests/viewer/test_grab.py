@@ -105,7 +105,7 @@ def test_malformed_pulls_are_refused_and_change_nothing(message, error):
 def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser):
     viewer = sa.view(sa.load("planar2"), np.radians([20, -60]), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
-    page.page.check("[value=free-floating]")
+    page.page.check("[name=mode][value=free-floating]")
     page.page.wait_for_timeout(400)
     box = page.page.locator("#grab circle").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2

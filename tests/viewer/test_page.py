@@ -1,5 +1,6 @@
 """The page's looks and manners in a real browser."""
 
+import zipfile
 from types import SimpleNamespace
 
 import numpy as np
@@ -260,6 +261,25 @@ def test_on_a_phone_the_panel_folds_away(browser):
 
 
 @pytest.mark.slow
+def test_a_tap_explains_a_symbol_and_a_control_works(browser):
+    viewer, page = opened(
+        browser, sa.load("planar2"), [0.3, 1.2], width=390, height=844, has_touch=True
+    )
+    symbol = page.page.locator("dt", has_text="R from the CM")
+    symbol.tap()
+    assert page.text("#explanation") == symbol.get_attribute("title")
+    assert page.page.is_visible("#explanation")
+    box = page.page.locator("#explanation").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 390
+    page.page.locator("#fold").tap()
+    assert not page.page.is_visible("#explanation")
+    assert not page.page.is_visible("#panel")
+    assert page.text("#squares") == "grid 0.5 m"
+    shut(viewer, page)
+
+
+@pytest.mark.slow
 def test_names_are_text_wherever_they_stand(browser, tmp_path):
     arm = sa.load("planar2")
     bad = "<img src=x onerror=alert(1)>"
@@ -392,6 +412,15 @@ def test_the_drawing_is_kept_as_a_picture_and_a_motion_as_a_video(browser, tmp_p
             assert (tmp_path / name).read_bytes().startswith(start)
             assert (tmp_path / name).stat().st_size > 2_000
         page.page.wait_for_selector("#film:not([aria-busy])")
+        with page.page.expect_download() as kept:
+            page.page.click("#frames")
+        kept.value.save_as(tmp_path / "frames.zip")
+        with zipfile.ZipFile(tmp_path / "frames.zip") as archive:
+            assert archive.testzip() is None
+            assert archive.namelist() == [f"planar2_{i:04}.png" for i in range(1, 17)]
+            pictures = [archive.read(name) for name in archive.namelist()]
+        assert all(picture.startswith(b"\x89PNG") for picture in pictures)
+        assert len(set(pictures)) == 16, "each is of another time"
         assert page.errors == []
         page.close()
     viewer.close()

@@ -15,7 +15,8 @@ from spacearm.viewer.panel.readouts import about, joints, readout
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.paths import distance_colors, tube
+    from spacearm.viewer.layers.grid import SQUARES, grid_lines, step_of
+    from spacearm.viewer.layers.paths import distance_colors, tube
 
 
 class Run(sa.Motion):
@@ -133,3 +134,17 @@ def test_the_map_is_that_of_the_other_joints_and_its_curves_are_singular():
 def test_a_map_of_other_joints_is_refused(joints):
     with pytest.raises(sa.ConfigurationError, match="joint"):
         joint_map(sa.load("planar2").at([0.3, 1.2]), joints)
+
+
+@pytest.mark.parametrize(
+    ("size", "step"), [(1.0, 0.5), (1.2, 0.5), (4.0, 2.0), (0.03, 0.01), (4000.0, 2000.0)]
+)
+def test_a_grid_has_squares_of_a_round_length_in_its_plane(size, step):
+    assert step_of(size) == pytest.approx(step)
+    lines = grid_lines(1, 0.7, step)
+    assert (lines[:, 1] == 0.7).all()
+    assert len(lines) == 4 * (SQUARES + 1)
+    lengths = np.linalg.norm(lines[1::2] - lines[::2], axis=1)
+    np.testing.assert_allclose(lengths, SQUARES * step)
+    across = np.unique(lines[: 2 * (SQUARES + 1), 0])
+    np.testing.assert_allclose(np.diff(across), step)

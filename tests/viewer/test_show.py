@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 import umsgpack
 from helpers.arms import joint, link, robot, two_links
 
@@ -15,8 +16,8 @@ from spacearm.description.bodies import Inertial
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.layers.held import ellipsoid
+    from spacearm.viewer.layers.shapes import coarsened, shapes
     from spacearm.viewer.session import Session
-    from spacearm.viewer.shapes import shapes
 
 Q = [0.3, 1.2]
 
@@ -91,6 +92,12 @@ def test_a_flight_is_played_with_what_it_holds(arm):
             np.testing.assert_allclose(placed[:3, 3], shown.tip.act(np.array([0.3, 0.1, 0.0])))
     assert set(viewer.window._tree["spacearm"]["bodies"]) & {"held 0", "held 2"} == set()
     assert len(viewer.html()) > 1000
+    viewer.compare(flight.motion)
+    viewer.handle({"do": "time", "t": 0.3})
+    viewer.draw()
+    assert list(viewer.about()["motion"]["ways"].values()) == ["given"]
+    with pytest.raises(sa.UnsupportedError, match="grasps and releases bodies"):
+        viewer.compare("fixed")
 
 
 def test_what_is_held_is_drawn_with_its_inertia():
@@ -108,17 +115,10 @@ def test_what_is_held_is_drawn_with_its_inertia():
 
 
 def test_a_workspace_shows_its_shells_around_the_posture_asked_for(arm):
-    result = sa.workspace(arm)
-    viewer = sa.view(result, Q, open=False)
+    viewer = sa.view(sa.workspace(arm), Q, open=False)
     assert viewer.session.cfg.q.tolist() == Q
-    commands = [umsgpack.unpackb(command) for command in viewer.window.commands()]
-    radii = [
-        geometry["radius"]
-        for command in commands
-        if command["type"] == "set_object" and "shells" in command["path"]
-        for geometry in command["object"]["geometries"]
-    ]
-    np.testing.assert_allclose(sorted(radii), result.pdw.ravel())
+    words = [key["words"] for key in viewer.readout()["legend"]]
+    assert words[0].startswith("path dependent: 0.351 to 0.554, 1.436 to 2.287 m from the CM")
 
 
 @pytest.mark.parametrize("name", ["planar2", "chaser7"])
@@ -196,3 +196,15 @@ def test_a_visual_with_a_fault_gives_a_warning_and_a_scene(tmp_path, visual, mes
     assert len(caught) == 1
     assert caught[0].filename == __file__
     assert {shape.link for shape in drawn} == {"bus", "arm"}
+
+
+def test_meshes_lose_no_more_than_the_size_of_a_cell():
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    coarse = coarsened(ball, 0.1)
+    assert 100 <= len(coarse.faces) < 0.3 * len(ball.faces)
+    radii = np.linalg.norm(coarse.vertices, axis=1)
+    np.testing.assert_allclose(radii, 1.0, atol=0.1)
+    assert coarse.area == pytest.approx(ball.area, rel=0.1)
+    assert coarsened(ball, 10.0) is ball, "nothing would be left"
+    box = trimesh.creation.box()
+    assert coarsened(box, 1e-3) is box

@@ -28,11 +28,11 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer import pictures, scene
+    from spacearm.viewer import pictures, scene, stage
     from spacearm.viewer import viewer as pages
+    from spacearm.viewer.layers.shapes import shapes
     from spacearm.viewer.outbox import DELETE, Key, Outbox
     from spacearm.viewer.session import Session
-    from spacearm.viewer.shapes import shapes
 
 
 BOX = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
@@ -588,9 +588,10 @@ def test_layers_and_shells(viewer):
         viewer.layer("shell", True)
     with pytest.raises(sa.ConfigurationError, match="shell radius is -1"):
         viewer.shells([-1])
-    assert set(scene.LAYERS) == {"bodies", "centre of mass", "virtual manipulator", "tip frame",
-                                 "ellipsoid", "directions", "shells", "trace",
-                                 "obstacles", "goal", "wheels", "wrenches"}  # fmt: skip
+    assert set(scene.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
+                                 "tip frame", "ellipsoid", "directions", "shells", "risk", "trace",
+                                 "obstacles", "goal", "comparison",
+                                 "wheels", "wrenches"}  # fmt: skip
 
 
 def test_wheels_and_wrenches_are_drawn_while_they_act():
@@ -678,7 +679,7 @@ def test_a_motion_is_saved_with_its_animation():
 @pytest.mark.parametrize(("end", "step"), [(1.01, 1.01 / 31), (1e12, 1e12 / 59)])
 def test_a_long_motion_is_thinned_evenly(monkeypatch, end, step):
     """At least 30 frames a second, as long as they are not too many; the last is the end."""
-    monkeypatch.setattr(pages, "MOST_FRAMES", 60)
+    monkeypatch.setattr(stage, "MOST_FRAMES", 60)
     base = [pin.SE3.Identity()] * 2
     motion = SimpleNamespace(arm=sa.load("planar2"), t=[0, end], q=[[0, 0], [1, 2]], base=base)
     viewer = sa.view(sa.Motion.of(motion), open=False)

@@ -53,6 +53,11 @@ class HeldLayer:
             if data and arm is cfg.arm:
                 node.set_transform(data.oMf[frame].homogeneous @ shape)
 
+    def delete(self) -> None:
+        """Draw nothing any more."""
+        for *_, node in self._bodies:
+            node.delete()
+
 
 def ellipsoid(body: Inertial, least: float) -> Array:
     """Return what makes a unit ball the ellipsoid (4, 4) of a body, in the frame of its link.

@@ -14,7 +14,7 @@ from spacearm.arrays import Array
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.layers.held import HeldLayer
-from spacearm.viewer.shapes import along
+from spacearm.viewer.layers.shapes import along
 
 TEAL, RUST = 0x009E73, 0xB2182B
 PARTS = (("force", 1, slice(3)), ("torque", 2, slice(3, 6)))
@@ -78,6 +78,10 @@ class LoadLayer:
             for i, (link, push) in enumerate(self._push.items()):
                 at = self._data.oMf[arm.model.getFrameId(link, pin.BODY)].translation
                 self._point(self._wrenches[str(i)][name], at, self._now(push, t)[rows], longest)
+
+    def delete_held(self) -> None:
+        """Draw no bodies that are held any more."""
+        self._held_bodies.delete()
 
     def _now(self, values: Array, t: float) -> Array:
         """Return the values (m, k) at a time."""

@@ -61,8 +61,8 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
   });
 
   byId("link").addEventListener("click", async () => {
-    const { q, attitude, mode } = getState();
-    const state = encodeURIComponent(JSON.stringify({ model, q, attitude, mode }));
+    const { q, attitude, mode, spacecraft } = getState();
+    const state = encodeURIComponent(JSON.stringify({ model, q, attitude, mode, spacecraft }));
     try {
       await navigator.clipboard.writeText(`${location.href.split("#")[0]}#${state}`);
       byId("link").textContent = "Copied";
@@ -78,7 +78,7 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
     if (!told) return;
     history.replaceState(null, "", location.href.split("#")[0]);
     try {
-      const { model: wanted, q, attitude, mode } = JSON.parse(decodeURIComponent(told));
+      const { model: wanted, q, attitude, mode, spacecraft } = JSON.parse(decodeURIComponent(told));
       if (wanted !== model) {
         complain(`the address is that of ${wanted}, this is ${model}`);
         return;
@@ -87,6 +87,7 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
       ask({ do: "attitude", rpy: attitude });
       ask({ do: "joints", indices: q.map((_, i) => i), values: q });
       ask({ do: "mode", mode });
+      ask({ do: "spacecraft", mode: spacecraft });
     } catch {
       complain("the part of the address behind # is not understood");
     }

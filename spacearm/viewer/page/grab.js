@@ -2,6 +2,7 @@
    arm), by a ring about an axis of the task. The arrow keys do the same. */
 
 import { byId } from "./format.js";
+import { pointUnder, toDrawing as world, toInertial as inertial } from "./scene.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const RING = 60; // px
@@ -10,10 +11,8 @@ const AXES = ["#d62728", "#2ca02c", "#3f6ff0"];
 export function createGrab(viewer, { task, normal }, pull) {
   const box = byId("grab");
   if (!viewer || !task.length) return { isHeld: () => false, show() {} };
-  const { Vector3, Plane, Raycaster, Vector2 } = MeshCat.THREE;
+  const { Vector3, Plane } = MeshCat.THREE;
   const { camera, controls } = viewer;
-  const world = ([x, y, z]) => new Vector3(x, z, -y);
-  const inertial = (v) => [v.x, -v.z, v.y];
   const slides = task.some((row) => "xyz".includes(row));
   const turns = ["rx", "ry", "rz"].flatMap((row, i) => (task.includes(row) ? [i] : []));
   let [state, held] = [null, null];
@@ -48,13 +47,7 @@ export function createGrab(viewer, { task, normal }, pull) {
     return [((p.x + 1) / 2) * box.clientWidth, ((1 - p.y) / 2) * box.clientHeight];
   }
 
-  function under({ clientX, clientY }, plane) {
-    const { left, top, width, height } = box.getBoundingClientRect();
-    const at = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
-    const ray = new Raycaster();
-    ray.setFromCamera(at, camera);
-    return ray.ray.intersectPlane(plane, new Vector3());
-  }
+  const under = (event, plane) => pointUnder(viewer, event, plane);
 
   function draw() {
     if (!state) return;

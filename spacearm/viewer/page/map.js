@@ -5,7 +5,9 @@ import { DEGREE, byId, distanceColour, element, fixed } from "./format.js";
 
 const TURN = 2 * Math.PI;
 const EDGE = { left: 34, right: 8, top: 8, bottom: 22 }; // px around the map
-const REST = 60; // ms without a change after which the map is asked for
+const REST = 10; // ms without a change after which the map is asked for
+const LATEST = 60; // ms after the first change in which it is asked for in any case
+const SHARE = 2; // a map is asked for again after so many times as long as the last one took
 const wrapped = (angle) => angle - TURN * Math.round(angle / TURN);
 
 export function createMap(joints, ask, move) {
@@ -18,7 +20,8 @@ export function createMap(joints, ask, move) {
   const canvas = byId("mapcanvas");
   const picks = [byId("map-x"), byId("map-y")];
   const picture = document.createElement("canvas");
-  let [map, q, dragging, asked, timer] = [null, null, false, null, 0];
+  let [map, q, dragging, asked, timer, since, sent, took] = [null, null, false, null, 0, null, 0, 0];
+  let spacecraft = "free-floating";
 
   for (const pick of picks) {
     for (const i of turning) pick.append(new Option(joints[i].label, i));
@@ -41,11 +44,12 @@ export function createMap(joints, ask, move) {
   }
 
   function paintPicture() {
-    const n = map.shares.length;
+    const n = map.shares?.length ?? 1;
     Object.assign(picture, { width: n, height: n });
     const context = picture.getContext("2d");
     const image = context.createImageData(n, n);
-    map.shares.forEach((row, j) => row.forEach((share, i) => {
+    if (!map.shares) image.data.set([190, 200, 210, 255]); // no distances, curves alone
+    map.shares?.forEach((row, j) => row.forEach((share, i) => {
       image.data.set([...distanceColour(share / 100), 255], 4 * ((n - 1 - j) * n + i));
     }));
     context.putImageData(image, 0, 0);
@@ -165,34 +169,57 @@ export function createMap(joints, ask, move) {
   });
   new ResizeObserver(paint).observe(canvas);
 
-  /* Asks for a new map where another joint has moved since the last, when it rests for a moment:
-     sliders do not wait for maps. */
+  const held = (at, mode) =>
+    [mode, ...at.map((x, i) => (map?.joints.includes(i) ? 0 : x.toFixed(6)))].join();
+
+  /* Asks for a new map where another joint has moved since the last, at a pace that leaves the server
+     time for the sliders. */
   function refresh() {
     if (!open() || !q) return;
-    const held = q.map((x, i) => (map?.joints.includes(i) ? 0 : x.toFixed(6))).join();
-    if (held === asked) {
+    clearTimeout(timer);
+    if (held(q, spacecraft) === asked) {
+      since = null;
       paint();
       return;
     }
-    asked = held; // once for each state: a refused one is not asked for again
-    clearTimeout(timer);
-    timer = setTimeout(() => ask({ do: "map", joints: map?.joints ?? null }), REST);
+    const now = performance.now();
+    since ??= now;
+    const wait = Math.max(Math.min(REST, since + LATEST - now), sent + SHARE * took - now);
+    timer = setTimeout(request, wait);
+  }
+
+  function request() {
+    since = null;
+    asked = held(q, spacecraft); // once for each state: a refused one is not asked for again
+    sent = performance.now();
+    ask({ do: "map", joints: map?.joints ?? null });
+  }
+
+  function note() {
+    if (!map.shares) {
+      return map.curves ? `Lines: singular postures, exact. Spacecraft ${map.spacecraft}.`
+        : "Singular postures of this arm are not known exactly unless it floats.";
+    }
+    return map.curves
+      ? "Lines: singular postures, exact. Colour: distance, from vermilion at 0 to blue at 30°."
+      : "Colour: distance to a singular posture, vermilion at 0, blue from 30° on.";
   }
 
   return {
     show(state) {
       if (!dragging) q = [...state.q];
+      spacecraft = state.spacecraft;
       refresh();
     },
     draw(received) {
       map = received;
-      asked = map.q.map((x, i) => (map.joints.includes(i) ? 0 : x.toFixed(6))).join();
+      took = performance.now() - sent;
+      asked = held(map.q, map.spacecraft);
       picks.forEach((pick, k) => (pick.value = map.joints[k]));
-      byId("mapnote").textContent = map.curves
-        ? "Lines: singular postures, exact. Colour: distance, from vermilion at 0 to blue at 30°."
-        : "Colour: distance to a singular posture, vermilion at 0, blue from 30° on.";
+      byId("mapnote").textContent = note();
       paintPicture();
       paint();
+      canvas.dataset.held = asked;
     },
   };
 }

@@ -11,9 +11,12 @@ import { createPlayback } from "./playback.js";
 import { createReadouts, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
+import { explainByTouch } from "./touch.js";
+import { createWork } from "./work.js";
 
 const viewer = createViewer(byId("scene"));
-let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, drawTime] = [];
+let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart, showWork] = [];
+let [played, drawn] = [null, null];
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
 
@@ -74,6 +77,7 @@ async function reconnect() {
 function receive(message) {
   if (message.about && !about) build((about = message.about), message.readout);
   if (message.map) map.draw(message.map);
+  if ("motion" in message) load(message.motion);
   if (message.error) complain(message.error);
   if (message.readout && message.readout.edition !== about.edition) {
     location.reload(); // another arm is shown now
@@ -84,6 +88,10 @@ function receive(message) {
     show((readout = message.readout));
     flush();
   }
+  if (drawn && message.drawn === drawn.t) {
+    drawn.done();
+    drawn = null;
+  }
   if (message.complete) {
     camera.fit();
     document.body.dataset.ready = "yes";
@@ -93,7 +101,8 @@ function receive(message) {
 
 /* --- the panel's parts, once --- */
 
-function build(told, { hidden }) {
+function build(told, { hidden, played: already }) {
+  played = already;
   showState = createReadouts(told);
   camera = createCamera(viewer, told.view);
   joints = createJoints(told.joints, (index, value) => {
@@ -107,11 +116,27 @@ function build(told, { hidden }) {
   grab = createGrab(viewer, told, (pull) => ask({ do: "grab", ...pull }));
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
+  showWork = createWork(viewer, told, ask);
   const film = createRecorder(viewer, told.model);
-  if (told.motion) {
-    playback = createPlayback(told.motion, (t) => ask({ do: "time", t }));
-    drawTime = createChart(told.motion, playback.seek);
-    film(playback.playOnce);
+  playback = createPlayback((t) => ask({ do: "time", t }));
+  chart = createChart(playback.seek);
+  film(playback, (t) => new Promise((done) => {
+    drawn = { t, done };
+    playback.seek(t);
+  }));
+  byId("compare").addEventListener("change", ({ target }) =>
+    ask({ do: "compare", with: target.value }));
+  load(told.motion);
+}
+
+/* A motion to be played, with its curves and what it can be compared with. */
+function load(motion) {
+  chart.load(motion);
+  playback.load(motion);
+  const compare = byId("compare");
+  compare.replaceChildren(new Option("nothing", ""));
+  for (const [words, way] of Object.entries(motion?.ways ?? {})) {
+    compare.append(new Option(words, way, false, words === motion.compared));
   }
 }
 
@@ -125,6 +150,8 @@ for (const button of document.querySelectorAll("[data-do]")) {
 for (const radio of document.querySelectorAll("[name=mode]")) {
   radio.addEventListener("change", () => ask({ do: "mode", mode: radio.value }));
 }
+byId("spacecraft").addEventListener("change", ({ target }) =>
+  ask({ do: "spacecraft", mode: target.value }));
 const angles = [...byId("attitude").querySelectorAll("input")];
 for (const [i, input] of angles.entries()) {
   input.addEventListener("change", () => {
@@ -158,9 +185,11 @@ function show(state) {
   joints.show(state.q, (index) => waiting.has(`joint ${index}`));
   angles.forEach((input, i) => {
     if (document.activeElement !== input) input.value = fixed(state.attitude[i] / DEGREE, 2);
-    input.disabled = state.mode !== "posture";
+    input.disabled = state.mode !== "posture" && state.spacecraft === "free-floating";
   });
   document.querySelector(`[name=mode][value="${state.mode}"]`).checked = true;
+  byId("spacecraft").value = state.spacecraft;
+  byId("modes").disabled = state.spacecraft !== "free-floating";
   for (const box of document.querySelectorAll("[data-layer]")) {
     box.checked = !state.hidden.includes(box.dataset.layer);
   }
@@ -171,13 +200,17 @@ function show(state) {
   byId("blocked").textContent = state.blocked;
   map.show(state);
   grab.show(state);
-  playback?.show(state.t);
-  drawTime?.(state.t);
+  showWork(state);
+  playback.show(state.t);
+  chart.show(state.t);
+  if (state.played !== played) ask({ do: "motion" });
+  played = state.played;
 }
 
 function complain(text) {
   byId("error").textContent = text;
 }
 
+explainByTouch();
 connect();
 window.spacearm = { viewer, points: () => camera.points() };

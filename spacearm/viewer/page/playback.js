@@ -4,21 +4,45 @@ import { byId, digits, element, fixed } from "./format.js";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 100];
 
-export function createPlayback({ span: [first, last], events, story }, onTime) {
+export function createPlayback(onTime) {
   const box = byId("motion");
-  box.hidden = false;
   const [button, slider, output] = ["button", "input", "output"].map((s) => box.querySelector(s));
-  const speed = byId("speed");
-  const loop = byId("loop");
-  Object.assign(slider, { min: first, max: last, step: "any", value: first });
-  byId("story").textContent = story;
+  const [speed, loop] = [byId("speed"), byId("loop")];
   SPEEDS.forEach((x) => speed.append(new Option(`${x}×`, x)));
-  const span = last - first;
-  speed.value = SPEEDS.find((x) => span / x <= 60) ?? SPEEDS.at(-1);
-  if (speed.value < 1) speed.value = 1;
-  let [playing, before, now, ended] = [false, 0, first, () => {}];
+  let [first, last, playing, before, now, once, ended] = [0, 0, false, 0, 0, false, () => {}];
+  let loaded = "";
 
-  let once = false;
+  /* Takes another motion, or none; a second look at the same one leaves time and speed alone. */
+  function load(motion) {
+    setPlaying(false);
+    box.hidden = !motion;
+    if (!motion) return;
+    [first, last] = motion.span;
+    Object.assign(slider, { min: first, max: last, step: "any" });
+    byId("story").textContent = motion.compared
+      ? `Solid: ${motion.story}. Dashed, and the blue ghost: ${motion.compared}.` : motion.story;
+    const key = JSON.stringify([motion.story, motion.events]);
+    if (loaded !== key) {
+      loaded = key;
+      speed.value = SPEEDS.find((x) => x >= 1 && (last - first) / x <= 60) ?? SPEEDS.at(-1);
+      now = first;
+    }
+    mark(motion.events);
+    show(Math.min(Math.max(now, first), last));
+  }
+
+  function mark(events) {
+    const span = last - first;
+    byId("events").replaceChildren(...events.map(({ t, kind, detail }) => {
+      const made = element("button", "", "event");
+      const words = `${kind} at ${digits(t)} s${detail ? `: ${detail}` : ""}`;
+      Object.assign(made, { type: "button", title: words });
+      made.setAttribute("aria-label", words);
+      made.style.left = `${span > 0 ? (100 * (t - first)) / span : 0}%`;
+      made.addEventListener("click", () => seek(t));
+      return made;
+    }));
+  }
 
   function show(t) {
     now = t;
@@ -40,6 +64,7 @@ export function createPlayback({ span: [first, last], events, story }, onTime) {
 
   function tick(moment) {
     if (!playing) return;
+    const span = last - first;
     let t = now + ((moment - before) / 1000) * Number(speed.value);
     before = moment;
     if (t >= last && loop.checked && !once) t = span > 0 ? first + ((t - first) % span) : first;
@@ -76,19 +101,16 @@ export function createPlayback({ span: [first, last], events, story }, onTime) {
   slider.addEventListener("input", () => seek(Number(slider.value)));
   document.addEventListener("keydown", (event) => {
     const typing = event.target.closest?.("button, select, summary, input:not([type=range])");
-    if (event.key !== " " || typing) return;
+    if (event.key !== " " || typing || box.hidden) return;
     event.preventDefault();
     toggle();
   });
-  for (const { t, kind, detail } of events) {
-    const mark = element("button", "", "event");
-    const words = `${kind} at ${digits(t)} s${detail ? `: ${detail}` : ""}`;
-    Object.assign(mark, { type: "button", title: words });
-    mark.setAttribute("aria-label", words);
-    mark.style.left = `${span > 0 ? (100 * (t - first)) / span : 0}%`;
-    mark.addEventListener("click", () => seek(t));
-    byId("events").append(mark);
+  /* Times of frames at the chosen speed, the last one at the end of the motion. */
+  function times(perSecond, most) {
+    const number = Math.ceil(((last - first) * perSecond) / Number(speed.value)) + 1;
+    const count = Math.min(Math.max(number, 1), most);
+    return Array.from({ length: count }, (_, i) => first + ((last - first) * i) / Math.max(count - 1, 1));
   }
-  show(first);
-  return { show: (t) => playing || show(t), seek, playOnce };
+
+  return { load, times, show: (t) => playing || show(t), seek, playOnce };
 }

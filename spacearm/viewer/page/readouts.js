@@ -5,7 +5,8 @@ import { DEGREE, byId, digits, distanceColour, element, fixed } from "./format.j
 const FAR = 30; // degrees at the end of the gauge
 
 export function createReadouts({ model, tip, tip_reason, task, unit, joints, meaning, missing,
-  contacts }) {
+  contacts, grid }) {
+  byId("squares").textContent = `grid ${digits(grid)} m`;
   byId("model").textContent = byId("model").title = model;
   document.title = `${model} - spacearm`;
   byId("tipname").textContent = tip;
@@ -34,6 +35,7 @@ function show(state, { joints, task, unit }) {
   byId("rank").textContent = `${state.rank} of ${state.sigma.length}`;
   bars(state.sigma, state.error);
   directions(state, task);
+  explain(state.legend, state.hidden);
   gradient(state.gradient, joints);
 }
 
@@ -89,6 +91,19 @@ function directions(state, task) {
   const rows = state.directions.map((row, i) =>
     [i < state.rank ? "available" : "lost", ...row.map((x) => fixed(x, 3))]);
   table(byId("directions"), ["tip", ...task], rows);
+}
+
+/* What the colours of workspaces and risk mean, as long as their layer is shown. */
+function explain(keys, hidden) {
+  byId("legend").replaceChildren(...keys.filter(({ layer }) => !hidden.includes(layer))
+    .map(({ colors, words }) => {
+      const row = element("div", "", "key");
+      const swatch = element("span");
+      swatch.style.background = `linear-gradient(to right, ${colors.length > 1 ? colors
+        : [colors[0], colors[0]]})`;
+      row.append(swatch, element("span", words));
+      return row;
+    }));
 }
 
 function gradient(slopes, joints) {

@@ -1,8 +1,10 @@
-/* The drawing as a picture, and a motion played once as a video, made in this browser. */
+/* The drawing as a picture, and a motion as a video or picture by picture, made in this browser. */
 
+import { zipped } from "./archive.js";
 import { byId } from "./format.js";
 
 const FRAMES_PER_SECOND = 30;
+const MOST_FRAMES = 3000;
 
 function keep(blob, name) {
   const link = document.createElement("a");
@@ -20,8 +22,38 @@ export function createRecorder(viewer, name) {
     viewer.renderer.domElement.toBlob((blob) => keep(blob, `${file}.png`));
   });
 
-  /* `play(done)` plays the motion from its start and calls done() at its end. */
-  return (play) => {
+  /* Draws every frame in turn, however long that takes; a second click stops it. */
+  function takeFrames(times, go) {
+    const button = byId("frames");
+    let running = false;
+    button.hidden = !viewer;
+    button.addEventListener("click", async () => {
+      if (running) {
+        running = false;
+        return;
+      }
+      running = true;
+      const all = times(FRAMES_PER_SECOND, MOST_FRAMES);
+      const files = [];
+      for (const [i, t] of all.entries()) {
+        button.textContent = `Stop: ${i + 1} of ${all.length}`;
+        await go(t);
+        viewer.render();
+        const blob = await new Promise((done) => viewer.renderer.domElement.toBlob(done));
+        files.push([`${file}_${String(i + 1).padStart(4, "0")}.png`,
+          new Uint8Array(await blob.arrayBuffer())]);
+        if (!running) break;
+      }
+      if (running) keep(zipped(files), `${file}.zip`);
+      running = false;
+      button.textContent = "Frames";
+    });
+  }
+
+  /* `playOnce(done)` plays the motion from its start and calls done() at its end; `times` says when
+     the frames are; `go(t)` promises the drawing at a time. */
+  return ({ playOnce: play, times }, go) => {
+    takeFrames(times, go);
     const button = byId("film");
     button.hidden = !viewer || typeof MediaRecorder === "undefined";
     button.addEventListener("click", () => {

@@ -7,6 +7,7 @@ import { createPlayback } from "./playback.js";
 import { createReadouts, gauge, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
+import { explainByTouch } from "./touch.js";
 
 function start({ about, readout }, commands) {
   const viewer = createViewer(byId("scene"));
@@ -76,9 +77,13 @@ function play(viewer, { motion, joints, near, tolerance }, film) {
       outputs[i].textContent = angle ? fixed(turning.shift(), 2) : fixed(sliding.shift(), 3);
     });
   };
-  const playback = createPlayback(motion, seek);
-  drawTime = createChart(motion, playback.seek);
-  film(playback.playOnce);
+  const playback = createPlayback(seek);
+  const chart = createChart(playback.seek);
+  drawTime = chart.show;
+  chart.load(motion);
+  playback.load(motion);
+  film(playback, async (t) => playback.seek(t));
 }
 
+explainByTouch();
 start(DATA, COMMANDS);

@@ -8,16 +8,19 @@ const BACKGROUND = {
 };
 
 const MEANING = {
+  "grid": "Squares in the inertial frame, below the robot or in the plane of a planar arm.",
   "bodies": "The spacecraft and the links of the arm.",
   "centre of mass": "The centre of mass of the whole system, which stays at rest while it floats.",
   "virtual manipulator": "An arm on the fixed centre of mass that moves the tip as the floating one does.",
   "tip frame": "The axes of the tip: x red, y green, z blue.",
   "ellipsoid": "How far the tip goes within 0.3 s in each direction, with joint rates of 1 rad/s together.",
   "directions": "Magenta arrow and ring: motion and turn that the tip has lost; pink: the one that is nearly lost; amber line or disc: what is left.",
-  "shells": "Spheres about the centre of mass that bound workspaces.",
+  "shells": "Workspaces about the centre of mass, cut open: vermilion where a path may meet a singular posture, blue where none does.",
+  "risk": "How many of the postures that put the tip at this distance from the centre of mass are near a singular one.",
   "obstacles": "What must not be met.",
   "trace": "The path of the tip, vermilion where a singular posture is near, blue from 30° on.",
   "goal": "Where the motion ends.",
+  "comparison": "The motion that plays in step with this one.",
 };
 
 /* Returns null, and says so in the page, where the browser cannot draw in three dimensions. */
@@ -65,3 +68,17 @@ export function legend(list, layers, hidden, onChange) {
     list.append(label);
   }
 }
+
+/* Where the line of sight through a pointer meets a plane; null where it does not. */
+export function pointUnder(viewer, { clientX, clientY }, plane) {
+  const { Raycaster, Vector2, Vector3 } = MeshCat.THREE;
+  const { left, top, width, height } = viewer.renderer.domElement.getBoundingClientRect();
+  const at = new Vector2((2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height);
+  const ray = new Raycaster();
+  ray.setFromCamera(at, viewer.camera);
+  return ray.ray.intersectPlane(plane, new Vector3());
+}
+
+/* three.js has y upwards, meshcat turns it. */
+export const toDrawing = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y);
+export const toInertial = ({ x, y, z }) => [x, -z, y];

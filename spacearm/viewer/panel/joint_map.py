@@ -8,7 +8,9 @@ import numpy as np
 
 from spacearm.errors import ConfigurationError
 from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
 from spacearm.singularities.map import singular_map
+from spacearm.singularities.sets import singular_set
 from spacearm.viewer.panel.readouts import FAR
 
 POINTS = 61
@@ -17,16 +19,20 @@ SHARES = 100
 """Number that stands for `FAR`."""
 
 
-def joint_map(cfg: Configuration, joints: object) -> dict[str, Any]:
+def joint_map(
+    cfg: Configuration, joints: object, mode: BaseMode = "free-floating"
+) -> dict[str, Any]:
     """Return distances to the singular set and the singular curves over two joints.
 
     Args:
         cfg: The configuration; its other joints are held.
         joints: The numbers of the two joints; if None as `singular_map` chooses them.
+        mode: What the spacecraft does.
 
     Returns:
         Plain data: `joints`; `shares`, whole numbers up to `SHARES` by rows of the second joint,
-        from -pi to pi; `curves`, lists of points, None where they are not known exactly; `q`.
+        from -pi to pi, None where the spacecraft does not float; `curves`, lists of points, None
+        where they are not known exactly; `q`.
 
     Raises:
         ConfigurationError: The joints are no two revolute ones.
@@ -35,6 +41,8 @@ def joint_map(cfg: Configuration, joints: object) -> dict[str, Any]:
     names = None
     if joints is not None:
         names = _names(cfg, joints)
+    if mode != "free-floating":
+        return _curves_alone(cfg, names, mode)
     found = singular_map(arm, names, cfg.q, POINTS)
     shares = np.clip(found.distance.T / FAR, 0.0, 1.0) * SHARES
     curves = found.curves
@@ -44,6 +52,23 @@ def joint_map(cfg: Configuration, joints: object) -> dict[str, Any]:
         "curves": None if curves is None else [curve.round(4).tolist() for curve in curves],
         "q": cfg.q.tolist(),
     }
+
+
+def _curves_alone(
+    cfg: Configuration, names: tuple[str, str] | None, mode: BaseMode
+) -> dict[str, Any]:
+    """Return the map of a spacecraft that does not float: distances have no kernels there."""
+    arm, found = cfg.arm, singular_set(cfg.arm, mode=mode)
+    turning = [j for j in range(arm.n) if not arm.slides[j]]
+    if names is None and len(turning) < 2:
+        raise ConfigurationError(f"{arm.name} has no two revolute joints; a map needs them")
+    pair = turning[-2:] if names is None else [arm.joint_names.index(name) for name in names]
+    if pair[0] == pair[1] or any(arm.slides[j] for j in pair):
+        raise ConfigurationError("a map is over two different revolute joints")
+    curves = None
+    if found.complete and found.codimension == 1:
+        curves = [c[:, pair].round(4).tolist() for c in found.curves((pair[0], pair[1]), cfg.q)]
+    return {"joints": pair, "shares": None, "curves": curves, "q": cfg.q.tolist()}
 
 
 def _names(cfg: Configuration, joints: object) -> tuple[str, str]:

@@ -2,34 +2,82 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.motion.motion import Motion
+from spacearm.viewer.panel.comparison import Comparison
 from spacearm.viewer.panel.labels import short_names
 
 MOST_SAMPLES = 600
 """Largest number of samples of a curve; more than a screen shows."""
 
 
-def account(motion: Motion) -> dict[str, Any]:
+class Curves(NamedTuple):
+    """Curves of a motion that share an axis.
+
+    Attributes:
+        name: What they show.
+        unit: Its unit.
+        labels: k names.
+        values: (m, k), in degrees where they are angles.
+    """
+
+    name: str
+    unit: str
+    labels: list[str]
+    values: Array
+
+    def at(self, times: Array, known: Array) -> Curves:
+        """Return the curves at other times, linear in between; NaN outside of the known ones."""
+        columns = [np.interp(times, known, column, np.nan, np.nan) for column in self.values.T]
+        return self._replace(values=np.array(columns).T)
+
+    def plain(self, beside: Curves | None) -> dict[str, Any]:
+        """Return plain data, with curves of another motion; values that are not finite are None."""
+        data = {"name": self.name, "unit": self.unit, "labels": self.labels}
+        told: dict[str, Any] = {**data, "values": _columns(self.values)}
+        if beside is not None:
+            told["beside"] = {"labels": beside.labels, "values": _columns(beside.values)}
+        return told
+
+
+def account(motion: Motion, other: Comparison | None = None) -> dict[str, Any]:
     """Return span, events and curves of a motion, and where it ends.
 
     Args:
         motion: The motion.
+        other: The motion that it is compared with.
     """
-    rows = np.linspace(0, len(motion) - 1, min(len(motion), MOST_SAMPLES)).round().astype(int)
-    rows = np.unique(rows)
-    return {
-        "span": [float(motion.t[0]), float(motion.t[-1])],
+    told = {
         "story": f"{type(motion).__name__}, {motion.story}",
         "events": _events(motion),
-        "t": motion.t[rows].tolist(),
-        "curves": _curves(motion, rows),
+        "compared": None if other is None else other.name,
     }
+    t, own = _sampled(motion)
+    if other is None:
+        curves = [group.plain(None) for group in own]
+        return {**told, "span": [float(t[0]), float(t[-1])], "t": t.tolist(), "curves": curves}
+    known, second = _sampled(other.motion)
+    times = np.union1d(t, known)
+    beside = {(group.name, group.unit): group.at(times, known) for group in second}
+    curves = [group.at(times, t).plain(beside.get((group.name, group.unit))) for group in own]
+    return {
+        **told,
+        "span": [float(times[0]), float(times[-1])],
+        "t": times.tolist(),
+        "curves": curves,
+    }
+
+
+def _sampled(motion: Motion) -> tuple[Array, list[Curves]]:
+    """Return times of a motion and its curves at them."""
+    rows = np.linspace(0, len(motion) - 1, min(len(motion), MOST_SAMPLES)).round().astype(int)
+    rows = np.unique(rows)
+    return motion.t[rows], _curves(motion, rows)
 
 
 def _events(motion: Motion) -> list[dict[str, Any]]:
@@ -38,36 +86,36 @@ def _events(motion: Motion) -> list[dict[str, Any]]:
     return [{"t": float(e.t), "kind": e.kind, "detail": e.detail} for e in found]
 
 
-def _curves(motion: Motion, rows: Array) -> list[dict[str, Any]]:
-    """Return groups of curves: name, unit and values, in degrees where they are angles."""
+def _curves(motion: Motion, rows: Array) -> list[Curves]:
+    """Return the curves of a motion at some of its samples."""
     arm, names = motion.arm, short_names(motion.arm.joint_names)
     turning, sliding = np.flatnonzero(~arm.slides), np.flatnonzero(arm.slides)
-    q, groups = motion.q[rows], []
+    q = motion.q[rows]
+    groups: list[Curves] = []
     if len(turning):
-        groups.append(_group("joints", "°", [names[j] for j in turning], np.degrees(q[:, turning])))
+        groups.append(Curves("joints", "°", [names[j] for j in turning], np.degrees(q[:, turning])))
     if len(sliding):
-        groups.append(_group("sliding joints", "m", [names[j] for j in sliding], q[:, sliding]))
+        groups.append(Curves("sliding joints", "m", [names[j] for j in sliding], q[:, sliding]))
     rpy = [pin.rpy.matrixToRpy(pin.Quaternion(row).toRotationMatrix())
            for row in motion.base[rows, 3:]]  # fmt: skip
     turned = np.degrees(np.unwrap(rpy, axis=0))
-    groups.append(_group("attitude", "°", ["roll", "pitch", "yaw"], turned))
+    groups.append(Curves("attitude", "°", ["roll", "pitch", "yaw"], turned))
     distance = np.degrees(motion.distance[rows])[:, None]
-    groups.append(_group("distance", "°", ["to a singular posture"], distance))
-    groups.append(_group("sigma_min", arm.sigma_unit, ["sigma_min"], motion.sigma_min[rows, None]))
+    groups.append(Curves("distance", "°", ["to a singular posture"], distance))
+    groups.append(Curves("sigma_min", arm.sigma_unit, ["sigma_min"], motion.sigma_min[rows, None]))
     if len(arm.tips) == 1:
         tip, com = motion.tip[rows, :3], motion.com[rows]
-        groups.append(_group("tip", "m", ["x", "y", "z"], tip))
+        groups.append(Curves("tip", "m", ["x", "y", "z"], tip))
         radius = np.linalg.norm(tip - com, axis=1)[:, None]
-        groups.append(_group("R from the CM", "m", ["R"], radius))
+        groups.append(Curves("R from the CM", "m", ["R"], radius))
     if (torque := getattr(motion, "torque", None)) is not None:
-        groups.append(_group("torques", "N m" if not len(sliding) else "N m or N", names,
+        groups.append(Curves("torques", "N m" if not len(sliding) else "N m or N", names,
                              torque[rows]))  # fmt: skip
     if arm.wheels and (wheels := getattr(motion, "wheels", None)) is not None:
-        groups.append(_group("wheels", "N m s", [wheel.name for wheel in arm.wheels], wheels[rows]))
+        groups.append(Curves("wheels", "N m s", [wheel.name for wheel in arm.wheels], wheels[rows]))
     return groups
 
 
-def _group(name: str, unit: str, labels: list[str], values: Array) -> dict[str, Any]:
-    """Return curves that share an axis; values that are not finite, which JSON lacks, are None."""
-    columns = [[float(x) if np.isfinite(x) else None for x in column] for column in values.T]
-    return {"name": name, "unit": unit, "labels": labels, "values": columns}
+def _columns(values: Array) -> list[list[float | None]]:
+    """Return columns for JSON, which has no numbers that are not finite."""
+    return [[float(x) if np.isfinite(x) else None for x in column] for column in values.T]

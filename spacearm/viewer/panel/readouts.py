@@ -85,9 +85,16 @@ def readout(report: SingularityReport) -> dict[str, Any]:
         "outside": list(cfg.outside_limits),
         "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
         "tip": cfg.tip.translation.tolist(),
+        "tip_rpy": pose(cfg.tip)["rpy"],
         "axes": report.axes.T.tolist(),
         "contacts": _contacts(cfg),
     }
+
+
+def pose(placement: pin.SE3) -> dict[str, list[float]]:
+    """Return position [m] and roll, pitch and yaw [rad] of a pose."""
+    rpy = pin.rpy.matrixToRpy(placement.rotation)
+    return {"position": placement.translation.tolist(), "rpy": rpy.tolist()}
 
 
 def source_of(arm: SpaceArm) -> str:

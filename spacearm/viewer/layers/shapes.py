@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import meshcat.geometry as g
 import numpy as np
@@ -17,6 +17,13 @@ from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unu
 from spacearm.errors import ModelError, listed, warn
 from spacearm.model.arm import SpaceArm
 
+if TYPE_CHECKING:
+    import trimesh
+
+FINEST = 0.002
+"""Size of detail that is still drawn, as a share of the arm: about a pixel of a page."""
+FEWEST = 100
+"""Number of triangles that a mesh keeps at least, if it has them."""
 GREY = (0.75, 0.78, 0.82, 1.0)
 Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 
@@ -75,6 +82,7 @@ def _drawn(arm: SpaceArm, link: str, shape: Shape) -> DrawnShape | None:
             except ModelError as error:
                 warn(f"{arm.path}: {error}: not drawn")
                 return None
+            mesh = coarsened(mesh, FINEST * _size(arm) / max(float(np.abs(scale).max()), 1e-9))
             triangles = g.TriangularMeshGeometry(mesh.vertices, mesh.faces)
             return DrawnShape(link, pose * np.append(scale, 1.0), triangles, color)
         case Mesh():
@@ -82,6 +90,23 @@ def _drawn(arm: SpaceArm, link: str, shape: Shape) -> DrawnShape | None:
         case Unusable(problem):
             warn(f"{problem}; not drawn until then")
             return None
+
+
+def coarsened(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
+    """Return a mesh without detail below the size of a cell, in the unit of its vertices.
+
+    Vertices of one cell become one; so do triangles that then have the same corners. A mesh that
+    little would be left of stays as it is.
+    """
+    coarse: trimesh.Trimesh = mesh.copy()
+    coarse.vertices = coarse.vertices / cell
+    coarse.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
+    coarse.update_faces(coarse.nondegenerate_faces() & coarse.unique_faces())
+    coarse.remove_unreferenced_vertices()
+    if len(coarse.faces) < FEWEST:
+        return mesh
+    coarse.vertices = coarse.vertices * cell
+    return coarse
 
 
 def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]:

@@ -1,0 +1,104 @@
+/* What the server computes meanwhile, with progress and cancel: plans to a goal of the tip,
+   workspaces and risk. */
+
+import { DEGREE, byId, fixed } from "./format.js";
+import { pointUnder, toDrawing, toInertial } from "./scene.js";
+
+export function createWork(viewer, { task, normal }, ask) {
+  const box = byId("work");
+  const bar = box.querySelector("progress");
+  byId("cancel").addEventListener("click", () => ask({ do: "cancel" }));
+  const buttons = [...document.querySelectorAll("[data-compute]")];
+  for (const button of buttons) {
+    button.addEventListener("click", () => ask({ do: "compute", what: button.dataset.compute }));
+  }
+  const goal = createGoal(viewer, { task, normal }, ask);
+
+  return (state) => {
+    const [name, words, done, total] = state.task ?? [];
+    box.hidden = !name;
+    if (name) {
+      bar.max = total || 1;
+      if (total) bar.value = done;
+      else bar.removeAttribute("value");
+      box.querySelector("span").textContent = total
+        ? name === "plan" ? `${words}: ${fixed(done, 0)} s of at most ${fixed(total, 0)} s`
+          : `${words}: ${Math.round((100 * done) / total)} %`
+        : `${words} …`;
+    }
+    const [failed, why] = state.failure ?? [];
+    byId("planfailure").textContent = failed === "plan" ? why : "";
+    byId("layerfailure").textContent = failed && failed !== "plan" ? why : "";
+    for (const button of buttons) button.disabled = Boolean(name);
+    goal(state, Boolean(name));
+  };
+}
+
+/* The boxes of the goal: a position and angles, as far as the task has them. */
+function createGoal(viewer, { task, normal }, ask) {
+  const [place, angles] = ["goalplace", "goalangles"].map((id) =>
+    [...byId(id).querySelectorAll("input")]);
+  const flat = normal && normal.findIndex(Boolean);
+  const turns = task.some((row) => row.startsWith("r"));
+  const shown = { goalplace: task.some((row) => !row.startsWith("r")), goalangles: turns };
+  for (const [id, on] of Object.entries(shown)) byId(id).hidden = !on;
+  if (normal) {
+    place[flat].closest("label").hidden = true;
+    angles.forEach((input, i) => (input.closest("label").hidden = i !== flat));
+  }
+  let [state, picking] = [null, false];
+
+  const present = () => state.goal ?? { position: state.tip, rpy: undefined };
+  const set = (part) => ask({ do: "goal", ...present(), ...part });
+
+  place.forEach((input, i) => input.addEventListener("change", () => {
+    if (input.value === "") return;
+    set({ position: present().position.map((x, k) => (k === i ? Number(input.value) : x)) });
+  }));
+  angles.forEach((input, i) => input.addEventListener("change", () => {
+    if (input.value === "") return;
+    const rpy = present().rpy ?? state.tip_rpy;
+    set({ rpy: rpy.map((x, k) => (k === i ? Number(input.value) * DEGREE : x)) });
+  }));
+  byId("goalhere").addEventListener("click", () => ask({ do: "goal" }));
+  byId("plan").addEventListener("click", () => ask({ do: "plan" }));
+
+  function pick(on) {
+    picking = on;
+    document.body.classList.toggle("picking", on);
+    byId("goalpick").setAttribute("aria-pressed", String(on));
+  }
+  byId("goalpick").disabled = !viewer;
+  byId("goalpick").addEventListener("click", () => pick(!picking));
+  document.addEventListener("keydown", ({ key }) => key === "Escape" && pick(false));
+  byId("scene").addEventListener("pointerdown", (event) => {
+    if (!picking) return;
+    event.preventDefault();
+    event.stopPropagation(); // the camera stays
+    const { Plane, Vector3 } = MeshCat.THREE;
+    const facing = normal ? toDrawing(normal) : viewer.camera.getWorldDirection(new Vector3());
+    const through = toDrawing(present().position);
+    const plane = new Plane().setFromNormalAndCoplanarPoint(facing, through);
+    const point = pointUnder(viewer, event, plane);
+    if (point) set({ position: toInertial(point) });
+    pick(false);
+  }, { capture: true });
+
+  return (told, busy) => {
+    state = told;
+    byId("plan").disabled = busy || !state.goal;
+    const shownGoal = state.goal;
+    place.forEach((input, i) => {
+      if (document.activeElement !== input) {
+        input.value = shownGoal ? fixed(shownGoal.position[i], 3) : "";
+        input.placeholder = fixed(state.tip[i], 3);
+      }
+    });
+    angles.forEach((input, i) => {
+      if (document.activeElement !== input) {
+        input.value = shownGoal ? fixed(shownGoal.rpy[i] / DEGREE, 1) : "";
+        input.placeholder = fixed(state.tip_rpy[i] / DEGREE, 1);
+      }
+    });
+  };
+}

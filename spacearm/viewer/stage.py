@@ -1,0 +1,180 @@
+"""Stage: an arm on show, what is drawn of it, and the motion that plays."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from spacearm.arrays import Array
+from spacearm.collisions.obstacles import Obstacle
+from spacearm.model.configuration import Configuration
+from spacearm.model.mode import BaseMode
+from spacearm.motion.motion import Motion
+from spacearm.singularities.report import SingularityReport, singularity
+from spacearm.singularities.risk import RiskProfile
+from spacearm.viewer.layers.ghost import STEEL, VIOLET, Ghost, draw_axes
+from spacearm.viewer.layers.loads import LoadLayer
+from spacearm.viewer.layers.obstacles import ObstacleLayer
+from spacearm.viewer.layers.workspaces import Key, draw_risk, draw_workspace
+from spacearm.viewer.panel.comparison import Comparison
+from spacearm.viewer.panel.readouts import FAR
+from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
+from spacearm.viewer.scene import Scene
+from spacearm.viewer.session import Session
+from spacearm.viewer.window import Window
+from spacearm.workspaces.path_dependent import Workspace
+from spacearm.workspaces.regions import centre_of
+
+MOST_FRAMES = 9000
+"""Largest number of frames of a motion in a page; each takes some kilobytes."""
+VIEW = np.array([0.55, -0.75, 0.0])
+"""Direction from which workspaces of spatial arms are cut open: the page's, but level."""
+PLAYED = ("wheels", "wrenches", "trace", "goal", "comparison")
+"""Layers that belong to a motion."""
+
+
+class Stage:
+    """An arm on show in a window, and the motion that plays, if there is one.
+
+    Attributes:
+        session: The configuration on show.
+        scene: Its drawing.
+        motion: The motion; None if there is none.
+        other: What it is compared with.
+        obstacles: All that are on show.
+        time: The time on show [s].
+        played: How often another motion or comparison came on show.
+        hidden: Layers that are not shown.
+        legend: What the colours of workspaces and risk mean.
+    """
+
+    _loads: LoadLayer
+
+    def __init__(self, window: Window, session: Session, motion: Motion | None = None) -> None:
+        self.session, self.scene, self._window = session, Scene(window, session.arm), window
+        self.hidden: set[str] = set()
+        self.played = -1
+        self.legend: list[Key] = []
+        self._centre: BaseMode = "free-floating"
+        self._around: tuple[Obstacle, ...] = ()
+        self.play(motion)
+
+    def play(self, motion: Motion | None) -> None:
+        """Show a motion from its start, in place of the present one."""
+        self.motion, self.time = motion, float(motion.t[0]) if motion else 0.0
+        root, session = self.scene.root, self.session
+        if self.played >= 0:
+            self._loads.delete_held()
+        for name in PLAYED if self.played >= 0 else ():
+            root[name].delete()
+            self.show_layer(name, name not in self.hidden)
+        self._goal = root["goal"]["frame"]
+        draw_axes(self._goal, self.scene.size, VIOLET)
+        if motion:
+            session.spacecraft = motion.mode
+            session.show(motion[0])
+        self.obstruct(self._around)
+        self._loads = LoadLayer(root, session.cfg, motion, self.scene.size)
+        self.compare(None)
+        if motion and len(motion.arm.tips) == 1:  # several tips have no one path
+            self.scene.trace(motion.tip[:, :3], motion.distance / FAR)
+            Ghost(root["goal"]["end"], motion.arm, self.scene.size).place(motion[len(motion) - 1])
+
+    def obstruct(self, around: tuple[Obstacle, ...]) -> None:
+        """Draw obstacles besides those of the motion."""
+        self._around = around
+        own: tuple[Obstacle, ...] = tuple(getattr(self.motion, "obstacles", ()))
+        names = {obstacle.name for obstacle in own}
+        self.obstacles = (*own, *(one for one in around if one.name not in names))
+        node = self.scene.root["obstacles"]
+        node.delete()
+        self._obstacle_layer = ObstacleLayer(node, self.obstacles)
+        self.show_layer("obstacles", "obstacles" not in self.hidden)
+
+    def draw_shells(self, space: Workspace) -> None:
+        """Draw a workspace."""
+        self._centre = space.mode
+        self._explain("shells", draw_workspace(self.scene.root["shells"], space, self._view))
+
+    def draw_risk(self, risk: RiskProfile) -> None:
+        """Draw how likely singular postures are, over the distance of the tip from the CM."""
+        self._explain("risk", draw_risk(self.scene.root["risk"], risk, self._view))
+
+    def _explain(self, layer: str, keys: list[Key]) -> None:
+        self.legend = [key for key in self.legend if key.layer != layer] + keys
+        self.show_layer(layer, True)
+
+    @property
+    def _view(self) -> Array:
+        """Direction from which workspaces are seen, in the frame of their layers."""
+        normal = self.scene.arm.tree.plane_normal()
+        return VIEW if normal is None else np.eye(3)[normal]
+
+    def compare(self, other: Comparison | None) -> None:
+        """Show another motion in step with the present one; none if None."""
+        self.other, self._ghost = other, None
+        self.played += 1
+        node = self.scene.root["comparison"]
+        if other is None:
+            node.delete()
+        else:
+            self._ghost = Ghost(node, other.motion.arm, self.scene.size, STEEL, 0.45)
+        self.show_layer("comparison", "comparison" not in self.hidden)
+        self.draw()
+
+    def show_layer(self, name: str, visible: bool) -> None:
+        """Show or hide a layer."""
+        self.hidden = self.hidden - {name} if visible else self.hidden | {name}
+        self.scene.show_layer(name, visible)
+
+    def seek(self, t: float) -> None:
+        """Go to a time [s]."""
+        if self.motion:
+            self.time = float(np.clip(t, *self.span))
+            self.session.show(self.motion.at(self.time))
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time of the motions [s]."""
+        played = [motion for motion in (self.motion, self.other and self.other.motion) if motion]
+        return min(float(m.t[0]) for m in played), max(float(m.t[-1]) for m in played)
+
+    def draw(self) -> None:
+        """Draw the configuration on show."""
+        self._draw(self.session.cfg, self.session.report, self.time)
+
+    def _draw(self, cfg: Configuration, report: SingularityReport, t: float) -> None:
+        self.scene.draw(cfg, report)
+        self._loads.draw(cfg, t)
+        pose = np.eye(4)
+        if self.scene.arm.tree.plane_normal() is not None:
+            pose[:3, :3] = cfg.base.rotation
+        layers: dict[str, BaseMode] = {"shells": self._centre, "risk": "free-floating"}
+        for layer, mode in layers.items():
+            pose[:3, 3] = centre_of(cfg, mode)
+            self.scene.root[layer].set_transform(pose)
+        self._obstacle_layer.draw(t)
+        goal = self.session.goal
+        self._goal.set_property("visible", goal is not None)
+        if goal is not None:
+            self._goal.set_transform(goal.homogeneous)
+        if self.other and self._ghost:
+            self._ghost.place(self.other.motion.at(t))
+
+    def animate(self) -> None:
+        """Record the motion into the window."""
+        if not self.motion:
+            return
+        first, last = self.span
+        recorder = Recorder()
+        self._window.recorder = recorder
+        try:
+            frames = min(math.ceil((last - first) * FRAMES_PER_SECOND) + 1, MOST_FRAMES)
+            for t in np.linspace(first, last, frames):
+                recorder.frame = float(t - first) * FRAMES_PER_SECOND
+                cfg = self.motion.at(float(t))
+                self._draw(cfg, singularity(cfg, mode=self.motion.mode), float(t))
+        finally:
+            self._window.recorder = None
+        self._window.send(recorder)
