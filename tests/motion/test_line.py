@@ -31,3 +31,5 @@ def test_it_ends_as_follow_does(name, seed):
         assert line.tip == pytest.approx(slow.tip[-1, :3], abs=1e-7)
     elif line.end.kind == "joint limit":
         assert line.end.detail in slow.reason
+        assert ((line.q >= arm.lower) & (line.q <= arm.upper)).all()
+        assert line.q[-1] == pytest.approx(slow.q[-1], abs=0.01)

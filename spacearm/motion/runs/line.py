@@ -62,13 +62,14 @@ def straight_line(start: Configuration, goal: Goal, limits: bool) -> Line:
     kind, s, there = ENDS[led.ended[last]], float(led.s[last]), led.q[last]
     if kind == "gave up":
         raise NoSolutionError(f"{arm.name}: the line cannot be followed beyond {s:.4g}")
-    detail = CLOSE if kind == "singularity" and arm.n > arm.task.k else ""
-    if kind == "joint limit":
-        detail = arm.joint_names[int(np.maximum(arm.lower - there, there - arm.upper).argmax())]
-    end = Event(s, kind, there, f", {detail}" if detail == CLOSE else detail)
-    return Line(
-        np.vstack((start.q, led.q[: last + 1])), end, whole.length, whole.pose(s).translation
-    )
+    rows = np.vstack((start.q, led.q[: last + 1]))
+    detail = f", {CLOSE}" if kind == "singularity" and arm.n > arm.task.k else ""
+    if kind == "joint limit":  # the last step went beyond it
+        j, before = int(np.maximum(arm.lower - there, there - arm.upper).argmax()), rows[-2]
+        share = (np.clip(there, arm.lower, arm.upper) - before)[j] / (there - before)[j]
+        rows[-1] = np.clip(before + share * (there - before), arm.lower, arm.upper)
+        detail = arm.joint_names[j]
+    return Line(rows, Event(s, kind, rows[-1], detail), whole.length, whole.pose(s).translation)
 
 
 def _part(whole: Segment, share: float, shift: Array) -> Segment:
