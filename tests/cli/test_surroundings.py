@@ -17,7 +17,13 @@ import spacearm as sa
 QUERY = (sys.executable, "-m", "spacearm", "query", "planar2", "0", "1")
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", ">&- 2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed",
+    [
+        ">&- 2>&-",
+        *(pytest.param(x, marks=pytest.mark.slow) for x in (">&-", "2>&-", "<&-", "<&- >&- 2>&-")),
+    ],
+)
 def test_streams_that_are_closed(tmp_path, closed):
     words = [*QUERY[:3], "map", "planar2", "--points", "5", "--output", str(tmp_path / "map.svg")]
     run = subprocess.run(

@@ -102,6 +102,7 @@ def point_speeds(arm, bodies, q, rng):
     return np.array(speeds)
 
 
+@pytest.mark.slow
 @given(seeds)
 def test_contact_or_proof_as_dense_sampling_has_it(seed):
     """A sphere anywhere near the arm, and a random joint path on which the spacecraft turns."""

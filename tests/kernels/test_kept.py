@@ -68,11 +68,11 @@ def test_what_somebody_else_compiled_is_used_where_nothing_can_be_written(tmp_pa
 @pytest.mark.parametrize(
     ("kind", "damage"),
     [
-        ("nbi", b""),
         ("nbc", None),
         *(
             pytest.param(kind, damage, marks=pytest.mark.slow)
             for kind, damage in [
+                ("nbi", b""),
                 ("nbi", b"no pickle"),
                 ("nbi", None),
                 ("nbc", b""),

@@ -135,7 +135,14 @@ def test_nothing_unpacks_to_more_than_numbers_take(small, store, file, frame, mu
         {"consolidated_metadata": {"kind": "inline"}},
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("where", ["zarr.json", "sigma_min/zarr.json", "chunks/zarr.json"])
+@pytest.mark.parametrize(
+    "where",
+    [
+        "sigma_min/zarr.json",
+        pytest.param("zarr.json", marks=pytest.mark.slow),
+        pytest.param("chunks/zarr.json", marks=pytest.mark.slow),
+    ],
+)
 def test_descriptions_that_were_tampered_with(small, store, where, change):
     sound, file = dataset(store, small).load(), store / where
     described = json.loads(file.read_text()) | change

@@ -65,6 +65,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 def test_the_fence_sees_what_must_not_be():
     code = (
         "import sys; sys.path.insert(0, sys.argv.pop(1)); import fuzz, fence, os, socket, time\n"
