@@ -164,7 +164,7 @@ def refined(found: sa.SingularSet, q: np.ndarray, start: np.ndarray) -> float:
     from spacearm.polynomial.newton import HalfSquare, stationary
 
     S = found.S.shifted(q)
-    offset = stationary(HalfSquare(), S, start - q, 0.5)
+    offset = stationary(HalfSquare(), [S], start - q, 0.5)
     return float(np.linalg.norm(offset)) if abs(S(offset)) <= 1e-12 * S.scale else np.inf
 
 
