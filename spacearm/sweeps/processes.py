@@ -28,6 +28,13 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 """Each process computes on one core: there are as many processes as cores."""
 
 
+def command(module: str) -> list[str]:
+    """Return the command that runs a module of this program, whatever the current folder holds."""
+    safe = "import sys; sys.path[:] = filter(None, sys.path)"  # as -P from Python 3.11 on
+    run = f"import runpy; runpy.run_module({module!r}, run_name='__main__')"
+    return [sys.executable, "-c", f"{safe}; {run}"]
+
+
 class ChunkError(Exception):
     """A chunk failed in its process; the text is the error there."""
 
@@ -94,7 +101,7 @@ class Process:
 
     def __init__(self, recipe: Recipe, path: str) -> None:
         self._popen = subprocess.Popen(
-            [sys.executable, "-P", "-m", "spacearm.sweeps.processes"],
+            command("spacearm.sweeps.processes"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

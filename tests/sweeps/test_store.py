@@ -12,7 +12,7 @@ import pytest
 from helpers.sweeps import STUDY, files, run, start
 
 import spacearm as sa
-from spacearm.sweeps.processes import Process
+from spacearm.sweeps.processes import Process, command
 from spacearm.sweeps.runner import run_chunks
 from spacearm.sweeps.store import Store, dataset
 from spacearm.sweeps.toml import meaning
@@ -249,6 +249,18 @@ def test_two_sweeps_begin_together(whole, tmp_path):
         assert process.returncode == 0, err
         assert "0 failed" in out
     assert files(tmp_path / "s.zarr") == files(whole)
+
+
+@pytest.mark.parametrize("module", ["spacearm.sweeps.processes", "spacearm.viewer.work.worker"])
+def test_a_worker_takes_nothing_from_the_current_folder(tmp_path, module):
+    for name in ("runpy", "json", "numpy", "spacearm"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('from the current folder')")
+    found = os.pathsep.join(filter(None, sys.path))
+    run = subprocess.run(
+        command(module), cwd=tmp_path, env=os.environ | {"PYTHONPATH": found}, input="",
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "from the current folder" not in run.stderr
 
 
 def test_a_worker_whose_main_process_is_gone_says_nothing(small, tmp_path):

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from spacearm.sweeps.processes import command
+
 
 class Task:
     """A job that is under way in a process of its own.
@@ -41,7 +43,7 @@ class Task:
         self.done = self.total = 0.0
         self._told, self._ended = told, ended
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "spacearm.viewer.work.worker"],
+            command("spacearm.viewer.work.worker"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C is for the main process, which ends this one
