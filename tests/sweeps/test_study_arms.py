@@ -6,6 +6,8 @@ import spacearm as sa
 from spacearm.sweeps.study_arms import fingerprint, read_arms
 from spacearm.sweeps.toml import parse
 
+pytest.importorskip("tomllib")  # Python 3.10 has none
+
 
 def read(tmp_path, joints: str) -> sa.SpaceArm:
     text = f'arms = [{{model = "dual_ur5", {joints}}}]'
