@@ -22,7 +22,7 @@ from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, stea
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, CurveOptimiser, Target
-from spacearm.planning.problem import WAVES, Problem, Rows
+from spacearm.planning.problem import WAVES, Problem, Rows, travel
 from spacearm.planning.search import TimeUpError
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.planning.tree import by_tree, straight_rows
@@ -148,7 +148,7 @@ def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) 
             break
     if not found:
         raise NoSolutionError(why, problem.best)
-    return min(found, key=_travel)
+    return min(found, key=travel)
 
 
 def _by_loops(problem: Problem, target: Target) -> Rows:
@@ -231,11 +231,6 @@ def _in_words(w: Array) -> str:
     """Describe a turn about one axis."""
     axis = int(np.abs(w).argmax())
     return f"{np.degrees(w[axis]):.0f} deg about {'xyz'[axis]}"
-
-
-def _travel(rows: Rows) -> float:
-    """Return the sum of the motions of all joints."""
-    return float(np.abs(np.diff(_joints(rows), axis=0)).sum())
 
 
 def _joints(rows: Rows) -> Array:

@@ -184,6 +184,11 @@ class Problem:
         return GuessFinder(start, target, WAVES, rng, self.search, self.collisions)
 
 
+def travel(rows: Rows) -> float:
+    """Return the sum of the motions of all joints [rad] or [m]."""
+    return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
+
+
 def bodies_apart(cfg: Configuration, target: Target, obstacles: tuple[Obstacle, ...]) -> Collisions:
     """Return the bodies that must not meet.
 

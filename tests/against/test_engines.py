@@ -11,13 +11,19 @@ from spacearm.mechanics.blocks import FEW
 ARMS = subjects()
 
 
-@pytest.mark.parametrize("name", ARMS)
-@pytest.mark.parametrize("engine", ENGINES)
-def test_everything_agrees(engine, name):
+def suited(engine, name):
+    """The arm, unless the engine is missing or does not suit it."""
     pytest.importorskip(MODULES[engine], reason="pip install spacearm[against]")
     arm = ARMS[name]
     if not suits(engine, name, arm):
         pytest.skip(UNLIKE.get((engine, name), "spartpy's velocities are those of serial arms"))
+    return arm
+
+
+@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_everything_agrees(engine, name):
+    arm = suited(engine, name)
     for quantity, difference in compared(arm, ENGINES[engine]).items():
         assert difference < 1e-10, quantity
 
@@ -26,10 +32,7 @@ def test_everything_agrees(engine, name):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_accelerations_of_many_states_agree(engine, name):
     """`joint_accelerations` by compiled kernels, on so many states that they are taken."""
-    pytest.importorskip(MODULES[engine], reason="pip install spacearm[against]")
-    arm = ARMS[name]
-    if not suits(engine, name, arm):
-        pytest.skip(UNLIKE.get((engine, name), "spartpy's velocities are those of serial arms"))
+    arm = suited(engine, name)
     there, some = ENGINES[engine](arm), list(states(arm))
     theirs = np.array([there(state).acceleration[6:] for state in some])
     Q, dQ, tau = (np.array(x) for x in zip(*((s.cfg.q, s.v[6:], s.tau) for s in some), strict=True))

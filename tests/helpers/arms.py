@@ -179,3 +179,18 @@ def moved(cfg: sa.Configuration, dq, v_b, h: float) -> sa.Configuration:
     turned = pin.exp3(h * v_b[3:]) @ cfg.base.rotation
     shifted = cfg.base.translation + h * v_b[:3]
     return cfg.arm.at(cfg.q + h * dq, base=pin.SE3(turned, shifted))
+
+
+def planar_pair(tip=("left", "right"), joints="tip") -> sa.SpaceArm:
+    """Two planar arms of two links on one spacecraft, without shapes."""
+    parts = [link("bus", 40.0, inertia=np.diag([6.0, 6.0, 6.667]))]
+    for side, x in (("left", -0.5), ("right", 0.5)):
+        I = np.diag([0.01, 0.3, 0.3])
+        parts += [link(f"{side}_{i}", 4.0, (0.5, 0, 0), I) for i in (1, 2)]
+        parts += [
+            joint(f"{side}_j1", "bus", f"{side}_1", xyz=(x, 0, 0)),
+            joint(f"{side}_j2", f"{side}_1", f"{side}_2", xyz=(1, 0, 0)),
+            f'<link name="{side}"/>',
+            joint(f"{side}_t", f"{side}_2", side, "fixed", xyz=(1, 0, 0)),
+        ]
+    return load_text(robot(*parts), tip=tip, joints=joints)

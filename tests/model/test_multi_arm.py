@@ -5,7 +5,14 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import joint, link, load_text, moved, random_base, random_tree, robot, seeds
+from helpers.arms import (
+    load_text,
+    moved,
+    planar_pair,
+    random_base,
+    random_tree,
+    seeds,
+)
 from hypothesis import given, settings
 
 import spacearm as sa
@@ -24,21 +31,6 @@ def dual(seed=1, tip=("left", "right")) -> sa.Configuration:
     return sa.load("dual_ur5", tip=tip, joints="all").at(
         rng.uniform(-3, 3, 12), base=random_base(rng)
     )
-
-
-def planar_pair(**spacecraft) -> sa.SpaceArm:
-    """Two planar arms of two links on one spacecraft."""
-    parts = [link("bus", 40.0, inertia=np.diag([6.0, 6.0, 6.667]))]
-    for side, x in (("left", -0.5), ("right", 0.5)):
-        I = np.diag([0.01, 0.3, 0.3])
-        parts += [link(f"{side}_{i}", 4.0, (0.5, 0, 0), I) for i in (1, 2)]
-        parts += [
-            joint(f"{side}_j1", "bus", f"{side}_1", xyz=(x, 0, 0)),
-            joint(f"{side}_j2", f"{side}_1", f"{side}_2", xyz=(1, 0, 0)),
-            f'<link name="{side}"/>',
-            joint(f"{side}_t", f"{side}_2", side, "fixed", xyz=(1, 0, 0)),
-        ]
-    return load_text(robot(*parts), tip=("left", "right")).replace(**spacecraft)
 
 
 @given(seeds)
@@ -143,7 +135,7 @@ def test_the_singular_set_of_two_planar_arms_is_exact():
     assert found.complete
     for q in found.sample(50, np.random.default_rng(3)):
         assert sa.singularity(arm.at(q)).sigma_min < 1e-9
-    heavy = planar_pair(base_mass=40e9, base_inertia=6e9 * np.eye(3))
+    heavy = planar_pair().replace(base_mass=40e9, base_inertia=6e9 * np.eye(3))
     elbows = sa.singular_set(heavy).sample(50, np.random.default_rng(3))[:, [1, 3]]
     assert np.abs(np.sin(elbows)).min(axis=1).max() < 1e-6
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import joint, link, load_text, robot
+from helpers.arms import planar_pair
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
@@ -16,18 +16,7 @@ TIPS = ("left", "right")
 
 
 def pair(tip=TIPS):
-    """Two planar arms of two links on one spacecraft, without shapes."""
-    parts = [link("bus", 40.0, inertia=np.diag([6.0, 6.0, 6.667]))]
-    for side, x in (("left", -0.5), ("right", 0.5)):
-        I = np.diag([0.01, 0.3, 0.3])
-        parts += [link(f"{side}_{i}", 4.0, (0.5, 0, 0), I) for i in (1, 2)]
-        parts += [
-            joint(f"{side}_j1", "bus", f"{side}_1", xyz=(x, 0, 0)),
-            joint(f"{side}_j2", f"{side}_1", f"{side}_2", xyz=(1, 0, 0)),
-            f'<link name="{side}"/>',
-            joint(f"{side}_t", f"{side}_2", side, "fixed", xyz=(1, 0, 0)),
-        ]
-    return load_text(robot(*parts), tip=tip, joints="all")
+    return planar_pair(tip, "all")
 
 
 @pytest.fixture(scope="module")

@@ -182,10 +182,8 @@ def steiner(m: float, r: Vector) -> Six:
 
 
 @step
-def carry(b: Bodies, m: Moving, i: int) -> None:
-    """Add what joint i carries to what its parent's joint carries."""
-    inner, outer, mass = m.body[b[i].parent], m.body[i], b[i].carried
-    e, s = read(outer.e), read(outer.s)
+def shifted(m: float, s: Vector, e: Vector) -> Six:
+    """Return what the inertia of a mass m with first moment s gains with its origin at -e."""
     x, y, z = 2.0 * e[0] * s[0], 2.0 * e[1] * s[1], 2.0 * e[2] * s[2]
     mixed = (
         y + z,
@@ -195,7 +193,15 @@ def carry(b: Bodies, m: Moving, i: int) -> None:
         -e[1] * s[2] - e[2] * s[1],
         x + y,
     )
-    moved = plus(steiner(mass, e), mixed)
+    return plus(steiner(m, e), mixed)
+
+
+@step
+def carry(b: Bodies, m: Moving, i: int) -> None:
+    """Add what joint i carries to what its parent's joint carries."""
+    inner, outer, mass = m.body[b[i].parent], m.body[i], b[i].carried
+    e, s = read(outer.e), read(outer.s)
+    moved = shifted(mass, s, e)
     put(inner.I, plus(read_six(inner.I), plus(read_six(outer.I), moved)))
     put(inner.s, add(read(inner.s), add(s, times(mass, e))))
 

@@ -20,7 +20,7 @@ from spacearm.mechanics.floating import attitudes, walk
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import Goal, goal_pose, out_of_reach
 from spacearm.planning.optimiser import ARRIVED, SPACING, Target
-from spacearm.planning.problem import Problem, Rows, bodies_apart
+from spacearm.planning.problem import Problem, Rows, bodies_apart, travel
 from spacearm.planning.result import IGNORED, Attempt, Plan
 from spacearm.planning.rounds.wish import Wish, best_attempt
 from spacearm.planning.search import Search, TimeUpError
@@ -136,7 +136,7 @@ def _joint_space(problem: Problem, resolved: Resolved) -> Rows:
             why = str(error)
     if not found:
         raise NoSolutionError(why, problem.best)
-    return min(found, key=_travel)
+    return min(found, key=travel)
 
 
 def _landed(problem: Problem, resolved: Resolved, way: Array, bend: Array) -> Array | None:
@@ -150,10 +150,10 @@ def _landed(problem: Problem, resolved: Resolved, way: Array, bend: Array) -> Ar
     """
     start = problem.start
     end = np.clip(start.q + way, problem.target.lower, problem.target.upper)
-    travel = np.abs(np.diff(_curve(start.q, end, bend, COARSE), axis=0)).sum()
+    length = np.abs(np.diff(_curve(start.q, end, bend, COARSE), axis=0)).sum()
     for _ in range(STEPS):
         problem.search.check_time()
-        curve = _curve(start.q, end, bend, max(COARSE, math.ceil(travel / SPACING)))
+        curve = _curve(start.q, end, bend, max(COARSE, math.ceil(length / SPACING)))
         left, J = resolved.rows(end, attitudes(resolved.start, curve)[-1], 1.0)
         if np.abs(left).max() <= ARRIVED:
             return curve
@@ -166,8 +166,3 @@ def _curve(start: Array, end: Array, bend: Array, m: int) -> Array:
     """Return the rows (m + 1, n) of a curve."""
     s = np.linspace(0.0, 1.0, m + 1)[:, None]
     return start + s * (end - start) + np.sin(np.pi * s) * bend
-
-
-def _travel(rows: Rows) -> float:
-    """Return the sum of the motions of all joints."""
-    return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())

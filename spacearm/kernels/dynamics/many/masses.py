@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from spacearm.kernels.dynamics.many.work import Swinging, rows, six, store, store_six
-from spacearm.kernels.dynamics.masses import factors, plus, steiner
+from spacearm.kernels.dynamics.masses import factors, plus, shifted, steiner
 from spacearm.kernels.floating import Bodies
 from spacearm.kernels.lanes import (
     LANES,
@@ -77,16 +77,7 @@ def carry(b: Bodies, m: Swinging, i: int) -> None:
     inner, outer, mass = m.body[b[i].parent], m.body[i], b[i].carried
     for l in range(LANES):
         e, s = vector(outer.e, l), vector(outer.s, l)
-        x, y, z = 2.0 * e[0] * s[0], 2.0 * e[1] * s[1], 2.0 * e[2] * s[2]
-        mixed = (
-            y + z,
-            -e[0] * s[1] - e[1] * s[0],
-            -e[0] * s[2] - e[2] * s[0],
-            x + z,
-            -e[1] * s[2] - e[2] * s[1],
-            x + y,
-        )
-        moved = plus(steiner(mass, e), mixed)
+        moved = shifted(mass, s, e)
         store_six(inner.I, l, plus(six(inner.I, l), plus(six(outer.I, l), moved)))
         store(inner.s, l, add(vector(inner.s, l), add(s, times(mass, e))))
 
