@@ -26,7 +26,6 @@ from spacearm.singularities.minors import chart_of, minors_of
 from spacearm.singularities.polynomial import to_square
 from spacearm.singularities.rank_loss import lose_rank
 
-
 FRUITLESS, EACH = 100, 20
 """Starts after which a search ends, and how many more each one found is worth."""
 
