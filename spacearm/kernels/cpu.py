@@ -54,7 +54,7 @@ def nearness(bodies: int, n: int, rows: int) -> Nearness:
             h=np.empty((6, LANES)),
             I_mu=np.empty((6, LANES)),
         ),
-        L=np.empty((rows, n, LANES)),
+        L=np.empty((rows, n + rows - 1, LANES)),
         t=np.empty((4, LANES)),
     )
 
