@@ -12,7 +12,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.kernels import cpu
 from spacearm.kernels.paths import turns
-from spacearm.mechanics.compiled import all_bodies, all_joints, bodies, frame_on_body
+from spacearm.mechanics.compiled import all_bodies, all_positions, bodies, frame_on_body
 from spacearm.model.arm import SpaceArm
 
 
@@ -35,7 +35,7 @@ class Reactions(NamedTuple):
 def reactions(arm: SpaceArm, q: Array) -> Reactions:
     """Compute J*, the connection and the tip pose at q (n, m)."""
     at = _reactions(q.shape[1], arm.n)
-    q = np.ascontiguousarray(all_joints(arm, q))  # one memory order, compiled once
+    q = np.ascontiguousarray(all_positions(arm, q))  # one memory order, compiled once
     cpu.reactions(*bodies(arm), q, *at)
     return _of_tip(arm, at)
 
@@ -55,7 +55,7 @@ def connections(arm: SpaceArm, q: Array, dq: Array) -> tuple[Reactions, Array]:
     """Compute `reactions` at q (n, m), and the derivatives (m, 3, n) of A dq, dq (m, n) held."""
     m, n = dq.shape
     at, G = _reactions(m, n), np.empty((m, 3, n))
-    q = np.ascontiguousarray(all_joints(arm, q))  # one memory order, compiled once
+    q = np.ascontiguousarray(all_positions(arm, q))  # one memory order, compiled once
     b, tip, E = bodies(arm)
     turns.connections(b, all_bodies(arm), tip, E, q, dq, *at, G)
     return _of_tip(arm, at), G
