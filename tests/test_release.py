@@ -1,5 +1,6 @@
 """What a release is made of says the same everywhere: versions, requirements, workflows."""
 
+import json
 import os
 import re
 import shutil
@@ -38,27 +39,52 @@ def test_versions_are_one():
     assert citation["license"] == PROJECT["license"] == read(RECIPE)["about"]["license"]
 
 
-def test_the_version_is_the_tag(tmp_path):
-    def call(*arguments):
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("GIT_")}
-        me = ("-c", "user.name=a", "-c", "user.email=a@example.org")
-        command = ("git", *me, *arguments) if arguments[0] != "hatchling" else (
-            sys.executable, "-m", *arguments
-        )  # fmt: skip
-        return subprocess.run(
-            command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
-        ).stdout.strip()
+def clone(folder):
+    """What the metadata is made of, without history."""
+    for name in ("pyproject.toml", "README.md", ".github/addresses.py"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
 
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    shutil.copy(ROOT / "README.md", tmp_path)
-    assert call("hatchling", "version") == WRITTEN  # a copy without history
-    call("init", "-q")
-    call("add", ".")
-    call("commit", "-q", "-m", "a release")
-    call("tag", "v9.8.7")
-    assert call("hatchling", "version") == "9.8.7"
-    call("commit", "-q", "--allow-empty", "-m", "more")
-    assert call("hatchling", "version").startswith("9.8.7.post1.dev1+g")
+
+def call(folder, *arguments, **given):
+    """What hatchling or git prints in a folder, without what the environment says of others."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("GIT_", "GITHUB_"))}
+    me = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+    command = (sys.executable, "-m") if arguments[0] == "hatchling" else ("git", *me)
+    return subprocess.run(
+        (*command, *arguments), cwd=folder, env=environment | given, check=True,
+        capture_output=True, text=True,
+    ).stdout.strip()  # fmt: skip
+
+
+def test_the_version_is_the_tag(tmp_path):
+    clone(tmp_path)
+    assert call(tmp_path, "hatchling", "version") == WRITTEN  # a copy without history
+    call(tmp_path, "init", "-q")
+    call(tmp_path, "add", ".")
+    call(tmp_path, "commit", "-q", "-m", "a release")
+    call(tmp_path, "tag", "v9.8.7")
+    assert call(tmp_path, "hatchling", "version") == "9.8.7"
+    call(tmp_path, "commit", "-q", "--allow-empty", "-m", "more")
+    assert call(tmp_path, "hatchling", "version").startswith("9.8.7.post1.dev1+g")
+
+
+def test_the_addresses_are_those_of_the_repository_that_builds(tmp_path):
+    """And an sdist keeps them for whoever installs from it; elsewhere there are none."""
+    clone(tmp_path)
+
+    def urls(**given):
+        found = json.loads(call(tmp_path, "hatchling", "metadata", **given))
+        return found.get("urls", {})
+
+    assert urls() == {}
+    public = urls(GITHUB_SERVER_URL="https://git.example.org", GITHUB_REPOSITORY="arms/spacearm")
+    assert public["Repository"] == "https://git.example.org/arms/spacearm"
+    assert {"Documentation", "Changelog", "Issues"} < public.keys()
+    about = ["Metadata-Version: 2.4", "Name: spacearm", f"Version: {WRITTEN}"]
+    about += [f"Project-URL: {name}, {url}" for name, url in public.items()]
+    (tmp_path / "PKG-INFO").write_text("\n".join(about))
+    assert urls() == urls(GITHUB_REPOSITORY="other/fork") == public
 
 
 def test_the_citation_has_what_the_format_asks_for():

@@ -59,7 +59,7 @@ def joint_rows(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
     return array
 
 
-def read_block(Q: Array, block: slice) -> Array:
+def read_block(Q: Array, block: slice) -> npt.NDArray[np.float64]:
     """Read one block of Q as (n, m), NaN where a value is no joint position."""
     q = np.array(Q[block].T, dtype=np.float64, order="C")
     q[~(np.abs(q) <= LARGEST)] = np.nan

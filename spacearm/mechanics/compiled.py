@@ -17,7 +17,7 @@ from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.quantities import NEARNESS, QUANTITIES
 from spacearm.mechanics.nearness import Tangent, refined
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import FREE_TWIST, BaseMode, free_components
+from spacearm.model.mode import FREE_TWIST, BaseMode
 from spacearm.model.scale import radians
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -28,7 +28,7 @@ ENDLESS = 1e100
 def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]:
     """Compute the `QUANTITIES` at q (n, m), each (m,)."""
     values = np.empty((len(QUANTITIES), q.shape[1]))
-    q = _all_joints(arm, q)
+    q = all_positions(arm, q)
     cpu.measures(*bodies(arm), arm.n, *_task(arm), q, wants_condition, values)
     return dict(zip(QUANTITIES, values, strict=True))
 
@@ -62,7 +62,7 @@ def _tangent(
     """Compute `tangent`, some rows of it, by a kernel with the arguments of `cpu.distances`."""
     m, n = Q.shape
     v = np.empty((2 + rows * n, m))
-    kernel(*bodies(arm, mode), *_task(arm), radians(arm), _all_joints(arm, Q.T), v)
+    kernel(*bodies(arm, mode), *_task(arm), radians(arm), all_positions(arm, Q.T), v)
     v[2:] = np.where((v[0] == 0.0) & np.isnan(v[2:]), 0.0, v[2:])  # singular all around
     return Tangent(v[0], v[1], v[2:].reshape(rows, n, m).transpose(2, 0, 1))
 
@@ -76,7 +76,7 @@ def measures_on_card(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str
     """Compute `measures` on the graphics card."""
     from spacearm.kernels.cuda import launched, measures
 
-    q = _all_joints(arm, q)
+    q = all_positions(arm, q)
     values = np.empty((len(QUANTITIES), q.shape[1]))
     kernel = measures(len(q), arm.n)
     launched(kernel, *bodies(arm), *_task(arm), q, wants_condition, values)
@@ -100,22 +100,18 @@ def no_card() -> str | None:
     return None if cuda.is_available() else "no NVIDIA driver or no card answers"
 
 
-def jacobians(arm: SpaceArm, q: Array) -> Array:
+def jacobians(arm: SpaceArm, q: Array, mode: BaseMode = "free-floating") -> Array:
     """Compute the generalized Jacobians (m, 6, n) at q (n, m)."""
     J = np.empty((q.shape[1], 6, arm.n))
-    cpu.jacobians(*bodies(arm), _all_joints(arm, q), J)
+    cpu.jacobians(*bodies(arm, mode), all_positions(arm, q), J)
     return J
 
 
-def accelerations(
-    arm: SpaceArm, mode: BaseMode, q: Array, dq: Array, tau: Array, h: Array
-) -> Array:
-    """Compute joint accelerations (n, m) at q, dq, tau (n, m) with angular momenta h (3, m)."""
-    from spacearm.kernels.dynamics.many.equations import accelerations
-
-    ddq = np.empty_like(dq)
-    accelerations(all_bodies(arm), free_components(mode), _all_joints(arm, q), dq, tau, h, ddq)
-    return ddq
+def singular_values(arm: SpaceArm, q: Array, mode: BaseMode) -> Array:
+    """Compute the singular values (m, min(k, n)) of the task Jacobians at q (n, m)."""
+    task = arm.task
+    J = task.components(jacobians(arm, q, mode), task.axes(np.eye(3)))
+    return np.linalg.svd(task.scale * J, compute_uv=False)
 
 
 class Reactions(NamedTuple):
@@ -138,7 +134,7 @@ def reactions(arm: SpaceArm, q: Array) -> Reactions:
     """Compute J*, the connection and the tip pose at q (n, m)."""
     m, n = q.shape[1], arm.n
     at = Reactions(np.empty((m, 6, n)), np.empty((m, 3, n)), np.empty((m, 3)), np.empty((m, 3, 3)))
-    q = np.ascontiguousarray(_all_joints(arm, q))  # one memory order, compiled once
+    q = np.ascontiguousarray(all_positions(arm, q))  # one memory order, compiled once
     cpu.reactions(*bodies(arm), q, *at)
     return at._replace(R=at.R @ frame_on_body(arm, arm.tip_frame).rotation)
 
@@ -199,7 +195,7 @@ def _minors(
     values = np.empty((q.shape[1], len(columns)))
     determinants.minors(
         *bodies(arm), arm.n, list(FREE_TWIST).index(mode), rows, columns, row, column,
-        _all_joints(arm, q), values, sizes,
+        all_positions(arm, q), values, sizes,
     )  # fmt: skip
     return values
 
@@ -235,7 +231,7 @@ def _units(arm: SpaceArm, floating: bool) -> tuple[Array, Array]:
 def tips(arm: SpaceArm, q: Array, mode: BaseMode) -> Array:
     """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at q (n, m) [m]."""
     r = np.empty((q.shape[1], 3))
-    determinants.tips(*bodies(arm), mode == "fixed", _all_joints(arm, q), r)
+    determinants.tips(*bodies(arm), mode == "fixed", all_positions(arm, q), r)
     return r
 
 
@@ -287,7 +283,7 @@ def _z_to(axis: Array) -> Array:
     return pin.Quaternion.FromTwoVectors(Z, axis).matrix()
 
 
-def _all_joints(arm: SpaceArm, q: Array) -> Array:
+def all_positions(arm: SpaceArm, q: Array) -> Array:
     """Return positions (N, m) of all joints, mimic joints too, large angles reduced to a turn."""
     q = np.ascontiguousarray(q)
     if arm.coupling is not None:

@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from canadarm2 import left
 
 import spacearm as sa
 
 PAPER, LOOP = "Papadopoulos & Dubowsky 1993", "a floating Panda"
+CANADARM2 = "Chen et al. 2014, Canadarm2"
 FINGERS = 0.0825
 """Mass of a finger [kg] with which the Panda of example-robot-data has the published 17.587 kg."""
 
@@ -42,7 +44,7 @@ class Row(NamedTuple):
 
 def rows() -> list[Row]:
     """Compute all numbers."""
-    return [*sets(), *paths(), *loop()]
+    return [*sets(), *paths(), *loop(), conditions()]
 
 
 def sets() -> list[Row]:
@@ -96,6 +98,14 @@ def loop() -> list[Row]:
     ]
 
 
+def conditions() -> Row:
+    """How far singular configurations of Canadarm2 are from the conditions for its structure."""
+    arm = sa.load("ssrms")
+    Q = sa.singular_set(arm, mode="attitude-controlled").sample(1000)
+    worst = max(left(arm, q) for q in (Q + np.pi) % (2.0 * np.pi) - np.pi)
+    return Row(CANADARM2, "farthest of 1,000 from its conditions", "", 0.0, worst, 1e-12)
+
+
 def _turn(arm: sa.SpaceArm, steps: int) -> float:
     """Return by how much the loop turns the base [deg], with chords in its place."""
     phase = np.linspace(0.0, 2.0 * np.pi, steps + 1)
@@ -125,10 +135,10 @@ def _state(run: sa.Motion, where: str, printed: tuple[float, ...], within: float
 
 def table() -> str:
     """Return all rows as text."""
-    lines = [f"{'':30} {'':34}{'published':>11}{'here':>11}"]
+    lines = [f"{'':30} {'':38}{'published':>11}{'here':>11}"]
     for row in rows():
         numbers = f"{row.published:11g}{row.computed:11.3f} {row.unit}"
-        lines.append(f"{row.source:30} {row.what:34}{numbers}")
+        lines.append(f"{row.source:30} {row.what:38}{numbers}".rstrip())
     return "\n".join(lines)
 
 

@@ -12,7 +12,7 @@ NAMES = [info.name for info in sa.catalogue()]
 
 def test_catalogue_lists_the_models_of_the_package():
     assert NAMES == [
-        "planar2", "planar3", "mda6", "ets7", "chaser7", "tecsas",
+        "planar2", "planar3", "mda6", "ets7", "chaser7", "tecsas", "ssrms",
         "servicer_ur5", "servicer_panda", "cubesat_xarm", "dual_ur5", "vispa_cubesat",
     ]  # fmt: skip
     assert [a.name for a in sa.arms()] == ["vispa", "ur5", "ur10", "panda", "kinova", "xarm7", "z1"]
@@ -42,6 +42,7 @@ def test_entries_are_true(info):
         ("ets7", [2552, 35, 22.7, 21.4, 16.8, 26.2, 18.1]),
         ("chaser7", [1579.20, 10, 17, 10, 16, 10, 10, 9]),
         ("tecsas", [140, 1.06488, 1.78201, 1.78201, 1.76068, 1.05615, 1.59936, 0.221118]),
+        ("ssrms", [243.66, 105.98, 105.98, 314.88, 279.2, 105.98, 105.98, 243.66]),
         ("vispa_cubesat", [12.627, 2.328, 3.995, 2.328, 3.157, 2.695, 0.924]),
         ("cubesat_xarm", [12.88556, 2.382, 1.869, 1.6383, 1.7269, 1.3203, 1.325, 0.17]),
         ("dual_ur5", [208.0, *(2 * [3.7, 8.393, 2.275, 1.219, 1.219, 0.1879])]),
@@ -130,3 +131,15 @@ def test_tecsas_is_the_table_of_spacedyn():
     assert cfg.tip.isApprox(tip, 1e-12)
     masses = [body.mass for body in list(arm.model.inertias)[1:]]
     np.testing.assert_allclose(cfg.com, np.average(cms, axis=0, weights=masses), atol=1e-14)
+
+
+def test_ssrms_is_as_long_as_published():
+    """Outstretched, and from joint to joint."""
+    arm = sa.load("ssrms")
+    at = arm.at(np.zeros(7)).tip.translation
+    np.testing.assert_allclose(at, [2 * 1.3589 + 2 * 7.11, -2 * 0.5692 - 0.475, 0.0], atol=1e-12)
+    places = [np.array(pin.SE3(p).translation) for p in list(arm.model.jointPlacements)[3:]]
+    np.testing.assert_allclose(places, [
+        [0, 0, 0.7026], [0, -0.5692, 0], [7.11, -0.475, 0], [7.11, 0, 0], [0, -0.5692, 0],
+        [0, 0, -0.7026],
+    ])  # fmt: skip

@@ -45,7 +45,8 @@ def test_a_bus_of_a_kilometre_and_one_of_feathers():
 @pytest.mark.parametrize("info", [*sa.catalogue()], ids=lambda info: info.name)
 def test_the_catalogue_is_plausible(info):
     notes = sa.load(info.name).notes
-    assert not [note for note in notes if "as if" in note or "density" in note]
+    found = [note for note in notes if "as if" in note or "density" in note]
+    assert len(found) == (info.name == "ssrms"), found  # it is an arm alone
 
 
 def test_a_station_is_no_mistake():

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import load_text, random_chain, random_tree, seeds
+from helpers.wheels import WHEELS, with_wheels
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -59,6 +60,37 @@ def test_those_of_one_state_at_a_time(seed, mode):
     assert_close(few, found[:3])
 
 
+@settings(max_examples=15)
+@given(seeds, st.sampled_from(MODES))
+def test_wheels_that_hold_momentum_and_wrenches(seed, mode):
+    """Wheels on the spacecraft and on a link, wrenches on both; against one state at a time."""
+    arm = load_text(with_wheels(seed), tip="tip", task="x", wheels=WHEELS)
+    Q, dQ, tau, h = states(arm, MANY, seed)
+    rng = np.random.default_rng(seed)
+    wheels, pushed, pulled = (
+        rng.normal(size=(MANY, 3)),
+        rng.normal(size=6),
+        rng.normal(size=h.shape),
+    )
+
+    def many(of):
+        return sa.joint_accelerations(
+            arm, Q[of], dQ[of], tau[of], mode=mode, momentum=h[of], wheels=wheels[of],
+            wrenches={"bus": pushed, "link_2": pulled[of]},
+        )  # fmt: skip
+
+    found = many(slice(None))
+    one = [
+        sa.forward_dynamics(
+            arm.at(Q[i], wheels=wheels[i]), dQ[i], tau[i], mode=mode, momentum=h[i],
+            wrenches={"bus": pushed, "link_2": pulled[i]},
+        ).ddq
+        for i in range(0, MANY, 9)
+    ]  # fmt: skip
+    assert_close(found[::9], np.array(one))
+    assert_close(many(slice(3)), found[:3])
+
+
 @pytest.mark.parametrize("name", ["mda6", "chaser7", "dual_ur5"])
 def test_models_of_the_catalogue(name):
     arm = sa.load(name)
@@ -112,6 +144,9 @@ def test_what_is_refused():
         ({"Q": ["a"]}, "Q has"),
         ({"momentum": np.zeros(3)}, "momentum has shape"),
         ({"momentum": "h"}, "momentum holds no numbers"),
+        ({"wheels": [1.0]}, r"wheels has shape \(1,\), not \(0,\)"),
+        ({"wrenches": {"arm": np.zeros(6)}}, "unknown link 'arm'"),
+        ({"wrenches": {"tip": np.zeros(5)}}, "the wrench on 'tip' has shape"),
         ({"mode": "free"}, "mode 'free'"),
         ({"out": np.zeros((3, 3))}, "out is"),
     ):

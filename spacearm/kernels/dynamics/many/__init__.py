@@ -1,1 +1,1 @@
-"""Forward dynamics of many states side by side: `masses` and `equations`, in lanes."""
+"""Forward dynamics of many states side by side: `masses`, `loads` and `equations`, in lanes."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from spacearm.kernels.dynamics.many.loads import Loads, apply, store_momentum
 from spacearm.kernels.dynamics.many.masses import carry, column, inertia, place
 from spacearm.kernels.dynamics.many.work import Swinging, six, store, swinging
 from spacearm.kernels.dynamics.masses import solve
@@ -115,7 +116,7 @@ def accelerate(m: Swinging) -> None:
 
 @kernel
 def accelerations(
-    b: Bodies, f: int, q: Numbers, dq: Numbers, tau: Numbers, h: Numbers, ddq: Numbers
+    b: Bodies, f: int, q: Numbers, dq: Numbers, tau: Numbers, h: Numbers, x: Loads, ddq: Numbers
 ) -> None:
     """Compute the joint accelerations of m states.
 
@@ -125,7 +126,8 @@ def accelerations(
         q: (N, m) positions of all joints.
         dq: (n, m) rates of those that count.
         tau: (n, m) their torques.
-        h: (3, m) angular momentum about the system CM, spacecraft axes.
+        h: (3, m) angular momentum about the system CM, that of wheels included, spacecraft axes.
+        x: Wheels and external wrenches.
         ddq: (n, m) receives the accelerations; NaN where H* is not positive definite.
     """
     N, (n, total) = len(b) - 1, dq.shape
@@ -152,11 +154,13 @@ def accelerations(
         for j in range(n):
             for l in range(LANES):
                 store(m.h, l, minus(vector(m.h, l), times(m.dq[j, l], vector(m.D_q[j], l))))
+        store_momentum(m, x, first, there)
         for l in range(LANES):
             turns = 1.0 if f == 6 else 0.0
             store(m.body[0].w, l, times(turns, solve(six(m.D, l), vector(m.h, l))))
         for i in range(N + 1):
             swing(b, m, i)
+        apply(m, x, first, there)
         for i in range(N, 0, -1):
             gather(b, m, i)
         react(b[0].carried, f, m)
