@@ -74,7 +74,7 @@ def copy_lessons() -> None:
     """Copy the notebooks beside the pages, where they are executed."""
     notebooks, lessons = HERE.parent / "notebooks", HERE / "lessons"
     lessons.mkdir(exist_ok=True)
-    for source in (*sorted(notebooks.glob("*.ipynb")), notebooks / "pictures.py"):
+    for source in (*sorted(notebooks.glob("*.ipynb")), *sorted(notebooks.glob("*.py"))):
         copy = lessons / source.name
         if not copy.exists() or copy.read_bytes() != source.read_bytes():
             shutil.copy(source, copy)

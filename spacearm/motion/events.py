@@ -15,13 +15,17 @@ from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
+from spacearm.motion.goal import steady
 from spacearm.singularities.polynomial import NEVER
+from spacearm.singularities.rank_loss import nearest_about
 
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
 LOOK = 0.05
 """Largest joint motion [rad] or [m] between two evaluations of the event functions."""
 NEAR = float(np.radians(0.5))
 """Arms without a singularity polynomial meet a singularity this far from the singular set [rad]."""
+DOUBTFUL = 2.0
+"""By what factor from that a distance to first order decides; nearer to it the exact one does."""
 CLOSE = f"{np.degrees(NEAR):g} deg from the singular set"
 """What is said of it."""
 ROUNDING = 1e-12
@@ -41,12 +45,15 @@ class Event(NamedTuple):
         kind: "singularity", "joint limit", "target" or "wheel full".
         q: (n,) joint positions then.
         detail: More about it: the name of the joint, or the measure and its value.
+        nearest: (n,) the singular configuration nearest to q, at a singularity of a redundant arm
+            with one tip; else None.
     """
 
     t: float
     kind: str
     q: Array
     detail: str
+    nearest: Array | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the event as plain data, q as a list."""
@@ -83,7 +90,33 @@ def has_determinant(arm: SpaceArm, mode: BaseMode) -> bool:
 
 def clear_of_singularities(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:
     """Return the distance to the singular set less `NEAR` [rad], no more than 1."""
-    return min(distance_at(cfg, mode, axes), 1.0) - NEAR
+    distance = distance_at(cfg, mode, axes)
+    if NEAR / DOUBTFUL < distance < DOUBTFUL * NEAR and is_exact(cfg.arm):
+        distance = exact_distance(cfg, mode, distance)
+    return min(distance, 1.0) - NEAR
+
+
+def is_exact(arm: SpaceArm) -> bool:
+    """Tell whether the distance at which the arm meets a singularity is the exact one.
+
+    Of arms with several tips it would take long; tasks whose directions turn with the spacecraft
+    have no singular set in joint space.
+    """
+    return arm.n > arm.task.k and len(arm.tips) == 1 and steady(arm)
+
+
+def exact_distance(cfg: Configuration, mode: BaseMode, otherwise: float = 1.0) -> float:
+    """Return the distance to the part of the singular set that lies about [rad]."""
+    found = nearest_about(cfg.arm, mode, cfg.q)
+    return otherwise if found is None else found[1]
+
+
+def with_nearest(event: Event, arm: SpaceArm, mode: BaseMode) -> Event:
+    """Add the nearest singular configuration to an event, if it is a singularity and has one."""
+    if event.kind != "singularity" or not is_exact(arm):
+        return event
+    found = nearest_about(arm, mode, event.q)
+    return event if found is None else event._replace(nearest=found[0])
 
 
 def limit_functions(arm: SpaceArm) -> list[EventFunction]:

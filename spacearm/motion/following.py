@@ -207,4 +207,7 @@ def how_it_ended(arm: SpaceArm, tip: Array, s: float, length: float, end: Event)
     if end.kind == "joint limit":
         return f"joint {end.detail!r} reaches its limit {where}"
     q = arm.in_words(end.q)
-    return f"singular {where}, q = {q}{end.detail}: J* cannot lead the tip on along the path"
+    set_at = "" if end.nearest is None else f" at q = {arm.in_words(end.nearest)}"
+    return (
+        f"singular {where}, q = {q}{end.detail}{set_at}: J* cannot lead the tip on along the path"
+    )

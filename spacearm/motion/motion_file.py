@@ -1,9 +1,9 @@
 """The file of a motion: named arrays of numbers and words in NumPy's format, checked when read.
 
 Each field of a motion is one array. A list of records, such as the events of a trajectory, is one
-array for each field of the records ("events_t", "events_kind"). Wrenches by link are one array with
-the names beside it ("wrenches_links"). The file names the joints of the arm, but does not hold the
-arm.
+array for each field of the records ("events_t", "events_kind"), NaN where there is none. Wrenches
+by link are one array with the names beside it ("wrenches_links"). The file names the joints of the
+arm, but does not hold the arm.
 """
 
 from __future__ import annotations
@@ -115,7 +115,9 @@ def save(path: str | os.PathLike[str], motion: Any, layout: Layout) -> None:
     for name, record in layout.lists.items():
         items = getattr(motion, name)
         for i, (column, form) in enumerate(_forms(record, len(items), len(joints)).items()):
-            array: npt.NDArray[Any] = np.array([item[i] for item in items], TYPES[form[0]])
+            none = np.full(len(joints), np.nan)
+            rows = [none if item[i] is None else item[i] for item in items]
+            array: npt.NDArray[Any] = np.array(rows, TYPES[form[0]])
             arrays[f"{name}_{column}"] = array.reshape(form[1])
     for name in layout.by_link:
         rows = getattr(motion, name)
@@ -218,17 +220,24 @@ def _forms(record: Any, k: int, n: int) -> dict[str, Form]:
 
 def _records(arrays: Arrays, name: str, record: Any, n: int) -> list[Any]:
     """Return the records of a list."""
-    first = arrays.get(f"{name}_{record._fields[0]}", np.empty(0))
+    first, hints = arrays.get(f"{name}_{record._fields[0]}", np.empty(0)), get_type_hints(record)
     columns = [
-        _array(arrays, f"{name}_{column}", form)
+        _array(arrays, f"{name}_{column}", form, type(None) in get_args(hints[column]))
         for column, form in _forms(record, first.size, n).items()
     ]
     rows = zip(*columns, strict=True)
-    return [record(*(x if x.ndim else x.item() for x in row)) for row in rows]
+    return [record(*map(_value, row)) for row in rows]
 
 
-def _array(arrays: Arrays, name: str, form: Form) -> npt.NDArray[Any]:
-    """Return an array of this form, finite numbers if it holds numbers.
+def _value(x: npt.NDArray[Any]) -> Any:
+    """Return a value of a record: a number, a word, an array, or None for one of NaN."""
+    if x.ndim == 0:
+        return x.item()
+    return None if np.isnan(x).any() else x
+
+
+def _array(arrays: Arrays, name: str, form: Form, gaps: bool = False) -> npt.NDArray[Any]:
+    """Return an array of this form; if it holds numbers they are finite, or NaN for `gaps`.
 
     Raises:
         ValueError: It is missing, or has another form.
@@ -238,6 +247,6 @@ def _array(arrays: Arrays, name: str, form: Form) -> npt.NDArray[Any]:
     array, (letter, shape) = arrays[name], form
     if array.shape != shape or array.dtype.kind != letter:
         raise ValueError(f"{name} holds {array.dtype} of shape {array.shape}, not {shape}")
-    if letter == "f" and not np.isfinite(array).all():
+    if letter == "f" and not (np.isfinite(array) | (gaps and np.isnan(array))).all():
         raise ValueError(f"{name} holds numbers that are not finite")
     return array

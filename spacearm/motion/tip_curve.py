@@ -22,6 +22,7 @@ from spacearm.motion.events import (
     EventFunction,
     clear_of_singularities,
     limit_functions,
+    with_nearest,
 )
 from spacearm.motion.goal import goal_axes, goal_rows, twist_between
 from spacearm.motion.tip_path import Segment
@@ -131,7 +132,7 @@ class TipCurve:
             steps = 1 + int((end - solver.t_old) / SPACING)
             states.append(piece(np.linspace(solver.t_old, end, steps + 1)[1:]).T)
             if found:
-                return np.vstack(states), found[0]
+                return np.vstack(states), with_nearest(found[0], self.arm, self.mode)
 
 
 def state_of(cfg: Configuration, s: float) -> Array:

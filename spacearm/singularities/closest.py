@@ -90,7 +90,7 @@ def nearest_singular(
     unit = radians(arm)
     low = (arm.lower - q) / unit if limits else np.full(arm.n, -np.inf)
     high = (arm.upper - q) / unit if limits else np.full(arm.n, np.inf)
-    look, compiled = _looking(arm, mode, q)
+    look, compiled = looking(arm, mode, q)
     if progress:
         look = _counted(look, _most(arm.n, compiled), progress)
     search = Search(look, compiled, low, high)
@@ -102,7 +102,7 @@ def nearest_singular(
     return q + unit * best, float(np.linalg.norm(best))
 
 
-def _looking(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Callable[[Array], Tangent], bool]:
+def looking(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Callable[[Array], Tangent], bool]:
     """Return how the set looks from offsets (m, n), and whether compiled code tells."""
     unit = radians(arm)
     if len(arm.tips) > 1:

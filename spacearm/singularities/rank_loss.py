@@ -1,6 +1,7 @@
 """Loss of rank found by the Gauss-Newton method, with the steps of `mechanics.nearness`.
 
-From one start; a search over many starts may miss singular configurations.
+From one start; a search over many starts may miss singular configurations. `closest` has that for
+the nearest one.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.nearness import nearness
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
+from spacearm.model.scale import radians
+from spacearm.singularities.closest import Search, looking
 
 LOST = 1e-10
 """A matrix has lost rank if its least singular value is below this share of the largest norm of it
@@ -77,3 +80,18 @@ def is_singular(
     J = task_jacobian(arm.at(q), mode=mode)
     sigma = np.linalg.svd(J if columns is None else J[:, list(columns)], compute_uv=False)
     return bool(sigma[-1] <= tolerance * sigma[0])
+
+
+def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
+    """Return the singular configuration (n,) nearest to q (n,) that lies about, and its distance.
+
+    Where the set is near, its foot to first order lies by its nearest point. Then the last part of
+    `closest.Search` is enough, which moves one point along the set until it rests. The distance is
+    in radians, sliding joints in units of `radians`; None if none lies about.
+    """
+    look, compiled = looking(arm, mode, q)
+    search = Search(look, compiled, np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
+    offset = search.settled(np.zeros((1, arm.n)), np.zeros(1))
+    if offset is None:
+        return None
+    return q + radians(arm) * offset, float(np.linalg.norm(offset))

@@ -27,8 +27,8 @@ from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.risk import RiskProfile, risk_profile
 from spacearm.workspaces.box import Box
+from spacearm.workspaces.extent import largest_distance_within
 from spacearm.workspaces.free import free_workspace
-from spacearm.workspaces.outermost import largest_distance
 from spacearm.workspaces.proven import Proven, left_out, prove_shells
 from spacearm.workspaces.regions import Region, off_plane, position, singular_at
 from spacearm.workspaces.searched_shells import Searches, found_shells
@@ -65,7 +65,7 @@ class Workspace(Result):
 
     "found": the largest and least distances that a search from `effort` singular configurations
     met. What is proven of them is in `covered`, and the rest may differ by `gap`: arms of more than
-    three joints whose shells leave distances out, or that limits keep from their largest one.
+    three joints whose shells leave reachable distances out, as limits often make them.
 
     Redundant arms have shells for the full pose, or "x y rz" in the plane. `workspace` raises
     `UnsupportedError` for others, and for sliding and mimic joints; `sa.risk_profile` takes all.
@@ -280,7 +280,7 @@ def workspace(
             keep(proven)
             gap = max(gap, reach_gap)
         else:
-            farthest = largest_distance(arm, mode)
+            farthest = largest_distance_within(arm, mode, box, reach[0].radius)
             keep(found_shells(found, box, effort, rng, reach[0].at, searches, keep))
             gap = left_out(found, box, merged([shell.radius for shell in shells]), farthest)
         return known(prove_shells(found, box, shells, farthest), min(gap, farthest), farthest)

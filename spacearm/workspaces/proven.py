@@ -21,7 +21,7 @@ from spacearm.singularities.minors import minors_of
 from spacearm.singularities.polynomial import distances, radius_squared
 from spacearm.singularities.rank_loss import is_singular
 from spacearm.workspaces.box import Box
-from spacearm.workspaces.innermost import least_distance
+from spacearm.workspaces.extent import least_distance
 from spacearm.workspaces.searched_shells import members
 from spacearm.workspaces.shells import Shell, merged
 from spacearm.workspaces.tubes import Booleans, Equations, tubes
@@ -113,8 +113,9 @@ def left_out(found: ExactSet, box: Box, pdw: Array, farthest: float) -> float:
     if not len(pdw):
         return farthest
     nearest, above = float(pdw[0, 0]), farthest - float(pdw[-1, 1])
-    if nearest > above and not box.limited:
-        nearest -= min(nearest, least_distance(found.arm, found.mode, nearest))
+    if nearest > above:
+        known = np.array([nearest, farthest])
+        nearest -= min(nearest, least_distance(found.arm, found.mode, box, known))
     between = float((0.5 * (pdw[1:, 0] - pdw[:-1, 1])).max(initial=0.0))
     if max(nearest, between) <= above or len(pdw) == 1:
         return max(nearest, above)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from spacearm.motion.events import EventFinder, EventFunction
+import spacearm as sa
+from spacearm.motion.events import NEAR, EventFinder, EventFunction
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-18, -1e-18])
@@ -14,3 +15,50 @@ def test_an_event_between_two_steps_is_found(off):
     assert finder.in_step(lambda t: np.array([1e-3 * (1.0 - t) + 1e-18]), 1.0) == []
     (event,) = finder.in_step(lambda t: np.array([off - 1e-3 * (t - 1.0)]), 2.0)
     assert event.t == pytest.approx(1.0, abs=1e-12)
+
+
+def across(arm, rng):
+    """Ends of a straight segment in joint space that meets the singular set in its middle."""
+    (q,) = sa.singular_set(arm).sample(1, rng)
+    way = rng.normal(size=arm.n)
+    way *= 0.06 / np.linalg.norm(way)
+    return q - way, q + way
+
+
+def check_of_the_exact_set(arm, event, before):
+    """At the event the set is half a degree away, by a search of its own, and not before."""
+    nearest, distance = sa.singular_set(arm).nearest(event.q)
+    assert distance == pytest.approx(NEAR, abs=1e-8)
+    np.testing.assert_allclose(event.nearest, nearest, atol=1e-6)
+    assert sa.singularity(arm.at(event.nearest)).sigma_min < 1e-9
+    for q in before:
+        assert sa.singular_set(arm).nearest(q)[1] > NEAR
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_simulation_meets_the_exact_set_of_a_redundant_arm(seed, tmp_path):
+    arm = sa.load("servicer_panda")
+    start, end = across(arm, np.random.default_rng(seed))
+    law = sa.JointPD(target=end, kp=40.0, kd=15.0)
+    run = sa.simulate(arm, start, law, 4.0, stop=["singularity"])
+    event = run.events[-1]
+    assert (event.kind, event.t) == (run.ended, run.t[-1])
+    check_of_the_exact_set(arm, event, run.q[:-1][-3:])
+    run.save(tmp_path / "run.npz")
+    (*_, kept) = sa.Trajectory.load(tmp_path / "run.npz", arm).events
+    np.testing.assert_array_equal(kept.nearest, event.nearest)
+    many = sa.simulate_many(arm, [start, start], law, 4.0)  # memory that is used again
+    np.testing.assert_allclose(many.first_singularity, event.t, rtol=1e-6)
+
+
+def test_a_path_of_the_tip_ends_at_the_exact_set_of_a_redundant_arm():
+    arm = sa.load("chaser7")
+    start = arm.at([0.3, 0.5, -0.4, 0.9, 0.2, 0.7, 0.1])
+    beyond = start.tip.copy()
+    beyond.translation *= 20.0 / np.linalg.norm(beyond.translation)
+    motion = sa.follow(arm, start.q, [beyond], limits=False)
+    assert motion.ended == "singularity"
+    nearest, distance = sa.singular_set(arm).nearest(motion.q[-1])
+    assert distance == pytest.approx(NEAR, abs=1e-7)
+    assert f"at q = {arm.in_words(nearest)}:" in motion.reason
+    assert sa.singular_set(arm).nearest(motion.q[-5])[1] > NEAR

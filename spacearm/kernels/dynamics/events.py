@@ -41,6 +41,9 @@ SHARE = 0.2
 """Share of the distance to the singular set that the joints may move until it is computed anew."""
 CLOSE = 10.0
 """How many times the joint motion of a step the set must be away for looks to be far apart."""
+DOUBTFUL = 2.0
+"""By what factor from the bound a distance to first order decides; nearer to the bound a function
+outside, if there is one, computes the exact distance."""
 MOST = 1.0
 """Distances to the singular set from this on are not told apart [rad]."""
 
@@ -99,7 +102,11 @@ def singular(at: int, t: float, y_at: int, i: int) -> int:
     """Compute event function i: the distance to the singular set."""
     x = context_at(at)
     event, y, there = event_of(x, i), vec(y_at, x.states), vec(x._look_q, x.n)
-    event.now = min(singular_distance(x, t, y), MOST) - event.bound
+    away = singular_distance(x, t, y)
+    if event.call and event.bound / DOUBTFUL < away < DOUBTFUL * event.bound:
+        call(event.call, t, x._seen, x._goal)
+        away = vec(x._goal, 1)[0]
+    event.now = min(away, MOST) - event.bound
     x.looked = 1
     for j in range(x.n):
         there[j] = y[j]

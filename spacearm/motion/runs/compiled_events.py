@@ -12,7 +12,7 @@ from spacearm.kernels.dynamics import events as compiled
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
-from spacearm.motion.events import CLOSE, EVENTS, NEAR, has_determinant
+from spacearm.motion.events import CLOSE, EVENTS, NEAR, exact_distance, has_determinant, is_exact
 from spacearm.motion.runs.compiled_laws import KINDS
 
 
@@ -23,7 +23,7 @@ class CompiledEvent(NamedTuple):
         kind: The kind of event.
         detail: What to say about it.
         record: Fields of the kernels' record EVENT.
-        function: Its value less the bound, where Python computes it.
+        function: Its value before the bound is taken off, where Python computes it.
     """
 
     kind: str
@@ -68,7 +68,12 @@ def compiled_events(
     if "singularity" in kinds and has_determinant(arm, mode):
         add("singularity", "S = 0", compiled.DETERMINANT, falling=False)
     elif "singularity" in kinds:
-        add("singularity", CLOSE, compiled.SINGULAR, bound=NEAR)
+
+        def away(_: float, cfg: Configuration) -> float:
+            return exact_distance(cfg, mode)
+
+        exact = away if is_exact(arm) else None
+        add("singularity", CLOSE, compiled.SINGULAR, bound=NEAR, function=exact)
     if "joint limit" in kinds:
         for j, name in enumerate(arm.joint_names):
             for which, limit in ((compiled.UPPER, arm.upper[j]), (compiled.LOWER, arm.lower[j])):

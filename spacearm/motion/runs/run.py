@@ -18,7 +18,7 @@ from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import free_components
 from spacearm.motion.controllers import Controller
-from spacearm.motion.events import EVENTS, Event
+from spacearm.motion.events import EVENTS, Event, with_nearest
 from spacearm.motion.plant import Plant
 from spacearm.motion.runs.compiled import memory, put_state, put_stiff
 from spacearm.motion.runs.compiled_events import compiled_events
@@ -63,10 +63,7 @@ class Run:
         self.times = np.append(t, np.inf)
         records = [event.record for event in self.looked_for]
         self.memory, self.outside = memory(plant, controllers, self.times, records)
-        for i, event in enumerate(self.looked_for):
-            if event.function is not None:
-                value = partial(_put_value, event.function, plant, len(self.memory["y"]))
-                self.memory["event"][i]["call"] = self.outside.outside(value, 1)
+        self._put_functions()
         self.x: Any = self.memory.context
         self.events: list[Event] = []
         self.torques: list[tuple[float, Array]] = []
@@ -98,11 +95,19 @@ class Run:
             for i, (tip, controller) in enumerate(controllers.items()):
                 self.memory["of_law"][i] = 0.0
                 put_law(plant, self.memory, i, tip, controller, self.outside)
+            self._put_functions()
         self.plant, self.controllers = plant, controllers
         self.outside.plant, self.outside.error = plant, None
         self.memory["t_out"][:] = self.times
         self.events, self.torques, self.ended, self.fault = [], [], "duration", ""
         self.begin(dq, momentum, *tolerances, method)
+
+    def _put_functions(self) -> None:
+        """Put the events that Python computes in the memory."""
+        for i, event in enumerate(self.looked_for):
+            if event.function is not None:
+                value = partial(_put_value, event.function, self)
+                self.memory["event"][i]["call"] = self.outside.outside(value, 1)
 
     @property
     def steps(self) -> int:
@@ -155,9 +160,8 @@ class Run:
         m, x = self.memory, self.x
         for i in range(int(x["happened"])):
             event, found = self.looked_for[int(m["found"][i]["which"])], m["found"][i]
-            self.events.append(
-                Event(float(found["t"]), event.kind, m["q_found"][i].copy(), event.detail)
-            )
+            happened = Event(float(found["t"]), event.kind, m["q_found"][i].copy(), event.detail)
+            self.events.append(with_nearest(happened, self.plant.arm, self.plant.mode))
         if x["stopped"] >= 0:
             self.ended = self.events[-1].kind
         x["happened"] = 0
@@ -289,12 +293,7 @@ def drift_of(momentum: Array, impulse: Array, brought: Array, f: int) -> float:
 
 
 def _put_value(
-    function: Callable[[float, Configuration], float],
-    plant: Plant,
-    size: int,
-    t: float,
-    y: Array,
-    out: Array,
+    function: Callable[[float, Configuration], float], run: Run, t: float, y: Array, out: Array
 ) -> None:
-    """Put the value of an event in Python at a state y, whose first `size` numbers count."""
-    out[0] = function(t, plant.configuration(y[:size]))
+    """Put the value of an event in Python at a state y of a run."""
+    out[0] = function(t, run.plant.configuration(y[: len(run.memory["y"])]))
