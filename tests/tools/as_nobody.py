@@ -56,6 +56,7 @@ def run(words: list[str], tests: list[str], folder: Path) -> subprocess.Complete
     room.mkdir()
     shutil.chown(room, "nobody", "nogroup")
     settings = {"PATH": os.environ["PATH"], "HOME": str(home), "TMPDIR": str(room)}
+    settings |= {"MPLCONFIGDIR": str(room)}  # matplotlib says at length that it has none
     settings |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     pytest = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-p", "no:cacheprovider"]
     return subprocess.run(
