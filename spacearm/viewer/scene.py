@@ -39,6 +39,7 @@ LAYERS = {
     "directions": "#d6007f",
     "shells": "#56b4e9",
     "risk": "#f0e442",
+    "attitudes": "#44aa99",
     "obstacles": "#5f6b7a",
     "wheels": "#009e73",
     "wrenches": "#b2182b",

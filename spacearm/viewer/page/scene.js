@@ -17,6 +17,7 @@ const MEANING = {
   "directions": "Magenta arrow and ring: motion and turn that the tip has lost; pink: the one that is nearly lost; amber line or disc: what is left.",
   "shells": "Workspaces about the centre of mass, cut open: vermilion where a path may meet a singular posture, blue where none does.",
   "risk": "How many of the postures that put the tip at this distance from the centre of mass are near a singular one.",
+  "attitudes": "Where an axis of the spacecraft may point so that the tip can follow the path: blue where it can, vermilion where not.",
   "obstacles": "What must not be met.",
   "trace": "The path of the tip, vermilion where a singular posture is near, blue from 30° on.",
   "goal": "Where the motion ends.",
