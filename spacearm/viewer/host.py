@@ -268,7 +268,7 @@ class Host:
         session = self.session
         more = {
             "layers": LAYERS,
-            "grid": self._stage.scene.step,
+            "grid": self._stage.scene.grid._asdict(),
             "motion": self._told_motion(),
             "edition": self._edition,
         }

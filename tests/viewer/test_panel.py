@@ -15,7 +15,7 @@ from spacearm.viewer.panel.readouts import about, joints, readout
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.grid import SQUARES, grid_lines, step_of
+    from spacearm.viewer.layers.grid import SQUARES, Grid, grid_lines, step_of
     from spacearm.viewer.layers.paths import distance_colors, tube
 
 
@@ -141,7 +141,7 @@ def test_a_map_of_other_joints_is_refused(joints):
 )
 def test_a_grid_has_squares_of_a_round_length_in_its_plane(size, step):
     assert step_of(size) == pytest.approx(step)
-    lines = grid_lines(1, 0.7, step)
+    lines = grid_lines(Grid.of(size, 1, 0.7))
     assert (lines[:, 1] == 0.7).all()
     assert len(lines) == 4 * (SQUARES + 1)
     lengths = np.linalg.norm(lines[1::2] - lines[::2], axis=1)

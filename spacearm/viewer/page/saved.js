@@ -15,7 +15,7 @@ function start({ about, readout }, commands) {
     viewer.handle_command_bytearray(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));
   }
   const show = createReadouts(about);
-  const camera = createCamera(viewer, about.view);
+  const camera = createCamera(viewer, about);
   legend(byId("layers"), about.layers, readout.hidden, (name, on) => {
     viewer?.set_property(["spacearm", name], "visible", on);
   });

@@ -8,7 +8,7 @@ const BACKGROUND = {
 };
 
 const MEANING = {
-  "grid": "Squares in the inertial frame, below the robot or in the plane of a planar arm.",
+  "grid": "Squares in the inertial frame, below the robot or in the plane of a planar arm, with the coordinates of their lines.",
   "bodies": "The spacecraft and the links of the arm.",
   "centre of mass": "The centre of mass of the whole system, which stays at rest while it floats.",
   "virtual manipulator": "An arm on the fixed centre of mass that moves the tip as the floating one does.",
