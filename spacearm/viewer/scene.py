@@ -42,7 +42,7 @@ LAYERS = {
     "attitudes": "#44aa99",
     "obstacles": "#5f6b7a",
     "wheels": "#009e73",
-    "wrenches": "#b2182b",
+    "wrenches": "#8a8a00",
     "trace": "#d55e00",
     "goal": "#7d8794",
     "comparison": "#3a7ca5",

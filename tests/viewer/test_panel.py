@@ -70,6 +70,19 @@ def test_the_panel_has_what_the_command_line_prints():
     assert json.loads(json.dumps(shown, allow_nan=False)) == shown
 
 
+def test_the_way_out_and_the_limits_have_the_labels_of_the_sliders():
+    arm = sa.load("vispa_cubesat")
+    q = np.clip(np.full(arm.n, 0.3), arm.lower, arm.upper)
+    told = readout(sa.singularity(arm.at(q)))
+    labels = short_names(arm.joint_names)
+    assert all(part.rpartition(" ")[0] in labels for part in told["away"].split(", "))
+    whole = sa.singularity(arm.at(q)).way_out
+    assert told["away"] == whole.replace("vispa_", "")
+    with pytest.warns(sa.ModelWarning, match="outside its limits"):
+        beyond = arm.at(np.where(np.arange(arm.n) == 1, arm.upper + 0.1, q))
+    assert readout(sa.singularity(beyond))["outside"] == [labels[1]]
+
+
 def test_bodies_that_meet_are_named():
     arm = sa.load("mda6")
     inside = arm.at([0.8, 0.8, -2.7, -2.9, 1.9, 2.5])
