@@ -60,6 +60,10 @@ def view_configuration(
     png: Annotated[
         Path | None, typer.Option(help="Write a picture and exit.", metavar="PNG")
     ] = None,
+    frames: Annotated[
+        Path | None,
+        typer.Option(help="Write pictures of the motion, 30 a second, and exit.", metavar="ZIP"),
+    ] = None,
     deg: bool = False,
 ) -> None:
     """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it."""
@@ -78,7 +82,9 @@ def view_configuration(
         out.print(f"wrote {viewer.save(save)}")
     if png:
         out.print(f"wrote {viewer.png(png)}")
-    if save or png:
+    if frames:
+        out.print(f"wrote {viewer.frames(frames)}")
+    if save or png or frames:
         return
     serve_until_interrupted(viewer, port, no_open)
 

@@ -70,7 +70,7 @@ export function createTicks({ camera }, { step, normal, height, half }) {
         Math.abs(x - u) > (ROOM.width + w) / 2 || Math.abs(y - v) > (ROOM.height + h) / 2);
       if (!free) continue;
       taken.push([x, y, ROOM.width, ROOM.height]);
-      const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
+      const text = document.createElementNS(svg.namespaceURI, "text");
       text.textContent = words;
       text.setAttribute("x", x);
       text.setAttribute("y", y + 4);
