@@ -102,11 +102,18 @@ def no_card() -> str | None:
     return None if cuda.is_available() else "no NVIDIA driver or no card answers"
 
 
-def jacobians(arm: SpaceArm, q: Array) -> Array:
+def jacobians(arm: SpaceArm, q: Array, mode: BaseMode = "free-floating") -> Array:
     """Compute the generalized Jacobians (m, 6, n) at q (n, m)."""
     J = np.empty((q.shape[1], 6, arm.n))
-    cpu.jacobians(*bodies(arm), all_positions(arm, q), J)
+    cpu.jacobians(*bodies(arm, mode), all_positions(arm, q), J)
     return J
+
+
+def singular_values(arm: SpaceArm, q: Array, mode: BaseMode) -> Array:
+    """Compute the singular values (m, min(k, n)) of the task Jacobians at q (n, m)."""
+    task = arm.task
+    J = task.components(jacobians(arm, q, mode), task.axes(np.eye(3)))
+    return np.linalg.svd(task.scale * J, compute_uv=False)
 
 
 class Reactions(NamedTuple):

@@ -140,7 +140,8 @@ class Triangle:
             f, j = self.polynomials[i], self.joints[i]
             size = np.abs(f.along(Q, (j,))).max(axis=1)
             near = Q[np.argsort(size)[:FEW]]
-            found.append(rest.solve(_roots_where_lost(part.polynomials, f, j, near)))
+            if len(near):
+                found.append(rest.solve(_roots_where_lost(part.polynomials, f, j, near)))
         return np.concatenate(found)
 
 

@@ -31,7 +31,7 @@ from spacearm.singularities.closest import nearest_singular
 from spacearm.singularities.components import component, connected
 from spacearm.singularities.free_paths import prove_free
 from spacearm.singularities.minors import minors_of
-from spacearm.singularities.rank_loss import is_singular
+from spacearm.singularities.rank_loss import AT_A_ROOT
 
 MOST_LINES = 1 << 17
 """Lines without any root after which a set counts as empty."""
@@ -54,10 +54,12 @@ class ExactSet(SingularSet):
         mode: What the spacecraft does.
         triangle: The minors, polynomials of the angles in `chart`, and the joints they give.
         chart: The angles of the joints: those of revolute joints themselves.
+        sifted: Whether roots of the triangle need not be singular; see `Minors.sifted`.
     """
 
     triangle: Triangle
     chart: Chart
+    sifted: bool = False
 
     @property
     def complete(self) -> bool:
@@ -232,15 +234,19 @@ class ExactSet(SingularSet):
         return self._proper(np.concatenate(sheets))
 
     def _proper(self, angles: Array) -> Array:
-        """Return the positions of angles (m, n), without the second angle of a sliding joint."""
+        """Return the positions of roots (m, n), without the second angle of a sliding joint."""
         kept = (angles[:, self.chart.slides] >= 0.0).all(axis=1)
-        return self.chart.positions(angles[kept])
+        Q = self.chart.positions(angles[kept])
+        return Q[self.are_singular(Q)] if self.sifted else Q
 
     def are_singular(self, Q: Array) -> npt.NDArray[np.bool_]:
         """Return which common roots of the minors (m, n) are singular: of one minor all are."""
-        if self.codimension == 1:
+        if self.codimension == 1 or not len(Q):
             return np.ones(len(Q), dtype=bool)
-        return np.array([is_singular(self.arm, q, self.mode) for q in Q], dtype=bool)
+        from spacearm.mechanics.compiled import singular_values  # slow to import
+
+        sigma = singular_values(self.arm, Q.T, self.mode)
+        return np.asarray(sigma[:, -1] <= AT_A_ROOT * sigma[:, 0])
 
     def _slice(
         self, joints: Sequence[int | str] | None, q: npt.ArrayLike | None, dimension: int

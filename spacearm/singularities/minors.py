@@ -129,9 +129,32 @@ class Minors:
         """Number of equations that singular configurations fulfil."""
         return self.arm.n - self.arm.task.k + 1
 
-    @cached_property
+    @property
     def triangle(self) -> Triangle | None:
-        """The minors that give the whole singular set; None if no choice of columns does so.
+        """The minors that give the whole singular set; None if no choice of columns does so."""
+        return self._chosen[0]
+
+    @cached_property
+    def sifted(self) -> bool:
+        """Whether roots of the triangle need not be singular: at some of them B is dependent.
+
+        That is so if it takes joints that the triangle gives to make B dependent; otherwise it
+        takes values of the free joints that are never drawn. Of one polynomial all roots count.
+        """
+        triangle, B = self._chosen
+        rng = np.random.default_rng(1)
+        for _ in range(SEARCHES if triangle is not None and self.codimension > 1 else 0):
+            q = lose_rank(self.arm, self._random(rng), self.mode, B)
+            if q is not None and triangle is not None:
+                given = list(triangle.joints)
+                q[given] = self._random(rng)[given]
+                if not is_singular(self.arm, q, self.mode, B):
+                    return True
+        return False
+
+    @cached_property
+    def _chosen(self) -> tuple[Triangle | None, Columns]:
+        """The triangle, if there is one, and the columns B of its minors.
 
         A choice of k - 1 columns B does if the minors with B form a triangle and
 
@@ -158,10 +181,10 @@ class Minors:
         for _, _, B, columns, solved in sorted(choices)[:BASES]:
             triangle = Triangle(tuple(self[C].polynomial for C in columns), solved)
             if self._is_whole(triangle, B):
-                return triangle
-        return self._eliminated() if not choices and self.codimension == 2 else None
+                return triangle, B
+        return self._eliminated() if not choices and self.codimension == 2 else (None, ())
 
-    def _eliminated(self) -> Triangle | None:
+    def _eliminated(self) -> tuple[Triangle | None, Columns]:
         """Return a triangle made with the resultant of two minors of degree 1 in one joint."""
         for B in combinations(range(self.arm.n), self.arm.task.k - 1):
             own = self._minors_with(B)
@@ -172,8 +195,8 @@ class Minors:
                     checks = tuple(self[C].polynomial for C in self.degrees if C not in own)
                     triangle = eliminate(f, g, j, checks)
                     if triangle is not None and self._is_whole(triangle, B):
-                        return triangle
-        return None
+                        return triangle, B
+        return None, ()
 
     def _is_whole(self, triangle: Triangle, B: Columns) -> bool:
         """Check whether a triangle gives the whole set."""

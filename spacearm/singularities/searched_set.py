@@ -26,6 +26,9 @@ from spacearm.singularities.minors import chart_of, minors_of
 from spacearm.singularities.polynomial import to_square
 from spacearm.singularities.rank_loss import lose_rank
 
+FRUITLESS, EACH = 100, 20
+"""Starts after which a search ends, and how many more each one found is worth."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundSet(SingularSet):
@@ -97,21 +100,23 @@ class FoundSet(SingularSet):
 
         Raises:
             ConfigurationError: m is no whole number from 0 on.
-            NoSolutionError: Too few of 20 m + 100 starts lead to a singular configuration; carries
-                those found.
+            NoSolutionError: Of the starts, 100 and 20 for each singular configuration found, none
+                leads to a further one; carries those found.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
         found: list[Array] = []
-        for _ in range(20 * m + 100):
-            if len(found) == m:
-                break
-            q = lose_rank(self.arm, self._random(rng), self.mode)
+        starts = 0
+        while len(found) < m:
+            if starts >= FRUITLESS + EACH * len(found):
+                raise NoSolutionError(
+                    f"{self.arm.name}: {len(found)} of {m} singular configurations found from "
+                    f"{starts} starts; there may be few or none, as they fulfil {self.codimension} "
+                    f"equations in {self.arm.n} joint positions",
+                    found,
+                )
+            q, starts = lose_rank(self.arm, self._random(rng), self.mode), starts + 1
             if q is not None:
                 found.append(q)
-        if len(found) < m:
-            raise NoSolutionError(
-                f"{self.arm.name}: {len(found)} of {m} singular configurations found", found
-            )
         return np.array(found).reshape(m, self.arm.n)
 
     def clearance(

@@ -58,7 +58,7 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
     if has_minors(arm):
         minors = minors_of(arm, mode)
         if minors.triangle is not None:
-            return ExactSet(arm, mode, minors.triangle, minors.chart)
+            return ExactSet(arm, mode, minors.triangle, minors.chart, minors.sifted)
     return FoundSet(arm, mode)
 
 

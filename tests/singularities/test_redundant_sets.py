@@ -199,6 +199,31 @@ def test_sliding_joints_among_the_first_four_and_the_last(slides):
     assert all(holds(found, q) for q in searched(found, rng, 25))
 
 
+def sliding(seed, kinds):
+    """The set of a spatial chain of revolute (R) and prismatic joints (P), held in attitude."""
+    names = {"R": "revolute", "P": "prismatic"}
+    arm = chain(seed, len(kinds), "x y rz", [names[kind] for kind in kinds])
+    return sa.singular_set(arm, mode="attitude-controlled")
+
+
+@pytest.mark.parametrize(("seed", "kinds"), [(34, "RPRPR"), (57, "PRPRR"), (58, "RPRRP")])
+def test_roots_of_the_minors_that_are_not_singular_are_left_out(seed, kinds):
+    """The columns that the minors share are dependent there, and the others make up for it."""
+    found = sliding(seed, kinds)
+    assert found.complete
+    Q = found.sample(100, np.random.default_rng(0))
+    solved = np.concatenate([found.solve(q) for q in Q[:10]])
+    for q in (*Q, *solved):
+        assert sigma_ratio(found.arm, q, "attitude-controlled") < 1e-8
+
+
+def test_a_set_beyond_the_sliding_joints_ranges_is_empty():
+    found = sliding(33, "RPPRP")
+    assert found.complete
+    with pytest.raises(sa.NoSolutionError, match="empty or very small"):
+        found.sample(1)
+
+
 def test_a_square_arm_with_a_sliding_joint():
     arm = chain(4, 3, "position", ["revolute", "prismatic", "revolute"])
     found = sa.singular_set(arm)
