@@ -6,7 +6,8 @@ Every problem is drawn from a motion: random waypoints in joint space, joined sm
 joint limits, clear of singularities and of contacts. The goal is where the tip ends, so that each
 problem has a solution, whose joint travel is the yardstick. Every plan is replayed by an integrator
 that shares nothing with the planner: scipy's DOP853 on the momentum equation, straight from row to
-row. Failures are listed with their numbers.
+row. Failures are listed with their numbers. In a family "... held" wheels hold the attitude, in one
+"... final attitude" that at the end is stated. Times of the processor tell more where it is busy.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import spacearm as sa
+from spacearm.mechanics.compiled import tangent
 from spacearm.mechanics.floating import walk
 
 NUMBER, TIMEOUT = 100, 60.0
@@ -38,6 +40,11 @@ CLEAR = np.radians(2.0)
 SPREAD = 0.8
 """Standard deviation of a joint from one waypoint to the next [rad]."""
 WAYPOINTS, SAMPLES = 3, 60
+TRIES = 2000
+"""Arms, and motions of each, that are drawn before a problem is left out."""
+HELD, TURNED = "held", "final attitude"
+"""How the names of families end whose attitude is held, or stated at the end."""
+WHEELS = sa.WheelHold(stiffness=4000.0, damping=2000.0, torque=1.0, capacity=10.0)
 
 
 def link(name: str, length: float, mass: float) -> str:
@@ -51,14 +58,19 @@ def link(name: str, length: float, mass: float) -> str:
     )
 
 
+class UndrawnError(Exception):
+    """No problem could be drawn."""
+
+
 def random_arm(planar: bool, n: int, seed: int) -> sa.SpaceArm:
     """A random chain of which half of the postures are 5 degrees and more from a singular one."""
     rng = np.random.default_rng((n, seed))
-    while True:
+    for _ in range(TRIES):
         arm = random_chain(planar, n, rng)
         Q = rng.uniform(arm.lower, arm.upper, (200, n))
         if np.median(sa.evaluate(arm, Q, ["distance"])["distance"]) > np.radians(5.0):
             return arm
+    raise UndrawnError(f"{TRIES} random arms are nearly singular everywhere")
 
 
 def random_chain(planar: bool, n: int, rng: np.random.Generator) -> sa.SpaceArm:
@@ -114,24 +126,36 @@ FAMILIES: dict[str, Callable[[int], sa.SpaceArm]] = {
     },
     "dual_ur5 left": lambda _: loaded("dual_ur5", tip="left"),
     "dual_ur5 right": lambda _: loaded("dual_ur5", tip="right"),
+    "ssrms": lambda _: loaded("ssrms"),
+    "ssrms position": lambda _: loaded("ssrms", task="position"),
+    f"planar2 {TURNED}": lambda _: loaded("planar2", task="x y"),
+    f"mda6 {TURNED}": lambda _: loaded("mda6"),
+    f"mda6 {HELD}": lambda _: loaded("mda6"),
+    f"random 6R {HELD}": partial(random_arm, False, 6),
 }
 
 
 class Problem(NamedTuple):
-    """A start, a goal, and the travel of the motion that it was drawn from [rad]."""
+    """A start, a goal, the travel of the motion that it was drawn from [rad], and what is asked."""
 
     start: sa.Configuration
     goal: object
     travel: float
+    asked: dict[str, object]
 
 
-def free(arm: sa.SpaceArm, Q: np.ndarray, limited: bool) -> bool:
+def free(arm: sa.SpaceArm, Q: np.ndarray, limited: bool, mode: str) -> bool:
     """Whether joint positions are within the limits, on one side and clear of the singular set."""
     if limited and ((arm.lower > Q) | (arm.upper < Q)).any():
         return False
-    at = sa.evaluate(arm, Q, ["distance", "determinant"])
-    det = at["determinant"]
-    return bool(at["distance"].min() > CLEAR and (np.isnan(det).all() or (det * det[0] > 0).all()))
+    if mode == "free-floating":
+        at = sa.evaluate(arm, Q, ["distance", "determinant"])
+        distance, det = at["distance"], at["determinant"]
+    else:
+        J = [arm.task.jacobian(sa.generalized_jacobian(arm.at(q), mode=mode), np.eye(3)) for q in Q]
+        distance = tangent(arm, Q, mode).distance
+        det = np.linalg.det(J) if arm.n == arm.task.k else np.full(len(Q), np.nan)
+    return bool(distance.min() > CLEAR and (np.isnan(det).all() or (det * det[0] > 0).all()))
 
 
 def apart(rows: list[sa.Configuration]) -> bool:
@@ -145,28 +169,41 @@ def apart(rows: list[sa.Configuration]) -> bool:
 
 
 def draw(family: str, number: int) -> Problem:
-    """Draw a problem; the same number gives the same problem."""
+    """Draw a problem; the same number gives the same problem.
+
+    Raises:
+        UndrawnError: No motion was found that is clear of everything.
+    """
     rng = np.random.default_rng((1993, crc32(family.encode()), number))
     arm = FAMILIES[family](number)
     limited = not family.startswith("planar")  # as in the paper, those turn without limits
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
-    while True:
+    held = family.endswith(HELD)
+    mode = "attitude-controlled" if held else "free-floating"
+    for _ in range(TRIES):
         corners = [rng.uniform(low, high)]
         for _ in range(WAYPOINTS):
             corners.append(corners[-1] + SPREAD * rng.normal(size=arm.n))
             while limited and ((corners[-1] < low) | (corners[-1] > high)).any():
                 corners[-1] = corners[-2] + SPREAD * rng.normal(size=arm.n)
         Q = PchipInterpolator(np.arange(len(corners)), corners)(np.linspace(0, WAYPOINTS, SAMPLES))
-        if not free(arm, Q, limited):
+        if not free(arm, Q, limited, mode):
             continue
         start = arm.at(Q[0], base=attitude(arm, rng))
         rows = walk(start, Q)
+        if held:
+            rows = [arm.at(q, base=start.base).centred(start.com) for q in Q]
         if apart(rows):
             break
+    else:
+        raise UndrawnError(f"{TRIES} motions meet limits, bodies or a singularity")
     tip = rows[-1].tip
     pose = max(arm.task.indices) > 2
     goal = tip if pose else tip.translation[arm.task.indices]
-    return Problem(start, goal, float(np.abs(np.diff(Q, axis=0)).sum()))
+    asked: dict[str, object] = {"mode": mode, "wheels": WHEELS} if held else {}
+    if family.endswith(TURNED):
+        asked = {"final_attitude": rows[-1].base}
+    return Problem(start, goal, float(np.abs(np.diff(Q, axis=0)).sum()), asked)
 
 
 def attitude(arm: sa.SpaceArm, rng: np.random.Generator) -> pin.SE3:
@@ -178,11 +215,11 @@ def attitude(arm: sa.SpaceArm, rng: np.random.Generator) -> pin.SE3:
     return pin.SE3(pin.exp3(rng.uniform(-np.pi, np.pi) * np.eye(3)[normal]), np.zeros(3))
 
 
-def replay(plan: sa.Plan) -> pin.SE3:
-    """Where the tip ends when the rows are followed by another integrator."""
+def replay(plan: sa.Plan, held: bool) -> sa.Configuration:
+    """Where a motion ends when the rows are followed by another integrator."""
     arm, start = plan.arm, plan[0]
     T = start.base.rotation
-    for q, dq in zip(plan.q[:-1], np.diff(plan.q, axis=0), strict=True):
+    for q, dq in () if held else zip(plan.q[:-1], np.diff(plan.q, axis=0), strict=True):
 
         def rate(s: float, t: np.ndarray, q: np.ndarray = q, dq: np.ndarray = dq) -> np.ndarray:
             R = t.reshape(3, 3)
@@ -192,7 +229,10 @@ def replay(plan: sa.Plan) -> pin.SE3:
         end = solve_ivp(rate, (0, 1), T.ravel(), method="DOP853", rtol=1e-10, atol=1e-11)
         T = end.y[:, -1].reshape(3, 3)
     U, _, Vt = np.linalg.svd(T)
-    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(start.com).tip
+    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(start.com)
+
+
+LEFT_OUT = "left out"
 
 
 class Outcome(NamedTuple):
@@ -200,6 +240,7 @@ class Outcome(NamedTuple):
 
     method: str
     seconds: float
+    processor: float
     travel: float
     error: float
     reason: str
@@ -207,23 +248,32 @@ class Outcome(NamedTuple):
 
 def solve(family: str, timeout: float, number: int) -> Outcome:
     warnings.simplefilter("ignore", sa.ModelWarning)
-    start, goal, known = draw(family, number)
-    began = time.perf_counter()
+    try:
+        start, goal, known, asked = draw(family, number)
+    except UndrawnError as error:
+        return Outcome(LEFT_OUT, np.nan, np.nan, np.nan, np.nan, str(error))
+    began, worked = time.perf_counter(), time.process_time()
+    plan, reason = None, ""
     try:
         plan = sa.plan(
             start.arm, start.q, goal, base=start.base, limits=not family.startswith("planar"),
-            seed=0, timeout=timeout,
+            seed=0, timeout=timeout, **asked,
         )  # fmt: skip
     except sa.NoSolutionError as error:
-        return Outcome("none", time.perf_counter() - began, np.nan, np.nan, str(error))
-    seconds = time.perf_counter() - began
-    end, rows = replay(plan), start.arm.task.indices
+        reason = str(error)
+    took = time.perf_counter() - began, time.process_time() - worked
+    if plan is None:
+        return Outcome("none", *took, np.nan, np.nan, reason)
+    end, rows = replay(plan, family.endswith(HELD)), start.arm.task.indices
     if isinstance(goal, pin.SE3):
-        turn = pin.log3(goal.rotation @ end.rotation.T)
-        error = np.concatenate((goal.translation - end.translation, turn))[rows]
+        turn = pin.log3(goal.rotation @ end.tip.rotation.T)
+        error = np.concatenate((goal.translation - end.tip.translation, turn))[rows]
     else:
-        error = goal - end.translation[rows]
-    return Outcome(plan.method, seconds, plan.length / known, float(np.linalg.norm(error)), "")
+        error = goal - end.tip.translation[rows]
+    if "final_attitude" in asked:
+        wanted = asked["final_attitude"].rotation
+        error = np.append(error, pin.log3(wanted @ end.base.rotation.T))
+    return Outcome(plan.method, *took, plan.length / known, float(np.linalg.norm(error)), "")
 
 
 def warm(family: str) -> None:
@@ -235,18 +285,27 @@ def report(family: str, number: int, timeout: float) -> None:
     warm(family)
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         outcomes = list(pool.map(partial(solve, family, timeout), range(number)))
-    solved = [outcome for outcome in outcomes if outcome.method != "none"]
+    drawn = [outcome for outcome in outcomes if outcome.method != LEFT_OUT]
+    solved = [outcome for outcome in drawn if outcome.method != "none"]
     by = Counter(outcome.method for outcome in solved)
-    methods = ", ".join(f"{name} {count / number:.0%}" for name, count in by.most_common())
-    print(f"{family}: {len(solved)} of {number} arrive ({len(solved) / number:.1%}): {methods}")
-    seconds = [outcome.seconds for outcome in outcomes]
-    print(
-        f"  median {np.median(seconds):.2f} s, nine of ten within {np.quantile(seconds, 0.9):.1f} "
-        f"s, joint travel {np.median([o.travel for o in solved]):.2f} times the known, largest "
-        f"error under replay {max(o.error for o in solved):.1e}",
-        flush=True,
-    )
+    methods = ", ".join(f"{name} {count / len(solved):.0%}" for name, count in by.most_common())
+    share = len(solved) / max(len(drawn), 1)
+    print(f"{family}: {len(solved)} of {len(drawn)} arrive ({share:.1%}): {methods}")
+    if solved:
+        seconds, processor = (
+            [getattr(o, name) for o in drawn] for name in ("seconds", "processor")
+        )
+        print(
+            f"  median {np.median(seconds):.2f} s, nine of ten within "
+            f"{np.quantile(seconds, 0.9):.1f} s (of a processor {np.median(processor):.2f} and "
+            f"{np.quantile(processor, 0.9):.1f} s), joint travel "
+            f"{np.median([o.travel for o in solved]):.2f} times the known, largest error under "
+            f"replay {max(o.error for o in solved):.1e}",
+            flush=True,
+        )
     for i, outcome in enumerate(outcomes):
+        if outcome.method == LEFT_OUT:
+            print(f"  problem {i} left out: {outcome.reason}", flush=True)
         if outcome.method == "none":
             print(f"  problem {i} ({outcome.seconds:.0f} s): {outcome.reason}", flush=True)
 

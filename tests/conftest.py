@@ -34,7 +34,7 @@ def pytest_configure(config):
     """Compile the kernels once, before the workers start that would each compile them."""
     workers = getattr(config.option, "numprocesses", None)
     if workers and not hasattr(config, "workerinput") and not config.option.collectonly:
-        from spacearm.mechanics.compiled import reactions
+        from spacearm.mechanics.connection import reactions
 
         simulation = subprocess.Popen([sys.executable, "-c", SIMULATION])  # on another core
         arm, Q = sa.load("planar2"), np.zeros((64, 2))

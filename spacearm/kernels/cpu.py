@@ -54,7 +54,7 @@ def nearness(bodies: int, n: int, rows: int) -> Nearness:
             h=np.empty((6, LANES)),
             I_mu=np.empty((6, LANES)),
         ),
-        L=np.empty((rows, n, LANES)),
+        L=np.empty((rows, n + rows - 1, LANES)),
         t=np.empty((4, LANES)),
     )
 
@@ -153,6 +153,24 @@ def take_jacobians(w: Work, first: int, J: Numbers) -> None:
                 J[first + l, x, j] = w.J[j, x, l]
 
 
+@step
+def take_connections(
+    b: Bodies, tip: int, w: Work, first: int, A: Numbers, r: Numbers, R: Numbers
+) -> None:
+    """Copy the lanes of the connection, the tip and its attitude; see `reactions`."""
+    m, _, n = A.shape
+    for l in range(min(LANES, m - first)):
+        for x in range(3):
+            r[first + l, x] = w.r_E[x, l]
+            for y in range(3):
+                R[first + l, x, y] = w.body[tip].R[x, y, l]
+            for j in range(n):
+                A[first + l, x, j] = w.J[j, 3 + x, l]
+            for i in range(1, len(b)):
+                if b[i].on_chain and not b[i].slides:
+                    A[first + l, x, b[i].column] -= b[i].gain * w.body[i].R[x, 2, l]
+
+
 @kernel
 def jacobians(b: Bodies, tip: int, E: Numbers, q: Numbers, J: Numbers) -> None:
     """Compute the generalized Jacobians J (m, 6, n) of m configurations q (N, m)."""
@@ -186,13 +204,4 @@ def reactions(
         fill(w, q, first)
         generalized_jacobian(b, tip, E, w)
         take_jacobians(w, first, J)
-        for l in range(min(LANES, m - first)):
-            for x in range(3):
-                r[first + l, x] = w.r_E[x, l]
-                for y in range(3):
-                    R[first + l, x, y] = w.body[tip].R[x, y, l]
-                for j in range(n):
-                    A[first + l, x, j] = w.J[j, 3 + x, l]
-                for i in range(1, len(b)):
-                    if b[i].on_chain and not b[i].slides:
-                        A[first + l, x, b[i].column] -= b[i].gain * w.body[i].R[x, 2, l]
+        take_connections(b, tip, w, first, A, r, R)

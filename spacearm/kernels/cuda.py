@@ -122,7 +122,7 @@ def distances(N: int, n: int, r: int) -> Any:
                 cuda.local.array((6, 1), np.float64),
                 cuda.local.array((6, 1), np.float64),
             ),
-            cuda.local.array((r, n, 1), np.float64),
+            cuda.local.array((r, n + r - 1, 1), np.float64),
             cuda.local.array((4, 1), np.float64),
         )
         A = cuda.local.array((n, 6, 1), np.float64)

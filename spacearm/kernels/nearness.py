@@ -19,7 +19,7 @@ from spacearm.kernels.singular_vectors import (
 )
 from spacearm.kernels.slopes import Slopes, joint_axes, slopes, wrench
 
-NOTHING = 1e-12
+NOTHING, ROUNDED, FADING = 1e-12, 1e-9, 0.3
 """As in `mechanics.nearness`."""
 ZERO = 2.0**-48
 """Least singular values up to this share of the norm of J are zero."""
@@ -31,7 +31,8 @@ class Nearness(NamedTuple):
     Attributes:
         vectors: Singular vectors.
         slopes: Derivatives.
-        L: (n - k + 1, n, lanes) derivatives of sigma_min, then of u^T J v_0, orthonormal at last.
+        L: (n - k + 1, 2 n - k, lanes) derivatives of sigma_min, then of u^T J v_0, orthonormal at
+            last; n - k columns more than there are joints.
         t: (4, lanes) scratch.
     """
 
@@ -95,7 +96,7 @@ def distance(
         for j in range(n):
             for l in range(lanes):
                 d.vectors.y[j, l] *= radian[j]
-        slopes(b, tip, w, d.slopes, d.vectors.y, d.L[r])
+        slopes(b, tip, w, d.slopes, d.vectors.y, d.L[r, :n])
     way_out(n - k + 1, radian, d, norm, sigma, values)
 
 
@@ -105,7 +106,9 @@ def way_out(
 ) -> None:
     """Compute the distance and orthonormal rows L, by Gram and Schmidt's method.
 
-    The first row leads away from the set; all of them span its normal space, to first order.
+    The first row leads away from the set; all of them span its normal space, to first order. The
+    others are padded with lambda, so that those that it outweighs count less: see `_one` of
+    `mechanics.nearness`.
 
     Args:
         rows: Number of rows.
@@ -115,36 +118,55 @@ def way_out(
         sigma: (lanes,) sigma_min.
         values: (2 + r n, lanes) receives distance, sigma_min and the first r rows, per radian.
     """
-    n, lanes = len(radian), norm.shape[0]
+    n, lanes, length = len(radian), norm.shape[0], d.t[1]
     for r in range(rows):
         for j in range(n):
             for l in range(lanes):
                 d.L[r, j, l] *= radian[j]
+        for o in range(n, d.L.shape[1]):
+            for l in range(lanes):
+                pad = ROUNDED * norm[l] + FADING * sigma[l]
+                d.L[r, o, l] = pad if o == n + r - 1 else 0.0
     for r in range(1, rows + 1):
         row = r % rows  # the gradient comes last
         for _ in range(2):  # twice is enough
             for i in range(1, r):
                 project(d.L[i], d.L[row], d.t[0])
-        length = d.t[1]
-        for l in range(lanes):
-            length[l] = 0.0
-        for j in range(n):
+        size(d.L[row], length)
+        if row > 0:
             for l in range(lanes):
-                length[l] += d.L[row, j, l] * d.L[row, j, l]
-        for l in range(lanes):
-            length[l] = math.sqrt(length[l])
-            sound = length[l] > NOTHING * norm[l]
-            share = 1.0 / length[l] if sound else 0.0
-            for j in range(n):
-                d.L[row, j, l] *= share
-            if row == 0:
-                none = math.inf if sigma[l] > ZERO * norm[l] else 0.0 * sigma[l]
-                values[0, l] = sigma[l] / length[l] if sound and none > 0.0 else none
-                values[1, l] = sigma[l]
+                share = 1.0 / length[l] if length[l] > 0.0 else 0.0
+                for j in range(d.L.shape[1]):
+                    d.L[row, j, l] *= share
+    way = d.t[0]
+    size(d.L[0, :n], way)
+    for l in range(lanes):
+        sound = length[l] > NOTHING * norm[l]
+        share = 1.0 / way[l] if sound else 0.0
+        for j in range(n):
+            d.L[0, j, l] *= share
+        none = math.inf if sigma[l] > ZERO * norm[l] else 0.0 * sigma[l]
+        far = sigma[l] * way[l] / (length[l] * length[l]) if sound else none
+        values[0, l] = far if none > 0.0 else none
+        values[1, l] = sigma[l]
+    for r in range(1, rows):
+        project(d.L[0, :n], d.L[r, :n], d.t[0])
     for x in range(2, values.shape[0]):
         r, j = divmod(x - 2, n)
         for l in range(lanes):
             values[x, l] = d.L[r, j, l]
+
+
+@step
+def size(x: Lanes, t: Lanes) -> None:
+    """Compute the length t of x."""
+    for l in range(t.shape[0]):
+        t[l] = 0.0
+    for j in range(x.shape[0]):
+        for l in range(t.shape[0]):
+            t[l] += x[j, l] * x[j, l]
+    for l in range(t.shape[0]):
+        t[l] = math.sqrt(t[l])
 
 
 @step

@@ -116,31 +116,6 @@ def singular_values(arm: SpaceArm, q: Array, mode: BaseMode) -> Array:
     return np.linalg.svd(task.scale * J, compute_uv=False)
 
 
-class Reactions(NamedTuple):
-    """J*, the connection and the tip pose of m configurations, in spacecraft axes.
-
-    Attributes:
-        J: (m, 6, n) J* [m/rad], [1].
-        A: (m, 3, n) the connection -D^-1 D_q of (33c): w_0 = A dq.
-        r: (m, 3) the tip from the system CM [m].
-        R: (m, 3, 3) attitude of the tip.
-    """
-
-    J: Array
-    A: Array
-    r: Array
-    R: Array
-
-
-def reactions(arm: SpaceArm, q: Array) -> Reactions:
-    """Compute J*, the connection and the tip pose at q (n, m)."""
-    m, n = q.shape[1], arm.n
-    at = Reactions(np.empty((m, 6, n)), np.empty((m, 3, n)), np.empty((m, 3)), np.empty((m, 3, 3)))
-    q = np.ascontiguousarray(all_positions(arm, q))  # one memory order, compiled once
-    cpu.reactions(*bodies(arm), q, *at)
-    return at._replace(R=at.R @ frame_on_body(arm, arm.tip_frame).rotation)
-
-
 class OnBody(NamedTuple):
     """A frame of the arm, as the kernels want it.
 

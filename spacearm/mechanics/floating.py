@@ -77,7 +77,7 @@ def walk(start: Configuration, Q: Array) -> list[Configuration]:
 
 def attitudes(start: Configuration, Q: Array) -> Array:
     """Return the attitudes (m, 3, 3) of the spacecraft in `walk`, by compiled kernels."""
-    from spacearm.mechanics.compiled import reactions  # imports the compiler
+    from spacearm.mechanics.connection import reactions  # imports the compiler
 
     still_wheels(start, "the spacecraft then turns with time, not with the joints alone")
     dq = np.diff(Q, axis=0)
@@ -120,23 +120,6 @@ def magnus_step(w1: Array, w2: Array, h: float | Array) -> Array:
         (..., 3) rotation vector phi [rad] of T -> T exp([phi]x).
     """
     return 0.5 * h * (w1 + w2) + COMMUTATOR * h * h * np.cross(w1, w2)
-
-
-def magnus_step_derivative(w1: Array, w2: Array, dw1: Array, dw2: Array, h: float) -> Array:
-    """Compute the derivative of `magnus_step` with respect to p parameters.
-
-    Args:
-        w1: (..., 3) as in `magnus_step`.
-        w2: (..., 3) likewise.
-        dw1: (..., 3, p) derivatives of w1.
-        dw2: (..., 3, p) those of w2.
-        h: Length of the step.
-
-    Returns:
-        (..., 3, p) derivatives of the rotation vector.
-    """
-    bracket = np.cross(w1[..., None], dw2, axis=-2) - np.cross(w2[..., None], dw1, axis=-2)
-    return 0.5 * h * (dw1 + dw2) + COMMUTATOR * h * h * bracket
 
 
 def quaternion_rate(quaternion: Array, w: Array) -> Array:

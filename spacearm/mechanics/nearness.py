@@ -14,6 +14,11 @@ for every v_0 of the null space, because its singular set has codimension n - k 
 about it like a cone, and only the part of g that these equations leave counts. The distance is
 sigma_min / |P g|, P the projection on their solutions; sigma_min / |g| would be too short.
 
+Some arms lose rank where fewer equations hold: of one with spherical shoulder and wrist a straight
+elbow suffices. There the slopes u^T dJ v_0 vanish as sigma_min does, and what is left of them is no
+equation. So the projection is that of ridge regression: it leaves what slopes up to lambda, the
+share `FADING` of sigma_min per radian, say.
+
 This is one step of Newton's method. Where it is short the set is bent too much for it now and
 then: it is followed by a second one, from where the first has led, to the point nearest to q on the
 set as it looks from there (`foot`). That is the iteration of the first-order reliability method,
@@ -41,9 +46,14 @@ NOTHING = 1e-12
 """Slopes below this share of the norm of J are rounding."""
 EXPLAINED = 0.1
 """More equations than joints have a solution if the residual is this share of the right side."""
+FADING = 0.3
+"""Slopes that are less than this times sigma_min, per radian, vanish with it [1/rad]."""
+ROUNDED = 1e-9
+"""Share of the norm of J below which slopes are no equations either: null vectors of a tiny
+sigma_min mix."""
 NEAR = np.radians(4.0)
 """Distances below this take the second step: from half of this down all of it [rad]."""
-FINE = 1e-6
+FINE = 1e-5
 """Distances up to this take none: there is nothing left to correct [rad]."""
 CONTRACTING = 0.5
 """The second step counts only if the first one came this much nearer, less and less up to that."""
@@ -55,8 +65,8 @@ class Tangent(NamedTuple):
     Attributes:
         distance: (m,) how far it is; inf where it is nowhere.
         sigma: (m,) sigma_min of J per radian of each joint.
-        rows: (m, r, n) orthonormal rows that span its normal space, zeros where it has fewer
-            dimensions; the first leads away from the set.
+        rows: (m, r, n) rows that span its normal space, orthonormal but for those that fade where
+            it has fewer dimensions; the first leads away from the set.
     """
 
     distance: Array
@@ -94,18 +104,18 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
     U, sigma, VT = np.linalg.svd(J)
     (k, n), p = J.shape, len(sigma)
     sigma = np.where(sigma > floor, sigma, 0.0)
-    least = NOTHING * float(np.linalg.norm(J))
+    norm = float(np.linalg.norm(J))
     slopes = np.einsum("ai,jan,rn->jir", U, dJ, VT)
     distances: Array = np.zeros(k)
     rows: Array = np.zeros((1 + abs(n - k), len(dJ)))
     for r in range(1, p + 1):
         A = slopes[:, p - r :, p - r :].reshape(len(dJ), -1).T
         if r == 1 and k <= n:
-            distances[-1], rows = _one(A, float(sigma[-1]), least)
+            distances[-1], rows = _one(A, float(sigma[-1]), norm)
         elif sigma[p - r] > 0.0:
             b = np.zeros((k - p + r, n - p + r))
             b[:r, :r] = np.diag(sigma[p - r :])
-            distances[p - r] = _several(A, b.ravel(), least)
+            distances[p - r] = _several(A, b.ravel(), NOTHING * norm)
     return Nearness(np.maximum.accumulate(distances[::-1])[::-1], rows[0], float(sigma[-1]), rows)
 
 
@@ -216,24 +226,30 @@ def _fading(x: Array) -> Array:
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
-def _one(A: Array, sigma: float, least: float) -> tuple[float, Array]:
-    """Return the distance at which sigma vanishes, and orthonormal rows: where it grows first.
+def _one(A: Array, sigma: float, norm: float) -> tuple[float, Array]:
+    """Return the distance at which sigma vanishes, and rows as in `Tangent`.
+
+    Rows that are padded with lambda make the projection that of ridge regression.
 
     Args:
         A: (1 + n - k, n) slopes: the gradient first, then those that a solution must not change.
         sigma: The singular value.
-        least: Slopes up to this are rounding.
+        norm: That of J.
     """
-    _, size, kept = np.linalg.svd(A[1:], full_matrices=False)
-    kept = kept[size > least]
-    g = A[0] - kept.T @ (kept @ A[0])
-    slope = float(np.linalg.norm(g))
+    n, others = A.shape[1], len(A) - 1
+    pads = (ROUNDED * norm + FADING * sigma) * np.eye(others)
+    kept = np.linalg.qr(np.hstack((A[1:], pads)).T)[0].T
+    g = np.append(A[0], np.zeros(others))
+    for _ in range(2):
+        g = g - kept.T @ (kept @ g)
     rows = np.zeros_like(A)
-    rows[1 : 1 + len(kept)] = kept
-    if slope <= least:
+    rows[1:] = kept[:, :n]
+    full, way = float(np.linalg.norm(g)), float(np.linalg.norm(g[:n]))
+    if full <= NOTHING * norm:
         return (np.inf if sigma > 0.0 else 0.0), rows
-    rows[0] = g / slope
-    return sigma / slope, rows
+    rows[0] = g[:n] / way
+    rows[1:] -= np.outer(rows[1:] @ rows[0], rows[0])
+    return sigma * way / full**2, rows
 
 
 def _several(A: Array, b: Array, least: float) -> float:

@@ -12,65 +12,34 @@ carried to the end.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.mechanics.floating import GAUSS, magnus_step, magnus_step_derivative
-from spacearm.mechanics.momentum import momentum_derivatives
-from spacearm.mechanics.reduction import (
-    base_response,
-    base_response_derivative,
-    reduced_jacobian,
-)
+from spacearm.mechanics.floating import GAUSS
 from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import kinematics
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Matrices at m configurations, the spacecraft at the identity.
+class Samples(NamedTuple):
+    """Matrices at the m Gauss points of a curve and at its end, in spacecraft axes.
 
     Attributes:
-        A: (m, 6, 6 + n) centroidal momentum matrices.
-        J: (m, 6, 6 + n) tip Jacobians.
-        dA: (m, n, 6, 6 + n) derivatives of A with respect to each joint.
-        tip: m tip poses from the system CM.
+        J: (m + 1, 6, n) J*.
+        A: (m + 1, 3, n) the connection.
+        r: (m + 1, 3) the tip from the system CM [m].
+        R: (m + 1, 3, 3) attitude of the tip.
+        G: (m + 1, 3, n) derivatives of A q' with q' held.
+        rates: (m + 1, n) q', zero at the end.
     """
 
-    A: Array
     J: Array
-    dA: Array
-    tip: list[pin.SE3]
-
-    @cached_property
-    def X(self) -> Array:
-        """(m, 6, n) X = A_b^-1 A_q; the twist of the spacecraft is -X dq."""
-        return base_response(self.A)
-
-    @cached_property
-    def dX(self) -> Array:
-        """(m, n, 6, n) derivatives of X with respect to each joint."""
-        return base_response_derivative(self.A, self.dA, self.X)
-
-    @cached_property
-    def J_star(self) -> Array:
-        """(m, 6, n) J*."""
-        return reduced_jacobian(self.J, self.X)
-
-
-def sample(arm: SpaceArm, Q: Array) -> Samples:
-    """Compute the samples at joint positions Q (m, n)."""
-    at = [kinematics(arm, q, pin.SE3.Identity()).centred(np.zeros(3)) for q in Q]
-    return Samples(
-        A=np.array([cfg.A for cfg in at]),
-        J=np.array([cfg.J for cfg in at]),
-        dA=np.array([momentum_derivatives(arm, cfg.full_at_origin) for cfg in at]),
-        tip=[cfg.tip for cfg in at],
-    )
+    A: Array
+    r: Array
+    R: Array
+    G: Array
+    rates: Array
 
 
 class CurveFamily:
@@ -95,6 +64,15 @@ class CurveFamily:
         """Return the Gauss points of every interval, and the end, (2 intervals + 1, n)."""
         return self.q0 + self.basis @ (p - self._offset)
 
+    def samples(self, p: Array, Q: Array) -> Samples:
+        """Compute the samples of a curve at its `points` Q, by compiled kernels."""
+        from spacearm.mechanics.connection import connections  # imports the compiler
+
+        rates = np.zeros_like(Q)
+        rates[:-1] = self.slope @ (p - self._offset)
+        at, G = connections(self.arm, Q.T, rates)
+        return Samples(*at, G, rates)
+
     def rows(self, p: Array, m: int) -> Array:
         """Return joint positions (m + 1, n) at even steps of s."""
         basis, _ = sines(np.linspace(0.0, 1.0, m + 1), len(p) - 1)
@@ -113,33 +91,25 @@ class CurveFamily:
         d = p - self._offset
         return float((weight * d * d).sum()), 2.0 * weight * d
 
-    def turn(self, p: Array, at: Samples) -> tuple[Array, Array]:
-        """Compute the turn of the spacecraft along the curve, and its derivative.
+    def turn(self, at: Samples) -> tuple[Array, Array]:
+        """Compute the turn of the spacecraft along a curve, and its derivative.
 
         Args:
-            p: The curve.
-            at: The samples at its `points`.
+            at: The samples of the curve.
 
         Returns:
             (3, 3) rotation from the spacecraft axes at the end to those at the start;
-            (3, waves + 1, n) dphi per change of p, spacecraft axes at the end.
+            (3, waves + 1, n) dphi per change of the curve, spacecraft axes at the end.
         """
-        rates = self.slope @ (p - self._offset)
-        A = -at.X[:-1, 3:]  # (33c)
-        w = np.einsum("mij,mj->mi", A, rates)
-        G = -np.einsum("mkij,mj->mik", at.dX[:-1, :, 3:], rates)
-        dw = np.einsum("ma,mik->miak", self.basis[:-1], G)
-        dw += np.einsum("ma,mik->miak", self.slope, A)
-        w1, w2 = w[::2], w[1::2]
-        dw1, dw2 = (part.reshape(len(part), 3, -1) for part in (dw[::2], dw[1::2]))
-        angles = magnus_step(w1, w2, self.h)
-        changes = magnus_step_derivative(w1, w2, dw1, dw2, self.h)
-        T, dphi = np.eye(3), np.zeros((3, p.size))
-        for angle, change in zip(angles, changes, strict=True):
-            step = pin.exp3(angle)
-            dphi = step.T @ dphi + pin.Jexp3(angle) @ change
-            T = T @ step
-        return T, dphi.reshape(3, *p.shape)
+        from spacearm.kernels.paths.turns import turn_and_slope  # imports the compiler
+
+        T, dphi = np.empty((3, 3)), np.empty((3, self.basis.shape[1], self.arm.n))
+        last = len(at.A) - 1
+        turn_and_slope(
+            at.A[:last], at.G[:last], at.rates[:last], self.basis[:last], self.slope, self.h, T,
+            dphi,
+        )  # fmt: skip
+        return T, dphi
 
 
 def sines(s: Array, waves: int) -> tuple[Array, Array]:

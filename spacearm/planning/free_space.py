@@ -13,11 +13,14 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
+from spacearm.model.scale import radians
 
 FAR = 1.0
 """Distances to the singular set beyond this are not told apart [rad]: they are too rough."""
 BEYOND, ACROSS = -2.0, -1.0
 """In place of the distance, for curves beyond the limits or on the other side of a singularity."""
+NEARBY, TURNS_ROUND = 0.5, -0.8
+"""Up to which distance [rad] the way out tells sides apart; cosine of the angle between two."""
 BLOCK = 16_000
 """Configurations that are evaluated between two looks at the clock."""
 
@@ -84,10 +87,33 @@ class FreeSpace:
     def _least(self, curves: Array) -> Array:
         """Return the same of a few curves within the limits."""
         self._check_time()
-        names = ("distance",) if np.isnan(self._det) else ("distance", "determinant")
+        square = self.arm.n == self.arm.task.k
+        names = ("distance", "determinant" if square else "away")
         at = evaluate(self.arm, curves.reshape(-1, self.arm.n), names)
-        distance = np.minimum(at["distance"], FAR)
-        if "determinant" in at:
-            distance[at["determinant"] * self._det <= 0.0] = ACROSS
-        least: Array = distance.reshape(curves.shape[:2]).min(axis=1)
-        return least
+        distance = np.minimum(at["distance"], FAR).reshape(curves.shape[:2])
+        if square:
+            across = (at["determinant"] * self._det <= 0.0).reshape(distance.shape)
+        else:
+            away = at["away"].reshape(curves.shape) / radians(self.arm)
+            across = sides(away, distance) < 0.0
+        return np.asarray(np.where(across.any(axis=1), ACROSS, distance.min(axis=1)))
+
+
+def sides(away: Array, distance: Array) -> Array:
+    """Tell on which side of the singular set of a redundant arm points on curves are (..., m).
+
+    The set has as a rule two dimensions less than joint space, and thus no sides. But where two
+    joints turn the tip in almost the same way, it is all but singular on what divides joint space.
+    Then the direction away from the set turns round from one point to the next.
+
+    Args:
+        away: (..., m, n) unit vectors away from the set.
+        distance: (..., m) distances to it [rad].
+
+    Returns:
+        1 for the side of the first point, -1 for the other.
+    """
+    near = np.maximum(distance[..., 1:], distance[..., :-1]) < NEARBY
+    flips = near & ((away[..., 1:, :] * away[..., :-1, :]).sum(axis=-1) < TURNS_ROUND)
+    ones = np.ones((*distance.shape[:-1], 1))
+    return np.cumprod(np.concatenate((ones, np.where(flips, -1.0, 1.0)), axis=-1), axis=-1)

@@ -60,7 +60,7 @@ class Guess:
         x: The unknowns of `CurveOptimiser`.
         loops: How many times its loop is run through.
         room: Least distance to the singular set on the way [rad]; negative beyond a limit or a
-            singularity.
+            singularity, minus infinity if it does not arrive.
     """
 
     x: Array
@@ -100,7 +100,7 @@ class GuessFinder:
         self._along, _ = sines(np.linspace(0.0, 1.0, POINTS), waves)
 
     def curves(self, width: float, m: int) -> Iterator[Guess]:
-        """Yield curves that arrive: free ones, shortest first, then others.
+        """Yield curves that arrive, free ones first, and then others, shortest first.
 
         Args:
             width: Size of the sines [rad], [m], and of the turns of the spacecraft [rad].
@@ -117,8 +117,10 @@ class GuessFinder:
         room, travel = self.free.least_distance(self._points(P)), lengths(self._points(P))
         clear = room > self.target.clearance
         self.count_ways(room, near)
-        for i in (*_shortest(travel, near & clear), *np.flatnonzero(near & ~clear)):
-            yield Guess(self._unknowns(P[i]), 0, room[i])
+        room[~near] = -np.inf
+        for some in (near & clear, near & ~clear, ~near):
+            for i in _shortest(travel, some):
+                yield Guess(self._unknowns(P[i]), 0, room[i])
 
     def loops_and_lines(self) -> Iterator[Guess]:
         """Yield loops with a straight line after them that arrive, free, shortest first."""
@@ -225,9 +227,9 @@ class GuessFinder:
         if target.tip is None or len(P) == 0:
             return P, np.ones(len(P), dtype=bool)
 
-        def attitude(Q: Array) -> Array:
-            P[:, 0] = Q - self.start.q
-            return self.T0 @ W @ self._turns(P)
+        def attitude(Q: Array, rows: Indices) -> Array:
+            P[rows, 0] = Q - self.start.q
+            return self.T0 @ W[rows] @ self._turns(P[rows])
 
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
         _, miss = inverse_kinematics(

@@ -15,18 +15,21 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
-from spacearm.mechanics.floating import magnus_step
 from spacearm.model.arm import SpaceArm
+from spacearm.planning.loops import Indices
 from spacearm.singularities.polynomial import plane_of_motion
 
 if TYPE_CHECKING:
-    from spacearm.mechanics.compiled import Reactions
+    from spacearm.mechanics.connection import Reactions
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""
 
-Turns = Callable[[Array], Array]
-"""Returns the attitudes (K, 3, 3) of the spacecraft at the ends (K, n) of curves."""
+DONE = 1e-10
+"""What the tip misses where Newton's method stops [m], [rad]."""
+
+Turns = Callable[[Array, Indices], Array]
+"""Returns the attitudes (r, 3, 3) of the spacecraft at the ends (r, n) of some of the curves."""
 
 
 @lru_cache(maxsize=64)
@@ -45,21 +48,13 @@ def spacecraft_turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
         Q: (K, 2 g, n) positions at the Gauss points of g equal intervals.
         rates: (K, 2 g, n) derivatives there, the curve's parameter from 0 to 1.
     """
-    from spacearm.mechanics.compiled import reactions  # imports the compiler
+    from spacearm.kernels.paths.turns import whole_turns  # imports the compiler
+    from spacearm.mechanics.connection import reactions
 
     K, points, n = Q.shape
-    A = reactions(arm, Q.reshape(-1, n).T).A.reshape(K, points, 3, n)
-    w = np.einsum("kgij,kgj->kgi", A, rates)
-    w1, w2, h = w[:, ::2], w[:, 1::2], 2.0 / points
-    R = (
-        Rotation.from_rotvec(magnus_step(w1, w2, h).reshape(-1, 3))
-        .as_matrix()
-        .reshape(K, points // 2, 3, 3)
-    )
-    whole = R[:, 0]
-    for i in range(1, points // 2):
-        whole = whole @ R[:, i]
-    return whole
+    T = np.empty((K, 3, 3))
+    whole_turns(reactions(arm, Q.reshape(-1, n).T).A, np.ascontiguousarray(rates), 2.0 / points, T)
+    return T
 
 
 def held_jacobian(at: Reactions) -> Array:
@@ -85,7 +80,8 @@ def inverse_kinematics(
         q: (K, n) first guesses.
         tip: The pose, from the system CM.
         attitude: (K, 3, 3) attitudes of the spacecraft, held; or a function that gives them for
-            joint positions (K, n): then the spacecraft turns with each step by (33c).
+            joint positions (r, n) and the numbers of their curves: then the spacecraft turns with
+            each step by (33c).
         axes: (3, 3) the goal axes; see `goal_axes`.
         steps: Number of steps.
         check_time: Called at every step; it may raise an error to end the search.
@@ -94,18 +90,24 @@ def inverse_kinematics(
     Returns:
         (K, n) joint positions; (K,) norm of what the tip misses in the task's rows [m], [rad].
     """
-    from spacearm.mechanics.compiled import reactions  # imports the compiler
+    from spacearm.mechanics.connection import reactions  # imports the compiler
 
+    q, miss, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
     for step in range(steps + 1):
         check_time()
-        T, at = attitude(q) if callable(attitude) else attitude, reactions(arm, q.T)
+        T = attitude(q[rows], rows) if callable(attitude) else attitude[rows]
+        at = reactions(arm, q[rows].T)
         left = _left(arm, at, T, tip, axes)
-        if step == steps:
+        miss[rows] = np.linalg.norm(left, axis=1)
+        far = miss[rows] > DONE
+        if step == steps or not far.any():
             break
         J = _in_rows(arm, at.J if callable(attitude) else held_jacobian(at), T, axes)
-        q = q + _damped_step(J, left)
-        q = q if limits is None else np.clip(q, *limits)
-    return q, np.linalg.norm(left, axis=1)
+        rows = rows[far]
+        q[rows] += _damped_step(J[far], left[far])
+        if limits is not None:
+            q[rows] = np.clip(q[rows], *limits)
+    return q, miss
 
 
 def turned_kinematics(
@@ -126,24 +128,28 @@ def turned_kinematics(
     Returns:
         (K, n) joint positions; (K, 3, 3) attitudes; (K,) norm of what the tip misses.
     """
-    from spacearm.mechanics.compiled import reactions  # imports the compiler
+    from spacearm.mechanics.connection import reactions  # imports the compiler
 
-    n, T, turns = arm.n, attitude, list(turning_axes(arm))
+    n, turns, rows = arm.n, list(turning_axes(arm)), np.arange(len(q))
+    q, T, miss = q.copy(), attitude.copy(), np.empty(len(q))
     for step in range(steps + 1):
         check_time()
-        at = reactions(arm, q.T)
-        left = _left(arm, at, T, tip, axes)
-        if step == steps:
+        at = reactions(arm, q[rows].T)
+        left = _left(arm, at, T[rows], tip, axes)
+        miss[rows] = np.linalg.norm(left, axis=1)
+        far = miss[rows] > DONE
+        if step == steps or not far.any():
             break
-        about = np.tile(np.vstack((np.zeros((3, 3)), np.eye(3))), (len(q), 1, 1))
+        about = np.tile(np.vstack((np.zeros((3, 3)), np.eye(3))), (len(rows), 1, 1))
         about[:, :3] = np.swapaxes(np.cross(np.eye(3), at.r[:, None]), 1, 2)  # e_i x r
         both = np.concatenate((held_jacobian(at), about[:, :, turns]), axis=2)
-        change = _damped_step(_in_rows(arm, both, T, axes), left)
-        q = np.clip(q + change[:, :n], *limits)
-        turn = np.zeros((len(q), 3))
+        J, rows = _in_rows(arm, both, T[rows], axes)[far], rows[far]
+        change = _damped_step(J, left[far])
+        q[rows] = np.clip(q[rows] + change[:, :n], *limits)
+        turn = np.zeros((len(rows), 3))
         turn[:, turns] = change[:, n:]
-        T = T @ Rotation.from_rotvec(turn).as_matrix()
-    return q, T, np.linalg.norm(left, axis=1)
+        T[rows] = T[rows] @ Rotation.from_rotvec(turn).as_matrix()
+    return q, T, miss
 
 
 def _left(arm: SpaceArm, at: Reactions, T: Array, tip: pin.SE3, axes: Array) -> Array:

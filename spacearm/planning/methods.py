@@ -21,7 +21,7 @@ from spacearm.motion.following import check_start, how_it_ended, lead
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
-from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, CurveOptimiser, Target
+from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
 from spacearm.planning.problem import WAVES, Problem, Rows, travel
 from spacearm.planning.search import TimeUpError
 from spacearm.planning.timing import rest_to_rest_times
@@ -31,14 +31,16 @@ WIDTHS = (0.3, 0.6, 1.0, 2.0)
 """Sizes of the curves that are tried [rad]."""
 FEW, MANY = 75, 600
 """Numbers of curves of each size that are tried at once: many where few do not do."""
-PLACES = 8
-"""Postures about which loops are tried."""
+FIRST_PLACES, PLACES = 2, 8
+"""Postures about which loops are tried, in the first round and in later ones."""
 STARTS = 60
 """Curves with a singularity on the way that are optimised, over the number of joints."""
 CHECKED = 40
 """Guesses that are checked for contacts with obstacles, which takes long."""
-TRIES, ENOUGH = 6, 2
-"""Guesses that are optimised, and solutions of which the shortest is taken."""
+TRIES, OTHERS, ENOUGH = 6, 4, 2
+"""Free guesses that are optimised, others, and solutions of which the shortest is taken."""
+QUICK = 25
+"""Iterations of the optimiser in which the first of those others must do."""
 TURNS, TURN_STEPS = 72, 24
 """Attitudes about an axis from which the straight line is tried; steps of the turn to each."""
 NEAREST = 4
@@ -62,12 +64,17 @@ def straight(problem: Problem) -> Rows:
 def joint_space(problem: Problem) -> Rows:
     """Find the shortest joint curve that arrives, of the first few."""
     finder = problem.guesses(problem.start, problem.target)
-    _, apart = _guesses(problem, finder, FEW)
-    if apart:
-        with suppress(NoSolutionError):  # more may do; they too end when the time is up
-            return _optimised(problem, finder, apart)
-    mixed, apart = _guesses(problem, finder, MANY)
-    if not mixed:
+    mixed: list[list[Guess]] = []
+    for m, width in itertools.product((FEW, MANY), WIDTHS):  # cheap ones first
+        guesses = list(finder.curves(width, m))
+        mixed += [guesses] if m == MANY else []
+        free = [guess for guess in guesses if guess.room > problem.target.clearance]
+        apart, others = _without_contact(problem, finder, free), guesses[len(free) :][:OTHERS]
+        for some, iterations in ((apart, ITERATIONS), (others, QUICK if m == FEW else ITERATIONS)):
+            with suppress(_NoneDoesError):  # more may do
+                return _optimised(problem, finder, some, iterations)
+    best = [guess for same in itertools.zip_longest(*mixed) for guess in same if guess]
+    if not best:
         found = problem.search.postures["usable"]
         raise NoSolutionError(
             f"{found} joint positions were found at the goal, and none of the curves tried leads "
@@ -75,7 +82,7 @@ def joint_space(problem: Problem) -> Rows:
             if found
             else "no joint positions that keep all constraints were found at the goal"
         )
-    return _optimised(problem, finder, apart or mixed[: STARTS // problem.start.arm.n])
+    return _optimised(problem, finder, best[: STARTS // problem.start.arm.n])
 
 
 def cycles(problem: Problem) -> Rows:
@@ -108,19 +115,17 @@ def attitude_first(problem: Problem) -> Rows:
     )
 
 
-def _guesses(problem: Problem, finder: GuessFinder, m: int) -> tuple[list[Guess], list[Guess]]:
-    """Return guesses of all sizes in turn, and the first few free ones, in which nothing meets."""
-    tries = [list(finder.curves(width, m)) for width in WIDTHS]
-    mixed = [guess for same in itertools.zip_longest(*tries) for guess in same if guess]
-    free = (guess for guess in mixed if guess.room > problem.target.clearance)
-    return mixed, _without_contact(problem, finder, free)
+class _NoneDoesError(NoSolutionError):
+    """None of the guesses that were optimised is a solution."""
 
 
-def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) -> Rows:
+def _optimised(
+    problem: Problem, finder: GuessFinder, guesses: Iterable[Guess], iterations: int = ITERATIONS
+) -> Rows:
     """Return the shortest of the first few solutions that the optimiser makes of guesses.
 
     Raises:
-        NoSolutionError: There is none.
+        _NoneDoesError: There is none.
     """
     found: list[Rows] = []
     why = "none of the curves tried keeps all constraints"
@@ -131,7 +136,7 @@ def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) 
         optimiser = CurveOptimiser(
             finder.start, target, WAVES, guess.loops, problem.search.check_time
         )
-        x, met = optimiser.solve(guess.x)
+        x, met = optimiser.solve(guess.x, iterations)
         for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
             if not usable:
                 continue
@@ -147,7 +152,7 @@ def _optimised(problem: Problem, finder: GuessFinder, guesses: Iterable[Guess]) 
         if len(found) == ENOUGH:
             break
     if not found:
-        raise NoSolutionError(why, problem.best)
+        raise _NoneDoesError(why, problem.best)
     return min(found, key=travel)
 
 
@@ -171,13 +176,14 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
             raise
         except NoSolutionError as error:
             why = why or str(error)
-    raise NoSolutionError(f"{why} ({PLACES} places for loops)", problem.best)
+    raise NoSolutionError(why, problem.best)
 
 
 def _loop_places(problem: Problem, target: Target) -> Iterator[Array]:
     """Yield the joint positions (n,) at which loops are tried."""
     yield problem.start.q
-    yield from problem.guesses(problem.start, target).loop_places(PLACES)
+    m = PLACES if problem.search.rounds else FIRST_PLACES
+    yield from problem.guesses(problem.start, target).loop_places(m)
 
 
 def _without_contact(

@@ -19,13 +19,14 @@ from scipy.optimize import minimize
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
+from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import attitudes, placed, walk
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.scale import radians
 from spacearm.motion.goal import goal_axes, twist_between
-from spacearm.planning.curve import CurveFamily, Samples, sample
-from spacearm.planning.free_space import FAR
+from spacearm.planning.curve import CurveFamily, Samples
+from spacearm.planning.free_space import FAR, sides
 from spacearm.planning.many_curves import turning_axes
 
 INTERVALS = 16
@@ -102,10 +103,17 @@ class CurveOptimiser:
         self._check_time = check_time
         self.arm: SpaceArm = start.arm
         self.family = CurveFamily(self.arm, start.q, waves, INTERVALS)
-        J = self._task_jacobians(sample(self.arm, start.q[None]))[0]
-        self.sense = math.copysign(1.0, np.linalg.det(J)) if self._square else 1.0
+        det = evaluate(self.arm, start.q[None], ("determinant",))["determinant"][0]
+        self.sense = math.copysign(1.0, det) if self._square else 1.0
         self._turns = list(turning_axes(self.arm))
         self._axes = goal_axes(start)
+        bounds = [
+            (sign, bound[j], j)
+            for sign, bound in ((1.0, target.upper), (-1.0, target.lower))
+            for j in np.flatnonzero(np.isfinite(bound))
+        ]
+        sign, limit, joint = zip(*bounds, strict=True) if bounds else ((), (), ())
+        self._bounds = np.array(sign), np.array(limit), np.array(joint, dtype=np.int64)
         self._last: tuple[bytes, _Values] | None = None
 
     @property
@@ -124,10 +132,6 @@ class CurveOptimiser:
         """Whether J* is square in the task's rows."""
         return self.arm.task.k == self.arm.n
 
-    def _task_jacobians(self, at: Samples) -> Array:
-        """Return task Jacobians (m, k, n), spacecraft axes."""
-        return self.arm.task.scale * at.J_star[:, self.arm.task.indices]
-
     def values(self, x: Array) -> _Values:
         """Return all constraints on a motion, computed once for the same x."""
         self._check_time()
@@ -140,8 +144,8 @@ class CurveOptimiser:
         room, slopes, turns = [], [], []
         for i, p in enumerate(parts):
             Q = self.family.points(p)
-            at = sample(self.arm, Q)
-            turns.append(self.family.turn(p, at))
+            at = self.family.samples(p, Q)
+            turns.append(self.family.turn(at))
             for gap, slope in (self._singularity_margins(Q, at), self._limit_margins(Q)):
                 wide = np.zeros((len(gap), self.size))
                 if i == 0:
@@ -188,13 +192,13 @@ class CurveOptimiser:
 
     def _end_constraints(self, q: Array, at: Samples, T: Array, dphi: Array) -> tuple[Array, Array]:
         """Return the residual at the end, and its derivatives."""
-        tip, n = at.tip[-1], self.arm.n
-        reached = pin.SE3(T @ tip.rotation, self.start.com + T @ tip.translation)
+        r, n = at.r[-1], self.arm.n
+        reached = pin.SE3(T @ at.R[-1], self.start.com + T @ r)
         slopes: list[Array] = [np.empty((0, self.size))]
         if self.target.tip is not None:
-            held = np.linalg.solve(at.A[-1, :3, :3], at.A[-1, :3, 6:])  # its attitude held
-            twist = np.vstack((-pin.skew(tip.translation) @ dphi, dphi))
-            twist[:, :n] += at.J[-1, :, 6:] - at.J[-1, :, :3] @ held
+            J, A = at.J[-1], at.A[-1]
+            twist = np.vstack((-pin.skew(r) @ dphi, dphi))
+            twist[:, :n] += np.vstack((J[:3] + pin.skew(r) @ A, J[3:] - A))  # its attitude held
             twist = (T @ twist.reshape(2, 3, -1)).reshape(6, -1)
             twist[3:] = pin.Jlog3(self.target.tip.rotation @ reached.rotation.T) @ twist[3:]
             slopes.append(-self._task_rows(twist))
@@ -213,27 +217,25 @@ class CurveOptimiser:
         """
         from spacearm.mechanics.compiled import tangent  # imports the compiler
 
-        near, sign = tangent(self.arm, Q), np.ones(len(Q))
-        if self._square:
-            sign = self.sense * np.sign(np.linalg.det(self._task_jacobians(at)))
+        near = tangent(self.arm, Q)
         distance, away = np.minimum(near.distance, FAR), near.rows[:, 0] / radians(self.arm)
+        if self._square:
+            sign = self.sense * np.sign(np.linalg.det(at.J[:, self.arm.task.indices]))
+        else:
+            sign = sides(near.rows[:, 0], distance)
         slope = np.einsum("m,ma,mk->mak", sign, self.family.basis, away)
         return sign * distance - MARGIN * self.target.clearance, slope.reshape(len(Q), -1)
 
     def _limit_margins(self, Q: Array) -> tuple[Array, Array]:
         """Return the least distance of every joint to each of its limits, and its derivatives."""
-        room, slopes = [np.empty(0)], [np.empty((0, self.family.basis.shape[1] * self.arm.n))]
-        for sign, bound in ((1.0, self.target.upper), (-1.0, self.target.lower)):
-            for j in np.flatnonzero(np.isfinite(bound)):
-                gap = sign * (bound[j] - Q[:, j]) - INSET
-                worst = int(gap.argmin())
-                slope = np.zeros((self.family.basis.shape[1], self.arm.n))
-                slope[:, j] = -sign * self.family.basis[worst]
-                room.append(gap[worst : worst + 1])
-                slopes.append(slope.reshape(1, -1))
-        return np.concatenate(room), np.vstack(slopes)
+        sign, bound, j = self._bounds
+        gap = sign * (bound - Q[:, j]) - INSET
+        worst, each = gap.argmin(axis=0), np.arange(len(j))
+        slopes = np.zeros((len(j), self.family.basis.shape[1], self.arm.n))
+        slopes[each, :, j] = -sign[:, None] * self.family.basis[worst]
+        return gap[worst, each], slopes.reshape(len(j), self.family.basis.shape[1] * self.arm.n)
 
-    def solve(self, x: Array) -> tuple[Array, bool]:
+    def solve(self, x: Array, iterations: int = ITERATIONS) -> tuple[Array, bool]:
         """Return the shortest motion near a guess x, and whether it keeps all constraints."""
         solve: Any = minimize  # its stubs know no exact gradients of constraints
         result = solve(
@@ -253,7 +255,7 @@ class CurveOptimiser:
                     "jac": lambda x: self.values(x).d_margins,
                 },
             ),
-            options={"maxiter": ITERATIONS, "ftol": 1e-4},
+            options={"maxiter": iterations, "ftol": 1e-4},
         )
         values = self.values(result.x)
         slack = 0.5 * min((MARGIN - 1.0) * self.target.clearance, INSET)

@@ -167,9 +167,9 @@ class Tree:
         if target.tip is None or len(W) == 0:
             return W, np.ones(len(W), dtype=bool), self._room(W[:, -2:])
 
-        def attitude(Q: Array) -> Array:
-            W[:, -1] = Q
-            return T @ self._turns(W[:, -2:])
+        def attitude(Q: Array, rows: Indices) -> Array:
+            W[rows, -1] = Q
+            return T[rows] @ self._turns(W[rows, -2:])
 
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.start.com)
         _, miss = inverse_kinematics(

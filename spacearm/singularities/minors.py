@@ -102,6 +102,16 @@ class Minors:
         """Return the minors with columns B and one more; they decide where B is independent."""
         return self._together(self._minors_with(B))
 
+    @cached_property
+    def few(self) -> list[Jets]:
+        """Minors that have all columns but one in common, those with the fewest coefficients.
+
+        Where one is not zero the arm is regular; where all are zero it need not be singular.
+        """
+        bases = combinations(range(self.arm.n), self.arm.task.k - 1)
+        choices = [own for own in map(self._minors_with, bases) if len(own) >= self.codimension]
+        return self._together(min(choices, key=self._size)) if choices else []
+
     def _together(self, columns: list[Columns]) -> list[Jets]:
         """Return several minors.
 

@@ -226,7 +226,7 @@ def pose_risk(
     """
     from scipy.spatial import KDTree  # slow to import
 
-    from spacearm.mechanics.compiled import reactions  # imports the compiler
+    from spacearm.mechanics.connection import reactions  # imports the compiler
 
     poses, neighbours = whole(poses, "poses", 1), whole(neighbours, "neighbours", 1)
     if whole(samples, "samples", 1) < max(poses, neighbours):

@@ -19,6 +19,7 @@ from spacearm.polynomial.triangle import Triangle
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.closest import nearest_singular
 from spacearm.singularities.exact_set import ExactSet
+from spacearm.singularities.free_paths import prove_free
 from spacearm.singularities.minors import has_minors, minors_of
 from spacearm.singularities.polynomial import singularity_polynomial
 from spacearm.singularities.searched_set import FoundSet
@@ -71,12 +72,22 @@ def prove_regular(
 ) -> Certificate | None:
     """Return the proof that straight segments through rows q (m, n) meet no singularity.
 
+    For redundant arms a few minors do as a rule, and all of them tell the most; neither needs to
+    know whether the singular set is whole.
+
     None where the minors of J* are no polynomials, as for mimic joints, or too large.
     """
-    try:
+    with suppress(UnsupportedError):
+        if arm.n > arm.task.k and has_minors(arm):
+            minors = minors_of(arm, mode)
+            if minors.few:
+                proof = prove_free(arm, mode, minors.few, q, limits=False, progress=progress)
+                if proof.free:
+                    return proof
+            return prove_free(arm, mode, minors.every(), q, limits=False, progress=progress)
+    with suppress(UnsupportedError):
         return singular_set(arm, mode=mode).clearance(q, progress=progress)
-    except UnsupportedError:
-        return None
+    return None
 
 
 def nearest_posture(

@@ -194,3 +194,17 @@ def planar_pair(tip=("left", "right"), joints="tip") -> sa.SpaceArm:
             joint(f"{side}_t", f"{side}_2", side, "fixed", xyz=(1, 0, 0)),
         ]
     return load_text(robot(*parts), tip=tip, joints=joints)
+
+
+def spherical(task: str = "pose") -> sa.SpaceArm:
+    """Seven joints with spherical shoulder and wrist, as many laboratory arms have; 100 kg bus."""
+    names = ["bus", *(f"link_{i}" for i in range(1, 8))]
+    z, y = (0, 0, 1), (0, 1, 0)
+    heights = (0.5, 0.36, 0.0, 0.42, 0.0, 0.4, 0.0)
+    chain = [link("bus", 100.0, (0, 0, 0), 17.0 * np.eye(3))]
+    chain += [link(name, 2.0, (0, 0, 0.08), 0.01 * np.eye(3)) for name in names[1:]]
+    for i, (height, axis) in enumerate(zip(heights, (z, y, z, y, z, y, z), strict=True)):
+        at = {"xyz": (0, 0, height), "axis": axis}
+        chain.append(joint(f"joint_{i + 1}", names[i], names[i + 1], "continuous", **at))
+    chain += [frame("tip"), joint("tip_joint", "link_7", "tip", "fixed", (0, 0, 0.126))]
+    return load_text(robot(*chain), tip="tip", task=task)

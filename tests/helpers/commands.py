@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import warnings
@@ -13,6 +14,10 @@ from unittest.mock import patch
 
 from spacearm.cli.app import main
 from spacearm.errors import ModelWarning
+from spacearm.kernels import kept
+
+TOLD = re.compile("(so far|left)$|^spacearm: compiling once|compiled kernels cannot be kept")
+"""Lines of progress; on kernels, also where none can be kept."""
 
 
 class Finished(NamedTuple):
@@ -54,9 +59,15 @@ def in_a_process(*words, cwd=None, **environment):
     return Finished(run.returncode, run.stdout, run.stderr)
 
 
+def keeping(folder):
+    """Settings with which kernels are kept, in a folder if the package cannot be written."""
+    there = os.access(Path(kept.__file__).parent, os.W_OK)
+    return {} if there else {"NUMBA_CACHE_DIR": str(folder)}
+
+
 def complaints(run):
-    """What stands on stderr besides the progress of a command that takes its time."""
-    return [line for line in run.stderr.splitlines() if not line.endswith(("so far", "left"))]
+    """What stands on stderr besides progress and what is said of the compiler."""
+    return [line for line in run.stderr.splitlines() if not TOLD.search(line)]
 
 
 def answer(*words):

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.arms import joint, link, load_text, random_chain, robot, scaled
+from helpers.arms import joint, link, load_text, random_chain, robot, scaled, spherical
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
+from spacearm.mechanics import compiled
 from spacearm.model.scale import radians
 
 SQUARE = ("planar2", "planar3", "mda6", "ets7")
@@ -108,6 +109,24 @@ def test_the_distance_of_a_redundant_arm_is_not_sigma_min_over_its_slope():
         short.append(report.sigma_min / np.linalg.norm(report.gradient) / report.distance)
     assert max(short) < 1 + 1e-9
     assert min(short) < 0.7
+
+
+@pytest.mark.parametrize("mode", ["fixed", "attitude-controlled"])
+@pytest.mark.parametrize("elbow", [1e-2, 1e-4, 1e-6, 1e-9, 1e-12])
+def test_a_straight_elbow_is_singular_although_the_arm_is_redundant(mode, elbow):
+    """One equation makes a spherical shoulder and wrist lose rank, not n - k + 1 = 2 of them.
+
+    The slopes of the other one vanish as sigma_min does; taken as an equation they made the elbow
+    seem up to radians away from being straight.
+    """
+    arm, rng = spherical(), np.random.default_rng(0)
+    Q = rng.uniform(0.3, 1.5, (60, 7))
+    Q[:, 3] = elbow
+    found = np.array([sa.singularity(arm.at(q), mode=mode).distance for q in Q[:6]])
+    many = compiled.tangent(arm, Q, mode)
+    np.testing.assert_allclose(found, elbow, rtol=0.01)
+    np.testing.assert_allclose(many.distance, elbow, rtol=0.1)
+    np.testing.assert_allclose(np.abs(many.rows[:, 0, 3]), 1.0, atol=0.02)
 
 
 @pytest.mark.filterwarnings("ignore::spacearm.errors.ModelWarning")  # links of hundreds of metres

@@ -10,7 +10,9 @@ from scipy.optimize import minimize
 import spacearm as sa
 from spacearm.model.scale import radians
 from spacearm.polynomial.triangle import Triangle, find_triangle, share_root
+from spacearm.singularities.minors import minors_of
 from spacearm.singularities.rank_loss import is_singular, lose_rank
+from spacearm.singularities.sets import prove_regular
 
 MODES = ["free-floating", "attitude-controlled", "fixed"]
 FOLD = 2e-3
@@ -535,3 +537,26 @@ def test_a_polynomial_that_vanishes_along_a_whole_sheet():
     assert np.allclose(np.cos(main[:, 1]), 0, atol=1e-12)
     assert np.allclose(np.sin(sheet[:, 0]), 0, atol=1e-12)
     assert len(main) == len(sheet) == 100
+
+
+@pytest.mark.parametrize(("seed", "task"), [(0, "pose"), (3, "pose"), (1, "position")])
+def test_a_few_minors_prove_what_all_of_them_do(seed, task):
+    arm = chain(seed, 7, task) if task == "pose" else chain(seed, 5, task)
+    rng, few = np.random.default_rng(seed), minors_of(arm, "free-floating").few
+    assert len(few) >= arm.n - arm.task.k + 1
+    for _ in range(3):
+        path = rng.uniform(-np.pi, np.pi, arm.n) + np.outer([0.0, 0.5, 1.0], rng.normal(size=arm.n))
+        proof = prove_regular(arm, path)
+        assert proof.free
+        assert sa.singular_set(arm).clearance(path).free
+        for q in path[0] + np.linspace(0.0, 1.0, 50)[:, None] * (path[1] - path[0]):
+            assert sigma_ratio(arm, q) > 0.0
+
+
+def test_where_few_minors_vanish_the_others_decide():
+    """Few of them vanish where the columns that they have in common are dependent."""
+    arm = chain(0, 7)
+    q = sa.singular_set(arm).sample(1, np.random.default_rng(0))[0]
+    proof = prove_regular(arm, q + np.outer([-0.3, 0.3], np.ones(7)))
+    assert not proof.free
+    np.testing.assert_allclose(proof.at, q, atol=1e-5)

@@ -112,7 +112,7 @@ ARRAYS: dict[str, tuple[str, ...]] = {
     "t_out": ("outputs",), "y_out": ("outputs", "states"), "pace": ("1000",),
     "observed": ("outputs", "n+21"), "event": ("events",), "found": ("256",),
     "q_found": ("256", "n"), "look": ("k", "n"), "look_U": ("k", "k"), "look_sigma": ("k",),
-    "look_V": ("n", "n"), "look_L": ("n+1", "n"), "look_u": ("k",), "look_y": ("states",),
+    "look_V": ("n", "n"), "look_L": ("n+1", "2*n"), "look_u": ("k",), "look_y": ("states",),
     "look_q": ("n",),
     "radian": ("n",),
 }  # fmt: skip

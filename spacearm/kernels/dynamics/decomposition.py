@@ -102,25 +102,28 @@ def null_space(V: Numbers, k: int) -> None:
 
 
 @part
-def free_slope(L: Numbers, rows: int, least: float) -> float:
-    """Return the length of row 0 of L less its part in the span of the other rows, which change.
+def free_slope(L: Numbers, rows: int, pad: float) -> float:
+    """Return the slope along what row 0 leaves of its part in the span of the other rows.
 
-    Rows shorter than `least` span nothing. The longest of those left comes first.
+    These are padded, so that those which `pad` outweighs span nothing: see `mechanics.nearness`.
+
+    Args:
+        L: (rows, 2 n) rows of n numbers, and as much room; they change.
+        rows: Number of rows.
+        pad: The padding, positive.
     """
-    for i in range(1, rows):
-        longest = i
-        for o in range(i + 1, rows):
-            if length(L[o]) > length(L[longest]):
-                longest = o
-        if length(L[longest]) <= least:
-            break
-        for j in range(L.shape[1]):
-            L[i, j], L[longest, j] = L[longest, j], L[i, j]
-        normalise(L[i])
-        for o in range(rows):
-            if o == 0 or o > i:
-                take_out(L[i], L[o])
-    return length(L[0])
+    n = L.shape[1] // 2
+    for i in range(1, rows + 1):
+        row = i % rows  # row 0 comes last
+        for j in range(n, 2 * n):
+            L[row, j] = pad if row > 0 and j == n + row else 0.0
+        for _ in range(2):  # twice is enough
+            for o in range(1, i):
+                take_out(L[o], L[row])
+        if row > 0:
+            normalise(L[row])
+    full, way = length(L[0]), length(L[0, :n])
+    return full * full / way if way > 0.0 else 0.0
 
 
 @part

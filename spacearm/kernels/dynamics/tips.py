@@ -39,8 +39,8 @@ INSTANT = 1e-6
 """Half the time over which the velocity of a moving target is taken [s]."""
 DIFFERENCE = 1e-4
 """Displacement of the joints by which the derivatives of J* are taken [rad]."""
-NOTHING = 1e-10
-"""Slopes below this share of the norm of J* are rounding."""
+NOTHING, FADING = 1e-9, 0.3
+"""Slopes below this share of the norm of J* are rounding; others as in `mechanics.nearness`."""
 NO_RANK = 2.0**-48
 """Least singular values up to this share of the norm of J* are zero, as in `kernels.nearness`."""
 UPSIDE_DOWN = 1e-9 - 1.0
@@ -130,7 +130,7 @@ def singular_distance(x: Context, t: float, y: Numbers) -> float:
     if k > n:
         return 0.0
     W, U, sigma = mat(x._look, k, n), mat(x._look_U, k, k), vec(x._look_sigma, k)
-    radian, at, L = vec(x._radian, n), vec(x._look_y, x.states), mat(x._look_L, n + 1, n)
+    radian, at, L = vec(x._radian, n), vec(x._look_y, x.states), mat(x._look_L, n + 1, 2 * n)
     V = mat(x._look_V, n, n)
     per_radian(x, W, radian)
     norm = 0.0
@@ -165,7 +165,7 @@ def singular_distance(x: Context, t: float, y: Numbers) -> float:
                         L[i, j] += 0.5 * side / DIFFERENCE * u[a] * W[a, c] * V[k - 1 + i, c]
         at[j] = y[j]
     jump(x.settle, x.here, t, y.ctypes.data, 0)
-    slope = free_slope(L, rows, NOTHING * norm)
+    slope = free_slope(L, rows, NOTHING * norm + FADING * least)
     return float(least / slope) if slope > NOTHING * norm else math.inf
 
 

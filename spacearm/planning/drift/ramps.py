@@ -12,6 +12,7 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import GAUSS
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
+from spacearm.planning.loops import Indices
 from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import Target
 
@@ -52,7 +53,7 @@ def ramp_ends(
     lower, upper = (np.clip(b, q0 - reach, q0 + reach) for b in (target.lower, target.upper))
     nodes = (np.arange(INTERVALS)[:, None] + GAUSS).ravel() / INTERVALS
 
-    def attitudes(Q: Array) -> Array:
+    def attitudes(Q: Array, _: Indices) -> Array:
         way = (Q - q0)[:, None]
         rates = np.broadcast_to(way, (len(Q), len(nodes), arm.n))
         line = spacecraft_turns(arm, q0 + nodes[:, None] * way, rates)
