@@ -1,4 +1,4 @@
-"""`spacearm view`: a configuration in the browser, in a file, or as a picture."""
+"""`spacearm view`: a configuration or a motion in the browser, in a file, or as a picture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from spacearm.cli.options import (
     spacecraft_pose,
 )
 from spacearm.cli.output import out
+from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
+from spacearm.motion.motion import Motion
+from spacearm.viewer.panel.comparison import WORDS
 from spacearm.viewer.show import view as show
 
 if TYPE_CHECKING:
@@ -32,6 +35,18 @@ def view_configuration(
         ),
     ] = None,
     attitude: Attitude = (0.0, 0.0, 0.0),
+    motion: Annotated[
+        Path | None,
+        typer.Option(help="Play a motion written by --save of plan or simulate.", metavar="NPZ"),
+    ] = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(
+            help="Play another motion in step, or the same joint motion in another mode: "
+            f"{', '.join(WORDS)}.",
+            metavar="NPZ|MODE",
+        ),
+    ] = None,
     port: Annotated[
         int | None,
         typer.Option(help="Port of the page; by default the first free one from 7400 on."),
@@ -45,16 +60,31 @@ def view_configuration(
     png: Annotated[
         Path | None, typer.Option(help="Write a picture and exit.", metavar="PNG")
     ] = None,
+    frames: Annotated[
+        Path | None,
+        typer.Option(help="Write pictures of the motion, 30 a second, and exit.", metavar="ZIP"),
+    ] = None,
     deg: bool = False,
 ) -> None:
-    """Show a configuration in the browser, with sliders; Ctrl-C ends it."""
-    start = joint_values(arm, q, deg) if q else None
-    viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
+    """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it."""
+    if motion:
+        if q or any(attitude):
+            raise ConfigurationError("the motion has its own postures; leave out q and --attitude")
+        given = compare is None or compare in WORDS
+        other = compare if given else Motion.load(str(compare), arm)
+        viewer = show(Motion.load(motion, arm), compare=other, open=False)
+    elif compare:
+        raise ConfigurationError("there is no motion to compare; give --motion")
+    else:
+        start = joint_values(arm, q, deg) if q else None
+        viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
     if save:
         out.print(f"wrote {viewer.save(save)}")
     if png:
         out.print(f"wrote {viewer.png(png)}")
-    if save or png:
+    if frames:
+        out.print(f"wrote {viewer.frames(frames)}")
+    if save or png or frames:
         return
     serve_until_interrupted(viewer, port, no_open)
 

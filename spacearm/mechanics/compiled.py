@@ -38,21 +38,23 @@ def tangent(arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating") -> Tangen
     return _tangent(arm, Q, mode, arm.n - arm.task.k + 1, cpu.distances)
 
 
-def distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
+def distances(arm: SpaceArm, q: Array, mode: BaseMode = "free-floating") -> dict[str, Array]:
     """Compute the quantities `NEARNESS` at q (n, m): (m,) and (m, n)."""
-    return _distances(arm, q, cpu.distances)
+    return _distances(arm, q, cpu.distances, mode)
 
 
-def _distances(arm: SpaceArm, q: Array, kernel: Callable[..., None]) -> dict[str, Array]:
+def _distances(
+    arm: SpaceArm, q: Array, kernel: Callable[..., None], mode: BaseMode = "free-floating"
+) -> dict[str, Array]:
     """Compute `distances` by a kernel with the arguments of `cpu.distances`."""
     if arm.n < arm.task.k:  # singular everywhere; NaN stays NaN
         zero = 0.0 * q.sum(axis=0)
         return {"distance": zero, "away": np.repeat(zero[:, None], arm.n, axis=1)}
 
     def look(Q: Array) -> Tangent:  # of the normal space one row is not enough for the second step
-        return _tangent(arm, Q, "free-floating", arm.n - arm.task.k + 1, kernel)
+        return _tangent(arm, Q, mode, arm.n - arm.task.k + 1, kernel)
 
-    first = _tangent(arm, q.T, "free-floating", 1, kernel)
+    first = _tangent(arm, q.T, mode, 1, kernel)
     return dict(zip(NEARNESS, refined(arm, q.T, first, look), strict=True))
 
 

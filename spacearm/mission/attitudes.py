@@ -135,6 +135,25 @@ class FeasibleAttitudes(Result):
         return 0.5 * float(np.sqrt((self.weight[self.border] ** 2).sum()))
 
     @cached_property
+    def by_direction(self) -> tuple[Array, Array]:
+        """Directions (k, 3) of the spacecraft's z axis, and the share of feasible rolls about each.
+
+        Of spatial arms; the directions are those tried, along inertial axes.
+
+        Raises:
+            UnsupportedError: The arm is planar.
+        """
+        if self.axis is not None:
+            raise UnsupportedError(f"{self.arm.name} turns its spacecraft about one axis only")
+        x, y, z, w = self.attitude.T
+        axis = np.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), 1)
+        least = self.cell[:, 0].min()
+        parent = self.cell[:, 1] // 4 ** (self.cell[:, 0] - least)
+        inside, whole = (np.bincount(parent, self.weight * f) for f in (self.feasible, 1.0))
+        middle = np.stack([np.bincount(parent, axis[:, i]) for i in range(3)], axis=1)
+        return middle / np.linalg.norm(middle, axis=1, keepdims=True), inside / whole
+
+    @cached_property
     def best(self) -> int:
         """Number of the feasible attitude that keeps farthest from the singular set.
 

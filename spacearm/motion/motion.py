@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Result, finite, plain, read_only, shape_of
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import singular_values
 from spacearm.model.arm import SpaceArm
@@ -233,7 +233,7 @@ class Motion(Result):
         what = cls.__name__.lower()
         try:
             arrays = motion_file.read(path)
-            kind = cls._kind(motion_file.word(arrays, "kind"))
+            kind = motion_file.kind_of(cls, motion_file.word(arrays, "kind"))
             joints = motion_file.names(arrays)
             values = motion_file.values(arrays, kind._layout(arm), len(joints))
             if joints == arm.joint_names:
@@ -265,18 +265,6 @@ class Motion(Result):
         left_out = () if len(arm.tips) == 1 else ("tip",)
         kept = {name: q for name, q in cls.QUANTITIES.items() if name not in left_out}
         return Layout.of(cls, kept, len(arm.wheels))
-
-    @classmethod
-    def _kind(cls: type[AnyMotion], name: str) -> type[AnyMotion]:
-        """Return this class or the one derived from it that has a name.
-
-        Raises:
-            ConfigurationError: There is none.
-        """
-        kinds = {kind.__name__: kind for kind in (cls, *cls.__subclasses__())}
-        if name not in kinds:
-            raise ConfigurationError(unknown("kind of motion", name, kinds))
-        return kinds[name]
 
     @property
     def _compiled(self) -> bool:

@@ -12,15 +12,17 @@ import io
 import os
 from collections.abc import Mapping
 from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import opened, write
 
+Kind = TypeVar("Kind")
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
 Form: TypeAlias = tuple[str, tuple[int, ...]]
 """NumPy's letter for what an array holds ("f" numbers, "b" truth values, "U" words); its shape."""
@@ -250,3 +252,19 @@ def _array(arrays: Arrays, name: str, form: Form, gaps: bool = False) -> npt.NDA
     if letter == "f" and not (np.isfinite(array) | (gaps and np.isnan(array))).all():
         raise ValueError(f"{name} holds numbers that are not finite")
     return array
+
+
+def kind_of(base: type[Kind], name: str) -> type[Kind]:
+    """Return a class or the one derived from it that has a name.
+
+    Raises:
+        ConfigurationError: There is none.
+    """
+    kinds = {kind.__name__: kind for kind in (base, *base.__subclasses__())}
+    if name in kinds:
+        return kinds[name]
+    package = import_module("spacearm")  # imports the home of a name when it is asked for
+    found = getattr(package, name) if name in package.__all__ else None
+    if isinstance(found, type) and issubclass(found, base):
+        return found
+    raise ConfigurationError(unknown("kind of motion", name, kinds))

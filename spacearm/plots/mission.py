@@ -137,16 +137,10 @@ def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
 
 
 def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
-    x, y, z, w = result.attitude.T
-    axis = np.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), axis=1)
-    least = result.cell[:, 0].min()
-    parent = result.cell[:, 1] // 4 ** (result.cell[:, 0] - least)
-    parts = [np.bincount(parent, result.weight * f) for f in (result.feasible, 1.0)]
-    middle = np.stack([np.bincount(parent, axis[:, i]) for i in range(3)], axis=1)
-    middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    middle, share = result.by_direction
     around = np.degrees(np.arctan2(middle[:, 1], middle[:, 0]))
     shown = axes.scatter(
-        around, middle[:, 2], c=100.0 * parts[0] / parts[1], cmap="cividis", marker="D", vmin=0.0,
+        around, middle[:, 2], c=100.0 * share, cmap="cividis", marker="D", vmin=0.0,
         s=90.0 * 192.0 / len(middle),
     )  # fmt: skip
     axes.figure.colorbar(shown, ax=axes, label="feasible rolls about that axis [%]")

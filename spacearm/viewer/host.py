@@ -16,6 +16,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.panel.choices import chosen, offered
@@ -29,6 +30,7 @@ from spacearm.viewer.session import Session
 from spacearm.viewer.stage import Stage
 from spacearm.viewer.window import Window
 from spacearm.viewer.work.desk import Desk
+from spacearm.viewer.work.orders import order
 from spacearm.workspaces.path_dependent import Workspace
 
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
@@ -149,6 +151,16 @@ class Host:
                 self._stage.scene.shells(list(zip(radii, colors, strict=True)))
         self._changed()
 
+    def attitudes(self, found: FeasibleAttitudes) -> None:
+        """Draw the attitudes of the spacecraft from which the tip can follow a path.
+
+        Args:
+            found: What `sa.feasible_attitudes` has found.
+        """
+        with self._lock:
+            self._stage.draw_attitudes(found)
+        self._changed()
+
     def layer(self, name: str, visible: bool) -> None:
         """Show or hide a layer, one of `spacearm.viewer.scene.LAYERS`.
 
@@ -184,6 +196,8 @@ class Host:
             self._stage.play(replace(result, arm=self.session.arm))
         elif name == "shells":
             self._stage.draw_shells(result)
+        elif name == "attitudes":
+            self._stage.draw_attitudes(result)
         else:
             self._stage.draw_risk(result)
 
@@ -202,7 +216,7 @@ class Host:
             elif kind == "plan":
                 self._plan(client)
             elif isinstance(message, dict) and kind == "compute":
-                self._compute(message.get("what"), client)
+                self._compute(message.get("what"), message.get("path"), client)
             elif kind == "cancel":
                 self._desk.cancel()
             elif kind == "motion":
@@ -230,24 +244,16 @@ class Host:
         given = (cfg.arm, cfg.q, cfg.base, goal, self._stage.obstacles)
         self._desk.start("plan", given, client)
 
-    def _compute(self, what: object, client: object) -> None:
-        """Have the workspaces or the risk of the arm computed."""
-        arm = self.session.arm
-        jobs: dict[str, tuple[Any, ...]] = {
-            "shells": (arm, self.session.spacecraft),
-            "risk": (arm,),
-        }
-        if not isinstance(what, str) or what not in jobs:
-            raise ConfigurationError(unknown("layer to compute", str(what)[:40], jobs))
-        if what == "risk" and self.session.spacecraft != "free-floating":
-            raise ConfigurationError("the risk is known for floating spacecraft; choose that mode")
-        self._desk.start(what, jobs[what], client)
+    def _compute(self, what: object, path: object, client: object) -> None:
+        """Have a layer computed."""
+        self._desk.start(*order(self._stage, what, path), client)
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
         with self._lock:
             stage = self._stage
             state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
+            state |= {"motion": stage.motion is not None}
             state |= {"edition": self._edition, **self._desk.readout()}
             legend = [key._asdict() for key in stage.legend]
             return {**self.session.readout(), **state, "legend": legend}
@@ -262,7 +268,7 @@ class Host:
         session = self.session
         more = {
             "layers": LAYERS,
-            "grid": self._stage.scene.step,
+            "grid": self._stage.scene.grid._asdict(),
             "motion": self._told_motion(),
             "edition": self._edition,
         }

@@ -1,7 +1,9 @@
-"""Pictures: a page rendered by a headless browser of this machine."""
+"""Pictures: pages rendered by a headless browser of this machine."""
 
 from __future__ import annotations
 
+import base64
+import re
 import shutil
 import subprocess
 import tempfile
@@ -16,8 +18,9 @@ HEADLESS = (
     "--disable-sync", "--disable-component-update", "--hide-scrollbars",
     "--virtual-time-budget=4000",
 )  # fmt: skip
-RENDERING = 120.0
-"""Longest time that a picture may take [s]."""
+RENDERING, EACH = 120.0, 5.0
+"""Longest time that a picture may take, and each further one of a motion [s]."""
+FRAME = re.compile(rb'class="frame" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
 
 def render(page: str, size: tuple[int, int], scale: int) -> bytes:
@@ -31,27 +34,65 @@ def render(page: str, size: tuple[int, int], scale: int) -> bytes:
     Raises:
         SpaceArmError: No browser is found, or it draws nothing in `RENDERING`.
     """
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder, "scene.png")
+        options = (f"--screenshot={picture}", f"--force-device-scale-factor={scale}")
+        run = _browse(page, "picture", size, options, Path(folder), RENDERING)
+        if not picture.is_file():
+            raise SpaceArmError(f"the browser drew nothing: {run.stderr.decode()[-300:]}")
+        return picture.read_bytes()
+
+
+def render_frames(page: str, size: tuple[int, int], count: int) -> list[bytes]:
+    """Render the motion of a saved page to PNG pictures, evenly spread from its start to its end.
+
+    Args:
+        page: The page.
+        size: Width and height [px].
+        count: How many.
+
+    Raises:
+        SpaceArmError: No browser is found, or it draws nothing in `RENDERING` and `EACH`.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        longest = RENDERING + EACH * count
+        sizes = f"frames={count},{size[0]},{size[1]}"
+        run = _browse(page, sizes, size, ("--dump-dom",), Path(folder), longest)
+    pictures = [base64.b64decode(text) for text in FRAME.findall(run.stdout)]
+    if len(pictures) != count:
+        raise SpaceArmError(
+            f"the browser drew {len(pictures)} of {count} pictures: {run.stderr.decode()[-300:]}"
+        )
+    return pictures
+
+
+def _browse(
+    page: str,
+    fragment: str,
+    size: tuple[int, int],
+    options: tuple[str, ...],
+    folder: Path,
+    longest: float,
+) -> subprocess.CompletedProcess[bytes]:
+    """Open a page in a headless browser, which ends when it has drawn it.
+
+    Raises:
+        SpaceArmError: No browser is found, or it takes too long.
+    """
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
         raise SpaceArmError(
             f"no browser to render with; install one of {', '.join(BROWSERS)} "
             "(Debian: apt-get install chromium), or use .save(path) and open the page"
         )
-    with tempfile.TemporaryDirectory() as folder:
-        file, picture = Path(folder, "scene.html"), Path(folder, "scene.png")
-        file.write_text(page, encoding="utf-8")
-        options = [
-            *HEADLESS, f"--user-data-dir={folder}/profile", f"--screenshot={picture}",
-            f"--window-size={size[0]},{size[1]}", f"--force-device-scale-factor={scale}",
-        ]  # fmt: skip
-        command = [browser, *options, file.as_uri() + "#picture"]
-        try:
-            run = subprocess.run(command, capture_output=True, timeout=RENDERING, check=False)
-        except subprocess.TimeoutExpired:
-            raise SpaceArmError(
-                f"{browser} has not drawn the picture after {RENDERING:g} s; use .save(path) "
-                "and open the page"
-            ) from None
-        if not picture.is_file():
-            raise SpaceArmError(f"{browser} drew nothing: {run.stderr.decode()[-300:]}")
-        return picture.read_bytes()
+    file = folder / "scene.html"
+    file.write_text(page, encoding="utf-8")
+    window = (f"--user-data-dir={folder}/profile", f"--window-size={size[0]},{size[1]}")
+    command = [browser, *HEADLESS, *window, *options, f"{file.as_uri()}#{fragment}"]
+    try:
+        return subprocess.run(command, capture_output=True, timeout=longest, check=False)
+    except subprocess.TimeoutExpired:
+        raise SpaceArmError(
+            f"{browser} has not drawn the picture after {longest:g} s; use .save(path) "
+            "and open the page"
+        ) from None

@@ -18,7 +18,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.singularities.report import SingularityReport
-from spacearm.viewer.layers.grid import draw_grid, step_of
+from spacearm.viewer.layers.grid import Grid, draw_grid
 from spacearm.viewer.layers.paths import distance_colors, tube
 from spacearm.viewer.layers.shapes import along, shapes
 from spacearm.viewer.panel.readouts import NEAR
@@ -39,9 +39,10 @@ LAYERS = {
     "directions": "#d6007f",
     "shells": "#56b4e9",
     "risk": "#f0e442",
+    "attitudes": "#44aa99",
     "obstacles": "#5f6b7a",
     "wheels": "#009e73",
-    "wrenches": "#b2182b",
+    "wrenches": "#8a8a00",
     "trace": "#d55e00",
     "goal": "#7d8794",
     "comparison": "#3a7ca5",
@@ -61,7 +62,7 @@ class Scene:
         root: The node that everything is drawn under.
         arm: The arm.
         size: Radius of the system at q = 0 [m].
-        step: Side of a square of the grid [m].
+        grid: The grid.
     """
 
     def __init__(self, window: Window, arm: SpaceArm) -> None:
@@ -72,10 +73,9 @@ class Scene:
         self._virtual_links = 0
         self._draw_bodies()
         centre, self.size = self._extent(arm.at(np.zeros(arm.n)))
-        self.step, normal = step_of(self.size), arm.tree.plane_normal()
-        below = float(centre[2]) - self.size
-        grid = (2, below) if normal is None else (normal, 0.0)
-        draw_grid(self._layer("grid")["lines"], *grid, self.step)
+        normal, below = arm.tree.plane_normal(), float(centre[2]) - self.size
+        self.grid = Grid.of(self.size, *((2, below) if normal is None else (normal, 0.0)))
+        draw_grid(self._layer("grid")["lines"], self.grid)
         self._draw_markers()
         for name in ("/Grid", "/Axes"):  # meshcat's own, of one metre
             meshcat.Visualizer(window=window)[name].set_property("visible", False)

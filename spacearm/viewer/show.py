@@ -49,7 +49,8 @@ def view(
             - a `Workspace`: cut open about the system CM, rings for planar arms;
             - a singular set: the arm at the singular posture nearest to q;
             - a `Region`: its first singular configuration;
-            - `FeasibleAttitudes`: the motion along the path from the best of them.
+            - `FeasibleAttitudes`: the motion along the path from the best of them, with all of them
+              around the spacecraft.
         q: (n,) joint positions of an arm, a workspace or a singular set. If None, zeros (or the
             nearest limits); an arm that is singular there is shown bent.
         base: Pose of the spacecraft for the same things; the identity if None.
@@ -131,6 +132,13 @@ def _workspace(thing: Any, start: Configuration) -> Viewer:
     return viewer
 
 
+def _attitudes(thing: Any) -> Viewer:
+    """Play the motion from the best attitude, with all feasible ones around the spacecraft."""
+    viewer = _motion(thing.motion())
+    viewer.attitudes(thing)
+    return viewer
+
+
 def _nearest(thing: Any, start: Configuration) -> Viewer:
     """Show the singular posture that is nearest in joint space."""
     return _posture(start.arm.at(thing.nearest(start.q)[0], base=start.base))
@@ -190,7 +198,7 @@ RULES = (
         lambda found, q, base: _nearest(found, _start(found.arm, q, base)),
         True,
     ),
-    _Rule("feasible attitudes", _has("arm", "motion", "start"), lambda f, *_: _motion(f.motion())),
+    _Rule("feasible attitudes", _has("arm", "motion", "start"), lambda f, *_: _attitudes(f)),
     _Rule("a Region", _has("singular", "kind"), lambda region, *_: _region(region)),
     _Rule(
         "a result with a configuration",

@@ -8,11 +8,13 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
 from spacearm.singularities.risk import RiskProfile
+from spacearm.viewer.layers.attitudes import AttitudeLayer
 from spacearm.viewer.layers.ghost import STEEL, VIOLET, Ghost, draw_axes
 from spacearm.viewer.layers.loads import LoadLayer
 from spacearm.viewer.layers.obstacles import ObstacleLayer
@@ -46,7 +48,7 @@ class Stage:
         time: The time on show [s].
         played: How often another motion or comparison came on show.
         hidden: Layers that are not shown.
-        legend: What the colours of workspaces and risk mean.
+        legend: What the colours of workspaces, risk and attitudes mean.
     """
 
     _loads: LoadLayer
@@ -58,6 +60,7 @@ class Stage:
         self.legend: list[Key] = []
         self._centre: BaseMode = "free-floating"
         self._around: tuple[Obstacle, ...] = ()
+        self._attitudes = AttitudeLayer(self.scene.root["attitudes"], self.scene.size)
         self.play(motion)
 
     def play(self, motion: Motion | None) -> None:
@@ -100,6 +103,10 @@ class Stage:
     def draw_risk(self, risk: RiskProfile) -> None:
         """Draw how likely singular postures are, over the distance of the tip from the CM."""
         self._explain("risk", draw_risk(self.scene.root["risk"], risk, self._view))
+
+    def draw_attitudes(self, found: FeasibleAttitudes) -> None:
+        """Draw the attitudes from which the tip can follow a path."""
+        self._explain("attitudes", self._attitudes.show(found))
 
     def _explain(self, layer: str, keys: list[Key]) -> None:
         self.legend = [key for key in self.legend if key.layer != layer] + keys
@@ -155,6 +162,7 @@ class Stage:
             pose[:3, 3] = centre_of(cfg, mode)
             self.scene.root[layer].set_transform(pose)
         self._obstacle_layer.draw(t)
+        self._attitudes.draw(cfg)
         goal = self.session.goal
         self._goal.set_property("visible", goal is not None)
         if goal is not None:

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import html
+import io
+import math
 import os
 import webbrowser
+import zipfile
 from pathlib import Path
 
+from spacearm.arrays import positive
+from spacearm.errors import ConfigurationError
 from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.host import Host
-from spacearm.viewer.pictures import render
+from spacearm.viewer.pictures import render, render_frames
 from spacearm.viewer.server import Server
+
+MOST_PICTURES = 3000
+"""Largest number of pictures of a motion."""
 
 
 class Viewer(Host):
@@ -113,6 +121,46 @@ class Viewer(Host):
                 be written.
         """
         return write(Path(path), render(self.html(), size, scale))
+
+    def frames(
+        self,
+        path: str | os.PathLike[str],
+        size: tuple[int, int] = (1200, 800),
+        per_second: float = 30.0,
+    ) -> Path:
+        """Render the motion to PNG pictures in a ZIP archive, by a headless browser.
+
+        The pictures are evenly spread from the start of the motion to its end, and numbered from 1.
+
+        Args:
+            path: The archive to write.
+            size: Width and height of the pictures [px].
+            per_second: Pictures for each second of the motion.
+
+        Returns:
+            The path.
+
+        Raises:
+            ConfigurationError: There is no motion, `per_second` is not positive, or there would be
+                over 3000 pictures.
+            SpaceArmError: No browser is found, it does not draw them all, or the file cannot be
+                written.
+        """
+        if not self._stage.motion:
+            raise ConfigurationError("there is no motion to take pictures of; view one")
+        first, last = self._stage.span
+        rate = positive(per_second, "per_second", "pictures for each second")
+        count = math.ceil((last - first) * rate) + 1
+        if count > MOST_PICTURES:
+            raise ConfigurationError(
+                f"{last - first:.4g} s with per_second={rate:g} make {count:,} pictures; take at "
+                f"most {MOST_PICTURES}"
+            )
+        archive = io.BytesIO()
+        with zipfile.ZipFile(archive, "w") as file:  # PNG is compressed already
+            for i, picture in enumerate(render_frames(self.html(), size, count), 1):
+                file.writestr(f"{self.session.arm.name}_{i:04}.png", picture)
+        return write(Path(path), archive.getvalue())
 
     def _repr_html_(self) -> str:
         """Embed the scene in a notebook as a page of its own, which stays without a server."""

@@ -44,6 +44,28 @@ def test_reaction_and_wheels(tmp_path):
     assert spacearm("wheels", "planar2").returncode == 2
 
 
+def test_a_motion_is_shown_beside_another(tmp_path):
+    arm = sa.load("planar2")
+    for name, end in (("one", (1.5, 1.2)), ("two", (1.6, 1.0))):
+        sa.follow(arm, [0.3, 1.2], [end]).save(tmp_path / f"{name}.npz")
+    for other, name in (("two.npz", "Followed"), ("fixed", "spacecraft fixed")):
+        words = ("--motion", "one.npz", "--compare", other, "--save", "page.html")
+        run = spacearm("view", "planar2", *words, cwd=tmp_path)
+        assert run.returncode == 0, run.stderr
+        text = (tmp_path / "page.html").read_text(encoding="utf-8")
+        (compared,) = re.findall(r'"compared": "([^"]*)"', text)
+        assert compared.startswith(name)
+    for words, why in (
+        (("--motion", "one.npz", "--compare", "flying"), "flying is no saved motion"),
+        (("--compare", "fixed"), "there is no motion to compare; give --motion"),
+        (("--frames", "all.zip"), "there is no motion to take pictures of"),
+        (("0.1", "0.2", "--motion", "one.npz"), "the motion has its own postures"),
+    ):
+        run = spacearm("view", "planar2", *words, "--save", "page.html", cwd=tmp_path)
+        assert run.returncode != 0
+        assert why in run.stderr
+
+
 @pytest.mark.parametrize("model", ["planar2"])
 def test_a_report_is_one_page_with_the_command_of_every_figure(tmp_path, model):
     run = spacearm("report", model, "-o", "report.html", cwd=tmp_path)

@@ -1,6 +1,8 @@
 """Motion: the base of all that moves, between its samples, in files, as labelled and plain data."""
 
 import json
+import subprocess
+import sys
 import zipfile
 from types import SimpleNamespace
 
@@ -294,3 +296,15 @@ def test_a_file_with_a_member_that_is_no_array(tmp_path, name):
         archive.writestr(name, b"no array")
     with pytest.raises(sa.ConfigurationError, match="is no array"):
         sa.Motion.load(tmp_path / "m.npz", sa.load("planar2"))
+
+
+def test_a_motion_is_read_where_its_kind_has_not_been_used(tmp_path):
+    arm = sa.load("planar2")
+    sa.follow(arm, [0.3, 1.2], [(1.5, 1.2)]).save(tmp_path / "way.npz")
+    code = (
+        "import spacearm as sa; print(type(sa.Motion.load('way.npz', sa.load('planar2'))).__name__)"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == "Followed"

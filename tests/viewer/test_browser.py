@@ -1,5 +1,8 @@
 """The view in a real browser: Debian's chromium, headless, driven by playwright."""
 
+import math
+import struct
+import zipfile
 from types import SimpleNamespace
 
 import numpy as np
@@ -195,6 +198,31 @@ def test_a_picture_is_rendered(viewer, tmp_path):
     path = viewer.png(tmp_path / "scene.png", size=(400, 300))
     assert path.read_bytes().startswith(b"\x89PNG")
     assert path.stat().st_size > 5_000
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_motion_is_kept_as_pictures_without_a_page(tmp_path):
+    viewer = sa.view(motion(), open=False)
+    path = viewer.frames(tmp_path / "motion.zip", size=(400, 300), per_second=2.0)
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+        pictures = [archive.read(name) for name in names]
+    first, last = viewer._stage.span
+    assert len(names) == math.ceil(2.0 * (last - first)) + 1
+    assert names[0] == "planar2_0001.png"
+    for picture in pictures:
+        assert picture.startswith(b"\x89PNG")
+        assert struct.unpack(">II", picture[16:24]) == (400, 300)
+    assert len(set(pictures)) == len(pictures), "each is of another time"
+
+
+@pytest.mark.parametrize(("per_second", "why"), [(0.0, "per_second"), (1e6, "at most 3000")])
+def test_too_many_pictures_and_none_are_refused(tmp_path, per_second, why):
+    with pytest.raises(sa.ConfigurationError, match=why):
+        sa.view(motion(), open=False).frames(tmp_path / "motion.zip", per_second=per_second)
+    with pytest.raises(sa.ConfigurationError, match="there is no motion"):
+        sa.view(sa.load("planar2"), open=False).frames(tmp_path / "motion.zip")
 
 
 def test_a_tab_that_outlives_its_server_shows_nothing_of_the_next_one(browser):

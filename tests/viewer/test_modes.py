@@ -5,7 +5,8 @@ import pytest
 from helpers.pages import Page
 
 import spacearm as sa
-from spacearm.viewer.panel.joint_map import joint_map
+from spacearm.viewer.panel.joint_map import SHARES, joint_map
+from spacearm.viewer.panel.readouts import FAR
 from spacearm.viewer.session import Session
 
 HELD = ("attitude-controlled", "fixed")
@@ -44,16 +45,24 @@ def test_readouts_motions_and_pulls_are_those_of_the_mode(mode):
 
 
 @pytest.mark.parametrize("mode", HELD)
-def test_the_map_has_the_singular_curves_of_the_mode(mode):
+def test_the_map_has_distances_and_singular_curves_of_the_mode(mode):
     cfg = session(mode).cfg
     told = joint_map(cfg, [1, 2], mode)
-    assert told["shares"] is None
+    angles = np.linspace(-np.pi, np.pi, len(told["shares"]))
+    for i, j in ((5, 11), (40, 23), (52, 60)):
+        q = cfg.q.copy()
+        q[[1, 2]] = angles[[i, j]]
+        distance = sa.singularity(cfg.arm.at(q), mode=mode).distance
+        share = SHARES * min(distance / FAR, 1.0)
+        assert told["shares"][j][i] == pytest.approx(share, abs=0.51)
     for x, y in (curve[len(curve) // 2] for curve in told["curves"]):
         q = cfg.q.copy()
         q[[1, 2]] = x, y
         assert sa.singularity(cfg.arm.at(q), mode=mode).distance < 1e-3
     assert len(joint_map(cfg, None, mode)["joints"]) == 2
-    assert joint_map(sa.load("chaser7").at(np.full(7, 0.3)), [1, 2], mode)["curves"] is None
+    redundant = joint_map(sa.load("chaser7").at(np.full(7, 0.3)), [1, 2], mode)
+    assert redundant["curves"] is None
+    assert 0 <= np.min(redundant["shares"]) < np.max(redundant["shares"]) <= SHARES
     with pytest.raises(sa.ConfigurationError, match="two different revolute joints"):
         joint_map(cfg, [1, 1], mode)
 

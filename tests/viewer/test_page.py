@@ -518,3 +518,56 @@ def test_a_saved_motion_shows_the_values_of_its_time(browser, tmp_path):
         )
     assert not page.page.is_visible("#away"), "it is known for the start alone"
     shut(viewer, page)
+
+
+@pytest.mark.slow
+def test_numbers_stand_on_the_lines_of_the_grid(browser, tmp_path):
+    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    under = """
+      [...document.querySelectorAll("#ticks text")].map((text) => {
+        const { THREE } = MeshCat, { camera } = window.spacearm.viewer;
+        const { clientWidth: w, clientHeight: h } = text.closest("svg").parentElement;
+        const [x, y] = ["x", "y"].map((name) => Number(text.getAttribute(name)));
+        const ray = new THREE.Raycaster();
+        ray.setFromCamera(new THREE.Vector2(2 * x / w - 1, 1 - 2 * y / h), camera);
+        const up = new THREE.Plane(new THREE.Vector3(0, 1, 0), 0);
+        const point = ray.ray.intersectPlane(up, new THREE.Vector3());
+        return [text.textContent, point.x, -point.z];
+      })"""
+    live, saved = viewer.serve(), viewer.save(tmp_path / "grid.html").as_uri()
+    for url in (live, saved):
+        page = Page(browser, url, width=1366, height=768)
+        page.page.wait_for_selector("#ticks text", state="attached")
+        page.page.click("[data-view=top]")
+        found = page.page.evaluate(under)
+        assert {words[0] for words, *_ in found} == {"x", "y"}
+        for words, x, y in found:
+            axis, value, unit = words.split()
+            assert unit == "m"
+            assert (x if axis == "x" else y) == pytest.approx(float(value), abs=0.15)
+        page.page.uncheck("[data-layer=grid]")
+        assert page.page.is_hidden("#ticks")
+        page.page.check("[data-layer=grid]")
+        assert page.errors == []
+        page.close()
+    viewer.close()
+
+
+@pytest.mark.slow
+def test_the_robot_is_framed_below_the_buttons_on_a_phone(browser):
+    viewer = sa.view(sa.load("vispa_cubesat"), open=False)
+    page = Page(browser, viewer.serve(), width=390, height=844).ready()
+    highest = page.page.evaluate(
+        """() => {
+          const { camera } = window.spacearm.viewer;
+          const { height } = document.querySelector("#scene").getBoundingClientRect();
+          const ups = window.spacearm.points().map((p) => p.clone().project(camera).y);
+          return ((1 - Math.max(...ups)) / 2) * height;
+        }"""
+    )
+    bar = page.page.locator("#view").bounding_box()
+    scene = page.page.locator("#scene").bounding_box()
+    assert highest > bar["y"] + bar["height"] - scene["y"] - 1.0
+    assert page.errors == []
+    page.close()
+    viewer.close()

@@ -15,7 +15,7 @@ from spacearm.viewer.panel.readouts import about, joints, readout
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.grid import SQUARES, grid_lines, step_of
+    from spacearm.viewer.layers.grid import SQUARES, Grid, grid_lines, step_of
     from spacearm.viewer.layers.paths import distance_colors, tube
 
 
@@ -68,6 +68,19 @@ def test_the_panel_has_what_the_command_line_prints():
     np.testing.assert_allclose(shown["directions"][-1], report.lost[:, 0])
     np.testing.assert_allclose(shown["gradient"], report.gradient)
     assert json.loads(json.dumps(shown, allow_nan=False)) == shown
+
+
+def test_the_way_out_and_the_limits_have_the_labels_of_the_sliders():
+    arm = sa.load("vispa_cubesat")
+    q = np.clip(np.full(arm.n, 0.3), arm.lower, arm.upper)
+    told = readout(sa.singularity(arm.at(q)))
+    labels = short_names(arm.joint_names)
+    assert all(part.rpartition(" ")[0] in labels for part in told["away"].split(", "))
+    whole = sa.singularity(arm.at(q)).way_out
+    assert told["away"] == whole.replace("vispa_", "")
+    with pytest.warns(sa.ModelWarning, match="outside its limits"):
+        beyond = arm.at(np.where(np.arange(arm.n) == 1, arm.upper + 0.1, q))
+    assert readout(sa.singularity(beyond))["outside"] == [labels[1]]
 
 
 def test_bodies_that_meet_are_named():
@@ -141,7 +154,7 @@ def test_a_map_of_other_joints_is_refused(joints):
 )
 def test_a_grid_has_squares_of_a_round_length_in_its_plane(size, step):
     assert step_of(size) == pytest.approx(step)
-    lines = grid_lines(1, 0.7, step)
+    lines = grid_lines(Grid.of(size, 1, 0.7))
     assert (lines[:, 1] == 0.7).all()
     assert len(lines) == 4 * (SQUARES + 1)
     lengths = np.linalg.norm(lines[1::2] - lines[::2], axis=1)

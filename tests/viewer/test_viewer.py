@@ -590,7 +590,7 @@ def test_layers_and_shells(viewer):
         viewer.shells([-1])
     assert set(scene.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
                                  "tip frame", "ellipsoid", "directions", "shells", "risk", "trace",
-                                 "obstacles", "goal", "comparison",
+                                 "attitudes", "obstacles", "goal", "comparison",
                                  "wheels", "wrenches"}  # fmt: skip
 
 
@@ -611,6 +611,12 @@ def test_wheels_and_wrenches_are_drawn_while_they_act():
         viewer.draw()
         assert recorded(viewer, "wrenches/0/force") is pushed
         assert recorded(viewer, "wheels/0/arrow") is True
+    curves = {group["name"]: group for group in viewer.about()["motion"]["curves"]}
+    assert curves["force on bus"]["unit"] == "N"
+    assert curves["force on bus"]["labels"] == ["x", "y", "z"]
+    _, along_y, _ = curves["force on bus"]["values"]
+    assert (along_y[0], along_y[-1]) == (2.0, 0.0)
+    assert "torque on bus" not in curves, "there is none"
     viewer.close()
 
 

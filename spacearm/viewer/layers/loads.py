@@ -16,7 +16,7 @@ from spacearm.motion.motion import Motion
 from spacearm.viewer.layers.held import HeldLayer
 from spacearm.viewer.layers.shapes import along
 
-TEAL, RUST = 0x009E73, 0xB2182B
+TEAL, OLIVE = 0x009E73, 0x8A8A00
 PARTS = (("force", 1, slice(3)), ("torque", 2, slice(3, 6)))
 """Parts of a wrench: name, heads of the arrow, and the components."""
 LONGEST = 0.5
@@ -57,7 +57,7 @@ class LoadLayer:
             _arrow(self._wheels[str(i)]["arrow"], TEAL, 1)
         for i in range(len(self._push)):
             for name, heads, _ in PARTS:
-                _arrow(self._wrenches[str(i)][name], RUST, heads)
+                _arrow(self._wrenches[str(i)][name], OLIVE, heads)
 
     def draw(self, cfg: Configuration, t: float) -> None:
         """Draw the loads at a time, of a motion, or those of the configuration."""

@@ -2,14 +2,15 @@
    where it was turned to; a scale bar and the inertial axes go with it. */
 
 import { byId, digits } from "./format.js";
+import { createTicks } from "./ticks.js";
 
 const FRAMED = ["bodies", "tip frame", "ellipsoid", "centre of mass", "virtual manipulator",
-  "directions", "obstacles", "trace", "goal", "comparison", "shells", "risk"];
+  "directions", "obstacles", "trace", "goal", "comparison", "shells", "risk", "attitudes"];
 const MARGIN = 0.1; // of the half width and height that stays free
 const FIELD = 45; // degrees, from the lower to the upper edge
 const PRESETS = { front: [1, 0, 0], side: [0, -1, 0], top: [0, 0, 1] };
 
-export function createCamera(viewer, view) {
+export function createCamera(viewer, { view, grid }) {
   if (!viewer) return { fit() {}, keep() {} };
   const { Vector3 } = MeshCat.THREE;
   const inertial = (x, y, z) => new Vector3(x, z, -y); // three.js has y upwards, meshcat turns it
@@ -17,6 +18,7 @@ export function createCamera(viewer, view) {
   let moved = false; // by hand: then it stays where it is
   const { camera, controls } = viewer;
   camera.fov = FIELD;
+  const drawTicks = createTicks(viewer, grid);
   controls.addEventListener("start", () => (moved = true));
   controls.addEventListener("change", drawRuler);
 
@@ -45,6 +47,13 @@ export function createCamera(viewer, view) {
     node.children.forEach((child) => collect(child, found));
   }
 
+  /* How far up the drawing is free, from 0 in the middle to 1; the buttons stand above. */
+  function belowButtons() {
+    const bar = byId("view").getBoundingClientRect();
+    const { top, height } = byId("scene").getBoundingClientRect();
+    return bar.height > 0 && height > 0 ? Math.max(1 - (2 * (bar.bottom - top)) / height, 0.2) : 1;
+  }
+
   function fit() {
     const all = points();
     if (!all.length || !(camera.aspect > 0)) return;
@@ -53,18 +62,22 @@ export function createCamera(viewer, view) {
     const up = inertial(...(Math.abs(direction.y) > 0.999 ? [0, 1, 0] : [0, 0, 1]));
     const right = up.clone().cross(direction).normalize();
     up.copy(direction).cross(right);
-    const high = Math.tan((camera.fov * Math.PI) / 360) * (1 - MARGIN);
-    const [x, y] = [[right, high * camera.aspect], [up, high]].map(([axis, slope]) => {
+    const high = Math.tan((camera.fov * Math.PI) / 360);
+    const [wide, free] = [high * camera.aspect * (1 - MARGIN), high * (1 - MARGIN)];
+    const sides = [[right, wide, wide], [up, free, Math.min(free, high * belowButtons())]];
+    const spans = sides.map(([axis, slopeLow, slopeTop]) => {
       let [low, top] = [-Infinity, -Infinity];
       for (const p of all) {
         const [along, depth] = [p.clone().sub(centre).dot(axis), p.clone().sub(centre).dot(direction)];
-        top = Math.max(top, along + slope * depth);
-        low = Math.max(low, -along + slope * depth);
+        top = Math.max(top, along + slopeTop * depth);
+        low = Math.max(low, -along + slopeLow * depth);
       }
-      return { distance: (top + low) / (2 * slope), shift: (top - low) / 2 };
+      const least = (top + low) / (slopeTop + slopeLow);
+      return { least, shift: (d) => (top - low + (slopeLow - slopeTop) * d) / 2 };
     });
-    const distance = Math.max(x.distance, y.distance, 1e-6);
-    const target = centre.addScaledVector(right, x.shift).addScaledVector(up, y.shift);
+    const distance = Math.max(...spans.map(({ least }) => least), 1e-6);
+    const target = centre.addScaledVector(right, spans[0].shift(distance))
+      .addScaledVector(up, spans[1].shift(distance));
     const reach = Math.max(...all.map((p) => p.distanceTo(target)));
     const position = target.clone().addScaledVector(direction, distance);
     camera.near = Math.max(distance - 3 * reach, 0.01 * distance);
@@ -111,6 +124,7 @@ export function createCamera(viewer, view) {
         + `<text x="${a}" y="${b + 3}">${name}</text>`;
     });
     byId("compass").innerHTML = `<svg viewBox="0 0 52 52" aria-hidden="true">${lines.join("")}</svg>`;
+    drawTicks();
   }
 
   let last = "";

@@ -44,12 +44,11 @@ export function createMap(joints, ask, move) {
   }
 
   function paintPicture() {
-    const n = map.shares?.length ?? 1;
+    const n = map.shares.length;
     Object.assign(picture, { width: n, height: n });
     const context = picture.getContext("2d");
     const image = context.createImageData(n, n);
-    if (!map.shares) image.data.set([190, 200, 210, 255]); // no distances, curves alone
-    map.shares?.forEach((row, j) => row.forEach((share, i) => {
+    map.shares.forEach((row, j) => row.forEach((share, i) => {
       image.data.set([...distanceColour(share / 100), 255], 4 * ((n - 1 - j) * n + i));
     }));
     context.putImageData(image, 0, 0);
@@ -196,13 +195,10 @@ export function createMap(joints, ask, move) {
   }
 
   function note() {
-    if (!map.shares) {
-      return map.curves ? `Lines: singular postures, exact. Spacecraft ${map.spacecraft}.`
-        : "Singular postures of this arm are not known exactly unless it floats.";
-    }
-    return map.curves
+    const held = map.spacecraft === "free-floating" ? "" : ` Spacecraft ${map.spacecraft}.`;
+    return (map.curves
       ? "Lines: singular postures, exact. Colour: distance, from vermilion at 0 to blue at 30°."
-      : "Colour: distance to a singular posture, vermilion at 0, blue from 30° on.";
+      : "Colour: distance to a singular posture, vermilion at 0, blue from 30° on.") + held;
   }
 
   return {

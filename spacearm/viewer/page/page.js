@@ -104,7 +104,7 @@ function receive(message) {
 function build(told, { hidden, played: already }) {
   played = already;
   showState = createReadouts(told);
-  camera = createCamera(viewer, told.view);
+  camera = createCamera(viewer, told);
   joints = createJoints(told.joints, (index, value) => {
     complain("");
     ask({ do: "joint", index, value }, `joint ${index}`);

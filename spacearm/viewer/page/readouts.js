@@ -6,7 +6,7 @@ const FAR = 30; // degrees at the end of the gauge
 
 export function createReadouts({ model, tip, tip_reason, task, unit, joints, meaning, missing,
   contacts, grid }) {
-  byId("squares").textContent = `grid ${digits(grid)} m`;
+  byId("squares").textContent = `grid ${digits(grid.step)} m`;
   byId("model").textContent = byId("model").title = model;
   document.title = `${model} - spacearm`;
   byId("tipname").textContent = tip;

@@ -15,18 +15,34 @@ function start({ about, readout }, commands) {
     viewer.handle_command_bytearray(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));
   }
   const show = createReadouts(about);
-  const camera = createCamera(viewer, about.view);
+  const camera = createCamera(viewer, about);
   legend(byId("layers"), about.layers, readout.hidden, (name, on) => {
     viewer?.set_property(["spacearm", name], "visible", on);
   });
   show(readout);
   list(about.joints, readout.q);
   const film = createRecorder(viewer, about.model);
-  if (about.motion) play(viewer, about, film);
-  if (location.hash === "#picture") document.body.classList.add("picture");
+  const seek = about.motion ? play(viewer, about, film) : null;
+  const [, count, width, height] = /^#frames=(\d+),(\d+),(\d+)$/.exec(location.hash) ?? [];
+  if (count || location.hash === "#picture") document.body.classList.add("picture");
+  const size = { flex: "none", width: `${width}px`, height: `${height}px` };
+  if (count) Object.assign(byId("upper").style, size);
   viewer?.set_3d_pane_size();
   camera.fit();
   window.spacearm = { viewer, points: () => camera.points() };
+  if (count && viewer && seek) takeFrames(viewer, about.motion.span, Number(count), seek);
+}
+
+/* Leaves nothing in the page but pictures of a motion, evenly spread, for a program that reads it. */
+function takeFrames(viewer, [first, last], count, seek) {
+  const pictures = Array.from({ length: count }, (_, i) => {
+    seek(first + ((last - first) * i) / Math.max(count - 1, 1));
+    viewer.render();
+    const picture = element("img", "", "frame");
+    picture.src = viewer.renderer.domElement.toDataURL("image/png");
+    return picture;
+  });
+  document.documentElement.replaceChildren(...pictures);
 }
 
 function list(joints, q) {
@@ -83,6 +99,7 @@ function play(viewer, { motion, joints, near, tolerance }, film) {
   chart.load(motion);
   playback.load(motion);
   film(playback, async (t) => playback.seek(t));
+  return playback.seek;
 }
 
 explainByTouch();

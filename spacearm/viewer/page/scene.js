@@ -8,7 +8,7 @@ const BACKGROUND = {
 };
 
 const MEANING = {
-  "grid": "Squares in the inertial frame, below the robot or in the plane of a planar arm.",
+  "grid": "Squares in the inertial frame, below the robot or in the plane of a planar arm, with the coordinates of their lines.",
   "bodies": "The spacecraft and the links of the arm.",
   "centre of mass": "The centre of mass of the whole system, which stays at rest while it floats.",
   "virtual manipulator": "An arm on the fixed centre of mass that moves the tip as the floating one does.",
@@ -17,6 +17,7 @@ const MEANING = {
   "directions": "Magenta arrow and ring: motion and turn that the tip has lost; pink: the one that is nearly lost; amber line or disc: what is left.",
   "shells": "Workspaces about the centre of mass, cut open: vermilion where a path may meet a singular posture, blue where none does.",
   "risk": "How many of the postures that put the tip at this distance from the centre of mass are near a singular one.",
+  "attitudes": "Where an axis of the spacecraft may point so that the tip can follow the path: blue where it can, vermilion where not.",
   "obstacles": "What must not be met.",
   "trace": "The path of the tip, vermilion where a singular posture is near, blue from 30° on.",
   "goal": "Where the motion ends.",

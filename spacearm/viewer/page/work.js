@@ -1,5 +1,5 @@
 /* What the server computes meanwhile, with progress and cancel: plans to a goal of the tip,
-   workspaces and risk. */
+   workspaces, risk, feasible attitudes. */
 
 import { DEGREE, byId, fixed } from "./format.js";
 import { pointUnder, toDrawing, toInertial } from "./scene.js";
@@ -10,8 +10,10 @@ export function createWork(viewer, { task, normal }, ask) {
   byId("cancel").addEventListener("click", () => ask({ do: "cancel" }));
   const buttons = [...document.querySelectorAll("[data-compute]")];
   for (const button of buttons) {
-    button.addEventListener("click", () => ask({ do: "compute", what: button.dataset.compute }));
+    button.addEventListener("click", () =>
+      ask({ do: "compute", what: button.dataset.compute, path: path.value }));
   }
+  const path = byId("attitudepath");
   const goal = createGoal(viewer, { task, normal }, ask);
 
   return (state) => {
@@ -30,6 +32,10 @@ export function createWork(viewer, { task, normal }, ask) {
     byId("planfailure").textContent = failed === "plan" ? why : "";
     byId("layerfailure").textContent = failed && failed !== "plan" ? why : "";
     for (const button of buttons) button.disabled = Boolean(name);
+    const known = { goal: Boolean(state.goal), motion: state.motion };
+    for (const option of path.options) option.disabled = !known[option.value];
+    if (!known[path.value]) path.value = known.goal ? "goal" : "motion";
+    if (!known[path.value]) document.querySelector("[data-compute=attitudes]").disabled = true;
     goal(state, Boolean(name));
   };
 }

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
@@ -31,8 +32,7 @@ def joint_map(
 
     Returns:
         Plain data: `joints`; `shares`, whole numbers up to `SHARES` by rows of the second joint,
-        from -pi to pi, None where the spacecraft does not float; `curves`, lists of points, None
-        where they are not known exactly; `q`.
+        from -pi to pi; `curves`, lists of points, None where they are not known exactly; `q`.
 
     Raises:
         ConfigurationError: The joints are no two revolute ones.
@@ -42,22 +42,21 @@ def joint_map(
     if joints is not None:
         names = _names(cfg, joints)
     if mode != "free-floating":
-        return _curves_alone(cfg, names, mode)
+        return _held_map(cfg, names, mode)
     found = singular_map(arm, names, cfg.q, POINTS)
-    shares = np.clip(found.distance.T / FAR, 0.0, 1.0) * SHARES
     curves = found.curves
     return {
         "joints": [arm.joint_names.index(name) for name in found.joints],
-        "shares": np.nan_to_num(shares, nan=0.0).round().astype(int).tolist(),
+        "shares": _shares(found.distance),
         "curves": None if curves is None else [curve.round(4).tolist() for curve in curves],
         "q": cfg.q.tolist(),
     }
 
 
-def _curves_alone(
-    cfg: Configuration, names: tuple[str, str] | None, mode: BaseMode
-) -> dict[str, Any]:
-    """Return the map of a spacecraft that does not float: distances have no kernels there."""
+def _held_map(cfg: Configuration, names: tuple[str, str] | None, mode: BaseMode) -> dict[str, Any]:
+    """Return the map of a spacecraft that is held."""
+    from spacearm.mechanics.compiled import distances  # imports the compiler
+
     arm, found = cfg.arm, singular_set(cfg.arm, mode=mode)
     turning = [j for j in range(arm.n) if not arm.slides[j]]
     if names is None and len(turning) < 2:
@@ -65,10 +64,21 @@ def _curves_alone(
     pair = turning[-2:] if names is None else [arm.joint_names.index(name) for name in names]
     if pair[0] == pair[1] or any(arm.slides[j] for j in pair):
         raise ConfigurationError("a map is over two different revolute joints")
+    angles = np.linspace(-np.pi, np.pi, POINTS)
+    Q = np.tile(cfg.q[:, None], POINTS * POINTS)
+    Q[pair] = angles.repeat(POINTS), np.tile(angles, POINTS)
     curves = None
     if found.complete and found.codimension == 1:
         curves = [c[:, pair].round(4).tolist() for c in found.curves((pair[0], pair[1]), cfg.q)]
-    return {"joints": pair, "shares": None, "curves": curves, "q": cfg.q.tolist()}
+    shares = _shares(distances(arm, Q, mode)["distance"].reshape(POINTS, POINTS))
+    return {"joints": pair, "shares": shares, "curves": curves, "q": cfg.q.tolist()}
+
+
+def _shares(distance: Array) -> list[list[int]]:
+    """Return distances, first index the first joint, as `SHARES` by rows of the second one."""
+    shares = np.clip(distance.T / FAR, 0.0, 1.0) * SHARES
+    rows: list[list[int]] = np.nan_to_num(shares, nan=0.0).round().astype(int).tolist()
+    return rows
 
 
 def _names(cfg: Configuration, joints: object) -> tuple[str, str]:

@@ -113,6 +113,12 @@ def _curves(motion: Motion, rows: Array) -> list[Curves]:
                              torque[rows]))  # fmt: skip
     if arm.wheels and (wheels := getattr(motion, "wheels", None)) is not None:
         groups.append(Curves("wheels", "N m s", [wheel.name for wheel in arm.wheels], wheels[rows]))
+    pushes: dict[str, Array] = dict(getattr(motion, "wrenches", {}))
+    for link, short in zip(pushes, short_names(list(pushes)), strict=True):
+        for what, unit, part in (("force", "N", slice(3)), ("torque", "N m", slice(3, 6))):
+            if pushes[link][:, part].any():
+                values = pushes[link][rows, part]
+                groups.append(Curves(f"{what} on {short}", unit, ["x", "y", "z"], values))
     return groups
 
 

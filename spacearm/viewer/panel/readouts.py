@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -68,12 +69,14 @@ def readout(report: SingularityReport) -> dict[str, Any]:
     """Return what the panel shows of the configuration of a report."""
     cfg = report.configuration
     directions = np.hstack((report.available, report.lost)).T
+    joints = cfg.arm.joint_names
+    names = dict(zip(joints, short_names(joints), strict=True))
     return {
         "q": cfg.q.tolist(),
         "attitude": pin.rpy.matrixToRpy(cfg.base.rotation).tolist(),
         "distance": report.distance if math.isfinite(report.distance) else None,
         "near": report.kind == "regular" and report.distance < NEAR,
-        "away": report.way_out,
+        "away": _shortened(report.way_out, names),
         "sigma": report.sigma.tolist(),
         "sigma_min": report.sigma_min,
         "error": report.error,
@@ -82,7 +85,7 @@ def readout(report: SingularityReport) -> dict[str, Any]:
         "rank": report.rank,
         "directions": directions.tolist(),
         "gradient": report.gradient.tolist(),
-        "outside": list(cfg.outside_limits),
+        "outside": [names[name] for name in cfg.outside_limits],
         "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
         "tip": cfg.tip.translation.tolist(),
         "tip_rpy": pose(cfg.tip)["rpy"],
@@ -142,6 +145,14 @@ def turns(arm: SpaceArm, way: Array) -> str:
         for j in order
     )
     return ", ".join(parts) or "hardly a motion"
+
+
+def _shortened(way: str, names: Mapping[str, str]) -> str:
+    """Return a joint motion in words, its parts separated by commas, with shorter names."""
+    for name, short in names.items():
+        label = short.replace("\\", r"\\")
+        way = re.sub(rf"(^|, ){re.escape(name)} ", rf"\1{label} ", way)
+    return way
 
 
 def _missing_meshes(arm: SpaceArm) -> list[str]:

@@ -9,7 +9,12 @@ from typing import Any
 from spacearm.errors import ConfigurationError
 from spacearm.viewer.work.task import Task
 
-WORDS = {"plan": "planning", "shells": "computing workspaces", "risk": "computing the risk"}
+WORDS = {
+    "plan": "planning",
+    "shells": "computing workspaces",
+    "risk": "computing the risk",
+    "attitudes": "trying attitudes",
+}
 
 
 class Desk:

@@ -9,6 +9,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
+from spacearm.mission.attitude_search import feasible_attitudes
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.planning.planner import plan
@@ -44,4 +46,16 @@ def risk_of(arm: SpaceArm, progress: Progress) -> RiskProfile:
     return risk_profile(arm, progress=progress)
 
 
-JOBS: Mapping[str, Callable[..., Any]] = {"plan": plan_to, "shells": shells_of, "risk": risk_of}
+def attitudes_of(
+    arm: SpaceArm, q0: Array, base: pin.SE3, path: list[pin.SE3], progress: Progress
+) -> FeasibleAttitudes:
+    """Return the attitudes of the spacecraft from which the tip can follow a path."""
+    return feasible_attitudes(arm, path, q0, base=base, progress=progress)
+
+
+JOBS: Mapping[str, Callable[..., Any]] = {
+    "plan": plan_to,
+    "shells": shells_of,
+    "risk": risk_of,
+    "attitudes": attitudes_of,
+}
