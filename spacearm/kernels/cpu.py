@@ -115,6 +115,7 @@ def distances(
     rows: Indices,
     scale: Numbers,
     radian: Numbers,
+    fading: float,
     q: Numbers,
     values: Numbers,
 ) -> None:
@@ -127,6 +128,7 @@ def distances(
         rows: (k,) task rows of the twist.
         scale: (k,) their factors.
         radian: (n,) what counts as a radian of each joint.
+        fading: As of `nearness.distance`.
         q: (N, m) joint positions [rad] or [m].
         values: (2 + r n, m) receives distance, sigma_min and r orthonormal rows; see `way_out`.
     """
@@ -137,7 +139,7 @@ def distances(
     for first in range(0, m, LANES):
         fill(w, q, first)
         generalized_jacobian(b, tip, E, w)
-        distance(b, tip, rows, scale, radian, w, A, x[0], d, v)
+        distance(b, tip, rows, scale, radian, fading, w, A, x[0], d, v)
         for i in range(len(values)):
             for l in range(min(LANES, m - first)):
                 values[i, first + l] = v[i, l]

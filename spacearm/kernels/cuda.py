@@ -91,6 +91,7 @@ def distances(N: int, n: int, r: int) -> Any:
         rows: Indices,
         scale: Numbers,
         radian: Numbers,
+        fading: float,
         q: Numbers,
         values: Numbers,
     ) -> None:
@@ -131,7 +132,7 @@ def distances(N: int, n: int, r: int) -> Any:
         for joint in range(N):
             w.body[joint + 1].q[0] = q[joint, i]
         generalized_jacobian(b, tip, E, w)
-        distance(b, tip, rows, scale, radian, w, A, x[0], d, v[: values.shape[0]])
+        distance(b, tip, rows, scale, radian, fading, w, A, x[0], d, v[: values.shape[0]])
         for row in range(values.shape[0]):
             values[row, i] = v[row, 0]
 

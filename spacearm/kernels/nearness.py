@@ -49,6 +49,7 @@ def distance(
     rows: Indices,
     scale: Numbers,
     radian: Numbers,
+    fading: float,
     w: Work,
     A: Lanes,
     x: Bidiagonal,
@@ -63,6 +64,7 @@ def distance(
         rows: (k,) task rows of the twist.
         scale: (k,) their factors.
         radian: (n,) what counts as a radian of each joint.
+        fading: Slopes below this times sigma_min are no equations [1/rad].
         w: Work arrays that hold J, r_E and the bodies.
         A: (n, 6, lanes) scratch.
         x: Scratch.
@@ -97,12 +99,18 @@ def distance(
             for l in range(lanes):
                 d.vectors.y[j, l] *= radian[j]
         slopes(b, tip, w, d.slopes, d.vectors.y, d.L[r, :n])
-    way_out(n - k + 1, radian, d, norm, sigma, values)
+    way_out(n - k + 1, radian, fading, d, norm, sigma, values)
 
 
 @step
 def way_out(
-    rows: int, radian: Numbers, d: Nearness, norm: Lanes, sigma: Lanes, values: Lanes
+    rows: int,
+    radian: Numbers,
+    fading: float,
+    d: Nearness,
+    norm: Lanes,
+    sigma: Lanes,
+    values: Lanes,
 ) -> None:
     """Compute the distance and orthonormal rows L, by Gram and Schmidt's method.
 
@@ -113,6 +121,7 @@ def way_out(
     Args:
         rows: Number of rows.
         radian: (n,) what counts as a radian of each joint.
+        fading: As of `distance`.
         d: Work arrays that hold L.
         norm: (lanes,) norm of J per radian.
         sigma: (lanes,) sigma_min.
@@ -125,7 +134,7 @@ def way_out(
                 d.L[r, j, l] *= radian[j]
         for o in range(n, d.L.shape[1]):
             for l in range(lanes):
-                pad = ROUNDED * norm[l] + FADING * sigma[l]
+                pad = ROUNDED * norm[l] + fading * sigma[l]
                 d.L[r, o, l] = pad if o == n + r - 1 else 0.0
     for r in range(1, rows + 1):
         row = r % rows  # the gradient comes last

@@ -15,7 +15,7 @@ from spacearm.kernels import minors as determinants
 from spacearm.kernels.floating import BODY, Bodies, Indices
 from spacearm.kernels.lanes import LARGEST_ANGLE
 from spacearm.kernels.quantities import NEARNESS, QUANTITIES
-from spacearm.mechanics.nearness import Tangent, refined
+from spacearm.mechanics.nearness import FADING, Tangent, refined
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import FREE_TWIST, BaseMode
 from spacearm.model.scale import radians
@@ -33,9 +33,11 @@ def measures(arm: SpaceArm, q: Array, wants_condition: bool) -> dict[str, Array]
     return dict(zip(QUANTITIES, values, strict=True))
 
 
-def tangent(arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating") -> Tangent:
+def tangent(
+    arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating", fading: float = FADING
+) -> Tangent:
     """Compute how the singular set looks from configurations Q (m, n); see `nearness.tangent`."""
-    return _tangent(arm, Q, mode, arm.n - arm.task.k + 1, cpu.distances)
+    return _tangent(arm, Q, mode, arm.n - arm.task.k + 1, cpu.distances, fading)
 
 
 def distances(arm: SpaceArm, q: Array, mode: BaseMode = "free-floating") -> dict[str, Array]:
@@ -51,20 +53,25 @@ def _distances(
         zero = 0.0 * q.sum(axis=0)
         return {"distance": zero, "away": np.repeat(zero[:, None], arm.n, axis=1)}
 
-    def look(Q: Array) -> Tangent:  # of the normal space one row is not enough for the second step
-        return _tangent(arm, Q, mode, arm.n - arm.task.k + 1, kernel)
+    def look(Q: Array, fading: float) -> Tangent:  # one row is not enough for the second step
+        return _tangent(arm, Q, mode, arm.n - arm.task.k + 1, kernel, fading)
 
     first = _tangent(arm, q.T, mode, 1, kernel)
     return dict(zip(NEARNESS, refined(arm, q.T, first, look), strict=True))
 
 
 def _tangent(
-    arm: SpaceArm, Q: Array, mode: BaseMode, rows: int, kernel: Callable[..., None]
+    arm: SpaceArm,
+    Q: Array,
+    mode: BaseMode,
+    rows: int,
+    kernel: Callable[..., None],
+    fading: float = FADING,
 ) -> Tangent:
     """Compute `tangent`, some rows of it, by a kernel with the arguments of `cpu.distances`."""
     m, n = Q.shape
     v = np.empty((2 + rows * n, m))
-    kernel(*bodies(arm, mode), *_task(arm), radians(arm), all_positions(arm, Q.T), v)
+    kernel(*bodies(arm, mode), *_task(arm), radians(arm), fading, all_positions(arm, Q.T), v)
     v[2:] = np.where((v[0] == 0.0) & np.isnan(v[2:]), 0.0, v[2:])  # singular all around
     return Tangent(v[0], v[1], v[2:].reshape(rows, n, m).transpose(2, 0, 1))
 

@@ -32,6 +32,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
@@ -47,7 +48,7 @@ NOTHING = 1e-12
 EXPLAINED = 0.1
 """More equations than joints have a solution if the residual is this share of the right side."""
 FADING = 0.3
-"""Slopes that are less than this times sigma_min, per radian, vanish with it [1/rad]."""
+"""Slopes that are less than this times sigma_min vanish with it, as a rule [1/rad]."""
 ROUNDED = 1e-9
 """Share of the norm of J below which slopes are no equations either: null vectors of a tiny
 sigma_min mix."""
@@ -93,13 +94,14 @@ class Nearness(NamedTuple):
     rows: Array
 
 
-def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
+def nearness(J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING) -> Nearness:
     """Compute how far the configurations are at which J loses one rank or several.
 
     Args:
         J: (k, n) the task Jacobian, per unit of distance of each joint.
         dJ: (n, k, n) its derivative, likewise per unit of each joint.
         floor: Singular values up to this are zero.
+        fading: Slopes below this times sigma_min are no equations [1/rad].
     """
     U, sigma, VT = np.linalg.svd(J)
     (k, n), p = J.shape, len(sigma)
@@ -111,7 +113,7 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
     for r in range(1, p + 1):
         A = slopes[:, p - r :, p - r :].reshape(len(dJ), -1).T
         if r == 1 and k <= n:
-            distances[-1], rows = _one(A, float(sigma[-1]), norm)
+            distances[-1], rows = _one(A, float(sigma[-1]), norm, fading)
         elif sigma[p - r] > 0.0:
             b = np.zeros((k - p + r, n - p + r))
             b[:r, :r] = np.diag(sigma[p - r :])
@@ -119,7 +121,9 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0) -> Nearness:
     return Nearness(np.maximum.accumulate(distances[::-1])[::-1], rows[0], float(sigma[-1]), rows)
 
 
-def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) -> Nearness:
+def nearness_of(
+    arm: SpaceArm, J: Array, dJ: Array, error: float | None = None, fading: float = FADING
+) -> Nearness:
     """Compute `nearness` of an arm in radians, as `radians` counts its joints.
 
     Args:
@@ -127,6 +131,7 @@ def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) 
         J: (k, n) its task Jacobian.
         dJ: (n, k, n) the derivative of it with respect to each joint.
         error: Singular values of J up to this are zero; up to rounding if None.
+        fading: As of `nearness`.
 
     Returns:
         The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance; `rows` per radian.
@@ -134,7 +139,7 @@ def nearness_of(arm: SpaceArm, J: Array, dJ: Array, error: float | None = None) 
     unit = radians(arm)
     J = J * unit
     floor = ZERO * float(np.linalg.norm(J)) if error is None else error * float(unit.max())
-    found = nearness(J, dJ * unit * unit[:, None, None], floor)
+    found = nearness(J, dJ * unit * unit[:, None, None], floor, fading)
     return found._replace(away=unit * found.away)
 
 
@@ -147,33 +152,50 @@ def foot(seen: Tangent, offset: Array) -> Array:
 
 
 def refined(
-    arm: SpaceArm, q: Array, seen: Tangent, look: Callable[[Array], Tangent]
+    arm: SpaceArm, q: Array, seen: Tangent, look: Callable[[Array, float], Tangent]
 ) -> tuple[Array, Array]:
     """Take the second step where the first is short.
+
+    Where it does not come nearer, slopes that seemed to vanish with sigma_min are equations.
 
     Args:
         arm: The arm.
         q: (m, n) configurations.
         seen: The set as it looks from there.
-        look: Returns it as it looks from other configurations (p, n).
+        look: Returns it as it looks from other configurations (p, n), with some fading.
 
     Returns:
         (m,) distances [rad] and (m, n) ways out [rad] or [m] per radian of distance.
     """
+    distance, away, stuck = _second(arm, q, seen, lambda Q: look(Q, FADING))
+    if stuck.size and arm.n > arm.task.k:
+        there = q[stuck]
+        distance[stuck], away[stuck], _ = _second(
+            arm, there, look(there, 0.0), lambda Q: look(Q, 0.0)
+        )
+    return distance, radians(arm) * away
+
+
+def _second(
+    arm: SpaceArm, q: Array, seen: Tangent, look: Callable[[Array], Tangent]
+) -> tuple[Array, Array, npt.NDArray[np.intp]]:
+    """Take the second step; also return the numbers of those that it does not bring nearer."""
     distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), radians(arm)
     near = np.flatnonzero((distance > FINE) & (distance < NEAR))
-    if near.size:
-        first, way = distance[near, None], away[near]
-        there = look(q[near] - unit * first * way)
-        offset = foot(there, -first * way)
-        second = np.linalg.norm(offset, axis=1, keepdims=True)
-        share = _fading(first / NEAR) * _fading(there.distance[:, None] / first / CONTRACTING)
-        share, offset = np.where(second > 0.0, share, 0.0), np.where(second > 0.0, offset, 0.0)
-        second = np.where(second > 0.0, second, first)
-        mixed = (1.0 - share) * way - share * offset / second
-        away[near] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
-        distance[near] = (first + share * (second - first))[:, 0]
-    return distance, unit * away
+    if not near.size:
+        return distance, away, near
+    first, way = distance[near, None], away[near]
+    there = look(q[near] - unit * first * way)
+    offset = foot(there, -first * way)
+    second = np.linalg.norm(offset, axis=1, keepdims=True)
+    nearer = _fading(there.distance[:, None] / first / CONTRACTING)
+    share = _fading(first / NEAR) * nearer
+    share, offset = np.where(second > 0.0, share, 0.0), np.where(second > 0.0, offset, 0.0)
+    second = np.where(second > 0.0, second, first)
+    mixed = (1.0 - share) * way - share * offset / second
+    away[near] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    distance[near] = (first + share * (second - first))[:, 0]
+    return distance, away, near[nearer[:, 0] == 0.0]
 
 
 def distance_at(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:
@@ -192,23 +214,25 @@ def refined_at(
 ) -> tuple[float, Array]:
     """Take the second step from one configuration: distance [rad] and way out (n,)."""
 
-    def look(Q: Array) -> Tangent:
-        return _stacked([_near(cfg.arm.at(q, base=cfg.base), mode, axes) for q in Q])
+    def look(Q: Array, fading: float) -> Tangent:
+        return _stacked([_near(cfg.arm.at(q, base=cfg.base), mode, axes, fading) for q in Q])
 
     distance, away = refined(cfg.arm, cfg.q[None], _stacked([found]), look)
     return float(distance[0]), away[0]
 
 
-def tangent(arm: SpaceArm, Q: Array, mode: BaseMode) -> Tangent:
+def tangent(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float = FADING) -> Tangent:
     """Compute how the singular set looks from configurations Q (m, n), one by one."""
-    return _stacked([_near(arm.at(q), mode, None) for q in Q])
+    return _stacked([_near(arm.at(q), mode, None, fading) for q in Q])
 
 
-def _near(cfg: Configuration, mode: BaseMode, axes: Array | None) -> Nearness:
+def _near(
+    cfg: Configuration, mode: BaseMode, axes: Array | None, fading: float = FADING
+) -> Nearness:
     """Compute the nearness of one configuration."""
     J = task_jacobian(cfg, mode=mode, axes=axes)
     dJ = task_jacobian_derivative(cfg, mode=mode, axes=axes)
-    return nearness_of(cfg.arm, J, dJ)
+    return nearness_of(cfg.arm, J, dJ, fading=fading)
 
 
 def _stacked(found: list[Nearness]) -> Tangent:
@@ -226,7 +250,7 @@ def _fading(x: Array) -> Array:
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
-def _one(A: Array, sigma: float, norm: float) -> tuple[float, Array]:
+def _one(A: Array, sigma: float, norm: float, fading: float) -> tuple[float, Array]:
     """Return the distance at which sigma vanishes, and rows as in `Tangent`.
 
     Rows that are padded with lambda make the projection that of ridge regression.
@@ -235,9 +259,10 @@ def _one(A: Array, sigma: float, norm: float) -> tuple[float, Array]:
         A: (1 + n - k, n) slopes: the gradient first, then those that a solution must not change.
         sigma: The singular value.
         norm: That of J.
+        fading: As of `nearness`.
     """
     n, others = A.shape[1], len(A) - 1
-    pads = (ROUNDED * norm + FADING * sigma) * np.eye(others)
+    pads = (ROUNDED * norm + fading * sigma) * np.eye(others)
     kept = np.linalg.qr(np.hstack((A[1:], pads)).T)[0].T
     g = np.append(A[0], np.zeros(others))
     for _ in range(2):

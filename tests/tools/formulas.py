@@ -197,9 +197,8 @@ MUTANTS = [
         "mechanics/test_floating",
     ),
     Mutant(
-        "(33c) differentiated along a curve", "mechanics/floating.py",
-        "axis=-2) - np.cross(w2", "axis=-2) + np.cross(w2",
-        "planning/test_planner",
+        "(33c) differentiated along a curve", "kernels/paths/turns.py",
+        "* (x[0] - y[0])", "* (x[0] + y[0])", "planning/test_planner",
     ),
     # --- singularities ----------------------------------------------------------------------
     Mutant(
@@ -216,7 +215,11 @@ MUTANTS = [
     ),
     Mutant(
         "distance of redundant arms", "mechanics/nearness.py",
-        "g = A[0] - kept.T @ (kept @ A[0])", "g = A[0]", "singularities/test_distance",
+        "g = g - kept.T @ (kept @ g)", "g = 1.0 * g", "singularities/test_distance",
+    ),
+    Mutant(
+        "distance where fewer equations hold", "mechanics/nearness.py",
+        "ROUNDED * norm + FADING * sigma", "ROUNDED * norm", "singularities/test_distance",
     ),
     Mutant(
         "distance where several singular values vanish", "mechanics/nearness.py",

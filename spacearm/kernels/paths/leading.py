@@ -13,7 +13,7 @@ import numpy as np
 from spacearm.kernels.cpu import BIDIAGONAL, kernel, nearness, work
 from spacearm.kernels.floating import Bodies, Indices, Numbers
 from spacearm.kernels.lanes import LANES, Lanes, step
-from spacearm.kernels.nearness import distance
+from spacearm.kernels.nearness import FADING, distance
 from spacearm.kernels.paths.lane import (
     AT_CORNER,
     COMPONENTS,
@@ -121,7 +121,7 @@ def lead(
                         z[i, l] += a.h[l] * STAGES[stage, j] * k[j, i, l]
             tangent(b, tip, E, p, table, a.piece, a.gain, a.sense, z, w, c, k[stage])
             if stage == 0:
-                distance(b, tip, p.rows, p.scale, p.radian, w, A, x[0], d, near)
+                distance(b, tip, p.rows, p.scale, p.radian, FADING, w, A, x[0], d, near)
                 for l in range(LANES):
                     if a.item[l] >= 0 and a.state[l] == FRESH:
                         judge(p, table, n, near[0, l], c.sign[l], a, ends, values, l)

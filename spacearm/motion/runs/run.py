@@ -243,8 +243,9 @@ class Run:
         arm, mode = self.plant.arm, self.plant.mode
         tangent = compiled.tangent if len(arm.tips) == 1 else nearness.tangent
         Q = self.memory["y_out"][: int(self.x["written"]), : arm.n]
-        look = partial(tangent, arm, mode=mode)
-        distances, _ = nearness.refined(arm, Q, look(Q), look)
+        distances, _ = nearness.refined(
+            arm, Q, tangent(arm, Q, mode), lambda Q, fading: tangent(arm, Q, mode, fading)
+        )
         return float(distances.min())
 
     def trajectory(self) -> Trajectory:

@@ -151,7 +151,7 @@ def _shortened(way: str, names: Mapping[str, str]) -> str:
     """Return a joint motion in words, its parts separated by commas, with shorter names."""
     for name, short in names.items():
         label = short.replace("\\", r"\\")
-        way = re.sub(rf"(^|, ){re.escape(name)} ", rf"\1{label} ", way)
+        way = re.sub(rf"(?:(?<=^)|(?<=, )){re.escape(name)}(?= )", label, way)
     return way
 
 
