@@ -51,6 +51,7 @@ def test_the_wheel_works_elsewhere(wheel_python):
     assert "joint_2" in run.stdout
 
 
+@pytest.mark.slow
 def test_the_wheel_is_complete(wheel_python):
     _, folder = wheel_python
     (site,) = (folder / "env" / "lib").glob("python*/site-packages")
@@ -150,6 +151,7 @@ def archives(tmp_path_factory):
     return first, again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["*.whl", "*.tar.gz"])
 def test_archives_are_reproducible_byte_for_byte(archives, kind):
     (one,), (other,) = (folder.glob(kind) for folder in archives)

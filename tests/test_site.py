@@ -32,6 +32,7 @@ def test_cited_lines_name_their_equation():
         assert f"({cited.equation})" in " ".join(lines[cited.line - 1 : cited.line + 3])
 
 
+@pytest.mark.slow
 def test_the_reference_has_a_page_for_every_public_name(tmp_path):
     generated.write(tmp_path)
     pages = "".join(page.read_text(encoding="utf-8") for page in (tmp_path / "api").glob("*.md"))

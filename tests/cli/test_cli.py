@@ -159,6 +159,7 @@ def test_markup_in_names_is_printed_as_it_is(tmp_path):
         assert "[bold]j" in run.stdout
 
 
+@pytest.mark.slow
 def test_nothing_is_cut_off_in_a_narrow_terminal_or_a_pipe():
     for columns in ("30", "200"):
         run = in_a_process("query", "mda6", "--deg", 0, 60, -100, -50, 0, 0, COLUMNS=columns)

@@ -107,6 +107,7 @@ def test_short_help(name):
     assert run.stdout == spacearm(name, "--help").stdout
 
 
+@pytest.mark.slow
 def test_the_shell_completes_commands_and_options():
     cases = (
         ("spacearm ne", 1, "nearest"),

@@ -231,6 +231,7 @@ def test_the_order_of_dop853():
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(9.0, abs=0.8)
 
 
+@pytest.mark.slow
 def test_the_order_of_rkc():
     arm, steps = sa.load("planar2"), np.geomspace(0.01, 0.1, 5)
     law, q0, dq = sa.JointPD([0.5, 0.2], kp=2.0, kd=0.1), np.array([0.3, 0.9]), [0.5, -0.8]

@@ -107,6 +107,7 @@ def test_what_the_velocity_limits_forbid_is_said(arm, momentum):
         sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words)
 
 
+@pytest.mark.slow
 def test_an_obstacle_is_kept_off_while_the_spacecraft_drifts(arm):
     words = {"momentum": H, "duration": 12.0}
     through = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words)

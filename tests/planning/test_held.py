@@ -90,6 +90,7 @@ def test_the_tip_arrives_and_the_attitude_stays(found):
     assert found.apart
 
 
+@pytest.mark.slow
 def test_a_simulation_with_wheels_that_hold_keeps_to_the_plan(arm, found):
     hold = sa.WheelHold(stiffness=2000, damping=1000, torque=0.7, capacity=3.0)
     run = sa.simulate(

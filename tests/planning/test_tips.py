@@ -60,6 +60,7 @@ def test_both_tips_arrive_at_once(arm):
     assert plan.distance.min() > plan.clearance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bend", [0.0, 0.5])
 def test_curves_in_joint_space_lead_both_tips(arm, bend):
     """Where lines are not asked for; the goal lies beyond a motion that is not straight."""
@@ -83,6 +84,7 @@ def test_both_arms_of_a_real_robot(dual):
     assert len(plan.arm.tips) == 2
 
 
+@pytest.mark.slow
 def test_one_arm_works_and_the_other_keeps_the_attitude(arm):
     goal = sa.move(arm.at(Q0), Q0 + np.array([0.5, -0.4, 0.0, 0.0])).tips[0].translation[:2]
     free = sa.plan(arm, Q0, {"left": goal}, method="straight")

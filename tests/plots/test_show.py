@@ -286,6 +286,7 @@ def test_a_notebook_shows_the_last_line_of_a_cell():
     assert size == {"width": 180, "height": 90}
 
 
+@pytest.mark.slow
 def test_a_map_shows_the_joint_limits_and_its_colours_reach_as_far_as_it_does():
     arm = sa.load("mda6")
     found = sa.singular_map(arm, ("joint_2", "joint_3"), points=7)

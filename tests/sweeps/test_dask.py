@@ -127,6 +127,7 @@ def test_workers_and_scheduler_are_killed_in_mid_run(study, whole, tmp_path):
     assert files(store) == files(whole)
 
 
+@pytest.mark.slow
 def test_failures_there_are_recorded(running, tmp_path):
     _, client = running
     flat = '{model = "planar2", name = "flat", task = "x z"}'

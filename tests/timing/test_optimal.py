@@ -143,6 +143,7 @@ def test_an_arm_without_efforts_needs_a_limit():
         sa.time_optimal(straight(arm, [0.3, 1.2], [1.8, 0.7]))
 
 
+@pytest.mark.slow
 def test_tracking_brings_an_arm_back_to_its_motion():
     arm = sa.load("planar2")
     fast = sa.time_optimal(straight(arm, [0.3, 1.2], [0.9, 0.7]), torque=20.0)

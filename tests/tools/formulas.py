@@ -198,7 +198,7 @@ MUTANTS = [
     ),
     Mutant(
         "(33c) differentiated along a curve", "kernels/paths/turns.py",
-        "* (x[0] - y[0])", "* (x[0] + y[0])", "planning/test_planner",
+        "* (x[0] - y[0])", "* (x[0] + y[0])", "planning/test_planner planning/test_guesses",
     ),
     # --- singularities ----------------------------------------------------------------------
     Mutant(
@@ -219,7 +219,7 @@ MUTANTS = [
     ),
     Mutant(
         "distance where fewer equations hold", "mechanics/nearness.py",
-        "ROUNDED * norm + FADING * sigma", "ROUNDED * norm", "singularities/test_distance",
+        "ROUNDED * norm + fading * sigma", "ROUNDED * norm", "singularities/test_distance",
     ),
     Mutant(
         "distance where several singular values vanish", "mechanics/nearness.py",

@@ -225,6 +225,7 @@ def test_too_many_pictures_and_none_are_refused(tmp_path, per_second, why):
         sa.view(sa.load("planar2"), open=False).frames(tmp_path / "motion.zip")
 
 
+@pytest.mark.slow
 def test_a_tab_that_outlives_its_server_shows_nothing_of_the_next_one(browser):
     """Another robot's server takes the port: the tab says that its own has ended."""
     first = sa.view(sa.load("planar2"), open=False)
@@ -242,6 +243,7 @@ def test_a_tab_that_outlives_its_server_shows_nothing_of_the_next_one(browser):
         other.close()
 
 
+@pytest.mark.slow
 def test_a_ticket_leads_to_the_page(browser, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)

@@ -90,6 +90,7 @@ def test_limits_are_kept_by_the_curves():
         assert (curve <= arm.upper + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_a_point_of_a_redundant_arm():
     arm = load_text(random_chain(3, 7, ("revolute",)), tip="tip")
     result = sa.workspace(arm, effort=2000)
