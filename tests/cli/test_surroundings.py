@@ -35,6 +35,7 @@ def test_streams_that_are_closed(tmp_path, closed):
     assert "wrote" not in text
 
 
+@pytest.mark.slow
 def test_a_backend_that_does_not_exist(tmp_path):
     run = in_a_process("map", "planar2", "--points", "5", MPLBACKEND="nonsense", cwd=tmp_path)
     assert (run.returncode, complaints(run)) == (0, [])

@@ -100,6 +100,7 @@ def test_without_momentum_the_duration_stretches_the_plan(arm):
     np.testing.assert_allclose(longer.dq, plan.dq * (plan.t[-1] / 30.0), atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("momentum", [None, H])
 def test_what_the_velocity_limits_forbid_is_said(arm, momentum):
     words = {"momentum": momentum, "duration": 0.1, "timeout": 1.0}

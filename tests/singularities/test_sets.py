@@ -492,6 +492,7 @@ def test_a_searched_set_says_why_it_has_no_more():
         sa.singular_set(mimicking).is_free([0.0], [1.0])
 
 
+@pytest.mark.slow
 def test_a_search_that_finds_nothing_ends_soon_and_says_why():
     """Where one row loses rank all 7 rates of turn vanish at once: nowhere, as a rule."""
     arm = load_text(random_chain(0, 7, ("revolute",)), tip="tip", task="rz")
