@@ -169,11 +169,7 @@ def way_out(
 @step
 def size(x: Lanes, t: Lanes) -> None:
     """Compute the length t of x."""
-    for l in range(t.shape[0]):
-        t[l] = 0.0
-    for j in range(x.shape[0]):
-        for l in range(t.shape[0]):
-            t[l] += x[j, l] * x[j, l]
+    product(x, x, t)
     for l in range(t.shape[0]):
         t[l] = math.sqrt(t[l])
 
@@ -181,11 +177,17 @@ def size(x: Lanes, t: Lanes) -> None:
 @step
 def project(along: Lanes, x: Lanes, t: Lanes) -> None:
     """Take the component along a unit vector, or zero, out of x; t is scratch."""
+    product(along, x, t)
+    for j in range(x.shape[0]):
+        for l in range(t.shape[0]):
+            x[j, l] -= t[l] * along[j, l]
+
+
+@step
+def product(x: Lanes, y: Lanes, t: Lanes) -> None:
+    """Compute the scalar product t of x and y."""
     for l in range(t.shape[0]):
         t[l] = 0.0
     for j in range(x.shape[0]):
         for l in range(t.shape[0]):
-            t[l] += along[j, l] * x[j, l]
-    for j in range(x.shape[0]):
-        for l in range(t.shape[0]):
-            x[j, l] -= t[l] * along[j, l]
+            t[l] += x[j, l] * y[j, l]
