@@ -114,12 +114,18 @@ def plan_motion(
             help="Largest turn of the spacecraft on the way [rad], with --deg in degrees."
         ),
     ] = None,
+    detumble: Annotated[
+        bool,
+        typer.Option(
+            "--detumble", help="Wheels take up the momentum; the spacecraft ends at rest."
+        ),
+    ] = False,
     mode: SpacecraftMode = Spacecraft.FREE,
     wheel_limits: Annotated[
         tuple[float, float] | None,
         typer.Option(
-            help="Largest torque [N m] and momentum [N m s] of each wheel that holds the attitude; "
-            "else those of the description.",
+            help="Largest torque [N m] and momentum [N m s] of each wheel that holds the attitude "
+            "or detumbles; else those of the description.",
             metavar="T H",
         ),
     ] = None,
@@ -159,7 +165,7 @@ def plan_motion(
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
                 timeout=timeout, obstacles=around, momentum=momentum, duration=duration,
-                keep_attitude=_angle(keep_attitude, deg), mode=mode.value,
+                keep_attitude=_angle(keep_attitude, deg), detumble=detumble, mode=mode.value,
                 wheels=wheel_limits and _limits(*wheel_limits),
                 wheels0=None if wheels0 is None else numbers("--wheels0", wheels0),
                 progress=tell,

@@ -208,3 +208,16 @@ def spherical(task: str = "pose") -> sa.SpaceArm:
         chain.append(joint(f"joint_{i + 1}", names[i], names[i + 1], "continuous", **at))
     chain += [frame("tip"), joint("tip_joint", "link_7", "tip", "fixed", (0, 0, 0.126))]
     return load_text(robot(*chain), tip="tip", task=task)
+
+
+def with_wheels(text, axes, torque=0.5, rate=300.0, mark="<wheel/>"):
+    """A robot with wheels of 0.01 kg m^2 on its spacecraft, or the same as joints."""
+    root = sa.load(text).tree.root if isinstance(text, str) and "<" not in text else "bus"
+    text = sa.load(text).path.read_text() if "<" not in text else text
+    inside = f'<limit effort="{torque}" velocity="{rate}"/>{mark}'
+    parts = [
+        link(f"rotor_{i}", 2.0, inertia=0.01 * np.eye(3))
+        + joint(f"wheel_{i}", root, f"rotor_{i}", "continuous", (0.1, 0, 0), axis=a, inside=inside)
+        for i, a in enumerate(np.atleast_2d(axes))
+    ]
+    return text.replace("</robot>", "\n".join(parts) + "</robot>")

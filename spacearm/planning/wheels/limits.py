@@ -92,6 +92,20 @@ class Wheels:
             )
         return cls(names, axes, torque, capacity, held)
 
+    @classmethod
+    def free(cls, cfg: Configuration, hold: WheelHold | None) -> Wheels:
+        """Return the wheels of a spacecraft that turns, with what they hold.
+
+        Raises:
+            UnsupportedError: It has none, or one is on a link that moves.
+        """
+        if not cfg.arm.wheels:
+            raise UnsupportedError(
+                f"{cfg.arm.name} has no wheels to take up momentum; load it with wheels=[...], the "
+                "names of joints"
+            )
+        return cls.of(cfg, hold, cfg.wheels, np.zeros(3))
+
     @property
     def limited(self) -> bool:
         """Whether any of them has a limit."""
