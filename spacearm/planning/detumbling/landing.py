@@ -179,9 +179,9 @@ class Landing:
             courses.append(replace(course, heights=heights.reshape(course.heights.shape)))
         steps = max(COARSE, self.steps // 2)
         parts = []
-        for i in range(0, len(courses), TOGETHER):
+        for first in range(0, len(courses), TOGETHER):
             self.check_time()
-            parts.append(self._residuals(courses[i : i + TOGETHER], steps))
+            parts.append(self._residuals(courses[first : first + TOGETHER], steps))
         ends = np.vstack(parts)
         slope = np.zeros((ends.shape[1], len(unit)))
         slope[:, places] = (ends[1:] - ends[0]).T / (BENT * unit[places])
