@@ -173,7 +173,8 @@ def plan_motion(
         if fastest:
             from spacearm.timing.optimal import time_optimal
 
-            found = time_optimal(found)
+            wheels = wheel_limits and mode is Spacecraft.CONTROLLED and _limits(*wheel_limits)
+            found = time_optimal(found, wheels=wheels or None)
     except NoSolutionError as error:
         if save and isinstance(error.best, Plan):
             error.best.save(save)
