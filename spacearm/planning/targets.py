@@ -153,9 +153,8 @@ def clearance_of(cfg: Configuration, clearance: float | None) -> tuple[float, fl
         values = f"sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}"
         if distance > TOLERANCE:
             raise NoSolutionError(
-                f"J* has no inverse at the start ({values}) nor nearby, where the singular set is "
-                f"{angle(distance)} away: {cfg.arm.name} has no joint that moves the tip in some "
-                "direction; take a task with fewer rows"
+                f"J* has no inverse at the start ({values}) nor around it: {cfg.arm.name} has no "
+                "joint that moves the tip in some direction; take a task with fewer rows"
             )
         raise NoSolutionError(
             f"the start is singular ({values}); leave it first along sa.singularity(cfg).gradient"
