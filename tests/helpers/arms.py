@@ -183,6 +183,11 @@ def moved(cfg: sa.Configuration, dq, v_b, h: float) -> sa.Configuration:
 
 def planar_pair(tip=("left", "right"), joints="tip") -> sa.SpaceArm:
     """Two planar arms of two links on one spacecraft, without shapes."""
+    return load_text(planar_pair_text(), tip=tip, joints=joints)
+
+
+def planar_pair_text() -> str:
+    """The robot of `planar_pair`."""
     parts = [link("bus", 40.0, inertia=np.diag([6.0, 6.0, 6.667]))]
     for side, x in (("left", -0.5), ("right", 0.5)):
         I = np.diag([0.01, 0.3, 0.3])
@@ -193,7 +198,7 @@ def planar_pair(tip=("left", "right"), joints="tip") -> sa.SpaceArm:
             f'<link name="{side}"/>',
             joint(f"{side}_t", f"{side}_2", side, "fixed", xyz=(1, 0, 0)),
         ]
-    return load_text(robot(*parts), tip=tip, joints=joints)
+    return robot(*parts)
 
 
 def spherical(task: str = "pose") -> sa.SpaceArm:
