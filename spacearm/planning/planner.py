@@ -48,6 +48,7 @@ def plan(
     limits: bool = True,
     collisions: bool = True,
     method: str = "auto",
+    via: Sequence[Goal | Joints] = (),
     obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
     momentum: npt.ArrayLike | None = None,
     duration: float | None = None,
@@ -99,6 +100,8 @@ def plan(
             collision geometry, or their visuals where they have none; meshes as convex hulls.
             Bodies on both sides of one joint may touch. `Plan.checked` says what was checked.
         method: "auto", or one of the five.
+        via: Goals on the way, in order, at zero momentum; the joints come to rest there only where
+            they turn sharply.
         obstacles: What the spacecraft and the links must not meet besides, in the inertial frame,
             as `base` and poses as goals are: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh` and
             `.robot`, and configurations or motions of other robots. Those that move begin with the
@@ -145,6 +148,7 @@ def plan(
     from spacearm.planning.drift.search import Drift, stretched  # slow to import, as all here
     from spacearm.planning.methods import METHODS
     from spacearm.planning.rounds.at_rest import at_rest
+    from spacearm.planning.rounds.legs import by_way_of
     from spacearm.planning.rounds.mission import Mission
     from spacearm.planning.rounds.together import together
     from spacearm.planning.rounds.wish import Wish
@@ -191,19 +195,25 @@ def plan(
     def find(start: Configuration, h: Array, lasts: float | None) -> Plan:
         if goals and (h.any() or start.wheels.any()):
             raise UnsupportedError("several tips are led at zero momentum only; lead one")
+        if via and (h.any() or start.wheels.any() or goals):
+            raise UnsupportedError(
+                "goals on the way (via) are for one tip at zero momentum; plan leg by leg"
+            )
         if h.any() or start.wheels.any():
             return Drift(Mission(start, wish, seed, search), start, h, lasts, around).plan()
         if goals:
             found = together(start, goals, wish, seed, search)
+        elif via:
+            found = by_way_of(start, via, wish, seed, search)
         else:
             found = at_rest(start, wish, seed, search)
         return found if lasts is None or len(found) == 1 else stretched(found, lasts)
 
     if detumble:
-        if goals or keep is not None or held is not None or method != "auto":
+        if goals or via or keep is not None or held is not None or method != "auto":
             raise ConfigurationError(
                 "detumble=True leads one tip by a method of its own, and the spacecraft turns; "
-                "leave out other tips, keep_attitude, mode and method"
+                "leave out other tips, via, keep_attitude, mode and method"
             )
         start = arm.at(q0, base=cfg.base, wheels=wheels0)
         mission = Mission(start, wish, seed, search)
