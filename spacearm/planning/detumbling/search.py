@@ -99,11 +99,11 @@ class Detumbling:
                 f"momentum, whatever the way, and the duration is {self.duration:.4g} s",
                 self._alone,
             )
-        least = max(least, self._joint_time(still))
+        soonest = SOONEST * max(least, self._joint_time(still))
         reasons: dict[str, None] = {}
         for number in itertools.count():
             again, longer = divmod(number, 1 if self.duration else LONGEST)
-            lasts = self.duration or SOONEST * LONGER**longer * least
+            lasts = self.duration or LONGER**longer * soonest
             random, bend = (again, True) if self._few else (again // 2, again % 2 == 1)
             try:
                 self.mission.check_time()
@@ -113,11 +113,11 @@ class Detumbling:
             except NoSolutionError as error:
                 self.tried.append(Attempt(METHOD, False, str(error)))
                 reasons.setdefault(str(error))
-        told = list(reasons)[-3:]
+        told = f" At last: {'; '.join(list(reasons)[-3:])}." if reasons else ""
         raise NoSolutionError(
             f"{name}: no plan found that ends at rest, in {len(self.tried)} attempts; torque and "
-            f"capacity of the wheels take at least {least:.4g} s. At last: {'; '.join(told)}. To "
-            "relax: a longer duration, final_attitude open, or joints of the goal open",
+            f"capacity of the wheels take at least {least:.4g} s.{told} To relax: a longer "
+            "duration, final_attitude open, or joints of the goal open",
             self.best or self._alone,
         )
 
