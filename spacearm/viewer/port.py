@@ -11,8 +11,11 @@ FIRST_PORT, LAST_PORT = 7400, 7500
 
 
 def listen(port: int | None) -> socket.socket:
-    """Open a socket on the port asked for, or on the first free one of spacearm's range."""
-    for candidate in range(FIRST_PORT, LAST_PORT) if port is None else [port]:
+    """Open a socket on the port asked for, or on the first free one of spacearm's range or at all.
+
+    A notebook may show more scenes than the range has ports.
+    """
+    for candidate in [*range(FIRST_PORT, LAST_PORT), 0] if port is None else [port]:
         listener = socket.socket()
         try:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -23,5 +26,5 @@ def listen(port: int | None) -> socket.socket:
             listener.close()
         else:
             return listener
-    asked = f"every port from {FIRST_PORT} to {LAST_PORT}" if port is None else f"port {port}"
+    asked = "every port" if port is None else f"port {port}"
     raise SpaceArmError(f"{asked} of {LOOPBACK} is in use or not allowed; give another with port=")

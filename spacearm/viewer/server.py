@@ -14,6 +14,7 @@ import json
 import secrets
 import socket
 import threading
+import time
 from contextlib import suppress
 from typing import Any, Protocol
 
@@ -33,6 +34,11 @@ SLOWEST = 30.0
 """Time that a request may take to come in [s]."""
 PAUSE = 0.001
 """Time for which messages are collected before the scene is drawn once for all of them [s]."""
+PATIENCE = 120.0
+"""Time for which a ticket is valid [s]: notebooks, where it stands, can be read by others."""
+FRAMED_BY = " ".join(f"{way}://{host}:*" for way in ("http", "https")
+                     for host in (LOOPBACK, "localhost"))  # fmt: skip
+"""Pages that may frame the page: those of this machine."""
 
 
 class Panel(Protocol):
@@ -75,7 +81,7 @@ class Server:
         listener = listen(port)
         self.port = int(listener.getsockname()[1])
         self._token = secrets.token_urlsafe(16)
-        self._tickets: set[str] = set()
+        self._tickets: dict[str, float] = {}
         self.url = f"http://{LOOPBACK}:{self.port}/?token={self._token}"
         self._panel = panel
         self._browsers: set[_Socket] = set()
@@ -96,11 +102,11 @@ class Server:
             self._thread.join(timeout=5.0)
 
     def invitation(self) -> str:
-        """Return an address that leads to the page once.
+        """Return an address that leads to the page once, within `PATIENCE`.
 
         Other users see the command that starts a browser, and the address in it.
         """
-        self._tickets.add(ticket := secrets.token_urlsafe(16))
+        self._tickets[ticket := secrets.token_urlsafe(16)] = time.monotonic() + PATIENCE
         return f"http://{LOOPBACK}:{self.port}/?ticket={ticket}"
 
     def admits(self, token: str) -> bool:
@@ -109,9 +115,7 @@ class Server:
 
     def redeem(self, ticket: str) -> bool:
         """Whether this is a ticket of the server; it is none any more."""
-        known = ticket in self._tickets
-        self._tickets.discard(ticket)
-        return known
+        return time.monotonic() < self._tickets.pop(ticket, 0.0)
 
     def refresh(self) -> None:
         """Draw the state and send it to every browser, soon, and once for many calls."""
@@ -205,7 +209,7 @@ class _Door(tornado.web.RequestHandler):
 
     def set_default_headers(self) -> None:
         self.set_header("Cache-Control", "no-store")
-        self.set_header("Content-Security-Policy", "frame-ancestors 'self'")
+        self.set_header("Content-Security-Policy", f"frame-ancestors {FRAMED_BY}")
         self.set_header("Referrer-Policy", "no-referrer")
         self.set_header("X-Content-Type-Options", "nosniff")
 

@@ -35,8 +35,8 @@ def view(
     """Show an arm with sliders, play a motion, or show the posture of any other result.
 
     In a script or a terminal the page opens in the browser, served on 127.0.0.1 only, until
-    `Viewer.close` or the end of the program. In a notebook, as the last line of a cell, the scene
-    stands in the notebook and stays there when it is opened elsewhere.
+    `Viewer.close` or the end of the program. In a notebook, as the last line of a cell, the page
+    stands in the notebook, and the scene as it was stays there when it is opened elsewhere.
 
     Args:
         thing: One of
@@ -59,7 +59,8 @@ def view(
             with the spacecraft doing that.
         obstacles: What is drawn besides, and held off by plans of the page; as in `sa.plan`.
         port: Port of the page; the first free one from 7400 on if None.
-        open: Whether to serve the page and open the browser; if None, unless in a notebook.
+        open: Whether to serve the page and open the browser. If None, a notebook gets it served,
+            but opens no other window.
 
     Returns:
         A `Viewer`: `.url`, `.show`, `.shells`, `.compare`, `.obstacles`, `.save`, `.png`, `.close`.
@@ -88,7 +89,9 @@ def view(
         viewer.obstacles(obstacles)
     if compare is not None:
         viewer.compare(compare)
-    if open or (open is None and not in_notebook()):
+    if open is None and in_notebook():
+        viewer.serve(port)
+    elif open or open is None:
         viewer.open(port)
     return viewer
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import io
 import math
 import os
@@ -16,6 +15,7 @@ from spacearm.files import write
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.host import Host
+from spacearm.viewer.notebooks import embedded
 from spacearm.viewer.pictures import render, render_frames
 from spacearm.viewer.server import Server
 
@@ -163,10 +163,8 @@ class Viewer(Host):
         return write(Path(path), archive.getvalue())
 
     def _repr_html_(self) -> str:
-        """Embed the scene in a notebook as a page of its own, which stays without a server."""
-        source = html.escape(self.html())
-        style = "width: 100%; height: 480px; border: 0"
-        return f'<iframe srcdoc="{source}" style="{style}"></iframe>'
+        """Stand in a notebook: live while it is served, and a scene of its own once it is not."""
+        return embedded(self.html(), self._server.invitation() if self._server else None)
 
     def __repr__(self) -> str:
         return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"

@@ -653,18 +653,6 @@ def test_a_picture_without_a_browser_says_what_to_install(viewer, tmp_path, monk
         viewer.png(tmp_path / "scene.png")
 
 
-def test_notebooks_get_the_scene_inline(viewer):
-    assert viewer._repr_html_().startswith("<iframe srcdoc=")
-    assert viewer.url is None
-
-
-def test_nothing_is_opened_in_a_notebook(monkeypatch):
-    monkeypatch.setitem(
-        sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=1))
-    )
-    assert sa.view(sa.load("planar2")).url is None
-
-
 def test_a_motion_is_saved_with_its_animation():
     arm = sa.load("planar2")
     cfgs = [arm.at([0.0, 0.5])]
