@@ -75,6 +75,7 @@ def test_a_ring_shows_the_intervals_and_the_attitude_now():
     words = " ".join(key["words"] for key in viewer.readout()["legend"])
     assert "57.33° to 65.16°" in words or "57.34° to 65.16°" in words
     assert f"{100 * found.share:.3g} % of all starts" in words
+    assert "at zero momentum" in words
     base = pin.SE3(pin.utils.rotate("z", 2.0), np.array([0.3, 0.4, 0.0]))
     viewer.show([0.3, 1.2], base=base)
     np.testing.assert_allclose(
@@ -106,6 +107,25 @@ def test_directions_have_the_share_of_their_rolls(attitudes):
     planar = dataclasses.replace(attitudes, axis=2)
     with pytest.raises(sa.UnsupportedError, match="about one axis only"):
         _ = planar.by_direction
+
+
+@pytest.mark.slow
+def test_the_sphere_is_not_inside_the_spacecraft(attitudes):
+    arm = sa.load("servicer_ur5")
+    viewer = sa.view(arm, open=False)
+    viewer.attitudes(dataclasses.replace(attitudes, arm=arm))
+    (body,) = arm.tree.visuals[arm.tree.root].visual
+    corner = np.linalg.norm(body.geometry.size) / 2.0
+    assert OUTER * viewer._stage.scene.size < corner, "or this shows nothing"
+    assert np.linalg.norm(meshes(viewer)["sphere"], axis=1).max() > corner
+
+
+@pytest.mark.parametrize("spin", [0.0, 0.5])
+def test_the_page_says_that_momentum_of_the_motion_does_not_count(spin):
+    """Attitudes are tried at zero momentum, whatever motion gives the path."""
+    arm = sa.load("planar2")
+    run = sa.simulate(arm, [0.3, 1.2], lambda *_: np.zeros(2), 0.1, momentum=[0, 0, 0, 0, 0, spin])
+    assert sa.view(run, open=False).about()["motion"]["momentum"] is bool(spin)
 
 
 @pytest.fixture(scope="module")

@@ -67,6 +67,24 @@ def test_the_whole_robot_is_in_view_at_every_size(browser, name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_the_way_out_and_the_angles_are_seen_whole(browser, size):
+    q = np.radians([-2.32, -25.17, -88.0, 117.3, 73.39, 170.19])
+    arm = sa.load("servicer_ur5")
+    viewer, page = opened(browser, arm, q, width=size[0], height=size[1])
+    assert "shoulder_lift" in page.text("#away")
+    viewer.show([*q[:5], q[5] + 2.0 * np.pi])  # one line more: outside its limits
+    page.wait_text("#outside", "wrist_3")
+    cut = page.page.eval_on_selector_all(
+        "#messages, .joint input[type=number], #attitude input",
+        "all => all.filter((n) => n.scrollHeight > n.clientHeight + 1"
+        " || n.scrollWidth > n.clientWidth + 1).map((n) => n.outerHTML)",
+    )
+    assert cut == []
+    shut(viewer, page)
+
+
+@pytest.mark.slow
 def test_joint_names_are_told_apart(browser):
     viewer, page = opened(browser, sa.load("vispa_cubesat"), width=1366, height=768)
     names = page.page.eval_on_selector_all(

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.viewer.layers.paths import distance_colors
 from spacearm.viewer.layers.shapes import along
@@ -17,6 +18,11 @@ from spacearm.viewer.layers.workspaces import BLUE, VERMILION, Key
 NEEDLE = 0x7F7F7F
 INNER, OUTER = 0.42, 0.5
 """Radii of the ring, and of the sphere, as shares of the size of the system."""
+AROUND = 2.2
+"""Least radius of the sphere, and of the ring, in radii of gyration of the spacecraft.
+
+The corners of a cube are at 2.1 of them.
+"""
 CORNERS = 10
 """Corners of a patch of the sphere."""
 FINEST = np.radians(2.0)
@@ -38,7 +44,7 @@ class AttitudeLayer:
     """
 
     def __init__(self, node: meshcat.Visualizer, size: float) -> None:
-        self._node, self._size = node, size
+        self._node, self._arm_size, self._size = node, size, size
         self._axis: int | None = None
 
     def show(self, found: FeasibleAttitudes) -> list[Key]:
@@ -49,6 +55,7 @@ class AttitudeLayer:
         """
         self._node.delete()
         self._axis = 2 if found.axis is None else (found.axis + 1) % 3
+        self._size = max(self._arm_size, _around(found.arm) / OUTER)
         shaft = g.Cylinder(1.0, 0.006 * self._size)
         solid = g.MeshLambertMaterial(color=NEEDLE)
         self._node["now"]["shaft"].set_object(shaft, solid)
@@ -111,6 +118,13 @@ class AttitudeLayer:
         return [Key("attitudes", (f"#{BLUE:06x}",), feasible), *keys]
 
 
+def _around(arm: SpaceArm) -> float:
+    """Return a radius about the spacecraft's centre of mass that its body hardly exceeds [m]."""
+    body = arm.model.inertias[1]
+    most = float(np.linalg.eigvalsh(body.inertia)[-1])
+    return AROUND * float(np.sqrt(most / body.mass)) if body.mass else 0.0
+
+
 def patches(directions: Array, radius: float) -> tuple[Array, npt.NDArray[np.int64]]:
     """Return vertices and faces of small discs on the unit sphere.
 
@@ -155,7 +169,8 @@ def _summary(found: FeasibleAttitudes) -> str:
     """Say how many attitudes are feasible, or why none is."""
     unit = "m" if min(found.arm.task.indices) < 3 else "rad"
     margin = f"{np.degrees(found.margin):.3g}°"
-    path = f"the path of {found.length:.3g} {unit}, {margin} or more from singular"
+    momentum = "with momentum" if found.momentum.any() else "at zero momentum"
+    path = f"the path of {found.length:.3g} {unit} {momentum}, {margin} or more from singular"
     if found.ball is None:
         kinds, counts = np.unique(found.ended, return_counts=True)
         ends = ", ".join(f"{ENDS[k]} {c}" for k, c in zip(kinds, counts, strict=True))

@@ -5,7 +5,8 @@ import { byId, digits } from "./format.js";
 import { createTicks } from "./ticks.js";
 
 const FRAMED = ["bodies", "tip frame", "ellipsoid", "centre of mass", "virtual manipulator",
-  "directions", "obstacles", "trace", "goal", "comparison", "shells", "risk", "attitudes"];
+  "directions", "obstacles", "trace", "goal", "comparison", "shells", "risk", "attitudes", "wheels",
+  "wrenches"];
 const MARGIN = 0.1; // of the half width and height that stays free
 const FIELD = 45; // degrees, from the lower to the upper edge
 const PRESETS = { front: [1, 0, 0], side: [0, -1, 0], top: [0, 0, 1] };

@@ -135,6 +135,8 @@ function build(told, { hidden, played: already }) {
 function load(motion) {
   chart.load(motion);
   playback.load(motion);
+  document.querySelector("#attitudepath [value=motion]").textContent =
+    motion?.momentum ? "the motion, without its momentum" : "the motion";
   const compare = byId("compare");
   compare.replaceChildren(new Option("nothing", ""));
   for (const [words, way] of Object.entries(motion?.ways ?? {})) {

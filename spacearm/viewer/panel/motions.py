@@ -46,7 +46,7 @@ class Curves(NamedTuple):
 
 
 def account(motion: Motion, other: Comparison | None = None) -> dict[str, Any]:
-    """Return span, events and curves of a motion, and where it ends.
+    """Return span, events and curves of a motion, where it ends, and whether it has momentum.
 
     Args:
         motion: The motion.
@@ -56,6 +56,7 @@ def account(motion: Motion, other: Comparison | None = None) -> dict[str, Any]:
         "story": f"{type(motion).__name__}, {motion.story}",
         "events": _events(motion),
         "compared": None if other is None else other.name,
+        "momentum": bool(np.any(getattr(motion, "momentum", 0.0))),
     }
     t, own = _sampled(motion)
     if other is None:
