@@ -49,14 +49,19 @@ def read(path: Path, most: int = LARGEST_TEXT) -> bytes:
 
 
 def write(path: Path, content: bytes) -> Path:
-    """Write a file, whole or not at all.
+    """Write a file, whole or not at all; see `write_by`."""
+    return write_by(path, lambda file: file.write(content))
+
+
+def write_by(path: Path, fill: Callable[[BinaryIO], object]) -> Path:
+    """Write a file part by part, and have it there once it is whole, or not at all.
 
     A new file has the permissions that the umask leaves, a replaced one keeps its own. Where the
     path is a link, what it leads to is replaced.
 
     Args:
         path: The file; an existing one is replaced.
-        content: Its content.
+        fill: Writes its content to an open file.
 
     Returns:
         The path.
@@ -73,7 +78,7 @@ def write(path: Path, content: bytes) -> Path:
         with beside.open("xb") as file:
             if target.exists():
                 beside.chmod(stat.S_IMODE(target.stat().st_mode))
-            file.write(content)
+            fill(file)
         beside.replace(target)
     except (OSError, ValueError) as error:  # ValueError: no file can have that name
         why = getattr(error, "strerror", None) or error

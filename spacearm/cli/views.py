@@ -14,7 +14,7 @@ from spacearm.cli.options import (
     on_a_model,
     spacecraft_pose,
 )
-from spacearm.cli.output import out
+from spacearm.cli.output import out, working
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
@@ -83,7 +83,9 @@ def view_configuration(
     if png:
         out.print(f"wrote {viewer.png(png)}")
     if frames:
-        out.print(f"wrote {viewer.frames(frames)}")
+        with working("pictures") as progress:
+            viewer.frames(frames, progress=progress)
+        out.print(f"wrote {frames}")
     if save or png or frames:
         return
     serve_until_interrupted(viewer, port, no_open)

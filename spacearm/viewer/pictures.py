@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from spacearm.errors import SpaceArmError
@@ -20,6 +21,8 @@ HEADLESS = (
 )  # fmt: skip
 RENDERING, EACH = 120.0, 5.0
 """Longest time that a picture may take, and each further one of a motion [s]."""
+AT_ONCE = 30
+"""Pictures of a motion that are made, and held in memory, at a time."""
 FRAME = re.compile(rb'class="frame" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
 
@@ -43,27 +46,30 @@ def render(page: str, size: tuple[int, int], scale: int) -> bytes:
         return picture.read_bytes()
 
 
-def render_frames(page: str, size: tuple[int, int], count: int) -> list[bytes]:
-    """Render the motion of a saved page to PNG pictures, evenly spread from its start to its end.
+def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> Iterator[bytes]:
+    """Render the motion of a saved page to PNG pictures, `AT_ONCE` by each start of the browser.
 
     Args:
         page: The page.
         size: Width and height [px].
-        count: How many.
+        times: When [s].
 
     Raises:
         SpaceArmError: No browser is found, or it draws nothing in `RENDERING` and `EACH`.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        longest = RENDERING + EACH * count
-        sizes = f"frames={count},{size[0]},{size[1]}"
-        run = _browse(page, sizes, size, ("--dump-dom",), Path(folder), longest)
-    pictures = [base64.b64decode(text) for text in FRAME.findall(run.stdout)]
-    if len(pictures) != count:
-        raise SpaceArmError(
-            f"the browser drew {len(pictures)} of {count} pictures: {run.stderr.decode()[-300:]}"
-        )
-    return pictures
+    for first in range(0, len(times), AT_ONCE):
+        some = times[first : first + AT_ONCE]
+        with tempfile.TemporaryDirectory() as folder:
+            longest = RENDERING + EACH * len(some)
+            wanted = f"frames={size[0]},{size[1]},{','.join(map(repr, some))}"
+            run = _browse(page, wanted, size, ("--dump-dom",), Path(folder), longest)
+        found = FRAME.findall(run.stdout)
+        if len(found) != len(some):
+            raise SpaceArmError(
+                f"the browser drew {first + len(found)} of {len(times)} pictures: "
+                f"{run.stderr.decode()[-300:]}"
+            )
+        yield from map(base64.b64decode, found)
 
 
 def _browse(

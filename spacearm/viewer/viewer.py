@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import math
 import os
 import webbrowser
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
 
 from spacearm.arrays import positive
 from spacearm.errors import ConfigurationError
-from spacearm.files import write
+from spacearm.files import name_part, write, write_by
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.host import Host
@@ -127,15 +130,18 @@ class Viewer(Host):
         path: str | os.PathLike[str],
         size: tuple[int, int] = (1200, 800),
         per_second: float = 30.0,
+        progress: Callable[[int, int], object] | None = None,
     ) -> Path:
         """Render the motion to PNG pictures in a ZIP archive, by a headless browser.
 
         The pictures are evenly spread from the start of the motion to its end, and numbered from 1.
+        Some thirty of them are in memory at a time; the archive is there once it is whole.
 
         Args:
             path: The archive to write.
             size: Width and height of the pictures [px].
             per_second: Pictures for each second of the motion.
+            progress: Called with the number of pictures written and how many there will be.
 
         Returns:
             The path.
@@ -156,11 +162,17 @@ class Viewer(Host):
                 f"{last - first:.4g} s with per_second={rate:g} make {count:,} pictures; take at "
                 f"most {MOST_PICTURES}"
             )
-        archive = io.BytesIO()
-        with zipfile.ZipFile(archive, "w") as file:  # PNG is compressed already
-            for i, picture in enumerate(render_frames(self.html(), size, count), 1):
-                file.writestr(f"{self.session.arm.name}_{i:04}.png", picture)
-        return write(Path(path), archive.getvalue())
+        times = np.linspace(first, last, count).tolist()
+        name = name_part(self.session.arm.name)
+
+        def fill(file: BinaryIO) -> None:
+            with zipfile.ZipFile(file, "w") as archive:  # PNG is compressed already
+                for i, picture in enumerate(render_frames(self.html(), size, times), 1):
+                    archive.writestr(f"{name}_{i:04}.png", picture)
+                    if progress:
+                        progress(i, count)
+
+        return write_by(Path(path), fill)
 
     def _repr_html_(self) -> str:
         """Stand in a notebook: live while it is served, and a scene of its own once it is not."""

@@ -202,15 +202,25 @@ def test_a_picture_is_rendered(viewer, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_a_motion_is_kept_as_pictures_without_a_page(tmp_path):
+def test_a_motion_is_kept_as_pictures_without_a_page(tmp_path, monkeypatch):
+    monkeypatch.setattr("spacearm.viewer.pictures.AT_ONCE", 3)
     viewer = sa.view(motion(), open=False)
-    path = viewer.frames(tmp_path / "motion.zip", size=(400, 300), per_second=2.0)
+    told, target = [], tmp_path / "motion.zip"
+
+    def tell(done, total):
+        (partial,) = tmp_path.iterdir()
+        assert partial != target, "it is there once it is whole"
+        told.append((done, total))
+
+    path = viewer.frames(target, size=(400, 300), per_second=2.0, progress=tell)
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         pictures = [archive.read(name) for name in names]
     first, last = viewer._stage.span
     assert len(names) == math.ceil(2.0 * (last - first)) + 1
     assert names[0] == "planar2_0001.png"
+    assert [done for done, _ in told] == list(range(1, len(names) + 1))
+    assert {total for _, total in told} == {len(names)}
     for picture in pictures:
         assert picture.startswith(b"\x89PNG")
         assert struct.unpack(">II", picture[16:24]) == (400, 300)

@@ -23,20 +23,20 @@ function start({ about, readout }, commands) {
   list(about.joints, readout.q);
   const film = createRecorder(viewer, about.model);
   const seek = about.motion ? play(viewer, about, film) : null;
-  const [, count, width, height] = /^#frames=(\d+),(\d+),(\d+)$/.exec(location.hash) ?? [];
-  if (count || location.hash === "#picture") document.body.classList.add("picture");
+  const [, width, height, times] = /^#frames=(\d+),(\d+),([-+.e\d,]+)$/.exec(location.hash) ?? [];
+  if (times || location.hash === "#picture") document.body.classList.add("picture");
   const size = { flex: "none", width: `${width}px`, height: `${height}px` };
-  if (count) Object.assign(byId("upper").style, size);
+  if (times) Object.assign(byId("upper").style, size);
   viewer?.set_3d_pane_size();
   camera.fit();
   window.spacearm = { viewer, points: () => camera.points() };
-  if (count && viewer && seek) takeFrames(viewer, about.motion.span, Number(count), seek);
+  if (times && viewer && seek) takeFrames(viewer, times.split(",").map(Number), seek);
 }
 
-/* Leaves nothing in the page but pictures of a motion, evenly spread, for a program that reads it. */
-function takeFrames(viewer, [first, last], count, seek) {
-  const pictures = Array.from({ length: count }, (_, i) => {
-    seek(first + ((last - first) * i) / Math.max(count - 1, 1));
+/* Leaves nothing in the page but pictures of a motion at some times, for a program that reads it. */
+function takeFrames(viewer, times, seek) {
+  const pictures = times.map((t) => {
+    seek(t);
     viewer.render();
     const picture = element("img", "", "frame");
     picture.src = viewer.renderer.domElement.toDataURL("image/png");
