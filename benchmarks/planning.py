@@ -37,6 +37,8 @@ from spacearm.mechanics.floating import walk
 NUMBER, TIMEOUT = 100, 60.0
 CLEAR = np.radians(2.0)
 """Least distance of the known motions to the singular set [rad]."""
+LEAST = 1e-6
+"""Least sigma_min of half of the postures of a random arm."""
 SPREAD = 0.8
 """Standard deviation of a joint from one waypoint to the next [rad]."""
 WAYPOINTS, SAMPLES = 3, 60
@@ -63,12 +65,17 @@ class UndrawnError(Exception):
 
 
 def random_arm(planar: bool, n: int, seed: int) -> sa.SpaceArm:
-    """A random chain of which half of the postures are 5 degrees and more from a singular one."""
+    """A random chain of which half of the postures are 5 degrees and more from a singular one.
+
+    Chains with joints in one line are left out, whose J* has no inverse anywhere.
+    """
     rng = np.random.default_rng((n, seed))
     for _ in range(TRIES):
         arm = random_chain(planar, n, rng)
         Q = rng.uniform(arm.lower, arm.upper, (200, n))
-        if np.median(sa.evaluate(arm, Q, ["distance"])["distance"]) > np.radians(5.0):
+        at = sa.evaluate(arm, Q, ["distance", "sigma_min"])
+        moves = np.median(at["sigma_min"]) > LEAST
+        if moves and np.median(at["distance"]) > np.radians(5.0):
             return arm
     raise UndrawnError(f"{TRIES} random arms are nearly singular everywhere")
 

@@ -221,6 +221,26 @@ def test_mistakes_of_the_first_day(name):
         call()
 
 
+def _with_a_mode() -> list[str]:
+    """Return the names of the functions that take a mode."""
+    functions = {name: getattr(sa, name) for name in sa.__all__}
+    return [
+        name
+        for name, function in functions.items()
+        if inspect.isfunction(function) and "mode" in inspect.signature(function).parameters
+    ]
+
+
+@pytest.mark.parametrize("name", _with_a_mode())
+def test_a_mode_that_does_not_exist(name):
+    function, arm = getattr(sa, name), sa.load("planar2")
+    first, *others = inspect.signature(function).parameters.values()
+    needed = [p for p in others if p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD]
+    given = arm if first.name == "arm" else arm.at(np.zeros(2))
+    with pytest.raises(sa.ConfigurationError, match="unknown mode 'flying'; valid, nearest first"):
+        function(given, *[None for _ in needed], mode="flying")
+
+
 def test_a_folder_names_the_robots_in_it(tmp_path):
     for name in ("b.urdf", "a.xacro", "notes.txt"):
         (tmp_path / name).write_text("")

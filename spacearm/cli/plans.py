@@ -39,7 +39,7 @@ from spacearm.cli.output import (
     write_picture,
 )
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
 from spacearm.motion.motion_file import check_suffix
@@ -60,9 +60,10 @@ def plan_motion(
         str, typer.Option("--q0", help="Joint values at the start.", metavar="Q1 Q2 ...")
     ],
     goal: Annotated[
-        str,
+        list[str],
         typer.Option(
-            help="Task rows of the tip [m], turns as roll pitch yaw; see --origin.",
+            help="Task rows of the tip [m], turns as roll pitch yaw; see --origin. With several "
+            "tips NAME=X1,X2,... for each.",
             metavar="X1 X2 ...",
         ),
     ],
@@ -114,12 +115,18 @@ def plan_motion(
             help="Largest turn of the spacecraft on the way [rad], with --deg in degrees."
         ),
     ] = None,
+    detumble: Annotated[
+        bool,
+        typer.Option(
+            "--detumble", help="Wheels take up the momentum; the spacecraft ends at rest."
+        ),
+    ] = False,
     mode: SpacecraftMode = Spacecraft.FREE,
     wheel_limits: Annotated[
         tuple[float, float] | None,
         typer.Option(
-            help="Largest torque [N m] and momentum [N m s] of each wheel that holds the attitude; "
-            "else those of the description.",
+            help="Largest torque [N m] and momentum [N m s] of each wheel that holds the attitude "
+            "or detumbles; else those of the description.",
             metavar="T H",
         ),
     ] = None,
@@ -149,7 +156,7 @@ def plan_motion(
     if save:
         check_suffix(save)
     start = joint_values(arm, q0.split(), deg)
-    target = goal_from(arm, "--goal", goal, deg)
+    target = _goals(arm, goal, deg)
     around = [_obstacle(text, deg) for text in obstacle or []]
     try:
         with working(f"planning, at most {timeout:g} s") as tell:
@@ -159,7 +166,7 @@ def plan_motion(
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
                 timeout=timeout, obstacles=around, momentum=momentum, duration=duration,
-                keep_attitude=_angle(keep_attitude, deg), mode=mode.value,
+                keep_attitude=_angle(keep_attitude, deg), detumble=detumble, mode=mode.value,
                 wheels=wheel_limits and _limits(*wheel_limits),
                 wheels0=None if wheels0 is None else numbers("--wheels0", wheels0),
                 progress=tell,
@@ -167,7 +174,8 @@ def plan_motion(
         if fastest:
             from spacearm.timing.optimal import time_optimal
 
-            found = time_optimal(found)
+            wheels = wheel_limits and mode is Spacecraft.CONTROLLED and _limits(*wheel_limits)
+            found = time_optimal(found, wheels=wheels or None)
     except NoSolutionError as error:
         if save and isinstance(error.best, Plan):
             error.best.save(save)
@@ -185,7 +193,8 @@ def plan_motion(
         from spacearm.plots.motions import draw_motion  # imports matplotlib
 
         where = picture_path(output, arm.name, "plan")
-        write_picture(where, draw_motion(found, mark_of(found[-1], target), _shells(arm)))
+        mark = None if isinstance(target, dict) else mark_of(found[-1], target)
+        write_picture(where, draw_motion(found, mark, _shells(arm)))
         if not as_json:
             out.print(f"wrote {where}")
     if view:
@@ -193,6 +202,22 @@ def plan_motion(
         from spacearm.viewer.show import view as show
 
         serve_until_interrupted(show(found, open=False))
+
+
+def _goals(
+    arm: SpaceArm, texts: list[str], deg: bool
+) -> Array | pin.SE3 | dict[str, Array | pin.SE3]:
+    """Parse a goal, or one for each tip as NAME=X1,X2,..."""
+    if len(texts) == 1 and "=" not in texts[0]:
+        return goal_from(arm, "--goal", texts[0], deg)
+    pairs = [text.partition("=") for text in texts]
+    for name, _, values in pairs:
+        if name not in arm.tips or not values:
+            raise ConfigurationError(
+                f"--goal {name!r}: give one goal, or NAME=X1,X2,... for each of the tips "
+                f"{listed(arm.tips)} (--tip NAME,NAME)"
+            )
+    return {name: goal_from(arm, f"--goal {name}", values, deg) for name, _, values in pairs}
 
 
 def _angle(value: float | None, deg: bool) -> float | None:
@@ -257,7 +282,9 @@ def _print(found: Plan, deg: bool, limits: str) -> None:
         rows.add_row(method, "arrives" if arrived else "fails", story)
     out.print(rows)
     end = found[-1]
-    out.print(f"tip at the end      {vector(end.tip.translation)} m")
+    for name, tip in zip(found.arm.tips, end.tips, strict=True):
+        what = "tip at the end" if len(end.tips) == 1 else f"{name} at the end"
+        out.print(f"{what:<20}{vector(tip.translation)} m")
     out.print(f"origin              {found.origin}")
     out.print(f"attitude            {rotation(pin.log3(end.base.rotation), deg)}")
     out.print(f"time                {found.t[-1]:.4g} s within the {limits} limits")

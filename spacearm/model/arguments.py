@@ -1,14 +1,15 @@
-"""First arguments: a configuration or an arm, with an answer to what is given in its place."""
+"""Arguments that most functions have: a configuration or an arm first, and a mode."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.mode import free_components
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -18,13 +19,14 @@ def of_configuration(function: Callable[P, T]) -> Callable[P, T]:
     """Have a function whose first argument is a `Configuration` say so where it is something else.
 
     Raises:
-        ConfigurationError: It is; names what to write.
+        ConfigurationError: It is; names what to write. Or `mode` is none of the modes.
     """
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> T:
         if args and not isinstance(args[0], Configuration):
             _refuse_in_place_of_configuration(function.__name__, args)
+        _check_mode(kwargs)
         return function(*args, **kwargs)
 
     return checked
@@ -34,16 +36,23 @@ def of_arm(function: Callable[P, T]) -> Callable[P, T]:
     """Have a function whose first argument is a `SpaceArm` say so where it is something else.
 
     Raises:
-        ConfigurationError: It is; names what to write.
+        ConfigurationError: It is; names what to write. Or `mode` is none of the modes.
     """
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> T:
         if args and not isinstance(args[0], SpaceArm):
             raise ConfigurationError(f"sa.{function.__name__} takes an arm; {_arm_for(args[0])}")
+        _check_mode(kwargs)
         return function(*args, **kwargs)
 
     return checked
+
+
+def _check_mode(named: Mapping[str, object]) -> None:
+    """Raise the error for a mode that does not exist."""
+    if "mode" in named:
+        free_components(str(named["mode"]))
 
 
 def _refuse_in_place_of_configuration(name: str, args: tuple[object, ...]) -> None:

@@ -19,6 +19,8 @@ from spacearm.model.mode import BaseMode, free_components
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
+Motors: TypeAlias = Callable[[float], npt.ArrayLike]
+"""A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m]."""
 Limit = Literal["effort", "velocity"]
 LIMITS: tuple[Limit, ...] = ("effort", "velocity")
 
@@ -104,6 +106,7 @@ class Plant:
         passive: Springs, damping and friction of joints, by name.
         limits: The limits of the joints that cut the torques.
         hold: What the wheels do; None if they keep what they hold.
+        motors: The torques of the wheels over time; None if `hold` tells them.
         wrenches: Wrenches on links, inertial axes, by name.
         thrusters: Wrenches on links along their own axes, by name.
     """
@@ -114,6 +117,7 @@ class Plant:
     passive: Mapping[str, PassiveJoint] = field(default_factory=dict)
     limits: tuple[str, ...] = ()
     hold: WheelHold | None = None
+    motors: Motors | None = None
     wrenches: Mapping[str, Wrench] = field(default_factory=dict)
     thrusters: Mapping[str, Wrench] = field(default_factory=dict)
 
@@ -136,13 +140,15 @@ class Plant:
                     f"passive joint {name!r} is {joint!r}; give finite numbers, damping from 0 on "
                     "and slip above 0"
                 )
-        if self.hold is not None:
+        if self.hold is not None or self.motors is not None:
             self._check_wheels()
+        if self.motors is not None:
+            self.spin(0.0, np.zeros(len(self.arm.wheels)))
 
     def _check_wheels(self) -> None:
         if self.mode != "free-floating":
             raise ConfigurationError(
-                f"wheels hold the attitude and mode is {self.mode!r}; give mode='free-floating'"
+                f"wheels turn the spacecraft and mode is {self.mode!r}; give mode='free-floating'"
             )
         if not self.arm.wheels:
             raise UnsupportedError(
@@ -193,6 +199,11 @@ class Plant:
                     values = (values.reshape(2, 3) @ R.T).ravel()
                 found[link][i] += values
         return found
+
+    def spin(self, t: float, out: Array) -> None:
+        """Write the torques of the wheels at a time to (w,) numbers."""
+        if self.motors is not None:
+            out[:] = finite(self.motors(t), (len(out),), "wheels", "[N m], one for each wheel")
 
     def push(self, t: float, out: Array) -> None:
         """Write all wrenches at a time to (6 p,) numbers."""

@@ -25,7 +25,7 @@ from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import Controller, check_controller, check_target
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
-from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench, described
+from spacearm.motion.plant import Motors, PassiveJoint, Plant, WheelHold, Wrench, described
 from spacearm.motion.trajectory import Trajectory
 
 METHODS = ("auto", "DOP853", "Radau")
@@ -51,7 +51,7 @@ def simulate(
     momentum: npt.ArrayLike | None = None,
     wheels0: npt.ArrayLike | None = None,
     mode: BaseMode = "free-floating",
-    wheels: WheelHold | None = None,
+    wheels: WheelHold | Motors | None = None,
     wrenches: Mapping[str, Wrench] | None = None,
     thrusters: Mapping[str, Wrench] | None = None,
     passive: Mapping[str, PassiveJoint] | Literal["described"] | None = None,
@@ -91,7 +91,8 @@ def simulate(
             controlled only the linear one counts.
         wheels0: (w,) what each wheel holds at the start [N m s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        wheels: The law by which the wheels hold the attitude; they keep what they hold if None.
+        wheels: The law by which the wheels hold the attitude, or a function of time that gives the
+            torque of each, the rate of what it holds (w,) [N m]; they keep what they hold if None.
         wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
             link's frame along inertial axes, or functions of time that give them.
         thrusters: The same along the axes of the link.
@@ -155,7 +156,8 @@ def simulate(
         started(arm.at(q0, base=base, wheels=wheels0), origin),
         passive or {},
         tuple(limits),
-        wheels,
+        wheels if isinstance(wheels, WheelHold) else None,
+        None if isinstance(wheels, WheelHold) else wheels,
         wrenches or {},
         thrusters or {},
     )

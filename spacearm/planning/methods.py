@@ -63,9 +63,12 @@ def straight(problem: Problem) -> Rows:
 
 def joint_space(problem: Problem) -> Rows:
     """Find the shortest joint curve that arrives, of the first few."""
+    tries = list(itertools.product((FEW, MANY), WIDTHS))  # cheap ones first
+    if problem.target.attitude is not None and problem.search.rounds == 0:
+        tries = tries[:2]  # cycles often do what these do not
     finder = problem.guesses(problem.start, problem.target)
     mixed: list[list[Guess]] = []
-    for m, width in itertools.product((FEW, MANY), WIDTHS):  # cheap ones first
+    for m, width in tries:
         guesses = list(finder.curves(width, m))
         mixed += [guesses] if m == MANY else []
         free = [guess for guess in guesses if guess.room > problem.target.clearance]

@@ -48,10 +48,12 @@ def plan(
     limits: bool = True,
     collisions: bool = True,
     method: str = "auto",
+    via: Sequence[Goal | Joints] = (),
     obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
     momentum: npt.ArrayLike | None = None,
     duration: float | None = None,
     keep_attitude: float | None = None,
+    detumble: bool = False,
     mode: BaseMode = FLOATING,
     wheels: WheelHold | None = None,
     wheels0: npt.ArrayLike | None = None,
@@ -63,8 +65,10 @@ def plan(
 
     With momentum the spacecraft drifts while the arm moves. Then plans at zero momentum, from an
     attitude turned by about the drift, and straight joint motions are bent until the tip arrives at
-    a stated time; it does not stay there. The arm alone cannot detumble: joint torques are
-    internal.
+    a stated time; it does not stay there. With `detumble=True` wheels take up the angular momentum
+    on the way, each within its limits, and the spacecraft rests when the tip arrives. The arm
+    helps: its motion turns the spacecraft and changes its inertia. Alone it cannot: joint torques
+    are internal.
 
     With `mode="attitude-controlled"` wheels hold the attitude: what each holds and gives is kept
     within its limits at every instant, as far as the duration allows.
@@ -96,6 +100,8 @@ def plan(
             collision geometry, or their visuals where they have none; meshes as convex hulls.
             Bodies on both sides of one joint may touch. `Plan.checked` says what was checked.
         method: "auto", or one of the five.
+        via: Goals on the way, in order, at zero momentum; the joints come to rest there only where
+            they turn sharply.
         obstacles: What the spacecraft and the links must not meet besides, in the inertial frame,
             as `base` and poses as goals are: `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh` and
             `.robot`, and configurations or motions of other robots. Those that move begin with the
@@ -107,12 +113,14 @@ def plan(
             allow, with momentum about so.
         keep_attitude: Largest turn of the floating spacecraft on the way [rad], proven between the
             rows too; joints of another arm, if they count, move so as to keep it.
+        detumble: Whether the wheels of the description bring the tumbling spacecraft to rest; at
+            any attitude if `final_attitude` is None.
         mode: What the spacecraft does: "free-floating", or "attitude-controlled".
-        wheels: Limits of each wheel that holds the attitude; if None those of the description,
-            `effort` and `velocity` times its moment of inertia. A spacecraft without wheels in its
-            description has three, about its axes.
-        wheels0: (w,) what each holds at the start [N m s], and keeps if the spacecraft floats; if
-            None its share of the momentum, or nothing if it floats.
+        wheels: Limits of each wheel that holds the attitude or detumbles; if None those of the
+            description, `effort` and `velocity` times its moment of inertia. A spacecraft without
+            wheels in its description is held by three, about its axes.
+        wheels0: (w,) what each holds at the start [N m s], and keeps if the spacecraft floats and
+            is not detumbled; if None its share of the momentum, or nothing if it floats.
         seed: Seed of the random first guesses; the same seed gives the same plan, if it is found
             in time.
         timeout: Time after which the search is given up [s]; that to compile the kernels, once,
@@ -136,9 +144,11 @@ def plan(
         >>> plan.method, plan.certificate.free
         ('straight', True)
     """
+    from spacearm.planning.detumbling.search import Detumbling
     from spacearm.planning.drift.search import Drift, stretched  # slow to import, as all here
     from spacearm.planning.methods import METHODS
     from spacearm.planning.rounds.at_rest import at_rest
+    from spacearm.planning.rounds.legs import by_way_of
     from spacearm.planning.rounds.mission import Mission
     from spacearm.planning.rounds.together import together
     from spacearm.planning.rounds.wish import Wish
@@ -185,14 +195,29 @@ def plan(
     def find(start: Configuration, h: Array, lasts: float | None) -> Plan:
         if goals and (h.any() or start.wheels.any()):
             raise UnsupportedError("several tips are led at zero momentum only; lead one")
+        if via and (h.any() or start.wheels.any() or goals):
+            raise UnsupportedError(
+                "goals on the way (via) are for one tip at zero momentum; plan leg by leg"
+            )
         if h.any() or start.wheels.any():
             return Drift(Mission(start, wish, seed, search), start, h, lasts, around).plan()
         if goals:
             found = together(start, goals, wish, seed, search)
+        elif via:
+            found = by_way_of(start, via, wish, seed, search)
         else:
             found = at_rest(start, wish, seed, search)
         return found if lasts is None or len(found) == 1 else stretched(found, lasts)
 
+    if detumble:
+        if goals or via or keep is not None or held is not None or method != "auto":
+            raise ConfigurationError(
+                "detumble=True leads one tip by a method of its own, and the spacecraft turns; "
+                "leave out other tips, via, keep_attitude, mode and method"
+            )
+        start = arm.at(q0, base=cfg.base, wheels=wheels0)
+        mission = Mission(start, wish, seed, search)
+        return Detumbling(mission, start, Wheels.free(start, wheels), h, duration, around).plan()
     if held is None:
         if wheels is not None:
             raise ConfigurationError(

@@ -66,10 +66,14 @@ class Search:
     Args:
         timeout: The time that it may take [s].
         progress: Called now and then as progress(t, timeout), both in s.
+        whole: The search that this one is a part of, which may end it sooner.
     """
 
-    def __init__(self, timeout: float, progress: Progress | None = None) -> None:
+    def __init__(
+        self, timeout: float, progress: Progress | None = None, whole: Search | None = None
+    ) -> None:
         self.begun, self.timeout, self._progress = planning_time(), timeout, progress
+        self._whole, self._ended = whole, False
         self.postures: Counter[str] = Counter()
         self.ways: Counter[str] = Counter()
         self.contacts: Counter[str] = Counter()
@@ -80,12 +84,26 @@ class Search:
         """Time since it began [s]."""
         return planning_time() - self.begun
 
+    def part(self, timeout: float) -> Search:
+        """Return a search of its own that may take this time [s], if the whole has so much left."""
+        return Search(timeout, whole=self)
+
+    def end(self) -> None:
+        """End the search, as after Ctrl-C, and the one that it is a part of."""
+        self._ended = True
+        if self._whole is not None:
+            self._whole.end()
+
     def check_time(self) -> None:
         """Report progress.
 
         Raises:
-            TimeUpError: The time is up.
+            TimeUpError: The time is up, or the search has been ended.
         """
+        if self._ended:
+            raise TimeUpError("stopped by Ctrl-C")
+        if self._whole is not None:
+            self._whole.check_time()
         elapsed = self.elapsed
         if self._progress:
             self._progress(min(elapsed, self.timeout), self.timeout)

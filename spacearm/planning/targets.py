@@ -22,7 +22,7 @@ from spacearm.planning.free_space import FAR
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.result import Joints
-from spacearm.singularities.report import NO_INVERSE, angle, singularity
+from spacearm.singularities.report import NO_INVERSE, TOLERANCE, angle, singularity
 
 LEAST = float(np.radians(0.1))
 """The clearance where none is asked for, but no more than half of what the start has [rad]."""
@@ -148,12 +148,17 @@ def clearance_of(cfg: Configuration, clearance: float | None) -> tuple[float, fl
         NoSolutionError: The start has less.
     """
     sigma = singular_values(cfg)
-    if sigma[-1] <= NO_INVERSE * sigma[0]:
-        raise NoSolutionError(
-            f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}); leave it first "
-            "along sa.singularity(cfg).gradient"
-        )
     distance = distance_at(cfg, "free-floating")
+    if sigma[-1] <= NO_INVERSE * sigma[0]:
+        values = f"sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}"
+        if distance > TOLERANCE:
+            raise NoSolutionError(
+                f"J* has no inverse at the start ({values}) nor around it: {cfg.arm.name} has no "
+                "joint that moves the tip in some direction; take a task with fewer rows"
+            )
+        raise NoSolutionError(
+            f"the start is singular ({values}); leave it first along sa.singularity(cfg).gradient"
+        )
     ample = min(AMPLE, 0.5 * distance)
     if clearance is None:
         return min(LEAST, 0.5 * distance), ample

@@ -46,13 +46,17 @@ def course(t: Array, q: Array) -> PPoly:
         t: (m,) times of the rows [s].
         q: (m, n) joint positions.
     """
-    still: Any = [(order, np.zeros(q.shape[1])) for order in (1, 2)]  # its stubs know no vectors
     pieces = []
     for first, last in pairwise(corners(np.diff(q, axis=0))):
         rows = slice(first, last + 1)
-        spline = make_interp_spline(t[rows], q[rows], k=5, bc_type=(still, still))
-        pieces.append(_polynomials(spline, t[rows]))
+        pieces.append(_polynomials(smooth(t[rows], q[rows]), t[rows]))
     return PPoly(np.concatenate(pieces, axis=1), t)
+
+
+def smooth(t: Array, values: Array) -> BSpline:
+    """Return the quintic spline through values (m, n) that begins and ends at rest."""
+    still: Any = [(order, np.zeros(values.shape[1])) for order in (1, 2)]  # stubs know no vectors
+    return make_interp_spline(t, values, k=5, bc_type=(still, still))
 
 
 def _polynomials(spline: BSpline, t: Array) -> Array:

@@ -111,8 +111,8 @@ def _draw_path(
     """Draw the tip path with a few postures of the arm, faint, and what happens on the way."""
     normal = motion.arm.tree.plane_normal()
     along = goal_axes(motion[0])
-    x = motion.tip[:, :3] @ along
-    singular = _at_times(x, motion)
+    paths = _tip_paths(motion, along)
+    singular = _at_times(next(iter(paths.values())), motion)
     for cfg, alpha in zip(_snapshots(motion, along), FADES, strict=False):
         before = set(axes.get_children())
         draw_stick_figure(axes, cfg, label=False)
@@ -122,14 +122,17 @@ def _draw_path(
         axes, getattr(motion, "obstacles", ()), along, (motion.t[0], motion.t[-1]), normal
     )
     if normal is not None:
-        x, singular = np.delete(x, normal, axis=1), np.delete(singular, normal, axis=1)
+        paths = {name: np.delete(x, normal, axis=1) for name, x in paths.items()}
+        singular = np.delete(singular, normal, axis=1)
         axes.grid(alpha=0.3)
         if workspace is not None:
             _draw_shells(axes, np.delete(motion[0].com @ along, normal), workspace)
-    axes.plot(*x.T, color=BLUE, lw=2, label="tip", zorder=5)
+    for i, (name, x) in enumerate(paths.items()):
+        axes.plot(*x.T, color=COLOURS[i % len(COLOURS)], lw=2, label=name, zorder=5)
+    starts, ends = (np.array([x[row] for x in paths.values()]) for row in (0, -1))
     marks: list[tuple[str, Array, str, str]] = [
-        ("start", x[:1], "o", BLUE),
-        ("end", x[-1:], "s", BLUE),
+        ("start", starts, "o", BLUE),
+        ("end", ends, "s", BLUE),
     ]
     if len(singular):
         times = f" ({len(singular)} times)" * (len(singular) > 1)
@@ -143,6 +146,15 @@ def _draw_path(
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_box_aspect(None, zoom=0.85)  # room for the label of the vertical axis
+
+
+def _tip_paths(motion: Motion, along: Array) -> dict[str, Array]:
+    """Return the path (m, 3) of each tip, by its name where there are several."""
+    if len(motion.arm.tips) == 1:
+        return {"tip": motion.tip[:, :3] @ along}
+    tips = [motion[i].tips for i in range(len(motion))]
+    places = np.array([[tip.translation for tip in row] for row in tips])
+    return {name: places[:, i] @ along for i, name in enumerate(motion.arm.tips)}
 
 
 def _at_times(x: Array, motion: Motion) -> Array:

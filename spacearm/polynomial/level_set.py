@@ -46,8 +46,8 @@ class Mesh(NamedTuple):
     triangles: npt.NDArray[np.int_]
 
 
-def lines(S: TrigPolynomial) -> list[Array]:
-    """Trace the zero set on the 2-torus.
+def lines(S: TrigPolynomial, resolution: float = 0.0) -> list[Array]:
+    """Trace the zero set on the 2-torus, on grids that need not be finer than `resolution` [rad].
 
     Returns:
         Closed polylines (m, 2), angles continuous along each: the last point is the first one, up
@@ -55,16 +55,16 @@ def lines(S: TrigPolynomial) -> list[Array]:
     """
     import contourpy
 
-    values, step = _grid(S)
+    values, step = _grid(S, resolution)
     values = _parted(S.shifted(np.full(2, OFFSET)), values, step)
     contour = contourpy.contour_generator(z=_periodic(values).T)
     pieces = cast("list[Array]", contour.lines(0.0))
     return [polish(S, chain) for chain in _sew([OFFSET + piece * step for piece in pieces])]
 
 
-def surface(S: TrigPolynomial) -> Mesh:
-    """Triangulate the zero set on the 3-torus."""
-    values, step = _grid(S)
+def surface(S: TrigPolynomial, resolution: float = 0.0) -> Mesh:
+    """Triangulate the zero set on the 3-torus, on grids no finer than `resolution` [rad]."""
+    values, step = _grid(S, resolution)
     found, triangles = _isosurface(values)
     return Mesh(wrap(polish(S, OFFSET + found * step)), triangles)
 
@@ -131,13 +131,13 @@ def _cases() -> Iterator[tuple[set[int], list[tuple[tuple[int, int], ...]]]]:
 _CASES = tuple(_cases())
 
 
-def _grid(S: TrigPolynomial) -> tuple[Array, float]:
+def _grid(S: TrigPolynomial, resolution: float) -> tuple[Array, float]:
     """Sample S on a grid that shows every piece of the zero set; return the values and its step."""
     N = FIRST_GRID[S.n]
     S = S.shifted(np.full(S.n, OFFSET))
     while True:
         values, step = S.grid((N,) * S.n), 2.0 * np.pi / N
-        if LAST_GRID[S.n] <= N or not _hides_something(S, values, step):
+        if LAST_GRID[S.n] <= N or step <= resolution or not _hides_something(S, values, step):
             return values, step
         N *= 2
 

@@ -28,21 +28,24 @@ STRIDE = 0.05
 
 
 def curves(
-    polynomials: Sequence[TrigPolynomial], counts: Callable[[Array], Booleans]
+    polynomials: Sequence[TrigPolynomial],
+    counts: Callable[[Array], Booleans],
+    resolution: float = 0.0,
 ) -> list[Array]:
     """Trace the common roots.
 
     Args:
         polynomials: One or two.
         counts: Says which of the common roots (m, 3) of two polynomials count, (m,).
+        resolution: Grids need not be finer than this [rad].
 
     Returns:
         Polylines (m, 2) or (m, 3), angles continuous along each.
     """
     if len(polynomials) == 1:
-        return lines(polynomials[0])
+        return lines(polynomials[0], resolution)
     f, g = polynomials
-    mesh = surface(f)
+    mesh = surface(f, resolution)
     if not len(mesh.triangles):
         return []
     positive = g(mesh.vertices) > 0.0

@@ -185,13 +185,19 @@ class SingularSet(ABC):
 
     @abstractmethod
     def curves(
-        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+        self,
+        joints: Sequence[int | str] | None = None,
+        q: npt.ArrayLike | None = None,
+        *,
+        resolution: float = 0.0,
     ) -> list[Array]:
         """Trace the set over two revolute joints, or over three where it has two equations.
 
         Args:
             joints: The joints; those that matter if None, such as the two of planar2 (figure 4).
             q: (n,) positions of the other joints; zeros if None.
+            resolution: Pieces that are closer together than this may be joined wrongly, and smaller
+                ones missed, for the sake of speed [rad].
 
         Returns:
             Closed polylines (m, n), every point on the set to rounding, angles continuous along

@@ -42,22 +42,22 @@ REACH, BEYOND = 2.0, 1.2
 """That reach [rad]; the share of the best distance in which others are looked for."""
 STEPS = 8
 """Steps of each descent."""
+WEIGHT = 20.0
+"""What a radian from the set counts. Less leads into valleys of sigma_min that seem to reach it."""
+LANDING, BACK = 10, 4
+"""Steps onto the set from the ends, and after each move along it."""
 ENDS, FEW_ENDS = 12, 3
 """Ends that are moved along the set, as long as they lie apart."""
 APART = 0.05
 """Ends nearer to each other than this are one [rad]."""
 SETTLING, PRUNED_AFTER, PRUNED = 20, 3, 5
 """Steps along the set; after how many only the nearest are moved further, and how many."""
-SHARES = np.array([1.0, 0.25, 0.06, 0.01])
+SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01, 0.003])
 """Shares of the way to T(x) that are tried where Newton's method comes no nearer."""
-STRIDE = 0.5
-"""Longest step [rad]."""
-NUDGE = 1e-5
-"""Step of the differences [rad]."""
-FAR = 10.0
-"""Distance of a set that is nowhere in sight [rad]."""
-THERE = 1e-8
-"""Configurations are singular that have the set no farther than this, to first order [rad]."""
+STRIDE, NUDGE = 0.5, 1e-5
+"""Longest step, and that of the differences [rad]."""
+THERE, FAR = 1e-8, 10.0
+"""Distance of the set from singular configurations, and where it is nowhere in sight [rad]."""
 RESTING = 1e-13
 """Offsets that come nearer by less than this are at rest [rad]."""
 
@@ -132,7 +132,8 @@ def _most(n: int, compiled: bool) -> int:
     """Return how many looks descents and settling take if no end rests early."""
     starts, ends = (STARTS, ENDS) if compiled else (FEW_STARTS, FEW_ENDS)
     moves = (PRUNED_AFTER + 1) * ends + (SETTLING - PRUNED_AFTER - 1) * min(PRUNED, ends)
-    return (STEPS + 1) * sum(starts) + moves * (2 * n + 1 + 3 * (1 + len(SHARES))) + 7 * ends
+    each = 2 * n + 1 + (BACK + 1) * (1 + len(SHARES))
+    return (STEPS + LANDING + 2) * sum(starts) + moves * each + 3 * ends
 
 
 @dataclass(frozen=True)
@@ -154,13 +155,12 @@ class Search:
     def nearest(self) -> Array | None:
         """Return the best offset (n,) of descents from starts about the origin, or None."""
         rng, reach = np.random.default_rng(0), REACH
-        ends, merits = [], []
+        ends = []
         for m in STARTS if self.compiled else FEW_STARTS:
             X, merit = self.descended(self.within(_ball(rng, m, len(self.low), reach)))
             ends.append(X)
-            merits.append(merit)
             reach = min(reach, BEYOND * float(merit.min()))
-        return self.settled(np.concatenate(ends), np.concatenate(merits))
+        return self.settled(np.concatenate(ends))
 
     def within(self, X: Array) -> Array:
         """Move offsets (m, n) into the limits."""
@@ -169,14 +169,14 @@ class Search:
     def foot(self, X: Array) -> tuple[Array, Array, Tangent]:
         """Compute T(x) (m, n), the merit (m,) of X (m, n) itself, and how the set looks from there.
 
-        The merit is the distance from the origin and twice that from the set, to first order.
+        The merit is the distance from the origin and `WEIGHT` times that from the set.
         """
         seen = self.look(X)
         seen = seen._replace(distance=np.where(np.isfinite(seen.distance), seen.distance, FAR))
         target = foot(seen, X)
         if np.isfinite(self.low).any() or np.isfinite(self.high).any():
             target = self._foot_within(seen, X)
-        return target, np.linalg.norm(X, axis=1) + 2.0 * seen.distance, seen
+        return target, np.linalg.norm(X, axis=1) + WEIGHT * seen.distance, seen
 
     def _foot_within(self, seen: Tangent, X: Array) -> Array:
         """Compute the points nearest to the origin on the set as it looks from X, in the limits."""
@@ -221,9 +221,10 @@ class Search:
             share = np.where(better, np.minimum(2.0 * share, 1.0), share / 4.0)
         return X, merit
 
-    def settled(self, X: Array, merit: Array) -> Array | None:
+    def settled(self, X: Array) -> Array | None:
         """Return the nearest offset (n,) of the set that is reached along it from X, or None."""
-        X = self.onto(_apart(X, merit, ENDS if self.compiled else FEW_ENDS), 4)
+        X = self.onto(X, LANDING)
+        X = _apart(X, self.foot(X)[1], ENDS if self.compiled else FEW_ENDS)
         merit, moving = np.full(len(X), np.inf), np.arange(len(X))
         for i in range(SETTLING):
             X[moving], merit[moving], rests = self._moved(X[moving])
@@ -249,7 +250,7 @@ class Search:
             shortened(newton[..., 0], STRIDE)[:, None],
             SHARES[:, None] * shortened(way, STRIDE)[:, None],
         )
-        tried = self.onto((X[:, None] + np.concatenate(steps, axis=1)).reshape(-1, n), 2)
+        tried = self.onto((X[:, None] + np.concatenate(steps, axis=1)).reshape(-1, n), BACK)
         merits = self.foot(tried)[1].reshape(m, -1)
         best = merits.argmin(axis=1)
         rests = merits[range(m), best] >= merit - RESTING
@@ -290,7 +291,7 @@ def _proven(S: TrigPolynomial, q: Array, best: Array | None, search: Search) -> 
         return full
 
     def improve(X: Array) -> Array | None:
-        found = search.settled(*search.descended(whole(X)))
+        found = search.settled(search.descended(whole(X))[0])
         return None if found is None else found[chosen]
 
     found = branch_and_bound(centred, None if best is None else best[chosen], improve)

@@ -168,7 +168,11 @@ class ExactSet(SingularSet):
         return nearest_singular(self.arm, self.mode, centre, limits, S, progress)
 
     def curves(
-        self, joints: Sequence[int | str] | None = None, q: npt.ArrayLike | None = None
+        self,
+        joints: Sequence[int | str] | None = None,
+        q: npt.ArrayLike | None = None,
+        *,
+        resolution: float = 0.0,
     ) -> list[Array]:
         """Trace the set over some joints; see `SingularSet.curves`."""
         chosen, centre = self._slice(joints, q, 1)
@@ -176,7 +180,7 @@ class ExactSet(SingularSet):
         def singular(points: Array) -> npt.NDArray[np.bool_]:
             return self.are_singular(self._embed(points, chosen, centre))
 
-        pieces = space_curves.curves(self._reduced(chosen, centre), singular)
+        pieces = space_curves.curves(self._reduced(chosen, centre), singular, resolution)
         return [self._embed(piece, chosen, centre) for piece in pieces]
 
     def surface(

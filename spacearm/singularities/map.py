@@ -95,7 +95,8 @@ def singular_map(
     """
     found = singular_set(arm)
     centre = joint_vector(arm, np.zeros(arm.n) if q is None else q, "q")
-    names = [joint_name(arm, name) for name in joints or _telling(arm)]
+    chosen = joints or [arm.joint_names[j] for j in telling_joints(arm)]
+    names = [joint_name(arm, name) for name in chosen]
     if len(names) != 2:
         raise ConfigurationError(f"joints is {joints!r}; name two")
     a, b = (_turning(arm, name) for name in names)
@@ -141,7 +142,7 @@ def _curves(found: SingularSet, q: Array, a: int, b: int) -> list[Array]:
     return [curve[:, [a, b]] for curve in found.curves((a, b), q)]
 
 
-def _telling(arm: SpaceArm) -> list[str]:
+def telling_joints(arm: SpaceArm) -> list[int]:
     """Choose the two revolute joints along which sigma_min changes most, from random postures."""
     turning = np.flatnonzero(~arm.slides)
     if len(turning) < 2:
@@ -152,7 +153,7 @@ def _telling(arm: SpaceArm) -> list[str]:
         lines[:, i, :, j] += 2.0 * np.pi * np.arange(ON_LINE) / ON_LINE
     sigma = evaluate(arm, lines.reshape(-1, arm.n), ("sigma_min",))["sigma_min"]
     change = sigma.reshape(LINES, len(turning), ON_LINE).std(axis=2).mean(axis=0)
-    return [arm.joint_names[j] for j in sorted(turning[np.argsort(-change, kind="stable")[:2]])]
+    return sorted(turning[np.argsort(-change, kind="stable")[:2]].tolist())
 
 
 def _turning(arm: SpaceArm, name: str) -> int:

@@ -91,7 +91,7 @@ def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float
     """
     look, compiled = looking(arm, mode, q)
     search = Search(look, compiled, np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
-    offset = search.settled(np.zeros((1, arm.n)), np.zeros(1))
+    offset = search.settled(np.zeros((1, arm.n)))
     if offset is None:
         return None
     return q + radians(arm) * offset, float(np.linalg.norm(offset))

@@ -12,7 +12,9 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
+from spacearm.planning.reactions.loads import momentum_and_torque
 from spacearm.planning.timing import largest_rates
+from spacearm.planning.wheels.limits import Wheels
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,7 @@ class Limits:
         rate: (n,) largest joint rates [rad/s] or [m/s].
         acceleration: (n,) largest joint accelerations [rad/s^2] or [m/s^2].
         torque: (n,) largest torques [N m] or forces [N].
+        wheels: The wheels that hold the attitude; None if none do.
     """
 
     arm: SpaceArm
@@ -32,6 +35,7 @@ class Limits:
     rate: Array
     acceleration: Array
     torque: Array
+    wheels: Wheels | None = None
 
     @classmethod
     def of(
@@ -41,6 +45,7 @@ class Limits:
         rate: npt.ArrayLike | None,
         acceleration: npt.ArrayLike | None,
         torque: npt.ArrayLike | None,
+        wheels: Wheels | None = None,
     ) -> Limits:
         """Return the limits given, those of the description in place of None.
 
@@ -55,6 +60,7 @@ class Limits:
             rate=_bounds(arm, rate, "rate", largest_rates(arm)),
             acceleration=_bounds(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
             torque=_bounds(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
+            wheels=wheels,
         )
         unlimited = np.isinf(found.acceleration) & np.isinf(found.torque)
         if unlimited.any():
@@ -66,10 +72,31 @@ class Limits:
         return found
 
     def load(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Return the shares of the limits that accelerations (n,) take, those of torques first."""
+        """Return the shares of the limits that accelerations (n,) take.
+
+        Torques come first, those of wheels last.
+        """
         tau = inverse_dynamics(self.arm.at(q), dq, ddq, mode=self.mode).tau
-        shares = np.append(tau / self.torque, ddq / self.acceleration)
-        return shares[np.isfinite(np.append(self.torque, self.acceleration))]
+        used, most = np.append(tau, ddq), np.append(self.torque, self.acceleration)
+        if self.wheels is not None:
+            spun = momentum_and_torque(self.arm, q[None], dq[None], ddq[None])[1][0]
+            used = np.append(used, self.wheels.shares @ spun)
+            most = np.append(most, self.wheels.torque)
+        return np.asarray(used / most)[np.isfinite(most)]
+
+    def fastest(self, q: Array, slope: Array) -> Array:
+        """Return the rates (m,) of a path's parameter at which joints or wheels are at a limit.
+
+        Args:
+            q: (m, n) joint positions on the path.
+            slope: (m, n) their derivative by the parameter.
+        """
+        with np.errstate(divide="ignore"):
+            found = (self.rate / np.abs(slope)).min(axis=1)
+        if self.wheels is None:
+            return found
+        taken = momentum_and_torque(self.arm, q, slope, np.zeros_like(slope))[0]
+        return np.minimum(found, self.wheels.fastest(taken))
 
     def slowdown(self, q: Array, dq: Array, ddq: Array) -> float:
         """Return the factor by which a motion (m, n) must be slower for the limits to hold.

@@ -17,7 +17,11 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.mechanics.floating import placed, walk
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
+from spacearm.motion.plant import WheelHold
+from spacearm.planning.reactions.loads import load_of
 from spacearm.planning.result import Plan
+from spacearm.planning.wheels.held import slowed
+from spacearm.planning.wheels.limits import Wheels
 from spacearm.singularities.report import angle
 from spacearm.timing.limits import Limits
 from spacearm.timing.smooth_path import bent, smooth_pieces
@@ -48,6 +52,7 @@ def time_optimal(
     torque: npt.ArrayLike | None = None,
     rate: npt.ArrayLike | None = None,
     acceleration: npt.ArrayLike | None = None,
+    wheels: WheelHold | None = None,
     rise: float = RISE,
 ) -> AnyMotion:
     """Lead a motion along its path as fast as its joints can, from rest to rest.
@@ -58,15 +63,18 @@ def time_optimal(
     with the library toppra (extra `timing`). Torques are those of the floating arm at zero
     momentum, or in the motion's mode. They would jump at the ends and wherever another limit takes
     over: a moving average, a raised cosine over `rise`, makes them continuous, from zero to zero.
-    Then time is stretched until all limits hold.
+    Then time is stretched until all limits hold. Where wheels hold the attitude of a plan, what
+    each gives and holds is kept within its limits too, at every instant.
 
     Args:
-        motion: The motion, at zero momentum; a `Plan` remains one.
+        motion: The motion, at zero momentum, or held by wheels; a `Plan` remains one.
         torque: Largest torques [N m] or forces [N], one number or (n,); if None the efforts of the
             description.
         rate: Largest joint rates [rad/s] or [m/s], likewise; if None those of the description, and
             0.5 where it gives none.
         acceleration: Largest joint accelerations [rad/s^2] or [m/s^2], likewise; no limit if None.
+        wheels: Limits of each wheel that holds the attitude of a plan; if None those of the
+            description.
         rise: Share of the duration over which torques build up, from 0 (they jump) to 1.
 
     Returns:
@@ -75,7 +83,7 @@ def time_optimal(
 
     Raises:
         ConfigurationError: An argument does not make sense, or the motion stays where it is.
-        UnsupportedError: The plan has momentum or is held by wheels, toppra is not installed (pip
+        UnsupportedError: The plan has momentum that no wheels hold, toppra is not installed (pip
             install 'spacearm[timing]'), or nothing limits the acceleration of a joint.
         NoSolutionError: The smooth path breaks what the plan keeps; names it.
 
@@ -88,19 +96,44 @@ def time_optimal(
     """
     if not 0.0 <= rise <= 1.0:
         raise ConfigurationError(f"rise is {rise!r}; give a share of the duration from 0 to 1")
-    if isinstance(motion, Plan) and (motion.momentum.any() or motion.wheel_load):
-        what = "is held by wheels" if motion.wheel_load else "has momentum on board"
-        raise UnsupportedError(f"the plan {what}, which depends on its times")
+    holds = _wheels(motion, wheels)
     if len(motion) < 2 or not np.ptp(motion.q, axis=0).any():
         raise ConfigurationError(f"{motion!r} stays where it is; there is nothing to time")
-    limits = Limits.of(motion.arm, motion.mode, rate, acceleration, torque)
+    limits = Limits.of(motion.arm, motion.mode, rate, acceleration, torque, holds)
     for divided in DIVIDED:
         pieces = smooth_pieces(motion.q, divided)
         timed = _timed(motion, pieces, [_fastest(piece, limits, rise) for piece in pieces])
+        if holds is not None:
+            timed = replace(timed, **slowed(timed.arm, timed.t, timed.q, holds))
         broken = _broken(motion, timed)
         if broken is None:
             return timed
     raise NoSolutionError(f"the smooth path through the plan's rows breaks what it keeps: {broken}")
+
+
+def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
+    """Return the wheels that hold the attitude of a plan; None if none do.
+
+    Raises:
+        UnsupportedError: The plan has momentum that they do not hold.
+        ConfigurationError: Limits are given and no wheels hold the attitude.
+        NoSolutionError: A wheel is full at the start.
+    """
+    held = isinstance(motion, Plan) and motion.wheel_load and motion.mode != "free-floating"
+    if not isinstance(motion, Plan) or not held:
+        if hold is not None:
+            raise ConfigurationError(
+                "wheels have limits, and none hold the attitude of this motion"
+            )
+        if isinstance(motion, Plan) and motion.momentum.any():
+            raise UnsupportedError("the plan has momentum on board, which depends on its times")
+        return None
+    if motion.momentum[0, :3].any():
+        raise UnsupportedError("the system CM moves on, so that the plan depends on its times")
+    start = motion.wheels[0] if motion.arm.wheels else None
+    found = Wheels.of(motion[0], hold, start, motion.momentum[0, 3:])
+    found.slowdown(load_of(motion.arm, motion.t, motion.q))  # refuses wheels that are full
+    return found
 
 
 def _fastest(path: CubicSpline, limits: Limits, rise: float) -> CubicSpline:
@@ -125,32 +158,38 @@ def _bang_bang(path: CubicSpline, limits: Limits) -> tuple[Array, Array]:
     try:
         import toppra
         from toppra.algorithm import TOPPRA
-        from toppra.constraint import JointVelocityConstraint, SecondOrderConstraint
+        from toppra.constraint import JointVelocityConstraintVarying, SecondOrderConstraint
     except ImportError:
         raise UnsupportedError("toppra is not installed: pip install 'spacearm[timing]'") from None
     grid, length = np.linspace(0.0, 1.0, GRID), path.x[-1]
     curve = toppra.SplineInterpolator(path.x / length, path(path.x))
-    rows = zip(curve(grid), np.zeros((GRID, limits.arm.n)), curve(grid, 1), strict=True)
+    slope = curve(grid, 1)
+    rows = zip(curve(grid), np.zeros((GRID, limits.arm.n)), slope, strict=True)
     most = np.abs([limits.load(*row) for row in rows]).max(axis=0)
     felt = most > UNFELT * most.max()
-    unit = max(np.sqrt(most.max()), (np.abs(curve(grid, 1)) / limits.rate).max())
-    rate = np.minimum(limits.rate * unit, FASTEST * np.abs(curve(grid, 1)).max())
+    along = limits.fastest(curve(grid), slope)
+    unit = max(np.sqrt(most.max()), (1.0 / along).max())
+    rates = np.minimum(along * unit, FASTEST)[:, None] * np.abs(slope) + LEAST
     both = np.vstack((np.eye(felt.sum()), -np.eye(felt.sum())))
 
     def load(q: Array, dq: Array, ddq: Array) -> Array:
         return limits.load(q, dq / unit, ddq / unit**2)[felt]
 
+    def rate(u: float) -> Array:
+        most = np.array([np.interp(u, grid, one) for one in rates.T])
+        return np.column_stack((-most, most))
+
     constraints = [
-        JointVelocityConstraint(np.column_stack((-rate, rate))),
+        JointVelocityConstraintVarying(rate),
         SecondOrderConstraint(load, lambda _: both, lambda _: np.ones(len(both)), limits.arm.n),
     ]
     found = TOPPRA(constraints, curve, gridpoints=grid, solver_wrapper="seidel")
     found.compute_parameterization(0.0, 0.0)
-    along = found.problem_data.sd_vec
-    if along is None or not np.isfinite(along).all():
+    speed = found.problem_data.sd_vec
+    if speed is None or not np.isfinite(speed).all():
         raise NoSolutionError(f"toppra found no timing: {found.problem_data.return_code.value}")
-    steps = 2.0 * np.diff(grid) / np.maximum(along[:-1] + along[1:], LEAST)
-    return unit * np.append(0.0, np.cumsum(steps)), along
+    steps = 2.0 * np.diff(grid) / np.maximum(speed[:-1] + speed[1:], LEAST)
+    return unit * np.append(0.0, np.cumsum(steps)), speed
 
 
 def _smoothed(t: Array, rate: Array, rise: float) -> tuple[Array, Array]:
@@ -176,7 +215,7 @@ def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline
     base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in rows])
     held: dict[str, Any] = {}
     if isinstance(motion, Plan):
-        held["momentum"] = np.zeros((len(rows), 6))
+        held["momentum"] = np.tile(motion.momentum[0], (len(rows), 1))
         held["wheels"] = np.zeros((len(rows), len(motion.arm.wheels)))
     q = np.array([cfg.q for cfg in rows])
     return replace(motion, t=np.concatenate(t), q=q, base=base, **held)

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, positive
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -15,7 +15,7 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.controllers import Law
 from spacearm.motion.motion import Motion
 from spacearm.planning.result import Plan
-from spacearm.planning.timing import course
+from spacearm.planning.timing import course, smooth
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,9 @@ class Tracking(Law):
 
     The inverse dynamics control of Siciliano, Sciavicco, Villani & Oriolo, Robotics (2009), section
     8.5.2, DOI 10.1007/978-1-84628-642-1, with the dynamics of the floating arm.
+
+    Where wheels bring a tumbling spacecraft to rest, the law minds their torques: `wheel_torques`,
+    which `sa.simulate` takes as `wheels=`.
 
     q_d is a spline through the rows of the motion over time; before it begins and after it
     has ended the joints hold still. Plans start and end at rest.
@@ -49,6 +52,20 @@ class Tracking(Law):
     def _momentum(self) -> Array | None:
         return self.motion.momentum[0] if isinstance(self.motion, Plan) else None
 
+    @cached_property
+    def _wheels(self) -> BSpline | None:
+        if not isinstance(self.motion, Plan) or self.motion.mode != "free-floating":
+            return None
+        changing = self.motion.wheels.size and np.ptp(self.motion.wheels, axis=0).any()
+        return smooth(self.motion.t, self.motion.wheels) if changing else None
+
+    def wheel_torques(self, t: float) -> Array:
+        """Return the torques (w,) that the wheels take up at a time [N m]."""
+        begin, end = self.motion.t[[0, -1]]
+        if self._wheels is None or not begin <= t <= end:
+            return np.zeros(len(self.motion.arm.wheels))
+        return np.asarray(self._wheels(t, 1))
+
     def wanted(self, t: float) -> tuple[Array, Array, Array]:
         """Return joint positions, rates and accelerations (n,) of the motion at a time."""
         begin, end = self.motion.t[[0, -1]]
@@ -65,7 +82,12 @@ class Tracking(Law):
         q, rates, ddq = self.wanted(t)
         ddq = ddq + 2.0 * self.rate * (rates - dq) + self.rate**2 * (q - cfg.q)
         h = self._momentum
-        return inverse_dynamics(cfg, dq, ddq, mode=self.motion.mode, momentum=h).tau
+        wrenches = {}
+        if self._wheels is not None:
+            turned = cfg.arm.at(cfg.q, base=cfg.base, wheels=self.wheel_torques(t)).stored
+            wrenches[cfg.arm.tree.root] = -turned  # on the spacecraft
+        mode = self.motion.mode
+        return inverse_dynamics(cfg, dq, ddq, mode=mode, momentum=h, wrenches=wrenches).tau
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_d - q (n,) [rad] or [m]."""

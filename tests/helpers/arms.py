@@ -183,6 +183,11 @@ def moved(cfg: sa.Configuration, dq, v_b, h: float) -> sa.Configuration:
 
 def planar_pair(tip=("left", "right"), joints="tip") -> sa.SpaceArm:
     """Two planar arms of two links on one spacecraft, without shapes."""
+    return load_text(planar_pair_text(), tip=tip, joints=joints)
+
+
+def planar_pair_text() -> str:
+    """The robot of `planar_pair`."""
     parts = [link("bus", 40.0, inertia=np.diag([6.0, 6.0, 6.667]))]
     for side, x in (("left", -0.5), ("right", 0.5)):
         I = np.diag([0.01, 0.3, 0.3])
@@ -193,7 +198,7 @@ def planar_pair(tip=("left", "right"), joints="tip") -> sa.SpaceArm:
             f'<link name="{side}"/>',
             joint(f"{side}_t", f"{side}_2", side, "fixed", xyz=(1, 0, 0)),
         ]
-    return load_text(robot(*parts), tip=tip, joints=joints)
+    return robot(*parts)
 
 
 def spherical(task: str = "pose") -> sa.SpaceArm:
@@ -208,3 +213,16 @@ def spherical(task: str = "pose") -> sa.SpaceArm:
         chain.append(joint(f"joint_{i + 1}", names[i], names[i + 1], "continuous", **at))
     chain += [frame("tip"), joint("tip_joint", "link_7", "tip", "fixed", (0, 0, 0.126))]
     return load_text(robot(*chain), tip="tip", task=task)
+
+
+def with_wheels(text, axes, torque=0.5, rate=300.0, mark="<wheel/>"):
+    """A robot with wheels of 0.01 kg m^2 on its spacecraft, or the same as joints."""
+    root = sa.load(text).tree.root if isinstance(text, str) and "<" not in text else "bus"
+    text = sa.load(text).path.read_text() if "<" not in text else text
+    inside = f'<limit effort="{torque}" velocity="{rate}"/>{mark}'
+    parts = [
+        link(f"rotor_{i}", 2.0, inertia=0.01 * np.eye(3))
+        + joint(f"wheel_{i}", root, f"rotor_{i}", "continuous", (0.1, 0, 0), axis=a, inside=inside)
+        for i, a in enumerate(np.atleast_2d(axes))
+    ]
+    return text.replace("</robot>", "\n".join(parts) + "</robot>")

@@ -83,6 +83,39 @@ def test_a_wheel_gives_no_more_than_its_torque():
     assert np.abs(rates).max() > 0.049
 
 
+def test_torques_of_wheels_over_time_are_what_they_take_up():
+    """Energy and momentum are balanced as in every run; a full turn of the cosine takes nothing."""
+    arm, h = with_wheels(), [0.0, 0.0, 0.0, 0.5, 0.0, -0.2]
+    steady, swing = np.array([0.1, 0.0, -0.2]), np.array([0.0, 0.3, 0.0])
+
+    def torques(t):
+        return steady + swing * np.cos(2.0 * np.pi * t / 5.0)
+
+    run = sa.simulate(arm, [0.1, 0.3], LAW, 5.0, wheels=torques, wheels0=[0, 1, 0], momentum=h)
+    np.testing.assert_allclose(run.wheels[-1], [0.5, 1.0, -1.0], atol=1e-9)
+    np.testing.assert_allclose(run.momentum, [h] * len(run), atol=1e-9)
+    assert run.imbalance < 1e-6
+    assert run.drift < 1e-9
+
+
+def test_torques_of_wheels_that_make_no_sense_are_refused():
+    arm, bare = with_wheels(), sa.load("planar2")
+    with pytest.raises(sa.ConfigurationError, match="one for each wheel"):
+        sa.simulate(arm, [0.1, 0.3], LAW, 1.0, wheels=lambda _: [1.0])
+    with pytest.raises(sa.UnsupportedError, match="no wheels"):
+        sa.simulate(bare, [0.1, 0.3], LAW, 1.0, wheels=lambda _: [1.0])
+    with pytest.raises(sa.ConfigurationError, match="wheels turn the spacecraft and mode"):
+        sa.simulate(arm, [0.1, 0.3], LAW, 1.0, wheels=lambda _: np.zeros(3), mode="fixed")
+    with pytest.raises(ValueError, match="no torque left"):
+        sa.simulate(arm, [0.1, 0.3], LAW, 1.0, wheels=failing)
+
+
+def failing(t):
+    if t > 0.5:
+        raise ValueError("no torque left")
+    return np.zeros(3)
+
+
 def test_a_wheel_with_momentum_makes_the_spacecraft_a_gyroscope():
     """A torque about x turns a bus with momentum along z about y, by Euler's equation."""
     arm = with_wheels()

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import joint, link, load_text, random_chain, random_tree, seeds
+from helpers.arms import load_text, random_chain, random_tree, seeds, with_wheels
 from helpers.commands import spacearm
 from hypothesis import given, settings
 from scipy.interpolate import CubicSpline
@@ -17,19 +17,6 @@ from spacearm.planning.timing import course
 
 Q0, GOAL = [0.3, 1.2], (0.9, 1.4)
 HELD = {"mode": "attitude-controlled"}
-
-
-def with_wheels(text, axes, torque=0.5, rate=300.0, mark="<wheel/>"):
-    """A robot with wheels of 0.01 kg m^2 on its spacecraft, or the same as joints."""
-    root = sa.load(text).tree.root if isinstance(text, str) and "<" not in text else "bus"
-    text = sa.load(text).path.read_text() if "<" not in text else text
-    inside = f'<limit effort="{torque}" velocity="{rate}"/>{mark}'
-    parts = [
-        link(f"rotor_{i}", 2.0, inertia=0.01 * np.eye(3))
-        + joint(f"wheel_{i}", root, f"rotor_{i}", "continuous", (0.1, 0, 0), axis=a, inside=inside)
-        for i, a in enumerate(np.atleast_2d(axes))
-    ]
-    return text.replace("</robot>", "\n".join(parts) + "</robot>")
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,12 @@
 """Plans for two arms: tips arrive together, or one arm keeps the attitude, under replay."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import planar_pair
+from helpers.arms import planar_pair, planar_pair_text
+from helpers.commands import spacearm
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
@@ -151,6 +154,25 @@ def test_either_arm_with_the_other_held(tip):
     goal = sa.move(one.at(q), q + np.array([0.3, -0.4])).tip.translation[:2]
     end, _ = replay(sa.plan(one, q, goal))
     np.testing.assert_allclose(end.tip.translation[:2], goal, atol=1e-7)
+
+
+def test_the_command_leads_both_tips_and_draws_them(arm, tmp_path):
+    model = tmp_path / "pair.urdf"
+    model.write_text(planar_pair_text())
+    goal = sa.move(arm.at(Q0), Q0 + np.array([0.5, -0.4, -0.6, 0.5]))
+    ends = [",".join(f"{x:.9f}" for x in tip.translation[:2]) for tip in goal.tips]
+    words = ("plan", model, "--tip", "left,right", "--joints", "all", "--q0", *Q0)
+    goals = ("--goal", f"left={ends[0]}", "--goal", f"right={ends[1]}")
+    run = spacearm(*words, *goals, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    for name, tip in zip(TIPS, goal.tips, strict=True):
+        told = re.search(rf"{name} at the end +\((\S+), (\S+), ", run.stdout)
+        found = [float(word) for word in told.groups()]
+        np.testing.assert_allclose(found, tip.translation[:2], atol=1e-4)
+    assert list(tmp_path.glob("*_plan.png"))
+    wrong = spacearm(*words, "--goal", "middle=1,2", cwd=tmp_path)
+    assert wrong.returncode
+    assert "for each of the tips left, right" in wrong.stderr
 
 
 BAD = {

@@ -16,6 +16,7 @@ from helpers.arms import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
+from scipy.optimize import minimize
 
 import spacearm as sa
 from spacearm.polynomial import level_set
@@ -401,6 +402,36 @@ def test_nearest_is_global(name):
         relevant = list(found.relevant)
         offsets = np.angle(np.exp(1j * (points - q)))[:, relevant]
         assert distance <= np.linalg.norm(offsets, axis=1).min() + 1e-9
+
+
+def test_nearest_beside_a_valley_of_sigma_min_that_leads_nowhere():
+    """sigma_min becomes small there and does not vanish; the set seems near and is far."""
+    arm = sa.load("mda6")
+    found = sa.singular_set(arm)
+    valley = np.array([0.4881274, 1.8919902, 2.7440739, -2.6875366, -0.0001708, 1.5337097])
+    rng = np.random.default_rng(0)
+    for q in (valley, *(valley + 0.05 * rng.normal(size=(4, 6)))):
+        _, distance = found.nearest(q)
+        others = [_by_slsqp(found.S, q, 0.3 * rng.normal(size=6)) for _ in range(4)]
+        assert distance <= min(others) + 1e-6
+
+
+def _by_slsqp(S, q, start) -> float:
+    """Return the distance of a root of S to which SLSQP comes from an offset, inf if to none."""
+    unit = S.scale * 1e-3
+    found = minimize(
+        lambda x: x @ x,
+        start,
+        jac=lambda x: 2.0 * x,
+        constraints={
+            "type": "eq",
+            "fun": lambda x: S(q + x) / unit,
+            "jac": lambda x: S.gradient(q + x) / unit,
+        },
+        method="SLSQP",
+        options={"maxiter": 200, "ftol": 1e-14},
+    )
+    return float(np.linalg.norm(found.x)) if abs(S(q + found.x)) < 1e-9 * unit else np.inf
 
 
 @pytest.mark.slow

@@ -143,6 +143,16 @@ def test_the_map_is_that_of_the_other_joints_and_its_curves_are_singular():
     json.dumps(told, allow_nan=False)
 
 
+def test_curves_that_cross_take_no_finer_grid_than_the_page_shows():
+    """Lines that cross at a small angle part corners of a square on grids of any fineness."""
+    arm, q = sa.load("mda6"), np.array([0.3, 0.4, 1.4, -0.9, 0.7, 0.2])
+    found = sa.singular_set(arm, mode="fixed")
+    fine, coarse = found.curves([1, 2], q), found.curves([1, 2], q, resolution=np.radians(1.0))
+    assert sum(map(len, coarse)) < sum(map(len, fine)) / 4
+    for curve in coarse:
+        assert sa.singularity(arm.at(curve[len(curve) // 3]), mode="fixed").distance < 1e-6
+
+
 @pytest.mark.parametrize("joints", [[0], "ab", [0, 9], [0, True], [0, -1], [1, 1], {}])
 def test_a_map_of_other_joints_is_refused(joints):
     with pytest.raises(sa.ConfigurationError, match="joint"):

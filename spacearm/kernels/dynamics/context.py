@@ -97,7 +97,7 @@ PACE = 1000
 ARRAYS: dict[str, tuple[str, ...]] = {
     "b": ("N+1",), "offsets": ("N",), "joints": ("7", "n"),
     "tip": ("tips",), "rows": ("k",), "scale": ("k",),
-    "wheel": ("wheels",), "pushed": ("pushes",), "push": ("pushes", "6"),
+    "wheel": ("wheels",), "asked": ("wheels",), "pushed": ("pushes",), "push": ("pushes", "6"),
     "law": ("laws",), "of_law": ("laws", "5", "size"),
     "body": ("N+1",), "whole": ("1",), "angle": ("3", "N"),
     "H": ("n", "n"), "D_q": ("n", "3"), "P": ("n", "3"), "X": ("n", "3"),
@@ -146,6 +146,7 @@ CONTEXT = record(
     ("look", np.int64),
     ("f", np.int64),  # free components of the spacecraft's twist: 6, 3 or 0
     ("wrench", np.int64),  # address of the wrenches as a function of time; 0 for none
+    ("motor", np.int64),  # that of the torques of the wheels, likewise
     ("holds", np.int64),  # whether the wheels hold the attitude `level`
     ("stiffness", np.float64),  # of their law [N m/rad]
     ("damping", np.float64),  # likewise [N m s/rad]

@@ -85,7 +85,9 @@ def accelerations(x: Context, t: float, y: Numbers, dy: Numbers) -> int:
             return int(status)
     spacecraft_rate(x, y)
     if x.wheels:
-        jump(x.spin, x.here, t, y.ctypes.data, 0)
+        status = jump(x.spin, x.here, t, y.ctypes.data, 0)
+        if status:
+            return int(status)
     jump(x.bias, x.here, float(x.f), 0, 0)
     solve(x)
     if not m.whole[0].least > 0.0:
@@ -172,15 +174,18 @@ def spacecraft_rate(x: Context, y: Numbers) -> None:
 
 
 @Entry
-def spin(at: int, _: float, y_at: int, __: int) -> int:
-    """Compute the torques of the wheels on the bodies that carry them, by the law that holds.
+def spin(at: int, t: float, y_at: int, _: int) -> int:
+    """Compute the torques of the wheels on the bodies that carry them.
 
-    Its torque on the spacecraft is -K phi - C w_0, phi the rotation vector from `level`. A wheel
-    that holds all that it can takes no more.
+    They are functions of time, or those of the law that holds: its torque on the spacecraft is
+    -K phi - C w_0, phi the rotation vector from `level`. A wheel that holds all that it can takes
+    no more.
     """
     x = context_at(at)
     y, m, held = vec(y_at, x.states), moving_of(x), 2 * x.n + 17
-    phi = (0.0, 0.0, 0.0)
+    status, given, phi = 0, vec(x._asked, x.wheels), (0.0, 0.0, 0.0)
+    if x.motor:
+        status = call(x.motor, t, x._seen, x._asked)
     if x.holds:
         phi = turn_between(x.level, x.R)  # inertial axes
     turned = turn_back(read_rows(x.R), phi)
@@ -191,9 +196,11 @@ def spin(at: int, _: float, y_at: int, __: int) -> int:
         torque = min(max(torque, -wheel.torque), wheel.torque)
         full = abs(y[held + i]) >= wheel.capacity and torque * y[held + i] > 0.0
         wheel.rate = 0.0 if full else torque
+        if x.motor:
+            wheel.rate = given[i]
         axis = turn(read_rows(d.R), read(wheel.axis))
         put(d.turn, minus(read(d.turn), times(wheel.rate, axis)))
-    return 0
+    return int(status)
 
 
 @Entry

@@ -84,6 +84,8 @@ def memory(
         m["pushed"][i]["own"] = own
     if pushed:
         x["wrench"] = outside.outside(lambda t, _, out: plant.push(t, out), 6 * len(pushed))
+    if plant.motors is not None:
+        x["motor"] = outside.outside(lambda t, _, out: plant.spin(t, out), len(arm.wheels))
     for i, (tip, controller) in enumerate(controllers.items()):
         put_law(plant, m, i, tip, controller, outside)
     return m, outside

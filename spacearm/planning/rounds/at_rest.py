@@ -42,6 +42,7 @@ def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
             problem.best = error.best if isinstance(error.best, list) else problem.best
             continue
         except KeyboardInterrupt:
+            search.end()
             tried[name] = "stopped by Ctrl-C"
             break
         checked = IGNORED if bodies is None else bodies.account

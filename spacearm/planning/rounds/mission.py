@@ -36,8 +36,7 @@ class Mission(NamedTuple):
         if wish.method == "auto" and number > 1:
             wish = wish._replace(method=AGAIN[number % len(AGAIN)])
         time = max((self.search.timeout - self.search.elapsed) / 3.0, SHORT)
-        search = Search(time, lambda *_: self.check_time())
-        return at_rest(start, wish, self.seed + number, search)
+        return at_rest(start, wish, self.seed + number, self.search.part(time))
 
     def check_time(self) -> None:
         """Raise a TimeUpError if the time is up."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,7 @@ from spacearm.planning.drift.search import stretched
 from spacearm.planning.reactions.loads import load_of, momentum_and_torque
 from spacearm.planning.reactions.majorants import ROOT
 from spacearm.planning.result import Plan
+from spacearm.planning.timing import course
 from spacearm.planning.wheels.limits import Wheels
 
 Find: TypeAlias = Callable[[Configuration, Array, float | None], Plan]
@@ -92,6 +93,24 @@ def boundless(arm: SpaceArm) -> SpaceArm:
     body = tree.pinocchio().inertias[ROOT]
     heavy = Inertial(body.mass, pin.SE3(np.eye(3), body.lever), largest * np.eye(3))
     return arm.on(replace(tree, links={**tree.links, tree.root: heavy}))
+
+
+def slowed(arm: SpaceArm, t: Array, q: Array, wheels: Wheels) -> dict[str, Any]:
+    """Return times at which wheels keep their limits, and what they hold then, as a plan has it.
+
+    Args:
+        arm: The arm, its attitude held.
+        t: (m,) times of the rows [s], which are stretched where they must.
+        q: (m, n) joint positions.
+        wheels: The wheels.
+    """
+    slower, _ = wheels.slowdown(load_of(arm, t, q))
+    if slower > 1.0:
+        t = t * slower * ROUND_UP
+    way = course(t, q)
+    moving, _ = momentum_and_torque(arm, q, way(t, 1), way(t, 2))
+    spins = wheels.momenta(moving)[:, : len(arm.wheels)]
+    return {"t": t, "wheels": spins, "wheel_load": wheels.story(load_of(arm, t, q))}
 
 
 def _held(cfg: Configuration, found: Plan, wheels: Wheels, momentum: Array) -> Plan:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -92,10 +93,38 @@ class Wheels:
             )
         return cls(names, axes, torque, capacity, held)
 
+    @classmethod
+    def free(cls, cfg: Configuration, hold: WheelHold | None) -> Wheels:
+        """Return the wheels of a spacecraft that turns, with what they hold.
+
+        Raises:
+            UnsupportedError: It has none, or one is on a link that moves.
+        """
+        if not cfg.arm.wheels:
+            raise UnsupportedError(
+                f"{cfg.arm.name} has no wheels to take up momentum; load it with wheels=[...], the "
+                "names of joints"
+            )
+        return cls.of(cfg, hold, cfg.wheels, np.zeros(3))
+
     @property
     def limited(self) -> bool:
         """Whether any of them has a limit."""
         return bool(np.isfinite([self.torque, self.capacity]).any())
+
+    @cached_property
+    def shares(self) -> Array:
+        """(w, 3) share of each wheel in a momentum or torque, the pseudo-inverse of the axes."""
+        return np.asarray(np.linalg.pinv(self.axes))
+
+    def fastest(self, arm: Array) -> Array:
+        """Return the factors (m,) on momenta (m, 3) of the arm at which a wheel is full."""
+        spins = -arm @ self.shares.T
+        room = self.capacity - np.sign(spins) * self.start
+        found = np.full(spins.shape, np.inf)
+        felt = np.abs(spins) > ROUNDING * np.abs(arm).max(initial=0.0)
+        np.divide(np.maximum(room, 0.0), np.abs(spins), out=found, where=felt)
+        return np.asarray(found.min(axis=1))
 
     def momenta(self, arm: Array) -> Array:
         """Return what each wheel holds (m, w) while the arm has momenta (m, 3), spacecraft axes.
@@ -105,7 +134,7 @@ class Wheels:
         Raises:
             UnsupportedError: They cannot hold it, having no axis along it.
         """
-        share = np.linalg.pinv(self.axes)
+        share = self.shares
         left = arm - arm @ share.T @ self.axes.T
         if np.abs(left).max() > ROUNDING * np.abs(arm).max():
             raise UnsupportedError(
@@ -123,10 +152,10 @@ class Wheels:
         Raises:
             NoSolutionError: A wheel holds more than it can at the start.
         """
-        rows = np.linalg.norm(np.linalg.pinv(self.axes), axis=1)
+        rows = np.linalg.norm(self.shares, axis=1)
         spins = self.momenta(load.momentum) - self.start
         most, least = (spins.max(axis=0), spins.min(axis=0))
-        torque = np.abs(load.torque @ np.linalg.pinv(self.axes).T).max(axis=0)
+        torque = np.abs(load.torque @ self.shares.T).max(axis=0)
         found = [(0.0, "no wheel has a limit")]
         for i, name in enumerate(self.names):
             spare = rows[i] * load.beyond
@@ -149,9 +178,9 @@ class Wheels:
 
     def story(self, load: Load) -> str:
         """Return what the wheels hold and give at most, and how that is known, in one sentence."""
-        rows = np.linalg.norm(np.linalg.pinv(self.axes), axis=1)
+        rows = np.linalg.norm(self.shares, axis=1)
         spins = np.abs(self.momenta(load.momentum)).max(axis=0) + rows * load.beyond[0]
-        torques = np.abs(load.torque @ np.linalg.pinv(self.axes).T).max(axis=0)
+        torques = np.abs(load.torque @ self.shares.T).max(axis=0)
         each = zip(self.names, spins, torques + rows * load.beyond[1], strict=True)
         words = [f"wheel {name} at most {h:.4g} N m s and {tau:.4g} N m" for name, h, tau in each]
         spare = [f"{largest:.2g}" for largest in rows.max() * load.beyond]

@@ -1,0 +1,1 @@
+"""Plans by which arm and wheels bring a tumbling spacecraft to rest."""
