@@ -120,9 +120,17 @@ def _compiled_sampler(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler
     fitting = columns.shape[1] == len(rows)  # else the task has rows that a planar arm cannot do
     if fitting:
         values, sizes = compiled.sizes_of_minors(arm, Q.T.copy(), mode, rows, columns)
-    if not fitting or (np.abs(values) <= ROUNDING_OF_MINORS * sizes).all():
+        idle = _idle(arm, Q, mode, rows)[minors].any(axis=1)  # their length is rounding as well
+    if not fitting or (idle | (np.abs(values) <= ROUNDING_OF_MINORS * sizes)).all():
         raise _impossible(arm)
     return lambda Q: compiled.minors(arm, Q.T.copy(), mode, rows, columns)
+
+
+def _idle(arm: SpaceArm, Q: Array, mode: BaseMode, rows: Indices) -> npt.NDArray[np.bool_]:
+    """Tell which joints (n,) never move the tip along the rows, as one whose axis it is on."""
+    each = 6 + np.arange(arm.n)[:, None]
+    moves = [compiled.minors(arm, Q.T.copy(), mode, row[None], each) for row in rows]
+    return np.asarray(np.abs(moves).max(axis=(0, 1)) <= ROUNDING)
 
 
 def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:

@@ -253,6 +253,14 @@ def elbow(inside="", kind="revolute", parent="bus", child="arm"):
     return joint("elbow", parent, child, kind, inside)
 
 
+FRAMES = [f'<frame name="f{i}" attached_to="f{i - 1}"/>' for i in range(1, 1500)]
+FRAMES.insert(0, '<frame name="f0" attached_to="arm"/>')
+RING = [
+    f'<frame name="f{i}" attached_to="arm"><pose relative_to="f{(i - 1) % 90}"/></frame>'
+    for i in range(90)
+]
+
+
 BAD = {
     "two models": (sdf(model(BUS) + model(ARM)), "0 <world> and 2 <model> below <sdf>; keep one"),
     "nothing": (sdf(""), "0 <world> and 0 <model>"),
@@ -290,6 +298,14 @@ BAD = {
     "poses in a ring": (
         sdf(model(BUS, link("arm", to="c"), link("c", to="arm"), ELBOW)),
         "has a pose relative to itself",
+    ),
+    "frames without end": (
+        sdf(model(BUS, ARM, ELBOW, *FRAMES)),
+        "'f997' .line 3. is placed by way of more than 1,000 frames; give the pose relative",
+    ),
+    "a ring of many frames": (
+        sdf(model(BUS, ARM, ELBOW, *RING)),
+        "pose relative to itself, by way of f0, f89, .* and 80 more; cut that loop",
     ),
     "an unknown frame": (sdf(model(BUS, link("arm", to="amr"), ELBOW)), "unknown frame 'amr'"),
     "five numbers": (sdf(model(BUS, link("arm", pose="1 2 3 4 5"), ELBOW)), "6 finite numbers"),

@@ -112,6 +112,18 @@ def test_arms_without_a_polynomial_are_told_why(arm, message):
         sa.singularity_polynomial(arm())
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_tip_on_the_last_axis_makes_a_task_of_positions_impossible(seed):
+    """The last column is rounding, and so is the determinant: no polynomial can be fitted."""
+    text = etree.fromstring(random_chain(seed, 3, ("revolute",)).encode())
+    axis = np.array(text.find("joint[@name='joint_3']/axis").get("xyz").split(), dtype=float)
+    text.find("joint[@name='tip_joint']/origin").set("xyz", "{} {} {}".format(*0.7 * axis))
+    arm = load_text(etree.tostring(text).decode(), tip="tip", task="position")
+    with pytest.raises(sa.UnsupportedError, match="singular at every configuration"):
+        sa.singular_set(arm, mode="fixed")
+    assert sa.singular_set(arm).sample(5).shape == (5, 3)  # a spacecraft that floats moves with it
+
+
 def test_locked_joints_reduce_n():
     arm = sa.load("chaser7", locked={"joint_3": 0.4})
     S = sa.singularity_polynomial(arm)

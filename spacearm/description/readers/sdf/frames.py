@@ -13,9 +13,12 @@ import pinocchio as pin
 from lxml import etree
 
 from spacearm.description.readers.xml import Source, describe
-from spacearm.errors import unknown
+from spacearm.errors import listed, unknown
 
 WORLD, MODEL = "world", "__model__"
+
+MOST_STEPS = 1000
+"""Largest number of frames that lead one by one from a frame to the world, or to its link."""
 
 
 @dataclass
@@ -61,13 +64,14 @@ class Frames:
 
     def link_of(self, name: str, user: etree._Element) -> str:
         """Return the link that a frame moves with, or "world"."""
-        seen: list[str] = []
+        seen: set[str] = set()
         while (frame := self._frame(name, user)).attached_to != name:
             if name in seen:
                 self.source.fail(
                     f"{describe(user)}: {name!r} is attached to itself", "cut that loop"
                 )
-            seen.append(name)
+            seen.add(name)
+            self._not_too_long(len(seen), user)
             name = frame.attached_to
         return name
 
@@ -85,22 +89,31 @@ class Frames:
 
     def _way(self, name: str, user: etree._Element) -> list[tuple[str, pin.SE3]]:
         """Return the frames from one up to the world, each with its pose in the next."""
-        way: list[tuple[str, pin.SE3]] = []
+        way: dict[str, pin.SE3] = {}
         while True:
             frame = self._frame(name, user)
-            if name in [step[0] for step in way]:
+            if name in way:
                 self.source.fail(
                     f"{describe(frame.element)} has a pose relative to itself, by way of "
-                    f"{', '.join(step[0] for step in way)}",
+                    f"{listed([*way])}",
                     "cut that loop",
                 )
             pose = frame.pose
             if frame.placed_by:
                 pose = pose * self._inside(frame.placed_by, name, user).inverse()
-            way.append((name, pose))
+            way[name] = pose
+            self._not_too_long(len(way), user)
             if frame.relative_to is None:
-                return way
+                return [*way.items()]
             name = frame.relative_to
+
+    def _not_too_long(self, steps: int, user: etree._Element) -> None:
+        """Refuse long ways, of which a file may have as many as frames."""
+        if steps > MOST_STEPS:
+            self.source.fail(
+                f"{describe(user)} is placed by way of more than {MOST_STEPS:,} frames",
+                "give the pose relative to the model",
+            )
 
     def _inside(self, name: str, model: str, user: etree._Element) -> pin.SE3:
         """Return the pose of a frame of a model in the model's own frame."""
