@@ -11,7 +11,10 @@ from spacearm.motion.goal import as_goal
 from spacearm.motion.runs.line import POINTS, straight_line
 
 
-@pytest.mark.parametrize("name", ["planar2", "mda6", "chaser7"])
+@pytest.mark.parametrize(
+    "name",
+    ["planar2", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mda6", "chaser7"))],
+)
 @settings(max_examples=3)
 @given(seed=seeds)
 def test_it_ends_as_follow_does(name, seed):

@@ -103,9 +103,8 @@ def test_one_arm_works_and_the_other_keeps_the_attitude(arm):
     assert 2.0 * np.abs(run.base[:, 5]).max() < 1e-3
 
 
-@pytest.mark.parametrize(
-    ("far", "kept"), [(0.15, 2e-3), pytest.param(0.25, 1e-2, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("far", "kept"), [(0.15, 2e-3), (0.25, 1e-2)])
+@pytest.mark.slow
 def test_an_arm_of_a_real_robot_keeps_the_attitude(far, kept):
     """As near as nothing, or where that would fold its wrist into it, within what is allowed."""
     arm = sa.load("dual_ur5", tip="left", joints="all")

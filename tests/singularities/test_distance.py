@@ -78,7 +78,10 @@ def test_the_exact_distance_is_that_of_the_set(name):
         assert (report.away * report.distance) == pytest.approx(q - report.nearest, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["mda6", "chaser7", "6 joints, some slide", "two tips"])
+@pytest.mark.parametrize(
+    "name",
+    ["mda6", "chaser7", "6 joints, some slide", pytest.param("two tips", marks=pytest.mark.slow)],
+)
 def test_the_exact_distance_is_one_and_the_same(name):
     arm, rng = ARMS[name](), np.random.default_rng(3)
     q = beside(arm, rng, 1, 3.0)[0]

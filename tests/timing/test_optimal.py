@@ -113,6 +113,7 @@ def test_corners_are_run_through_at_rest():
     assert np.abs(fast.dq[corner]).max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_plan_that_the_smooth_path_breaks_is_refused():
     plan = sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
     in_the_way = sa.Obstacle.sphere(0.5, sa.pose(plan.tip[-1, :3]))

@@ -41,7 +41,7 @@ def without():
     return sa.plan(arm, q, sa.Joints(q + 0.2), **HELD, wheels=wheels), wheels, np.eye(3)
 
 
-@pytest.mark.parametrize("case", [planar, skew, without])
+@pytest.mark.parametrize("case", [planar, pytest.param(skew, marks=pytest.mark.slow), without])
 def test_it_is_faster_than_an_even_stretch_and_keeps_the_limits(case):
     plan, wheels, axes = case()
     fast = sa.time_optimal(plan, torque=1e4, wheels=wheels)
@@ -63,6 +63,7 @@ def test_it_is_faster_than_an_even_stretch_and_keeps_the_limits(case):
     assert fast.apart == plan.apart
 
 
+@pytest.mark.slow
 def test_with_room_for_momentum_alone_the_wheel_is_full_all_the_way():
     """The duration times the room is the integral of the momentum along the path."""
     arm = load_text(with_wheels("planar2", (0, 0, 1)))
@@ -105,6 +106,7 @@ def test_what_makes_no_sense_is_refused():
         sa.time_optimal(planar()[0], torque=20.0, wheels=hold(1.0, 1.9))
 
 
+@pytest.mark.slow
 def test_the_command_times_a_plan_with_wheels(tmp_path):
     model = tmp_path / "wheeled.urdf"
     model.write_text(with_wheels("planar2", (0, 0, 1)))
