@@ -17,7 +17,7 @@ from spacearm.viewer.panel.readouts import FAR
 
 POINTS = 61
 """Grid points in each joint: what is computed and drawn well within 100 ms."""
-RESOLUTION = np.radians(1.0)
+RESOLUTION = np.radians(2.0)
 """What can be told apart on the page [rad]."""
 SHARES = 100
 """Number that stands for `FAR`."""
