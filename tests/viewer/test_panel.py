@@ -143,6 +143,7 @@ def test_the_map_is_that_of_the_other_joints_and_its_curves_are_singular():
     json.dumps(told, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_curves_that_cross_take_no_finer_grid_than_the_page_shows():
     """Lines that cross at a small angle part corners of a square on grids of any fineness."""
     arm, q = sa.load("mda6"), np.array([0.3, 0.4, 1.4, -0.9, 0.7, 0.2])
