@@ -17,18 +17,17 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.collisions.courses import Recorded
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
 from spacearm.model.configuration import Configuration
 from spacearm.planning.detumbling.bounds import Bounds
 from spacearm.planning.detumbling.capacity import least_time
 from spacearm.planning.detumbling.course import WAVES, Course
 from spacearm.planning.detumbling.landing import Landing
+from spacearm.planning.drift.bodies import kept_apart
 from spacearm.planning.drift.ramps import ramp_ends
 from spacearm.planning.problem import Problem
-from spacearm.planning.result import FAILED, IGNORED, Attempt, Plan
+from spacearm.planning.result import FAILED, Attempt, Plan
 from spacearm.planning.search import TimeUpError
 from spacearm.planning.timing import PEAK, corners, largest_rates
 from spacearm.planning.wheels.limits import Wheels
@@ -191,7 +190,7 @@ class Detumbling:
             NoSolutionError: It does not.
         """
         u, rows = landing.rows(course)
-        arm, bodies, t = self.start.arm, problem.collisions, course.duration * u
+        arm, t = self.start.arm, course.duration * u
         found = Plan.of_rows(METHOD, rows, problem.target.clearance, (), FAILED, None)
         base = found.base.copy()
         base[:, :3] += np.outer(t, self._speed)
@@ -206,16 +205,9 @@ class Detumbling:
         )
         self.best = found
         problem.check(rows)
-        if self.obstacles:
-            bodies = Collisions(arm, self.obstacles)
-            if (contact := bodies.contact(Recorded(found), problem.search.check_time)) is not None:
-                raise NoSolutionError(str(contact))
-        return replace(
-            found,
-            checked=IGNORED if bodies is None else bodies.account,
-            apart=True if bodies is not None and bodies.bodies else None,
-            tried=(*self.tried, Attempt(METHOD, True, f"{found.travel}, {found.nearest}")),
-        )
+        found = kept_apart(found, problem, self.obstacles)
+        last = Attempt(METHOD, True, f"{found.travel}, {found.nearest}")
+        return replace(found, tried=(*self.tried, last))
 
     def _joint_time(self, still: Problem) -> float:
         """Return a time that the joints take to the goal, or a hundredth of a turn of one [s]."""

@@ -25,9 +25,10 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.momentum import base_velocity
 from spacearm.model.configuration import Configuration
 from spacearm.planning.drift.arrival import Arrival
+from spacearm.planning.drift.bodies import kept_apart
 from spacearm.planning.drift.ramps import ramp_ends
 from spacearm.planning.problem import Problem
-from spacearm.planning.result import FAILED, IGNORED, Attempt, Plan
+from spacearm.planning.result import FAILED, Attempt, Plan
 from spacearm.planning.search import TimeUpError
 from spacearm.planning.timing import PEAK, eased, largest_rates
 
@@ -156,7 +157,7 @@ class Drift:
         Raises:
             NoSolutionError: They do not.
         """
-        arm, bodies = self.start.arm, problem.collisions
+        arm = self.start.arm
         found = Plan.of_rows(method, rows, problem.target.clearance, (), FAILED, None)
         base = found.base.copy()
         base[:, :3] += np.outer(t, self._speed)
@@ -169,16 +170,9 @@ class Drift:
         if over.max() > 1.0:
             name = arm.joint_names[int(over.argmax())]
             raise NoSolutionError(f"joint {name!r} moves at {over.max():.3g} times its limit")
-        if self.obstacles:
-            bodies = Collisions(arm, self.obstacles)
-            if (contact := bodies.contact(Recorded(found), problem.search.check_time)) is not None:
-                raise NoSolutionError(str(contact))
-        return replace(
-            found,
-            checked=IGNORED if bodies is None else bodies.account,
-            apart=True if bodies is not None and bodies.bodies else None,
-            tried=(*self.tried, Attempt(method, True, f"{found.travel}, {found.nearest}")),
-        )
+        found = kept_apart(found, problem, self.obstacles)
+        last = Attempt(method, True, f"{found.travel}, {found.nearest}")
+        return replace(found, tried=(*self.tried, last))
 
     def _lasts(self, still: Plan, lasts: float) -> float:
         """Return when the tip shall arrive [s].
