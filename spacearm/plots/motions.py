@@ -164,10 +164,11 @@ def _at_times(x: Array, motion: Motion) -> Array:
 
 
 def _snapshots(motion: Motion, along: Array) -> list[Configuration]:
-    """Return a few postures, evenly spaced along the tip path, in the axes of the picture."""
-    if len(motion.arm.tips) > 1:
-        return []
-    steps = np.linalg.norm(np.diff(motion.tip[:, :3], axis=0), axis=1)
+    """Return a few postures, evenly spaced along the tip paths, in the axes of the picture."""
+    if len(motion.arm.tips) > 1 and motion.arm.tree.plane_normal() is not None:
+        return []  # arms with several tips are drawn in space only
+    paths = np.stack(list(_tip_paths(motion, along).values()))
+    steps = np.linalg.norm(np.diff(paths, axis=1), axis=2).sum(axis=0)
     way = np.concatenate(([0.0], np.cumsum(steps)))
     times = np.interp(np.linspace(0.0, way[-1], len(FADES)), way, motion.t)
     turn = pin.SE3(along.T, np.zeros(3))
