@@ -1,20 +1,25 @@
-"""Milliseconds from moving a slider in the browser to the readout and to the map that follow.
+"""How fast the page follows: readout and map behind a slider, and what a moment in play costs.
 
     python benchmarks/view.py        # needs pip install -e '.[test]' and chromium
 
 Headless chromium draws with the processor, beside the server on the same cores: a graphics card
 takes most of that away. The slider moves 40 times; median and largest time, for two windows. Then a
 joint moves that is not on the map of two joints, 20 times, until the new map is drawn; the scene is
-not drawn meanwhile, which a graphics card would do. First the size of saved pages, without meshes
-(chaser7) and with them.
+not drawn meanwhile, which a graphics card would do. Then a motion plays whose drawing calls do
+nothing: the processor time of the page's main thread (scripts, layout, painting) and of the server
+for each moment of the motion, of which 60 frames a second leave 16.7 ms to each. First the size of
+saved pages, without meshes (chaser7) and with them.
 """
 
 from __future__ import annotations
 
+import time
 from shutil import which
+from types import SimpleNamespace
 
 import numpy as np
-from playwright.sync_api import sync_playwright
+from numpy.typing import NDArray
+from playwright.sync_api import Browser, sync_playwright
 
 import spacearm as sa
 
@@ -51,10 +56,60 @@ MAP = """async () => {
   return times;
 }"""
 
+NO_CALLS = """
+for (const { prototype } of [WebGLRenderingContext, WebGL2RenderingContext])
+  for (const call of ["drawElements", "drawArrays", "clear"]) prototype[call] = () => {};
+window.asked = 0;
+const send = WebSocket.prototype.send;
+WebSocket.prototype.send = function (message) {
+  if (message.includes('"time"')) window.asked++;
+  send.call(this, message);
+};
+"""
 
 DRAWING = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 NO_DRAWING = ["--no-sandbox", "--disable-3d-apis"]
+WINDOWS = ((420, 320), (1366, 768), (1920, 1080))
 MAPPED = ("planar3", "mda6", "chaser7", "dual_ur5")
+
+
+def swinging(name: str) -> SimpleNamespace:
+    """Return a motion of all joints, 8 s long."""
+    cfg = sa.load(name).at(np.full(sa.load(name).n, 0.3))
+    q = cfg.q + 0.4 * np.sin(0.2 * np.arange(81)[:, None] + np.arange(cfg.arm.n))
+    cfgs = [cfg]
+    cfgs += [cfg := sa.move(cfg, row) for row in q]
+    t = np.linspace(0.0, 8.0, len(cfgs))
+    return SimpleNamespace(arm=cfg.arm, t=t, q=[c.q for c in cfgs], base=[c.base for c in cfgs])
+
+
+def play(browser: Browser, name: str, size: tuple[int, int]) -> None:
+    """Print what each moment of a motion in play costs the page and the server."""
+    viewer = sa.view(swinging(name), open=False)
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    page.add_init_script(NO_CALLS)
+    page.goto(viewer.serve())
+    page.wait_for_selector("body[data-ready=yes]", state="attached")
+    page.wait_for_timeout(2000)
+    tools = page.context.new_cdp_session(page)
+    tools.send("Performance.enable")
+
+    def spent() -> NDArray[np.float64]:
+        """Processor time of the page's main thread and of the server [ms], and moments shown."""
+        metrics = tools.send("Performance.getMetrics")["metrics"]
+        thread = next(each["value"] for each in metrics if each["name"] == "ThreadTime")
+        return np.array([1e3 * thread, 1e3 * time.process_time(), page.evaluate("asked")])
+
+    before = spent()
+    page.evaluate("document.querySelector('#motion button').click()")
+    time.sleep(6.0)
+    thread, server, moments = spent() - before
+    print(
+        f"play, {name}, {size[0]} x {size[1]}: page {thread / moments:.1f} ms, "
+        f"server {server / moments:.1f} ms"
+    )
+    page.close()
+    viewer.close()
 
 
 def main() -> None:
@@ -63,7 +118,8 @@ def main() -> None:
         print(f"saved page, {name}: {size / 1e6:.1f} MB")
     with sync_playwright() as playwright:
         for name, sizes, what, script, options in (
-            ("chaser7", ((420, 320), (1366, 768)), "readout", MEASURE, DRAWING),
+            ("chaser7", WINDOWS, "readout", MEASURE, DRAWING),
+            ("dual_ur5", WINDOWS[1:], "readout", MEASURE, DRAWING),
             *((name, ((1366, 768),), "map", MAP, NO_DRAWING) for name in MAPPED),
         ):
             browser = playwright.chromium.launch(executable_path=which("chromium"), args=options)
@@ -81,6 +137,11 @@ def main() -> None:
                 page.close()
             viewer.close()
             browser.close()
+        browser = playwright.chromium.launch(executable_path=which("chromium"), args=DRAWING)
+        for name in ("chaser7", "dual_ur5"):
+            for size in WINDOWS[1:]:
+                play(browser, name, size)
+        browser.close()
 
 
 if __name__ == "__main__":

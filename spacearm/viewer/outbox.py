@@ -19,6 +19,8 @@ class Key(NamedTuple):
 
 DELETE = "delete"
 """Kind of the message that a node is gone, with all below it."""
+BUNDLE = 50_000
+"""Size from which drawing commands are no more sent together [bytes]."""
 
 
 class Outbox:
@@ -40,10 +42,22 @@ class Outbox:
         self._waiting[key] = message
 
     def take(self) -> str | bytes | None:
-        """Take the message that waits the longest; None if there is none."""
-        if not self._waiting:
-            return None
-        return self._waiting.pop(next(iter(self._waiting)))
+        """Take the message that waits the longest; None if there is none.
+
+        Drawing commands, which are bytes, come together with those behind them: each in turn,
+        after its length in four bytes, the lowest first.
+        """
+        bundle = bytearray()
+        while self._waiting and len(bundle) < BUNDLE:
+            key = next(iter(self._waiting))
+            message = self._waiting[key]
+            if isinstance(message, str):
+                if bundle:
+                    break
+                return str(self._waiting.pop(key))
+            del self._waiting[key]
+            bundle += len(message).to_bytes(4, "little") + message
+        return bytes(bundle) or None
 
     def __len__(self) -> int:
         return len(self._waiting)

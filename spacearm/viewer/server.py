@@ -1,7 +1,8 @@
 """Server: one page on one port of this machine, with one WebSocket for scene and panel.
 
-Binary messages to the browser are drawing commands of meshcat; text messages are JSON, readouts
-and errors for the panel. Text messages from the browser are requests of the panel.
+Binary messages to the browser are drawing commands of meshcat, as `Outbox.take` packs them; text
+messages are JSON, readouts and errors for the panel. Text messages from the browser are requests of
+the panel.
 
 Whoever has the address has the token in it, which is new for each server: other users of this
 machine, other pages, and tabs that another server left open get no further than the door.

@@ -381,6 +381,8 @@ def test_the_posture_is_dragged_on_the_map_which_follows_the_other_joints(browse
     page.page.wait_for_function("document.querySelector('#mapnote').textContent !== ''")
     picture = "document.querySelector('#mapcanvas').toDataURL()"
     page.page.wait_for_timeout(200)
+    kept = "document.querySelector('#mapcanvas').getContext('2d').getContextAttributes()"
+    assert page.page.evaluate(kept)["willReadFrequently"], "else it waits for the drawing"
     before = page.page.evaluate(picture)
     free = [i for i in range(3) if str(i) not in page.page.eval_on_selector_all(
         "#map select", "all => all.map(x => x.value)")]  # fmt: skip

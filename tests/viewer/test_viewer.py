@@ -404,8 +404,14 @@ def test_an_outbox_keeps_the_latest_of_each_kind():
     assert len(box) == 3
     box.put(Key(node[:2], DELETE), b"gone")
     box.put(Key(node, "set_object"), b"again")
-    taken = [box.take() for _ in range(4)]
-    assert taken == ["readout 999", b"gone", b"again", None]
+    box.put(Key((), "drawn"), "drawn")
+    box.put(Key(node, "visible"), b"")
+    commands = b"\4\0\0\0gone\5\0\0\0again"
+    taken = [box.take() for _ in range(5)]
+    assert taken == ["readout 999", commands, "drawn", b"\0\0\0\0", None]
+    for i in range(3):
+        box.put(Key((), f"{i}"), bytes(50_000))
+    assert [len(box.take()) for _ in range(3)] == [50_004] * 3, "meshes come one by one"
 
 
 def resident():

@@ -15,7 +15,8 @@ export function createGrab(viewer, { task, normal }, pull) {
   const { camera, controls } = viewer;
   const slides = task.some((row) => "xyz".includes(row));
   const turns = ["rx", "ry", "rz"].flatMap((row, i) => (task.includes(row) ? [i] : []));
-  let [state, held] = [null, null];
+  let [state, held, framing] = [null, null, false];
+  let [width, height] = [1, 1]; // px
 
   const make = (tag, words) => {
     const node = document.createElementNS(SVG, tag);
@@ -39,12 +40,12 @@ export function createGrab(viewer, { task, normal }, pull) {
 
   const scale = () => { // metres of a pixel at the tip
     const depth = world(state.tip).sub(camera.position).dot(camera.getWorldDirection(new Vector3()));
-    return (2 * depth * Math.tan((camera.fov * Math.PI) / 360)) / (box.clientHeight || 1);
+    return (2 * depth * Math.tan((camera.fov * Math.PI) / 360)) / height;
   };
 
   function pixel(point) {
     const p = point.clone().project(camera);
-    return [((p.x + 1) / 2) * box.clientWidth, ((1 - p.y) / 2) * box.clientHeight];
+    return [((p.x + 1) / 2) * width, ((1 - p.y) / 2) * height];
   }
 
   const under = (event, plane) => pointUnder(viewer, event, plane);
@@ -70,6 +71,16 @@ export function createGrab(viewer, { task, normal }, pull) {
     }
     const goal = held?.at && state.blocked ? pixel(held.at) : [x, y];
     set(link, { x1: x, y1: y, x2: goal[0], y2: goal[1] });
+  }
+
+  /* Draws once a frame, however often the posture changes. */
+  function drawSoon() {
+    if (framing) return;
+    framing = true;
+    requestAnimationFrame(() => {
+      framing = false;
+      draw();
+    });
   }
 
   const set = (node, values) =>
@@ -142,12 +153,15 @@ export function createGrab(viewer, { task, normal }, pull) {
     pull({ shift: inertial(shift.multiplyScalar(10 * scale())), grip: Math.random() });
   });
   controls.addEventListener("change", draw);
-  new ResizeObserver(() => requestAnimationFrame(draw)).observe(box);
+  new ResizeObserver(([{ contentRect }]) => {
+    [width, height] = [contentRect.width || 1, contentRect.height || 1];
+    drawSoon();
+  }).observe(box);
   return {
     isHeld: () => held !== null,
     show(told) {
       state = told;
-      requestAnimationFrame(draw);
+      drawSoon();
     },
   };
 }

@@ -8,6 +8,7 @@ const EDGE = { left: 34, right: 8, top: 8, bottom: 22 }; // px around the map
 const REST = 10; // ms without a change after which the map is asked for
 const LATEST = 60; // ms after the first change in which it is asked for in any case
 const SHARE = 2; // a map is asked for again after so many times as long as the last one took
+const MEMORY = { willReadFrequently: true }; // kept off the graphics card, whose work would be waited for
 const wrapped = (angle) => angle - TURN * Math.round(angle / TURN);
 
 export function createMap(joints, ask, move) {
@@ -22,6 +23,7 @@ export function createMap(joints, ask, move) {
   const picture = document.createElement("canvas");
   let [map, q, dragging, asked, timer, since, sent, took] = [null, null, false, null, 0, null, 0, 0];
   let spacecraft = "free-floating";
+  let [width, height, framing] = [0, 0, false]; // px, zero while the map is closed
 
   for (const pick of picks) {
     for (const i of turning) pick.append(new Option(joints[i].label, i));
@@ -32,11 +34,9 @@ export function createMap(joints, ask, move) {
     });
   }
 
-  const open = () => byId("map").checkVisibility();
-  const size = () => [canvas.clientWidth, canvas.clientHeight];
+  const open = () => width > 0 && height > 0;
 
   function place([x, y]) {
-    const [width, height] = size();
     return [
       EDGE.left + ((x + Math.PI) / TURN) * (width - EDGE.left - EDGE.right),
       height - EDGE.bottom - ((y + Math.PI) / TURN) * (height - EDGE.top - EDGE.bottom),
@@ -46,7 +46,7 @@ export function createMap(joints, ask, move) {
   function paintPicture() {
     const n = map.shares.length;
     Object.assign(picture, { width: n, height: n });
-    const context = picture.getContext("2d");
+    const context = picture.getContext("2d", MEMORY);
     const image = context.createImageData(n, n);
     map.shares.forEach((row, j) => row.forEach((share, i) => {
       image.data.set([...distanceColour(share / 100), 255], 4 * ((n - 1 - j) * n + i));
@@ -56,11 +56,13 @@ export function createMap(joints, ask, move) {
 
   function paint() {
     if (!map || !q || !open()) return;
-    const [width, height] = size();
     const ratio = window.devicePixelRatio || 1;
-    Object.assign(canvas, { width: width * ratio, height: height * ratio });
-    const context = canvas.getContext("2d");
-    context.scale(ratio, ratio);
+    const pixels = [width, height].map((length) => Math.round(length * ratio));
+    if (canvas.width !== pixels[0]) canvas.width = pixels[0];
+    if (canvas.height !== pixels[1]) canvas.height = pixels[1];
+    const context = canvas.getContext("2d", MEMORY);
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.clearRect(0, 0, width, height);
     const [[left, bottom], [right, top]] = [place([-Math.PI, -Math.PI]), place([Math.PI, Math.PI])];
     context.save();
     context.beginPath();
@@ -72,6 +74,16 @@ export function createMap(joints, ask, move) {
     context.restore();
     axes(context, left, bottom);
     point(context);
+  }
+
+  /* Paints once a frame, however often the posture changes. */
+  function paintSoon() {
+    if (framing) return;
+    framing = true;
+    requestAnimationFrame(() => {
+      framing = false;
+      paint();
+    });
   }
 
   function limits(context) {
@@ -136,7 +148,6 @@ export function createMap(joints, ask, move) {
   }
 
   function under(event) {
-    const [width, height] = size();
     const { left, top } = canvas.getBoundingClientRect();
     const x = (event.clientX - left - EDGE.left) / (width - EDGE.left - EDGE.right);
     const y = 1 - (event.clientY - top - EDGE.top) / (height - EDGE.top - EDGE.bottom);
@@ -164,9 +175,12 @@ export function createMap(joints, ask, move) {
   byId("mapfold").addEventListener("click", () => {
     const on = byId("map").toggleAttribute("data-closed") === false;
     byId("mapfold").setAttribute("aria-expanded", String(on));
-    refresh();
   });
-  new ResizeObserver(paint).observe(canvas);
+  new ResizeObserver(([{ contentRect }]) => {
+    [width, height] = [contentRect.width, contentRect.height];
+    paint();
+    refresh();
+  }).observe(canvas);
 
   const held = (at, mode) =>
     [mode, ...at.map((x, i) => (map?.joints.includes(i) ? 0 : x.toFixed(6)))].join();
@@ -178,7 +192,7 @@ export function createMap(joints, ask, move) {
     clearTimeout(timer);
     if (held(q, spacecraft) === asked) {
       since = null;
-      paint();
+      paintSoon();
       return;
     }
     const now = performance.now();

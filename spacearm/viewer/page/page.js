@@ -41,7 +41,7 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.addEventListener("message", ({ data }) => {
     if (typeof data === "string") receive(JSON.parse(data));
-    else draw(new Uint8Array(data));
+    else draw(data);
   });
   socket.addEventListener("close", () => {
     underWay = null;
@@ -52,9 +52,14 @@ function connect() {
 
 let framing = false;
 
-/* Draws what came, and has the camera look once a frame whether the robot is still in view. */
-function draw(command) {
-  viewer?.handle_command_bytearray(command);
+/* Draws what came, commands each after its length, and has the camera look once a frame whether the
+   robot is still in view. */
+function draw(commands) {
+  const lengths = new DataView(commands);
+  for (let at = 0, end; at < commands.byteLength; at = end) {
+    end = at + 4 + lengths.getUint32(at, true);
+    viewer?.handle_command_bytearray(new Uint8Array(commands.slice(at + 4, end)));
+  }
   if (framing || !document.body.dataset.ready || grab.isHeld()) return;
   framing = true;
   requestAnimationFrame(() => {

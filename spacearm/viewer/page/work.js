@@ -94,17 +94,14 @@ function createGoal(viewer, { task, normal }, ask) {
     state = told;
     byId("plan").disabled = busy || !state.goal;
     const shownGoal = state.goal;
-    place.forEach((input, i) => {
-      if (document.activeElement !== input) {
-        input.value = shownGoal ? fixed(shownGoal.position[i], 3) : "";
-        input.placeholder = fixed(state.tip[i], 3);
-      }
-    });
-    angles.forEach((input, i) => {
-      if (document.activeElement !== input) {
-        input.value = shownGoal ? fixed(shownGoal.rpy[i] / DEGREE, 1) : "";
-        input.placeholder = fixed(state.tip_rpy[i] / DEGREE, 1);
-      }
-    });
+    const fill = (input, value, present) => {
+      if (document.activeElement === input) return;
+      if (input.value !== value) input.value = value;
+      if (input.placeholder !== present) input.placeholder = present;
+    };
+    place.forEach((input, i) =>
+      fill(input, shownGoal ? fixed(shownGoal.position[i], 3) : "", fixed(state.tip[i], 3)));
+    angles.forEach((input, i) => fill(input, shownGoal ? fixed(shownGoal.rpy[i] / DEGREE, 1) : "",
+      fixed(state.tip_rpy[i] / DEGREE, 1)));
   };
 }
