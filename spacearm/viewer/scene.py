@@ -63,6 +63,7 @@ class Scene:
         arm: The arm.
         size: Radius of the system at q = 0 [m].
         grid: The grid.
+        shapes: What is drawn of each link.
     """
 
     def __init__(self, window: Window, arm: SpaceArm) -> None:
@@ -86,7 +87,8 @@ class Scene:
         return self.root[name]
 
     def _draw_bodies(self) -> None:
-        for i, shape in enumerate(shapes(self.arm)):
+        self.shapes = shapes(self.arm)
+        for i, shape in enumerate(self.shapes):
             self._links[shape.link] = self.arm.model.getFrameId(shape.link, pin.BODY)
             node = self._layer("bodies")[_name(shape.link)][str(i)]
             r, gr, b, opacity = shape.color

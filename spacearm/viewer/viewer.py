@@ -18,6 +18,7 @@ from spacearm.files import name_part, write, write_by
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.host import Host
+from spacearm.viewer.layers.still import still
 from spacearm.viewer.notebooks import embedded
 from spacearm.viewer.pictures import render, render_frames
 from spacearm.viewer.server import Server
@@ -176,7 +177,11 @@ class Viewer(Host):
 
     def _repr_html_(self) -> str:
         """Stand in a notebook: live while it is served, and a scene of its own once it is not."""
-        return embedded(self.html(), self._server.invitation() if self._server else None)
+        with self._lock:
+            scene, cfg, shapes = self.html(), self.configuration, self._stage.scene.shapes
+            picture = still(cfg, shapes, self.about()["view"])
+        invitation = self._server.invitation() if self._server else None
+        return embedded(scene, picture, cfg.arm.name, invitation)
 
     def __repr__(self) -> str:
         return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"

@@ -87,8 +87,42 @@ def status(url):
 
 def test_a_scene_that_is_not_served_stands_in_the_notebook_by_itself():
     viewer = sa.view(sa.load("planar2"), open=False)
-    assert viewer._repr_html_().startswith("<iframe title=")
+    text = viewer._repr_html_()
+    assert "<script>" not in text
+    assert 'srcdoc="' in text
     assert viewer.url is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["planar2", "chaser7"])
+def test_where_frames_are_taken_out_a_picture_stays(browser, name):
+    """As JupyterLab does with the outputs of a notebook that is not trusted."""
+    arm = sa.load(name)
+    text = re.sub(r"<iframe.*?</iframe>", "", sa.view(arm, open=False)._repr_html_(), flags=re.S)
+    with notebook(text) as number:
+        page = Page(browser, f"http://localhost:{number}/", 800, 600)
+        image = page.page.locator("img")
+        assert image.get_attribute("alt") == f"{name}, as it was when the cell ran"
+        seen = image.evaluate(
+            """async (image) => {
+              await image.decode();
+              const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight);
+              const context = canvas.getContext("2d");
+              context.drawImage(image, 0, 0);
+              const [width, height] = [canvas.width, canvas.height];
+              const { data } = context.getImageData(0, 0, width, height);
+              const at = [...Array(width * height).keys()].filter((i) => data[4 * i + 3] > 127);
+              const colours = new Set(at.map((i) => data[4 * i] >> 4));
+              return [at.length / (width * height), colours.size, at.map((i) => i % width)
+                .reduce(([a, b], x) => [Math.min(a, x), Math.max(b, x)], [width, 0])];
+            }"""
+        )
+        page.close()
+    share, colours, (left, right) = seen
+    assert 0.02 < share < 0.7
+    assert colours >= 3
+    assert 0 < left < right < 639, "the whole robot is in the picture"
+    assert right - left > 200
 
 
 def test_a_notebook_gets_the_page_served_and_no_window_opened(monkeypatch):
