@@ -263,6 +263,11 @@ def test_every_control_has_a_name_and_can_be_reached_by_keyboard(browser):
 def test_on_a_phone_the_panel_folds_away(browser):
     viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2], width=390, height=844)
     assert page.page.evaluate("document.documentElement.scrollWidth") <= 390
+    tops = page.page.eval_on_selector_all(
+        "#view button", "all => all.map((x) => x.getBoundingClientRect().top)"
+    )
+    assert len(tops) == 7
+    assert len(set(tops)) == 1, "the buttons stand in one row"
     page.page.evaluate("window.scrollTo(0, 1e4)")
     assert page.page.is_visible("#distance")
     assert 0 <= top(page, "#kind") < 844
@@ -372,6 +377,18 @@ def test_a_saved_page_has_name_values_and_joints(browser, tmp_path):
     assert page.page.locator("#directions tr.lost").count() == 1
     assert not page.page.is_visible("#attitude")
     assert outside(page) <= 0.95
+    shut(viewer, page)
+
+
+@pytest.mark.slow
+def test_short_names_leave_room_for_the_sliders(browser):
+    """In the output of a cell, too, where the panel is at its narrowest."""
+    viewer, page = opened(browser, sa.load("chaser7"), width=950, height=560)
+    sliders = page.page.eval_on_selector_all(
+        ".joint input[type=range]", "all => all.map((x) => x.getBoundingClientRect())"
+    )
+    assert all(box["width"] > 100 for box in sliders)
+    assert len({(box["left"], box["right"]) for box in sliders}) == 1, "they stand in a column"
     shut(viewer, page)
 
 
