@@ -90,7 +90,7 @@ def test_command(tmp_path):
     words = ("plan", "planar2", "--q0", *Q0, "--goal", *GOAL, "--via", *VIA, "--via", 0.8, 1.6)
     run = spacearm(*words, "--save", "plan.npz", "--json", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    plan = sa.Motion.load(tmp_path / "plan.npz")
+    plan = sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2"))
     places = [np.linalg.norm(plan.tip[:, :2] - point, axis=1) for point in (VIA, (0.8, 1.6))]
     assert max(distance.min() for distance in places) < 1e-7
     assert places[0].argmin() < places[1].argmin()
