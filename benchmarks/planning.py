@@ -143,11 +143,12 @@ FAMILIES: dict[str, Callable[[int], sa.SpaceArm]] = {
 
 
 class Problem(NamedTuple):
-    """A start, a goal, the travel of the motion that it was drawn from [rad], and what is asked."""
+    """A start, a goal, travel [rad] and end of the motion that it was drawn from, what is asked."""
 
     start: sa.Configuration
     goal: object
     travel: float
+    end: sa.Configuration
     asked: dict[str, object]
 
 
@@ -210,7 +211,7 @@ def draw(family: str, number: int) -> Problem:
     asked: dict[str, object] = {"mode": mode, "wheels": WHEELS} if held else {}
     if family.endswith(TURNED):
         asked = {"final_attitude": rows[-1].base}
-    return Problem(start, goal, float(np.abs(np.diff(Q, axis=0)).sum()), asked)
+    return Problem(start, goal, float(np.abs(np.diff(Q, axis=0)).sum()), rows[-1], asked)
 
 
 def attitude(arm: sa.SpaceArm, rng: np.random.Generator) -> pin.SE3:
@@ -256,7 +257,7 @@ class Outcome(NamedTuple):
 def solve(family: str, timeout: float, number: int) -> Outcome:
     warnings.simplefilter("ignore", sa.ModelWarning)
     try:
-        start, goal, known, asked = draw(family, number)
+        start, goal, known, _, asked = draw(family, number)
     except UndrawnError as error:
         return Outcome(LEFT_OUT, np.nan, np.nan, np.nan, np.nan, str(error))
     began, worked = time.perf_counter(), time.process_time()

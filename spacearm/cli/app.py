@@ -30,7 +30,7 @@ COMMANDS = {
     "workspace": "workspaces.compute_workspace",
     "risk": "workspaces.compute_risk",
     "design": "designs.sweep_designs",
-    "plan": "plans.plan_motion",
+    "plan": "plans.commands.plan_motion",
     "attitudes": "missions.commands.find_attitudes",
     "reaction": "missions.commands.report_reaction",
     "wheels": "missions.commands.size_wheels_of",

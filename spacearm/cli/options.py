@@ -269,7 +269,7 @@ def join_numbers(words: Sequence[str]) -> list[str]:
     return joined
 
 
-VECTORS = ("--q0", "--target", "--goal", "--corner", "--kp", "--kd", "--dq0", "--wheels0")
+VECTORS = ("--q0", "--target", "--goal", "--via", "--corner", "--kp", "--kd", "--dq0", "--wheels0")
 """Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 

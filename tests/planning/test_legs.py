@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.arms import planar_pair
+from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.planning.reactions.turns import largest_turn
@@ -83,3 +84,14 @@ def test_a_part_ends_with_the_whole():
     soon = Search(1e-9).part(1e3)
     with pytest.raises(TimeUpError, match="time is up"):
         soon.check_time()
+
+
+def test_command(tmp_path):
+    words = ("plan", "planar2", "--q0", *Q0, "--goal", *GOAL, "--via", *VIA, "--via", 0.8, 1.6)
+    run = spacearm(*words, "--save", "plan.npz", "--json", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    plan = sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2"))
+    places = [np.linalg.norm(plan.tip[:, :2] - point, axis=1) for point in (VIA, (0.8, 1.6))]
+    assert max(distance.min() for distance in places) < 1e-7
+    assert places[0].argmin() < places[1].argmin()
+    np.testing.assert_allclose(plan.tip[-1, :2], GOAL, atol=1e-7)

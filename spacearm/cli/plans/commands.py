@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import typer
 
-from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
     Attitude,
@@ -38,19 +37,15 @@ from spacearm.cli.output import (
     working,
     write_picture,
 )
-from spacearm.collisions.obstacles import Obstacle
-from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed, unknown
+from spacearm.cli.plans.parsing import goals, obstacle_of
+from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
-from spacearm.model.loading import load
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
 from spacearm.singularities.report import angle
 from spacearm.workspaces.path_dependent import Workspace, workspace
-
-KINDS = ("box", "sphere", "cylinder", "mesh", "robot")
-"""Kinds of obstacles."""
 
 
 @on_a_model
@@ -67,6 +62,13 @@ def plan_motion(
             metavar="X1 X2 ...",
         ),
     ],
+    via: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A goal on the way, written like --goal; may be repeated, in order.",
+            metavar="X1 X2 ...",
+        ),
+    ] = None,
     origin: PointsFrom = From.SPACECRAFT,
     attitude: Attitude = (0.0, 0.0, 0.0),
     final_attitude: Annotated[
@@ -156,12 +158,14 @@ def plan_motion(
     if save:
         check_suffix(save)
     start = joint_values(arm, q0.split(), deg)
-    target = _goals(arm, goal, deg)
-    around = [_obstacle(text, deg) for text in obstacle or []]
+    target = goals(arm, goal, deg)
+    way = [goal_from(arm, "--via", text, deg) for text in via or []]
+    around = [obstacle_of(text, deg) for text in obstacle or []]
     try:
         with working(f"planning, at most {timeout:g} s") as tell:
             found = plan(
-                arm, start, target, base=spacecraft_pose(attitude, deg), origin=origin.value,
+                arm, start, target, via=way,
+                base=spacecraft_pose(attitude, deg), origin=origin.value,
                 clearance=_angle(clearance, deg),
                 final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
                 limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
@@ -204,22 +208,6 @@ def plan_motion(
         serve_until_interrupted(show(found, open=False))
 
 
-def _goals(
-    arm: SpaceArm, texts: list[str], deg: bool
-) -> Array | pin.SE3 | dict[str, Array | pin.SE3]:
-    """Parse a goal, or one for each tip as NAME=X1,X2,..."""
-    if len(texts) == 1 and "=" not in texts[0]:
-        return goal_from(arm, "--goal", texts[0], deg)
-    pairs = [text.partition("=") for text in texts]
-    for name, _, values in pairs:
-        if name not in arm.tips or not values:
-            raise ConfigurationError(
-                f"--goal {name!r}: give one goal, or NAME=X1,X2,... for each of the tips "
-                f"{listed(arm.tips)} (--tip NAME,NAME)"
-            )
-    return {name: goal_from(arm, f"--goal {name}", values, deg) for name, _, values in pairs}
-
-
 def _angle(value: float | None, deg: bool) -> float | None:
     """Return an angle in radians."""
     return float(np.radians(value)) if value and deg else value
@@ -228,41 +216,6 @@ def _angle(value: float | None, deg: bool) -> float | None:
 def _limits(torque: float, capacity: float) -> WheelHold:
     """Return wheels with these limits; their gains do not matter to a plan."""
     return WheelHold(stiffness=0.0, damping=0.0, torque=torque, capacity=capacity)
-
-
-def _obstacle(text: str, deg: bool) -> Obstacle:
-    """Parse an obstacle, such as "box:1.2,0,0.5:0.3,0.3,0.6:0,0,45@0.05"."""
-    body, _, kept = text.partition("@")
-    kind, *parts = body.split(":")
-    if kind not in KINDS:
-        raise ConfigurationError(f"--obstacle {text!r}: {unknown('kind', kind, KINDS)}")
-    if not 2 <= len(parts) <= 3:
-        raise ConfigurationError(f"--obstacle {text!r}: give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
-    turn = _counted(text, parts[2], 3) if len(parts) == 3 else np.zeros(3)
-    rotation = pin.rpy.rpyToMatrix(np.radians(turn) if deg else turn)
-    pose, what = pin.SE3(rotation, _counted(text, parts[0], 3)), parts[1]
-    margin = float(_counted(text, kept, 1)[0]) if kept else 0.0
-    if kind == "mesh":
-        return Obstacle.mesh(Path(what), pose, margin=margin)
-    if kind == "robot":
-        robot = load(what)
-        rest = np.clip(0.0, robot.lower, robot.upper)
-        return Obstacle.robot(robot.at(rest, base=pose), margin=margin)
-    if kind == "sphere":
-        return Obstacle.sphere(float(_counted(text, what, 1)[0]), pose, margin=margin)
-    if kind == "cylinder":
-        radius, length = map(float, _counted(text, what, 2))
-        return Obstacle.cylinder(radius, length, pose, margin=margin)
-    size = _counted(text, what, 3 if "," in what else 1)
-    return Obstacle.box(size if len(size) == 3 else float(size[0]), pose, margin=margin)
-
-
-def _counted(whole: str, text: str, count: int) -> Array:
-    """Parse some numbers with commas between them."""
-    values = numbers(f"--obstacle {whole!r}:", text)
-    if len(values) != count:
-        raise ConfigurationError(f"--obstacle {whole!r}: {text!r} must be {count} finite numbers")
-    return values
 
 
 def _shells(arm: SpaceArm) -> Workspace | None:
