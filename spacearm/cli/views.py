@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -67,17 +70,20 @@ def view_configuration(
     deg: bool = False,
 ) -> None:
     """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it."""
-    if motion:
-        if q or any(attitude):
-            raise ConfigurationError("the motion has its own postures; leave out q and --attitude")
-        given = compare is None or compare in WORDS
-        other = compare if given else Motion.load(str(compare), arm)
-        viewer = show(Motion.load(motion, arm), compare=other, open=False)
-    elif compare:
-        raise ConfigurationError("there is no motion to compare; give --motion")
-    else:
-        start = joint_values(arm, q, deg) if q else None
-        viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
+    with undisturbed():
+        if motion:
+            if q or any(attitude):
+                raise ConfigurationError(
+                    "the motion has its own postures; leave out q and --attitude"
+                )
+            given = compare is None or compare in WORDS
+            other = compare if given else Motion.load(str(compare), arm)
+            viewer = show(Motion.load(motion, arm), compare=other, open=False)
+        elif compare:
+            raise ConfigurationError("there is no motion to compare; give --motion")
+        else:
+            start = joint_values(arm, q, deg) if q else None
+            viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
     if save:
         out.print(f"wrote {viewer.save(save)}")
     if png:
@@ -89,6 +95,21 @@ def view_configuration(
     if save or png or frames:
         return
     serve_until_interrupted(viewer, port, no_open)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Have Ctrl-C wait while packages are imported: some of them swallow it."""
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
+    try:
+        yield
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
 
 
 def serve_until_interrupted(viewer: Viewer, port: int | None = None, no_open: bool = False) -> None:

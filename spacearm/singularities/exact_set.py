@@ -136,7 +136,7 @@ class ExactSet(SingularSet):
         while count < m:
             draws = max(256, int((m - count) * (lines + 1) / (count + 1) * 1.1))
             draws = min(draws, 1 << 16) if lines else min(256, m)
-            batch = self._members(self._draw(draws, rng))
+            batch = self.having(self._draw(draws, rng))
             found.append(rng.permutation(batch))
             count, lines = count + len(batch), lines + draws
             if not count and (lines > MOST_LINES or not self.relevant):
@@ -232,8 +232,8 @@ class ExactSet(SingularSet):
         turns = rng.uniform(-np.pi, np.pi, (m, self.arm.n))
         return np.where(self.chart.slides, np.arccos(turns / np.pi), turns)
 
-    def _members(self, angles: Array) -> Array:
-        """Return the members (r, n) that have the free angles of rows (m, n), of all sheets."""
+    def having(self, angles: Array) -> Array:
+        """Find the members (r, n) that have the free angles of rows (m, n), of all sheets."""
         sheets = [self.triangle.solve(angles, sheet=s) for s in (None, *self.triangle.sheets)]
         return self._proper(np.concatenate(sheets))
 

@@ -18,6 +18,7 @@ from spacearm.polynomial.newton import meeting
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomial import radius_squared, tips_from_centre
 from spacearm.workspaces.box import Box
+from spacearm.workspaces.searched_shells import members
 from spacearm.workspaces.shells import Shell
 
 UPRIGHT = 1.0 - 1e-9
@@ -104,8 +105,7 @@ def singular_at(
     arm, mode, R = found.arm, found.mode, float(np.linalg.norm(point))
     equations = found.triangle.equations
     R2 = radius_squared(arm, mode=mode)
-    Q = box.fold(found.sample(SAMPLE, np.random.default_rng(0)))
-    Q = Q[box.holds(Q)]
+    Q = members(found, box, SAMPLE, np.random.default_rng(0))
     near = Q[np.argsort(np.abs(R2(Q) - R * R))[:BEST]]
     results = []
     for shell in shells:

@@ -18,6 +18,8 @@ GAP_SHARE = 1 / 300
 """Share of the range of R, empty of a large sample, that separates two shells."""
 AT_AN_END = 1e-7
 """Share of the scale of S below which an end of the reachable workspace is singular."""
+BATCH = 4096
+"""Lines that are drawn at a time."""
 NEGLIGIBLE = 1e-9
 """Distance by which a piece may stand out of a shell that counts as holding it [m]."""
 
@@ -105,12 +107,23 @@ def found_shells(
 
 
 def members(found: ExactSet, box: Box, m: int, rng: np.random.Generator) -> Array:
-    """Return those of m singular configurations that are in the box, (r, n)."""
-    try:
-        Q = box.fold(found.sample(m, rng))
-    except NoSolutionError:
-        return np.empty((0, found.arm.n))
-    return np.asarray(Q[box.holds(Q)])
+    """Return some of the singular configurations in the box, (r, n): of m in all, or on m lines.
+
+    Within limits the joints that do not follow from others are drawn there: of the whole torus a
+    box of six joints may be a millionth.
+    """
+    if not box.limited:
+        try:
+            return box.fold(found.sample(m, rng))
+        except NoSolutionError:
+            return np.empty((0, found.arm.n))
+    kept, lines, met = [np.empty((0, found.arm.n))], 0, 0
+    while lines < m and met < m:
+        drawn = rng.uniform(box.low, box.high, (min(BATCH, m - lines), found.arm.n))
+        Q = box.fold(found.having(drawn))
+        kept.append(Q[box.holds(Q)])
+        lines, met = lines + len(drawn), met + len(Q)
+    return np.concatenate(kept)
 
 
 def _sampled(Q: Array, R2: Array, number: int) -> Shell:

@@ -88,7 +88,11 @@ class Equations:
         return np.asarray((self.low + margin < Q) & (self.high - margin > Q))
 
     def onto(self, Q: Array) -> Array:
-        """Move points (m, n) along their free joints onto the roots, by Newton's method."""
+        """Move points (m, n) into the box, then along their free joints onto the roots.
+
+        By Newton's method.
+        """
+        Q = np.clip(Q, self.low, self.high)
         for _ in range(POLISH):
             values, slopes = self(Q)
             if np.abs(values).max(initial=0.0) < CONVERGED:
@@ -112,11 +116,11 @@ class Tube(NamedTuple):
 
 
 def tubes(f: Equations, chain: Array) -> list[Tube]:
-    """Prove that a curve in the roots passes along a chain of points, (m, n).
+    """Prove that a curve in the roots passes along a chain of points, (m, n), within the box.
 
     Segments are halved until each is proven. Where one cannot be the curve is cut in two.
     """
-    points = chain
+    points = np.clip(chain, f.low, f.high)  # joints that nothing depends on move straight
     proven = np.zeros(len(points) - 1, dtype=bool)
     error = np.zeros(len(points) - 1)
     hopeless = np.zeros(len(points) - 1, dtype=bool)

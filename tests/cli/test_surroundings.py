@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from helpers.commands import complaints, in_a_process, keeping, spacearm
 
 import spacearm as sa
+from spacearm.cli.app import main
 
 QUERY = (sys.executable, "-m", "spacearm", "query", "planar2", "0", "1")
 
@@ -77,6 +79,22 @@ def test_an_interrupt_at_any_time_gives_no_traceback(tmp_path, after, words):
     _, err = process.communicate(timeout=60)
     assert process.returncode in (0, 130, -signal.SIGINT) or "spacearm/" not in err
     assert "__main__.py" not in err  # what comes before is Python's own start
+
+
+def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
+    """As trimesh does, which is imported when a scene is made."""
+    served = []
+
+    def swallows(*_, **__):
+        with suppress(BaseException):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("spacearm.cli.views.show", swallows)
+    monkeypatch.setattr("spacearm.cli.views.serve_until_interrupted", lambda *_: served.append(1))
+    monkeypatch.setattr(sys, "argv", ["spacearm", "view", "planar2"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert (end.value.code, served) == (130, [])
 
 
 def stopped_after(blocks, size, monkeypatch):

@@ -129,6 +129,19 @@ def test_rows_without_numbers(m):
     assert sa.joint_accelerations(arm, [], [], []).shape == (0, 2)
 
 
+@pytest.mark.parametrize("m", [3, MANY])
+@pytest.mark.parametrize("izz", [("0.25", "-3"), ("6.667", "-30")], ids=["of a link", "of the bus"])
+def test_states_whose_mass_matrix_is_not_positive_definite(m, izz):
+    """A link's makes H* wrong, that of the spacecraft the locked inertia D."""
+    text = sa.load("planar2").path.read_text(encoding="utf-8")
+    text = text.replace(*(f'izz="{value}"' for value in izz))
+    arm = load_text(text, tip="tip", task="x y", check="accept")
+    still = np.full((m, 2), 0.3)
+    assert np.isnan(sa.joint_accelerations(arm, still, still, still)).all()
+    with pytest.raises(sa.NoSolutionError, match=r"at t = 0 s, .* is not positive definite"):
+        sa.simulate(arm, [0.3, 0.3], sa.JointPD(target=[0.5, 0.5], kp=1, kd=1), 0.1)
+
+
 def test_large_angles_are_turns():
     arm = sa.load("planar2")
     Q, dQ, tau, _ = states(arm, MANY)

@@ -1,5 +1,7 @@
 """Proven shells of spatial arms, from both directions."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers.arms import frame, joint, link, load_text, random_chain, robot, seeds
@@ -77,6 +79,40 @@ def test_random_spatial_arms(seed):
     assert np.isfinite(result.gap)
     assert (result.kind == "certified") == (result.gap <= 1e-4 * result.reachable[0, 1])
     check(result, np.random.default_rng(seed))
+
+
+def within(text, lower, upper, **options):
+    """An arm with other joint limits."""
+    limits = (f'lower="{low}" upper="{high}"' for low, high in zip(lower, upper, strict=True))
+    text = re.sub(r'lower="[^"]*" upper="[^"]*"', lambda old: next(limits, old[0]), text)
+    return load_text(text, tip="tip", **options)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_limits_of_joints_that_do_not_matter_are_kept_by_the_curves(seed):
+    rng = np.random.default_rng(seed)
+    lower = rng.uniform(-2.5, 0.0, 3)
+    text = sa.load("planar3").path.read_text(encoding="utf-8")
+    arm = within(text, lower, lower + rng.uniform(0.3, 2.5, 3), task="x y rz")
+    result = sa.workspace(arm, limits=True)
+    for curve in result.proof:
+        assert (curve >= arm.lower).all()
+        assert (curve <= arm.upper).all()
+    for low, high in result.covered:
+        assert any(a - 1e-9 <= low and high <= b + 1e-9 for a, b in result.pdw)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_singular_within_narrow_limits_is_found(seed):
+    """A millionth of the torus about a singular configuration of an arm of six joints."""
+    text = random_chain(seed, 6, ("revolute",))
+    whole = load_text(text, tip="tip")
+    q = sa.singular_set(whole).sample(1, np.random.default_rng(seed))[0]
+    arm = within(text, q - 0.3, q + 0.3)
+    result = sa.workspace(arm, limits=True, effort=5_000)
+    cfg = arm.at(q)
+    R = np.linalg.norm(cfg.tip.translation - cfg.com)
+    assert ((result.pdw[:, 0] <= R) & (result.pdw[:, 1] >= R)).any()
 
 
 @pytest.mark.slow

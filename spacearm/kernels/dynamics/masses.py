@@ -218,6 +218,12 @@ def factors(D: Six) -> Six:
 
 
 @step
+def definite(L: Six) -> bool:
+    """Return whether D is positive definite, from its factors."""
+    return L[3] > 0.0 and L[4] > 0.0 and L[5] > 0.0
+
+
+@step
 def solve(L: Six, h: Vector) -> Vector:
     """Compute D^-1 h."""
     x = h[0]

@@ -23,6 +23,7 @@ from spacearm.kernels.dynamics.context import (
     vec,
     wheel_of,
 )
+from spacearm.kernels.dynamics.masses import definite
 from spacearm.kernels.dynamics.tips import lever, place_tip, turn_between
 from spacearm.kernels.floating import Numbers
 from spacearm.kernels.lanes import (
@@ -35,6 +36,7 @@ from spacearm.kernels.lanes import (
     put,
     read,
     read_rows,
+    read_six,
     times,
     turn,
     turn_back,
@@ -90,7 +92,8 @@ def accelerations(x: Context, t: float, y: Numbers, dy: Numbers) -> int:
             return int(status)
     jump(x.bias, x.here, float(x.f), 0, 0)
     solve(x)
-    if not m.whole[0].least > 0.0:
+    whole = m.whole[0]
+    if not (whole.least > 0.0 and (x.f < 6 or definite(read_six(whole.L)))):
         return NOT_RIGID
     for j in range(n):
         dy[n + j] = ddq[j]

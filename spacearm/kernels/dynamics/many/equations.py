@@ -7,7 +7,7 @@ import numpy as np
 from spacearm.kernels.dynamics.many.loads import Loads, apply, store_momentum
 from spacearm.kernels.dynamics.many.masses import carry, column, inertia, place
 from spacearm.kernels.dynamics.many.work import Swinging, six, store, swinging
-from spacearm.kernels.dynamics.masses import solve
+from spacearm.kernels.dynamics.masses import definite, solve
 from spacearm.kernels.floating import Bodies, Numbers
 from spacearm.kernels.lanes import (
     LANES,
@@ -128,7 +128,7 @@ def accelerations(
         tau: (n, m) their torques.
         h: (3, m) angular momentum about the system CM, that of wheels included, spacecraft axes.
         x: Wheels and external wrenches.
-        ddq: (n, m) receives the accelerations; NaN where H* is not positive definite.
+        ddq: (n, m) receives the accelerations; NaN where H* or D is not positive definite.
     """
     N, (n, total) = len(b) - 1, dq.shape
     m = swinging(N, n)
@@ -166,5 +166,6 @@ def accelerations(
         react(b[0].carried, f, m)
         accelerate(m)
         for l in range(there):
+            sound = m.least[l] > 0.0 and (f < 6 or definite(six(m.D, l)))
             for j in range(n):
-                ddq[j, first + l] = m.x[j, l] if m.least[l] > 0.0 else np.nan
+                ddq[j, first + l] = m.x[j, l] if sound else np.nan
