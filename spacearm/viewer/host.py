@@ -219,6 +219,8 @@ class Host:
                 self._compute(message.get("what"), message.get("path"), client)
             elif kind == "cancel":
                 self._desk.cancel()
+            elif kind == "poses":
+                return {"poses": self._stage.poses()}
             elif kind == "motion":
                 return {"motion": self._told_motion()}
             elif isinstance(message, dict) and kind == "arm":

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from spacearm.arrays import Array
+
 FRAMES_PER_SECOND = 30
 TYPES = {"position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool"}
 
@@ -37,6 +39,16 @@ class Recorder:
     def _key(self, path: str, name: str, value: Any) -> None:
         keys = self._tracks.setdefault(path, {}).setdefault(name, [])
         keys.append({"time": self.frame, "value": value})
+
+    def poses(self, frames: int) -> dict[str, Array]:
+        """Return (frames, 7) position [m] and quaternion x, y, z, w of nodes placed in each."""
+        found = {}
+        for path, tracks in self._tracks.items():
+            places, turns = tracks.get("position", []), tracks.get("quaternion", [])
+            if len(places) == frames:
+                rows = [(*a["value"], *b["value"]) for a, b in zip(places, turns, strict=True)]
+                found[path] = np.array(rows)
+        return found
 
     def lower(self) -> dict[str, Any]:
         """Return the animation as a meshcat command."""

@@ -118,12 +118,17 @@ class Scene:
     # --- at every configuration -------------------------------------------------------------
 
     def draw(self, cfg: Configuration, report: SingularityReport) -> None:
-        """Move everything to a configuration.
+        """Draw the ellipsoid and directions of a configuration.
 
         Args:
             cfg: The configuration.
             report: Its singularity report.
         """
+        self._draw_ellipsoid(cfg, report.mode)
+        self._draw_directions(cfg, report)
+
+    def move(self, cfg: Configuration) -> None:
+        """Move what needs no Jacobian: bodies, centre of mass, tip and virtual manipulator."""
         pin.framesForwardKinematics(self.arm.model, self._data, cfg.full)
         bodies = self._layer("bodies")
         for link, frame in self._links.items():
@@ -131,8 +136,6 @@ class Scene:
         self._layer("centre of mass").set_transform(_at(cfg.com))
         self._layer("tip frame").set_transform(cfg.tip.homogeneous)
         self._draw_virtual_manipulator(cfg)
-        self._draw_ellipsoid(cfg, report.mode)
-        self._draw_directions(cfg, report)
 
     def _draw_virtual_manipulator(self, cfg: Configuration) -> None:
         try:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +33,8 @@ from spacearm.workspaces.regions import centre_of
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
+MOST_POSES = 600
+"""Largest number of postures along a motion that the page moves through by itself."""
 VIEW = np.array([0.55, -0.75, 0.0])
 """Direction from which workspaces of spatial arms are cut open: the page's, but level."""
 PLAYED = ("wheels", "wrenches", "trace", "goal", "comparison")
@@ -152,8 +157,8 @@ class Stage:
         self._draw(self.session.cfg, self.session.report, self.time)
 
     def _draw(self, cfg: Configuration, report: SingularityReport, t: float) -> None:
+        self._move(cfg, t)
         self.scene.draw(cfg, report)
-        self._loads.draw(cfg, t)
         pose = np.eye(4)
         if self.scene.arm.tree.plane_normal() is not None:
             pose[:3, :3] = cfg.base.rotation
@@ -161,28 +166,61 @@ class Stage:
         for layer, mode in layers.items():
             pose[:3, 3] = centre_of(cfg, mode)
             self.scene.root[layer].set_transform(pose)
-        self._obstacle_layer.draw(t)
         self._attitudes.draw(cfg)
         goal = self.session.goal
         self._goal.set_property("visible", goal is not None)
         if goal is not None:
             self._goal.set_transform(goal.homogeneous)
+
+    def _move(self, cfg: Configuration, t: float) -> None:
+        """Move what follows from the postures alone."""
+        self.scene.move(cfg)
+        self._loads.draw(cfg, t)
+        self._obstacle_layer.draw(t)
         if self.other and self._ghost:
             self._ghost.place(self.other.motion.at(t))
 
     def animate(self) -> None:
         """Record the motion into the window."""
+        if motion := self.motion:
+            self._window.send(self._recorded(motion, MOST_FRAMES, lambda cfg, t: self._draw(
+                cfg, singularity(cfg, mode=motion.mode), t)))  # fmt: skip
+
+    def poses(self) -> dict[str, Any]:
+        """Return where things are along the motion, for the page to move them in every frame."""
         if not self.motion:
-            return
+            return {"played": self.played, "nodes": {}}
+        tips: list[Array] = []
+
+        def move(cfg: Configuration, t: float) -> None:
+            self._move(cfg, t)
+            tips.append(cfg.tip.translation)
+
+        recorder = self._recorded(self.motion, MOST_POSES, move)
+        nodes = recorder.poses(len(tips))
+        nodes["/spacearm/ellipsoid/body"] = np.array(tips)
+        first, last = self.span
+        packed = {path: packed_text(values) for path, values in nodes.items()}
+        return {"played": self.played, "first": first, "last": last, "rows": len(tips),
+                "nodes": packed}  # fmt: skip
+
+    def _recorded(
+        self, motion: Motion, most: int, draw: Callable[[Configuration, float], None]
+    ) -> Recorder:
+        """Record what is drawn along the motion, in at most so many frames."""
         first, last = self.span
         recorder = Recorder()
         self._window.recorder = recorder
         try:
-            frames = min(math.ceil((last - first) * FRAMES_PER_SECOND) + 1, MOST_FRAMES)
+            frames = min(math.ceil((last - first) * FRAMES_PER_SECOND) + 1, most)
             for t in np.linspace(first, last, frames):
                 recorder.frame = float(t - first) * FRAMES_PER_SECOND
-                cfg = self.motion.at(float(t))
-                self._draw(cfg, singularity(cfg, mode=self.motion.mode), float(t))
+                draw(motion.at(float(t)), float(t))
         finally:
             self._window.recorder = None
-        self._window.send(recorder)
+        return recorder
+
+
+def packed_text(values: Array) -> str:
+    """Return numbers as base64 of little-endian floats of 32 bits."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()

@@ -173,6 +173,53 @@ def test_a_motion_plays_live_and_from_a_file(browser, tmp_path):
     saved.close()
 
 
+FRAMES = """() => new Promise((done) => {
+  const [seen, time] = [[], document.querySelector("#motion input")];
+  const look = () => {
+    const { x, y, z } = window.spacearm.viewer.scene_tree.find(["spacearm", "bodies", "link_2"])
+      .object.position;
+    seen.push([Number(time.value), x, y, z]);
+    if (Number(time.value) < 2) requestAnimationFrame(look);
+    else done(seen);
+  };
+  look();
+})"""
+
+
+COUNT = """() => {
+  window.asked = 0;
+  const send = WebSocket.prototype.send;
+  WebSocket.prototype.send = function (message) {
+    window.asked += 1;
+    send.call(this, message);
+  };
+}"""
+
+
+@pytest.mark.slow
+def test_in_play_every_frame_of_the_browser_shows_its_own_posture(browser):
+    """The server answers for some of them; between those the page moves the arm by itself."""
+    shown = sa.Motion.of(motion())
+    viewer = sa.view(motion(), open=False)
+    page = Page(browser, viewer.serve()).ready()
+    page.page.click("#motion button")
+    page.wait_text("#motion output", "2.00 s")  # the poses are there from now on
+    page.page.evaluate(COUNT)
+    page.page.click("#motion button")
+    seen = np.array(page.page.evaluate(FRAMES))
+    for t, *place in seen[seen[:, 0] > 0.0]:
+        cfg = shown.at(t)
+        elbow = cfg.arm.replace(tip="link_2").at(cfg.q, base=cfg.base).tip.translation
+        np.testing.assert_allclose(place, elbow, atol=2e-3)
+    assert len(np.unique(seen[:, 0])) > 1.2 * page.page.evaluate("window.asked")
+    page.wait_text("#motion button", "Play")
+    page.page.wait_for_timeout(300)
+    np.testing.assert_allclose(viewer.q, shown.q[-1])
+    assert page.errors == []
+    page.close()
+    viewer.close()
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
 @pytest.mark.parametrize("inside", ["", MISSING_MESH])

@@ -8,6 +8,7 @@ import { createGrab } from "./grab.js";
 import { createJoints, refuse } from "./joints.js";
 import { createMap } from "./map.js";
 import { createPlayback } from "./playback.js";
+import { createPoses } from "./poses.js";
 import { createReadouts, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
@@ -16,7 +17,9 @@ import { createWork } from "./work.js";
 
 const viewer = createViewer(byId("scene"));
 let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart, showWork] = [];
-let [played, drawn] = [null, null];
+let [played, drawn, asked, wanted] = [null, null, 0, null];
+const poses = createPoses(viewer);
+const MOMENT = 100; // ms between the moments of a motion in play that the server answers for
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
 
@@ -60,6 +63,7 @@ function draw(commands) {
     end = at + 4 + lengths.getUint32(at, true);
     viewer?.handle_command_bytearray(new Uint8Array(commands.slice(at + 4, end)));
   }
+  if (isMoving()) poses.show(playback.at());
   if (framing || !document.body.dataset.ready || grab.isHeld()) return;
   framing = true;
   requestAnimationFrame(() => {
@@ -83,6 +87,7 @@ function receive(message) {
   if (message.about && !about) build((about = message.about), message.readout);
   if (message.map) map.draw(message.map);
   if ("motion" in message) load(message.motion);
+  if (message.poses) poses.load(message.poses);
   if (message.error) complain(message.error);
   if (message.readout && message.readout.edition !== about.edition) {
     location.reload(); // another arm is shown now
@@ -125,7 +130,7 @@ function build(told, { hidden, played: already }) {
     ask({ do: "layer", name, visible }, `layer ${name}`));
   showWork = createWork(viewer, told, ask);
   const film = createRecorder(viewer, told.model);
-  playback = createPlayback((t) => ask({ do: "time", t }));
+  playback = createPlayback(play);
   chart = createChart(playback.seek);
   film(playback, (t) => new Promise((done) => {
     drawn = { t, done };
@@ -135,6 +140,24 @@ function build(told, { hidden, played: already }) {
     ask({ do: "compare", with: target.value }));
   load(told.motion);
 }
+
+/* In play the page moves the drawing itself, once it knows the poses, and asks for the rest now and
+   then. */
+function play(t, playing) {
+  if (playing && wanted !== played) {
+    wanted = played;
+    ask({ do: "poses" });
+  }
+  if (playing && poses.of() === played) {
+    poses.show(t);
+    chart.show(t);
+    if (performance.now() - asked < MOMENT) return;
+  }
+  asked = performance.now();
+  ask({ do: "time", t });
+}
+
+const isMoving = () => playback?.at() != null && poses.of() === played;
 
 /* A motion to be played, with its curves and what it can be compared with. */
 function load(motion) {
@@ -211,7 +234,7 @@ function show(state) {
   grab.show(state);
   showWork(state);
   playback.show(state.t);
-  chart.show(state.t);
+  if (!isMoving()) chart.show(state.t);
   if (state.played !== played) ask({ do: "motion" });
   played = state.played;
 }

@@ -1,4 +1,5 @@
-/* Playback of a motion: calls onTime(t) while time runs or is moved. Space plays and pauses. */
+/* Playback of a motion: calls onTime(t, true) while time runs, onTime(t, false) where it was moved to
+   or has stopped. Space plays and pauses. */
 
 import { byId, digits, element, fixed } from "./format.js";
 
@@ -57,9 +58,15 @@ export function createPlayback(onTime) {
       ended();
       ended = () => {};
     }
+    document.body.classList.toggle("playing", on);
     button.textContent = on ? "Pause" : "Play";
     before = performance.now();
     if (on) requestAnimationFrame(tick);
+  }
+
+  function stop() {
+    setPlaying(false);
+    onTime(now, false);
   }
 
   function tick(moment) {
@@ -70,8 +77,8 @@ export function createPlayback(onTime) {
     if (t >= last && loop.checked && !once) t = span > 0 ? first + ((t - first) % span) : first;
     t = Math.min(Math.max(t, first), last);
     show(t);
-    onTime(t);
-    if (t >= last && (!loop.checked || once)) setPlaying(false);
+    onTime(t, true);
+    if (t >= last && (!loop.checked || once)) stop();
     else requestAnimationFrame(tick);
   }
 
@@ -86,15 +93,18 @@ export function createPlayback(onTime) {
   }
 
   function toggle() {
-    if (!playing && now >= last) show(first);
-    setPlaying(!playing);
+    if (playing) stop();
+    else {
+      if (now >= last) show(first);
+      setPlaying(true);
+    }
   }
 
   function seek(t) {
     setPlaying(false);
     show(t);
     slider.value = t;
-    onTime(t);
+    onTime(t, false);
   }
 
   button.addEventListener("click", toggle);
@@ -112,5 +122,5 @@ export function createPlayback(onTime) {
     return Array.from({ length: count }, (_, i) => first + ((last - first) * i) / Math.max(count - 1, 1));
   }
 
-  return { load, times, show: (t) => playing || show(t), seek, playOnce };
+  return { load, times, show: (t) => playing || show(t), seek, playOnce, at: () => (playing ? now : null) };
 }
