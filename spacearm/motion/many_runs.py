@@ -26,6 +26,8 @@ from spacearm.motion.plant import Plant
 if TYPE_CHECKING:
     import xarray as xr
 
+FAILURES = ("controller failed", "equations failed", "step collapsed")
+"""Ends of runs that are no results."""
 LOOKS = 200
 """Outputs of a run over which the least sigma_min and the largest turn are taken."""
 PIECE = 16
@@ -100,7 +102,7 @@ def simulate_many(
         singular set to first order [rad]) of 200 instants and the end, `t` (end [s]), `imbalance`
         (as `Trajectory.imbalance`, of the end), `ended`, `q0`, and `q`, `dq` and `base` at the end.
         Times that there are not are NaN. A run that fails does not end the others: it has
-        "controller failed" or "step collapsed" in `ended`.
+        "controller failed", "equations failed" or "step collapsed" in `ended`.
 
     Raises:
         ConfigurationError: An argument does not make sense.

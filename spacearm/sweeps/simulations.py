@@ -21,7 +21,7 @@ from spacearm.motion.controllers import (
     TransposedJacobian,
 )
 from spacearm.motion.goal import goal_of
-from spacearm.motion.many_runs import simulate_many
+from spacearm.motion.many_runs import FAILURES, simulate_many
 from spacearm.motion.plant import LIMITS
 from spacearm.sweeps.quantity import Quantity, Variable
 from spacearm.sweeps.tiles import Box
@@ -115,7 +115,7 @@ class Simulations(Quantity):
             base=turned, origin="cm", reach=self.reach,
             rtol=self.rtol, atol=1e-2 * self.rtol, distance=True, threads=1,
         )  # fmt: skip
-        failed = np.isin(found["ended"], ("controller failed", "step collapsed"))
+        failed = np.isin(found["ended"], FAILURES)
         kept = {name: found[name].values for name in VARIABLES if name in found}
         return kept | {"least_distance": found["distance"].values, "failed": failed}
 

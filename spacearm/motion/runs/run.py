@@ -27,7 +27,6 @@ from spacearm.motion.trajectory import Trajectory
 
 REPORT, BLOCK = 50, 2000
 """Steps between two reports of progress, with functions in Python and without."""
-
 LOOSE = 1e-2
 """Relative tolerances from which RKC, of order 2, comes before Radau."""
 
@@ -175,8 +174,7 @@ class Run:
                 "them or lower the gains"
             )  # fmt: skip
         elif why == steps.NO_RATE:
-            self.ended = "controller failed"
-            error = self.outside.error or self._failure(t)
+            self.ended, error = self._failure(t)
             if isinstance(error, KeyboardInterrupt):
                 self.ended = "interrupted"
                 return
@@ -185,18 +183,20 @@ class Run:
             q = ", ".join(f"{x:.6g}" for x in self.memory["seen"][: self.plant.arm.n])
             self.fault = f"at t = {t:.6g} s, q = ({q}): {error}"
 
-    def _failure(self, t: float) -> SpaceArmError:
-        """Return the error of a law or of the equations of motion in the last state."""
-        n, y = self.plant.arm.n, self.memory["seen"][: len(self.memory["y"])]
-        cfg, dq = self.plant.configuration(y), y[n : 2 * n].copy()
+    def _failure(self, t: float) -> tuple[str, BaseException]:
+        """Return what failed in the last state, a law or the equations of motion, and its error."""
+        failed, n, y = "controller failed", self.plant.arm.n, self.memory["seen"]
+        if self.outside.error:
+            return failed, self.outside.error
+        cfg, dq = self.plant.configuration(y[: len(self.memory["y"])]), y[n : 2 * n].copy()
         try:
-            for controller in self.controllers.values():
-                if not hasattr(controller, "py_func"):
-                    controller(t, cfg, dq)
+            for law in (law for law in self.controllers.values() if not hasattr(law, "py_func")):
+                law(t, cfg, dq)
+            failed = "equations failed"
             forward_dynamics(cfg, dq, np.zeros(n), mode=self.plant.mode)
         except SpaceArmError as error:
-            return error
-        return NoSolutionError("the controller's torque is not finite", None)
+            return failed, error
+        return "controller failed", NoSolutionError("the controller's torque is not finite", None)
 
     def finish(self) -> int:
         """Write the end as the last output; return the number of outputs."""
