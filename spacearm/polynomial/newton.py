@@ -11,17 +11,24 @@ step undetermined, the shortest one is taken.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.polynomial.jets import Pointwise
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
 STEPS = 60
 """Largest number of steps."""
 CONVERGED = 1e-14
 """Length of the step after which the iteration ends [rad]."""
+SHORT = 0.4
+"""Largest joint motion of one run of an optimisation [rad]."""
+MOST_WAYS = 60
+"""Largest number of runs."""
+AT_LIMIT = 1e-7
+"""Distance from its limit below which a joint counts as at the limit [rad]."""
 
 
 class Smooth(Protocol):
@@ -107,13 +114,55 @@ def stationary(
     return iterate(equations, np.append(start, multipliers), n, stride)[:n]
 
 
-def extreme(
-    F: TrigPolynomial, S: TrigPolynomial, start: Array, better: Callable[[float, float], bool]
+def bounded_extreme(
+    F: TrigPolynomial,
+    equations: Sequence[TrigPolynomial],
+    start: Array,
+    sign: float,
+    box: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Return a stationary point of F on S = 0 near `start` if it is better, else `start`."""
-    x = stationary(F, (S,), start)
-    on_set = abs(S(x)) <= NOISE * S.scale
-    return x if on_set and better(F(x), F(start)) else start
+    """Minimise sign * F on common roots near `start`, which is returned if no better.
+
+    A box (lower, upper corner) bounds the roots.
+
+    Sequential quadratic programming finds the active limits, in short runs so that it stays on its
+    piece of the set. Newton's method on the free joints then gives all digits.
+    """
+    from scipy.optimize import minimize  # slow to import
+
+    objective, on_roots = Pointwise(F), [Pointwise(S, S.scale) for S in equations]
+    on_set: Any = [{"type": "eq", "fun": S, "jac": S.gradient} for S in on_roots]
+    search: Any = minimize  # its stubs are for functions of float64 only
+    options: Any = {"maxiter": 50, "ftol": 1e-15}
+    x = start
+    least, most = box if box else (np.full(len(x), -np.inf), np.full(len(x), np.inf))
+    for _ in range(MOST_WAYS):
+        low, high = np.maximum(x - SHORT, least), np.minimum(x + SHORT, most)
+        result = search(
+            lambda q: sign * objective(q),
+            x,
+            jac=lambda q: sign * objective.gradient(q),
+            bounds=list(zip(low, high, strict=True)),
+            constraints=on_set,
+            method="SLSQP",
+            options=options,
+        )
+        moved, x = result.x - x, np.clip(result.x, low, high)
+        if np.abs(moved).max() < 0.999 * SHORT:
+            break
+    held = (x - least < AT_LIMIT) | (most - x < AT_LIMIT)
+    x = np.where(x - least < AT_LIMIT, least, x)
+    x = np.where(most - x < AT_LIMIT, most, x)
+    if not held.all():
+        fixed = {int(j): float(x[j]) for j in np.flatnonzero(held)}
+        free = [objective, *on_roots]
+        if fixed:
+            free = [Pointwise(F.fix(fixed)), *(Pointwise(S.fix(fixed), S.scale) for S in equations)]
+        x[~held] = stationary(free[0], free[1:], x[~held])
+    if ((x < least - 1e-12) | (x > most + 1e-12)).any():
+        return start
+    sound = all(abs(S(x)) <= NOISE for S in on_roots)
+    return x if sound and sign * F(x) <= sign * F(start) else start
 
 
 def meeting(

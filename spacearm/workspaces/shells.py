@@ -17,8 +17,7 @@ from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.polynomial.extremes import enclose
-from spacearm.polynomial.jets import Pointwise
-from spacearm.polynomial.newton import polish, stationary
+from spacearm.polynomial.newton import bounded_extreme, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.exact_set import ExactSet
@@ -33,12 +32,6 @@ from spacearm.workspaces.box import Box
 
 STARTS = 12
 """Number of best configurations of a sample from which each bound is searched."""
-SHORT = 0.4
-"""Largest joint motion of one run of an optimisation [rad]."""
-MOST_WAYS = 60
-"""Largest number of runs."""
-AT_LIMIT = 1e-7
-"""Distance from its limit below which a joint counts as at the limit [rad]."""
 AT_AN_END = 1e-9
 """Distance from the end of the range of R below which a bound is that end [m]."""
 MOST_ADDED = 20
@@ -130,12 +123,13 @@ def shell_about(
     """
     R2 = radius_squared(arm, mode=mode)
     order = np.argsort(R2(points))
+    ends_of_box = (box.low, box.high) if box.limited else None
     ends = []
     for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
         found, R = [], list[float]()
         for i in best:
             step()
-            q = bounded_extreme(R2, equations, points[i], box, sign)
+            q = bounded_extreme(R2, equations, points[i], sign, ends_of_box)
             found.append(q if counts(q) else points[i])
             R.append(float(distances(arm, found[-1][None], mode)[0]))
             if (R[-1] - within[0] if sign > 0.0 else within[1] - R[-1]) < AT_AN_END:
@@ -143,54 +137,6 @@ def shell_about(
         ends.append(found[int(np.argmin(sign * np.array(R)))])
     at = np.array(ends)
     return Shell(distances(arm, at, mode), at, number)
-
-
-def bounded_extreme(
-    F: TrigPolynomial, equations: Sequence[TrigPolynomial], start: Array, box: Box, sign: float
-) -> Array:
-    """Minimise sign * F on common roots in the box, near `start`, which is returned if no better.
-
-    Sequential quadratic programming finds the active limits, in short runs so that it stays on its
-    piece of the set. Newton's method on the free joints then gives all digits.
-    """
-    from scipy.optimize import minimize  # slow to import
-
-    objective, on_roots = Pointwise(F), [Pointwise(S, S.scale) for S in equations]
-    on_set: Any = [{"type": "eq", "fun": S, "jac": S.gradient} for S in on_roots]
-    search: Any = minimize  # its stubs are for functions of float64 only
-    options: Any = {"maxiter": 50, "ftol": 1e-15}
-    x = start
-    for _ in range(MOST_WAYS):
-        low, high = x - SHORT, x + SHORT
-        if box.limited:
-            low, high = np.maximum(low, box.low), np.minimum(high, box.high)
-        result = search(
-            lambda q: sign * objective(q),
-            x,
-            jac=lambda q: sign * objective.gradient(q),
-            bounds=list(zip(low, high, strict=True)),
-            constraints=on_set,
-            method="SLSQP",
-            options=options,
-        )
-        moved, x = result.x - x, np.clip(result.x, low, high)
-        if np.abs(moved).max() < 0.999 * SHORT:
-            break
-    held = np.zeros(len(x), dtype=bool)
-    if box.limited:
-        held = (x - box.low < AT_LIMIT) | (box.high - x < AT_LIMIT)
-        x = np.where(x - box.low < AT_LIMIT, box.low, x)
-        x = np.where(box.high - x < AT_LIMIT, box.high, x)
-    if not held.all():
-        fixed = {int(j): float(x[j]) for j in np.flatnonzero(held)}
-        free = [objective, *on_roots]
-        if fixed:
-            free = [Pointwise(F.fix(fixed)), *(Pointwise(S.fix(fixed), S.scale) for S in equations)]
-        x[~held] = stationary(free[0], free[1:], x[~held])
-    if box.limited and ((x < box.low - 1e-12) | (x > box.high + 1e-12)).any():
-        return start
-    sound = all(abs(S(x)) <= NOISE for S in on_roots)
-    return x if sound and sign * F(x) <= sign * F(start) else start
 
 
 def prove(

@@ -299,6 +299,23 @@ def test_shells_of_planar2_from_its_components():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 4, 10, 19])
+def test_ranges_of_components_are_those_that_are_proven(seed):
+    """The workspace's bounds are proven by boxes; a search that ends early falls short of them."""
+    arm = square_arm(seed, 3)
+    components, proven = sa.singular_set(arm).components(), sa.workspace(arm)
+    assert proven.kind == "certified"
+    low = min(component.radius[0] for component in components)
+    high = max(component.radius[1] for component in components)
+    assert low == pytest.approx(min(end for end, _ in proven.pdw), abs=1e-6)
+    assert high == pytest.approx(max(end for _, end in proven.pdw), abs=1e-6)
+    for component in components:
+        R = [np.linalg.norm((c := arm.at(q)).tip.translation - c.com) for q in component.at]
+        np.testing.assert_allclose(R, component.radius, atol=1e-9)
+        assert (np.abs(sa.singular_set(arm).S(component.at)) < 1e-9).all()
+
+
+@pytest.mark.slow
 def test_surface_is_a_closed_mesh_on_the_set():
     arm = square_arm(3, 3)
     found = sa.singular_set(arm)
