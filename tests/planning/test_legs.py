@@ -86,6 +86,7 @@ def test_a_part_ends_with_the_whole():
         soon.check_time()
 
 
+@pytest.mark.slow
 def test_command(tmp_path):
     words = ("plan", "planar2", "--q0", *Q0, "--goal", *GOAL, "--via", *VIA, "--via", 0.8, 1.6)
     run = spacearm(*words, "--save", "plan.npz", "--json", cwd=tmp_path)
