@@ -53,6 +53,7 @@ def test_path_proves_or_names_the_singular_posture(tmp_path):
     assert "not checked: collisions" in run.stdout
 
 
+@pytest.mark.slow
 def test_path_takes_saved_motions_and_refuses_other_files(tmp_path):
     arm = sa.load("planar2")
     sa.plan(arm, [0.3, 1.2], sa.Joints([0.4, 1.3])).save(tmp_path / "plan.npz")

@@ -66,6 +66,7 @@ def test_a_motion_is_shown_beside_another(tmp_path):
         assert why in run.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["planar2"])
 def test_a_report_is_one_page_with_the_command_of_every_figure(tmp_path, model):
     run = spacearm("report", model, "-o", "report.html", cwd=tmp_path)
