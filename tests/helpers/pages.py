@@ -1,5 +1,7 @@
 """A page in a real browser, for tests: what it shows, and what it asked for."""
 
+import time
+
 
 class Page:
     """A page that remembers what it asked for and what went wrong."""
@@ -41,6 +43,13 @@ class Page:
             "([selector, text]) => document.querySelector(selector)?.textContent.includes(text)",
             arg=[selector, text],
         )
+
+    def until(self, holds, seconds=30.0):
+        """Waits until what is asked holds, while the page goes on."""
+        end = time.monotonic() + seconds
+        while not holds():
+            assert time.monotonic() < end, "it never came to hold"
+            self.page.wait_for_timeout(30)
 
     def seek(self, t):
         """Drags the time slider."""

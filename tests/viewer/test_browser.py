@@ -32,10 +32,9 @@ def page(browser, viewer):
 
 
 def test_the_page_needs_nothing_from_elsewhere_and_logs_no_error(page, viewer):
-    page.page.wait_for_timeout(300)
+    page.until(lambda: page.colours() > 12)
     assert page.errors == []
     assert all(url.startswith((viewer.url.partition("?")[0], "data:")) for url in page.requests)
-    assert page.colours() > 12
     assert page.text("#model") == "planar2"
     assert page.text("#kind") == "regular"
 
@@ -124,8 +123,7 @@ def test_a_saved_page_opens_offline_and_shows_the_arm(browser, viewer, tmp_path)
     path = viewer.save(tmp_path / "scene.html")
     saved = Page(browser, path.as_uri(), offline=True)
     assert saved.visible("directions", "lost")
-    saved.page.wait_for_timeout(300)
-    assert saved.colours() > 12
+    saved.until(lambda: saved.colours() > 12)
     saved.page.uncheck("[data-layer=bodies]")
     assert not saved.visible("bodies")
     assert saved.errors == []
@@ -159,8 +157,7 @@ def test_a_motion_plays_live_and_from_a_file(browser, tmp_path):
     elbow = wanted.arm.replace(tip="link_2").at(wanted.q, base=wanted.base).tip.translation
     live = Page(browser, viewer.serve()).ready()
     live.seek(1.25)
-    live.page.wait_for_timeout(300)
-    assert np.allclose(position(live, "link_2"), elbow, atol=1e-6)
+    live.until(lambda: np.allclose(position(live, "link_2"), elbow, atol=1e-6))
     live.page.click("#motion button")
     live.wait_text("#motion output", "2.00 s")
     live.close()
@@ -213,8 +210,7 @@ def test_in_play_every_frame_of_the_browser_shows_its_own_posture(browser):
         np.testing.assert_allclose(place, elbow, atol=2e-3)
     assert len(np.unique(seen[:, 0])) > 1.2 * page.page.evaluate("window.asked")
     page.wait_text("#motion button", "Play")
-    page.page.wait_for_timeout(300)
-    np.testing.assert_allclose(viewer.q, shown.q[-1])
+    page.until(lambda: np.allclose(viewer.q, shown.q[-1], atol=1e-12))
     assert page.errors == []
     page.close()
     viewer.close()
@@ -230,8 +226,7 @@ def test_links_without_a_drawing_still_show_a_scene(browser, tmp_path, inside):
     path.write_text(robot(bus, link("arm", inside=inside), elbow, *tip))
     viewer = sa.view(sa.load(path), open=False)
     page = Page(browser, viewer.serve()).ready()
-    page.page.wait_for_timeout(300)
-    assert page.colours() > 12
+    page.until(lambda: page.colours() > 12)
     missing = page.page.locator("#missing")
     assert missing.is_visible() is bool(inside)
     if inside:

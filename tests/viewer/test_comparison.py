@@ -76,7 +76,7 @@ def test_a_ghost_and_dashed_curves_show_the_other_motion(browser, tmp_path):
         "window.spacearm.viewer.scene_tree.find(['spacearm', 'comparison', 'tip'])"
         ".object.position.toArray()"
     )
-    fixed = compared(floating(), "fixed").motion
+    there = compared(floating(), "fixed").motion.at(1.0).tip.translation
     live, saved = viewer.serve(), viewer.save(tmp_path / "two.html").as_uri()
     for url in (live, saved):
         page = Page(browser, url, width=1366, height=768)
@@ -84,10 +84,7 @@ def test_a_ghost_and_dashed_curves_show_the_other_motion(browser, tmp_path):
         page.page.select_option("#curves", "0")
         assert page.page.locator(".u-legend .u-series").count() == 5
         page.seek(1.0)
-        page.page.wait_for_timeout(400)
-        np.testing.assert_allclose(
-            page.page.evaluate(place), fixed.at(1.0).tip.translation, atol=2e-3
-        )
+        page.until(lambda page=page: np.allclose(page.page.evaluate(place), there, atol=2e-3))
         if url == live:
             page.page.select_option("#compare", "attitude-controlled")
             page.wait_text("#story", "attitude held")

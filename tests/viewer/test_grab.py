@@ -106,22 +106,24 @@ def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser
     viewer = sa.view(sa.load("planar2"), np.radians([20, -60]), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
     page.page.check("[name=mode][value=free-floating]")
-    page.page.wait_for_timeout(400)
+    page.until(lambda: viewer.session.mode == "free-floating")
     box = page.page.locator("#grab circle").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     before, com = viewer.session.cfg.tip.translation, viewer.session.cfg.com
     page.page.mouse.move(x, y)
     page.page.mouse.down()
     page.page.mouse.move(x - 30, y - 20, steps=5)
-    page.page.wait_for_timeout(400)
+
+    def is_under_the_pointer():
+        now = page.page.locator("#grab circle").bounding_box()
+        return max(abs(now["x"] - box["x"] + 30), abs(now["y"] - box["y"] + 20)) < 4
+
+    page.until(is_under_the_pointer)
     after = viewer.session.cfg.tip.translation
     assert after[0] < before[0] - 0.02
     assert after[1] > before[1] + 0.02
     assert after[2] == pytest.approx(0, abs=1e-9)
     np.testing.assert_allclose(viewer.session.cfg.com, com, atol=1e-9)
-    now = page.page.locator("#grab circle").bounding_box()
-    assert abs(now["x"] - box["x"] + 30) < 4, "the tip is under the pointer"
-    assert abs(now["y"] - box["y"] + 20) < 4
     page.page.mouse.move(x + 500, y, steps=5)
     page.wait_text("#blocked", "cannot follow")
     assert "blocked" in page.page.get_attribute("#grab", "class")
@@ -131,8 +133,7 @@ def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser
     page.page.focus("#grab circle")
     was = viewer.session.cfg.tip.translation
     page.page.keyboard.press("ArrowLeft")
-    page.page.wait_for_timeout(400)
-    assert viewer.session.cfg.tip.translation[0] < was[0]
+    page.until(lambda: viewer.session.cfg.tip.translation[0] < was[0])
     assert page.errors == []
     page.close()
     viewer.close()

@@ -65,7 +65,7 @@ def live(page):
 
 
 def drag(page, frame, share):
-    """Drags the first slider with the mouse to a share of its length; returns what it shows."""
+    """Drags the first slider with the mouse to a share of its length."""
     slider = frame.locator(SLIDER)
     slider.scroll_into_view_if_needed()
     box = slider.bounding_box()
@@ -75,7 +75,10 @@ def drag(page, frame, share):
     page.page.mouse.down()
     page.page.mouse.move(box["x"] + share * box["width"], middle, steps=5)
     page.page.mouse.up()
-    page.page.wait_for_timeout(500)
+
+
+def shown(frame):
+    """The angle that stands beside the first slider [deg]."""
     return float(frame.locator(".joint:nth-child(1) input[type=number]").input_value())
 
 
@@ -168,18 +171,20 @@ def test_a_slider_in_the_cell_moves_what_python_has(browser, viewer):
     with notebook(viewer._repr_html_()) as number:
         page = Page(browser, f"http://localhost:{number}/", 1000, 640)
         frame = live(page)
-        degrees = drag(page, frame, 0.25)
-        assert -150.0 < degrees < -45.0
-        np.testing.assert_allclose(np.degrees(viewer.q), [degrees, np.degrees(1.2)], atol=0.01)
+        drag(page, frame, 0.25)
+        page.until(lambda: np.degrees(viewer.q[0]) == pytest.approx(-90.0, abs=15.0))
+        page.until(lambda: np.degrees(viewer.q[0]) == pytest.approx(shown(frame), abs=0.01))
+        assert viewer.q[1] == 1.2
 
         # a notebook takes cells that are out of sight out of the page and puts them back
         page.page.evaluate(
             "() => { const b = document.querySelector('[id^=spacearm]'); b.remove();"
             " document.body.append(b); }"
         )
-        degrees = drag(page, live(page), 0.75)
-        assert 45.0 < degrees < 150.0
-        assert np.degrees(viewer.q[0]) == pytest.approx(degrees, abs=0.01)
+        frame = live(page)
+        drag(page, frame, 0.75)
+        page.until(lambda: np.degrees(viewer.q[0]) == pytest.approx(90.0, abs=15.0))
+        page.until(lambda: np.degrees(viewer.q[0]) == pytest.approx(shown(frame), abs=0.01))
 
         page.page.reload()  # the invitation is used up: the scene as it was saved
         page.page.wait_for_timeout(1500)
@@ -203,6 +208,5 @@ def test_a_page_of_another_host_keeps_the_scene(browser, viewer):
             " document.body.append(f); }",
             viewer._server.invitation(),
         )
-        page.page.wait_for_timeout(1500)
-        assert any("frame-ancestors" in each for each in page.errors)
+        page.until(lambda: any("frame-ancestors" in each for each in page.errors))
         page.close()

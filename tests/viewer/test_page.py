@@ -51,18 +51,13 @@ def test_the_whole_robot_is_in_view_at_every_size(browser, name):
     for page in pages:
         assert 0.5 < outside(page) <= 0.95
         page.page.set_viewport_size({"width": 800, "height": 700})
-        page.page.wait_for_timeout(300)
-        assert outside(page) <= 0.95
+        page.until(lambda page=page: outside(page) <= 0.95)
         for view in ("front", "side", "top", "3-D"):
             page.page.click(f"[data-view='{view}']")
             assert outside(page) <= 0.95
     pages[0].page.bring_to_front()
     viewer.show(np.full(viewer.session.arm.n, 1.5))
-    for _ in range(50):
-        pages[0].page.wait_for_timeout(100)
-        if outside(pages[0]) <= 1.0:
-            break
-    assert outside(pages[0]) <= 1.0
+    pages[0].until(lambda: outside(pages[0]) <= 1.0)
     shut(viewer, *pages)
 
 
@@ -276,8 +271,7 @@ def test_on_a_phone_the_panel_folds_away(browser):
     page.page.click("#fold")
     assert not page.page.is_visible("#panel")
     assert page.page.get_attribute("#fold", "aria-expanded") == "false"
-    page.page.wait_for_timeout(300)
-    assert outside(page) <= 0.95
+    page.until(lambda: outside(page) <= 0.95)
     page.page.click("#fold")
     assert page.page.is_visible("#panel")
     shut(viewer, page)
@@ -343,8 +337,7 @@ def test_a_motion_has_speed_loop_events_curves_goal_and_the_space_bar(browser, t
         page = Page(browser, url, width=1366, height=768)
         page.page.wait_for_selector("#events button")
         assert page.visible("goal")
-        page.page.wait_for_timeout(500)
-        assert outside(page) <= 0.95
+        page.until(lambda page=page: outside(page) <= 0.95)
         page.page.click("#events button")
         page.wait_text("#motion output", "0.50 s")
         assert page.page.locator("#chart canvas").count() == 1
@@ -424,8 +417,8 @@ def test_the_posture_is_dragged_on_the_map_which_follows_the_other_joints(browse
     was = viewer.session.cfg.q[chosen[0]]
     page.page.focus("#mapcanvas")
     page.page.keyboard.press("Shift+ArrowLeft")
-    page.page.wait_for_timeout(300)
-    assert viewer.session.cfg.q[chosen[0]] == pytest.approx(was - np.radians(10), abs=1e-6)
+    wanted = pytest.approx(was - np.radians(10), abs=1e-6)
+    page.until(lambda: viewer.session.cfg.q[chosen[0]] == wanted)
     shut(viewer, page)
 
 

@@ -177,9 +177,7 @@ def test_a_plan_is_made_to_a_picked_goal_and_played(browser):
     page.page.select_option("#speed", "10")
     page.page.click("#motion button")
     page.page.wait_for_function("document.querySelector('#motion button').textContent === 'Play'")
-    page.page.wait_for_timeout(300)
-    there = viewer.session.cfg.tip.translation
-    np.testing.assert_allclose(there[:2], goal[:2], atol=1e-4)
+    page.until(lambda: np.allclose(viewer.session.cfg.tip.translation, goal, atol=1e-4))
     x = "#goalplace label:nth-of-type(1) input"
     page.page.fill(x, "9")
     page.page.press(x, "Enter")
