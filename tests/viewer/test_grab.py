@@ -87,7 +87,7 @@ def test_joints_stop_at_the_ends_of_their_ranges():
     ("message", "error"),
     [
         ({}, "grip is 'None'"),
-        ({"grip": 1, "shift": [1, 2]}, "shift is .* give three numbers"),
+        ({"grip": 1, "shift": [1, 2]}, "shift is .* give 3 numbers"),
         ({"grip": 1, "shift": "abc"}, "shift is 'abc'"),
         ({"grip": 1, "turn": [0, 0, float("inf")]}, "turn is 'inf'"),
         ({"grip": 1, "shift": [1, 2, None]}, "shift is 'None'"),

@@ -522,7 +522,13 @@ def test_an_address_brings_the_posture_back(browser):
     )
     assert viewer.q == pytest.approx([0.3, 1.2])
     assert "#" not in again.page.url
-    shut(viewer, page, again)
+    viewer.handle({"do": "arm", "robot": "planar3"})
+    third = Page(browser, address)
+    third.wait_text("#model", "planar2")  # the address names its arm, too
+    third.until(lambda: len(viewer.q) == 2 and viewer.q == pytest.approx([0.3, 1.2]))
+    third.ready()
+    assert "#" not in third.page.url
+    shut(viewer, page, again, third)
 
 
 @pytest.mark.slow
