@@ -6,7 +6,7 @@ import { pointUnder, toDrawing as world, toInertial as inertial } from "./scene.
 
 const SVG = "http://www.w3.org/2000/svg";
 const RING = 60; // px
-const AXES = ["#d62728", "#2ca02c", "#3f6ff0"];
+const AXES = ["#d62728", "#00914d", "#3f6ff0"];
 
 /* `pull` is called with where the tip is pulled to, `onEnd` when it is let go. */
 export function createGrab(viewer, { task, normal }, pull, onEnd) {
