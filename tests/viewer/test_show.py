@@ -45,6 +45,8 @@ def test_an_arm_opens_well_away_from_singularities(name):
     assert first.report.kind == "regular"
     assert first.report.distance > np.radians(5)
     assert not first.cfg.outside_limits
+    room = np.minimum(first.cfg.q - first.arm.lower, first.arm.upper - first.cfg.q)
+    assert (room > 0.0).all(), "the tip can be pulled all around"
     assert first.cfg.q.tolist() == second.cfg.q.tolist()
     assert shown(first.arm, np.zeros(first.arm.n)).cfg.q.tolist() == [0] * first.arm.n
 
