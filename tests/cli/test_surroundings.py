@@ -19,13 +19,8 @@ from spacearm.cli.app import main
 QUERY = (sys.executable, "-m", "spacearm", "query", "planar2", "0", "1")
 
 
-@pytest.mark.parametrize(
-    "closed",
-    [
-        ">&- 2>&-",
-        *(pytest.param(x, marks=pytest.mark.slow) for x in (">&-", "2>&-", "<&-", "<&- >&- 2>&-")),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [">&- 2>&-", ">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
 def test_streams_that_are_closed(tmp_path, closed):
     words = [*QUERY[:3], "map", "planar2", "--points", "5", "--output", str(tmp_path / "map.svg")]
     run = subprocess.run(
@@ -57,6 +52,7 @@ def test_python_without_docstrings_and_asserts(words):
     assert complaints(run) == []
 
 
+@pytest.mark.slow
 def test_the_view_where_warnings_are_errors(tmp_path):
     words = [sys.executable, "-W", "error", *QUERY[1:3], "view", "planar2", "--save", "page.html"]
     env = os.environ | keeping(tmp_path)
@@ -194,6 +190,7 @@ def test_a_plan_that_was_stopped_is_saved_as_far_as_it_came(tmp_path, monkeypatc
     assert isinstance(sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2")), sa.Plan)
 
 
+@pytest.mark.slow
 def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
     def interrupted(*_, **options):
         def tell(*_):
