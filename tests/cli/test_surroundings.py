@@ -77,6 +77,18 @@ def test_an_interrupt_at_any_time_gives_no_traceback(tmp_path, after, words):
     assert "__main__.py" not in err  # what comes before is Python's own start
 
 
+@pytest.mark.parametrize("words", [("map", "mda6"), ("risk", "planar2"), ("query", "planar2")])
+def test_an_interrupt_before_there_is_anything_to_keep_is_said(monkeypatch, capsys, words):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("spacearm.cli.mounting.load", interrupted)
+    monkeypatch.setattr(sys, "argv", ["spacearm", *words])
+    with pytest.raises(SystemExit, match="130"):
+        main()
+    assert capsys.readouterr().err == "spacearm: stopped\n"
+
+
 def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
     """As trimesh does, which is imported when a scene is made."""
     served = []
@@ -142,7 +154,7 @@ def test_ctrl_c_in_a_risk_keeps_the_sample(tmp_path, monkeypatch):
 def test_ctrl_c_in_a_workspace_keeps_what_is_attained(tmp_path, monkeypatch):
     whole = sa.workspace(sa.load("planar2"))
 
-    def interrupted(*_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("spacearm.workspaces.path_dependent.exact_shells", interrupted)
