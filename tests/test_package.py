@@ -127,6 +127,7 @@ def test_what_the_readme_answers_is_what_the_command_says():
     assert shown.splitlines() == said
 
 
+@pytest.mark.slow
 def test_output_survives_a_plain_ascii_terminal():
     env = os.environ | {"PYTHONIOENCODING": "ascii:backslashreplace", "NO_COLOR": "1"}
     words = ("-m", "spacearm", "query", "planar2", "--deg", "-65", "-11.41")
@@ -159,6 +160,7 @@ def test_archives_are_reproducible_byte_for_byte(archives, kind):
     assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.slow
 def test_nothing_is_in_the_wheel_twice(archives):
     with zipfile.ZipFile(next(archives[0].glob("*.whl"))) as wheel:
         contents = {name: wheel.read(name) for name in wheel.namelist()}
@@ -167,6 +169,7 @@ def test_nothing_is_in_the_wheel_twice(archives):
     assert any(name.endswith("licenses/spacearm/viewer/page/uplot/LICENSE") for name in contents)
 
 
+@pytest.mark.slow
 def test_the_sdist_is_complete(archives):
     with tarfile.open(next(archives[0].glob("*.tar.gz"))) as sdist:
         inside = {name.partition("/")[2] for name in sdist.getnames()}
@@ -178,6 +181,7 @@ def test_the_sdist_is_complete(archives):
     assert kept <= inside
 
 
+@pytest.mark.slow
 def test_metadata_is_complete(archives):
     now = python(sys.executable, "-m", "hatchling", "version", cwd=ROOT).stdout.strip()
     with zipfile.ZipFile(next(archives[0].glob("*.whl"))) as wheel:

@@ -14,6 +14,7 @@ import spacearm as sa
 BUILT = Path(__file__).resolve().parents[1] / "docs" / "_build" / "html"
 
 
+@pytest.mark.slow
 def test_every_equation_of_the_table_stands_somewhere():
     found = {c.equation for folder in ("spacearm", "tests") for c in equations.citations(folder)}
     assert set(equations.MEANING) <= found
@@ -24,6 +25,7 @@ def test_every_cited_equation_is_in_the_table():
     assert {c.equation for c in equations.citations()} <= set(equations.MEANING)
 
 
+@pytest.mark.slow
 def test_cited_lines_name_their_equation():
     for cited in equations.citations():
         path = equations.ROOT / (cited.module.replace(".", "/") + ".py")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import os
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -53,8 +54,21 @@ def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
         module, _, function = COMMANDS[name].rpartition(".")
         command = getattr(import_module(f"spacearm.cli.{module}"), function)
         settings = HELP if name in NO_NUMBERS else HELP | {"ignore_unknown_options": True}
-        app.command(name, context_settings=settings)(command)
+        app.command(name, context_settings=settings)(_stoppable(command))
     return app
+
+
+def _stoppable(command: Callable[..., int]) -> Callable[..., int]:
+    """Have Ctrl-C abort a command, which is said; by itself Typer exits without a word."""
+
+    @functools.wraps(command)
+    def run(*args: Any, **options: Any) -> int:
+        try:
+            return command(*args, **options)
+        except KeyboardInterrupt as stop:
+            raise typer.Abort from stop
+
+    return run
 
 
 def options(

@@ -19,13 +19,8 @@ from spacearm.cli.app import main
 QUERY = (sys.executable, "-m", "spacearm", "query", "planar2", "0", "1")
 
 
-@pytest.mark.parametrize(
-    "closed",
-    [
-        ">&- 2>&-",
-        *(pytest.param(x, marks=pytest.mark.slow) for x in (">&-", "2>&-", "<&-", "<&- >&- 2>&-")),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [">&- 2>&-", ">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
 def test_streams_that_are_closed(tmp_path, closed):
     words = [*QUERY[:3], "map", "planar2", "--points", "5", "--output", str(tmp_path / "map.svg")]
     run = subprocess.run(
@@ -57,6 +52,7 @@ def test_python_without_docstrings_and_asserts(words):
     assert complaints(run) == []
 
 
+@pytest.mark.slow
 def test_the_view_where_warnings_are_errors(tmp_path):
     words = [sys.executable, "-W", "error", *QUERY[1:3], "view", "planar2", "--save", "page.html"]
     env = os.environ | keeping(tmp_path)
@@ -79,6 +75,18 @@ def test_an_interrupt_at_any_time_gives_no_traceback(tmp_path, after, words):
     _, err = process.communicate(timeout=60)
     assert process.returncode in (0, 130, -signal.SIGINT) or "spacearm/" not in err
     assert "__main__.py" not in err  # what comes before is Python's own start
+
+
+@pytest.mark.parametrize("words", [("map", "mda6"), ("risk", "planar2"), ("query", "planar2")])
+def test_an_interrupt_before_there_is_anything_to_keep_is_said(monkeypatch, capsys, words):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("spacearm.cli.mounting.load", interrupted)
+    monkeypatch.setattr(sys, "argv", ["spacearm", *words])
+    with pytest.raises(SystemExit, match="130"):
+        main()
+    assert capsys.readouterr().err == "spacearm: stopped\n"
 
 
 def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
@@ -146,7 +154,7 @@ def test_ctrl_c_in_a_risk_keeps_the_sample(tmp_path, monkeypatch):
 def test_ctrl_c_in_a_workspace_keeps_what_is_attained(tmp_path, monkeypatch):
     whole = sa.workspace(sa.load("planar2"))
 
-    def interrupted(*_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("spacearm.workspaces.path_dependent.exact_shells", interrupted)
@@ -188,12 +196,13 @@ def test_a_plan_that_was_stopped_is_saved_as_far_as_it_came(tmp_path, monkeypatc
     )
     words = ("--q0", 0.3, 1.2, "--goal", 0.9, 1.4, "--save", "plan.npz")
     run = spacearm("plan", "planar2", *words, cwd=tmp_path)
-    assert run.returncode == 2
+    assert run.returncode == 130
     assert "wrote plan.npz: the best attempt, which does not arrive" in run.stderr
     assert "straight: stopped by Ctrl-C" in run.stderr
     assert isinstance(sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2")), sa.Plan)
 
 
+@pytest.mark.slow
 def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
     def interrupted(*_, **options):
         def tell(*_):

@@ -56,6 +56,7 @@ def test_no_folder_can_be_written(tmp_path, options):
     assert complaint.count("set NUMBA_CACHE_DIR") == 1
 
 
+@pytest.mark.slow
 def test_what_somebody_else_compiled_is_used_where_nothing_can_be_written(tmp_path):
     (tmp_path / "small.py").write_text(SMALL)
     count = "sum(small.kernel.stats.cache_hits.values())"
@@ -65,20 +66,16 @@ def test_what_somebody_else_compiled_is_used_where_nothing_can_be_written(tmp_pa
     assert used[1] == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "damage"),
     [
+        ("nbi", b""),
+        ("nbi", b"no pickle"),
+        ("nbi", None),
+        ("nbc", b""),
+        ("nbc", b"no pickle"),
         ("nbc", None),
-        *(
-            pytest.param(kind, damage, marks=pytest.mark.slow)
-            for kind, damage in [
-                ("nbi", b""),
-                ("nbi", b"no pickle"),
-                ("nbi", None),
-                ("nbc", b""),
-                ("nbc", b"no pickle"),
-            ]
-        ),
     ],
 )
 def test_damaged_files_are_written_anew(tmp_path, kind, damage):
