@@ -242,8 +242,10 @@ class Session:
         said: dict[str, Any] = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
         said |= {"spacecraft": self.spacecraft}
         said |= {"goal": None if self.goal is None else readouts.pose(self.goal)}
-        source, _, locked, made = self.origin
+        source, _, locked, made, changed = self.origin
         code = readouts.as_python(self.cfg, source, locked, made)
+        if changed:
+            code = f"# without what was changed in Python: locked joints, masses, lengths\n{code}"
         if self.spacecraft != "free-floating":
             code += f"report = sa.singularity(cfg, mode={self.spacecraft!r})\n"
         return {**said, **readouts.readout(self.report), "python": code}

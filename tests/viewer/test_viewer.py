@@ -764,6 +764,17 @@ def test_the_page_chooses_arm_tip_task_and_joints(viewer):
     assert b"link_6" in b"".join(viewer.window.commands())
 
 
+@pytest.mark.parametrize(
+    "changed",
+    [{"locked": {"joint_2": 0.3}}, {"payload": 5.0}, {"task": sa.Task("pose", length=2.0)}],
+)
+def test_code_says_that_it_lacks_what_was_changed_in_python(changed):
+    arm = sa.load("mda6")
+    for one, is_said in ((arm, False), (arm.replace(**changed), True)):
+        code = Session(one, one.at(np.full(one.n, 0.5))).readout()["python"]
+        assert code.startswith("# without what was changed in Python") is is_said
+
+
 def test_what_an_address_has_brings_arm_and_posture_back(viewer):
     names = sa.load("mda6").joint_names
     options = {"tip": "link_6", "task": "position", "joints": list(names[1:])}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from spacearm.description.model_catalogue import catalogue
-from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.errors import ConfigurationError, ModelError, SpaceArmError, unknown
 from spacearm.files import write
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -32,17 +32,20 @@ class Origin(NamedTuple):
         arm: The arm before joints were locked in the page.
         locked: Those joints, with their values [rad] or [m].
         made: How the source comes about, where it is a file that is not there.
+        changed: Whether the arm is another one than that of the source, as one with joints locked.
     """
 
     source: str
     arm: SpaceArm
     locked: Mapping[str, float]
     made: str = "by arm.to_urdf"
+    changed: bool = False
 
     @classmethod
     def of(cls, arm: SpaceArm) -> Origin:
         """Return the origin of an arm that was made in Python."""
-        return cls(source_of(arm), arm, {})
+        source = source_of(arm)
+        return cls(source, arm, {}, changed=_is_changed(arm, source))
 
 
 class Chosen(NamedTuple):
@@ -57,6 +60,22 @@ class Chosen(NamedTuple):
     arm: SpaceArm
     origin: Origin
     said: str
+
+
+def _is_changed(arm: SpaceArm, source: str) -> bool:
+    """Tell whether `load` gives another arm than this; where it gives none, `made` says so."""
+    tip = arm.tips[0] if len(arm.tips) == 1 else arm.tips
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            again = load(source, tip=tip, task=arm.task.names, joints=arm.joints)
+    except SpaceArmError:
+        return False
+    if (again.joint_names, again.task) != (arm.joint_names, arm.task):
+        return True
+    one, other = again.model, arm.model
+    bodies = zip(one.inertias, other.inertias, strict=False)  # as many, if the names are the same
+    return list(one.names) != list(other.names) or not all(a.isApprox(b) for a, b in bodies)
 
 
 def offered(arm: SpaceArm, origin: Origin) -> dict[str, Any]:
@@ -94,15 +113,16 @@ def chosen(cfg: Configuration, origin: Origin, message: dict[str, Any], folder: 
     options, joints = _options(message), _joints(message)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        source, arm, locked, made = origin
+        source, arm, locked, made, changed = origin
         if (file := message.get("file")) is not None:
             source, path = _written(file, folder)
             arm, locked, made = _read(path, source), {}, "the file dropped on the page"
+            changed = False
         elif (robot := message.get("robot")) is not None:
             names = [info.name for info in catalogue()]
             if robot not in names:
                 raise ConfigurationError(unknown("robot", str(robot)[:LONGEST_NAME], names))
-            arm, source, locked = load(str(robot)), str(robot), {}
+            arm, source, locked, changed = load(str(robot)), str(robot), {}, False
         whole = arm.replace(**options) if options else arm
         if joints is not None:
             place = {**whole.held, **dict(zip(cfg.arm.joint_names, cfg.q.tolist(), strict=True))}
@@ -114,7 +134,8 @@ def chosen(cfg: Configuration, origin: Origin, message: dict[str, Any], folder: 
         locked = {name: value for name, value in locked.items() if name in whole.joint_names}
         found = whole.replace(locked=locked) if locked else whole
     said = dict.fromkeys(_told(str(warning.message), folder) for warning in caught)
-    return Chosen(found, Origin(source, whole, locked, made), "; ".join(list(said)[:MOST_WARNINGS]))
+    chosen = Origin(source, whole, locked, made, changed)
+    return Chosen(found, chosen, "; ".join(list(said)[:MOST_WARNINGS]))
 
 
 def _options(message: dict[str, Any]) -> dict[str, Any]:
