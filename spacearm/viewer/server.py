@@ -29,8 +29,8 @@ from spacearm.viewer.outbox import Key, Outbox
 from spacearm.viewer.port import LOOPBACK, listen
 from spacearm.viewer.window import LIBRARIES, PAGE, Window
 
-LARGEST_MESSAGE = 100_000
-"""Size of a message of the page, and of the body of a request [bytes]."""
+LARGEST_BODY, LARGEST_MESSAGE = 100_000, 2_000_000
+"""Size of the body of a request, and of a message of the page, which may bring a file [bytes]."""
 SLOWEST = 30.0
 """Time that a request may take to come in [s]."""
 PAUSE = 0.001
@@ -133,8 +133,8 @@ class Server:
         ], websocket_max_message_size=LARGEST_MESSAGE, log_function=lambda _: None)  # fmt: skip
         server = tornado.httpserver.HTTPServer(
             application,
-            max_body_size=LARGEST_MESSAGE,
-            max_buffer_size=10 * LARGEST_MESSAGE,
+            max_body_size=LARGEST_BODY,
+            max_buffer_size=2 * LARGEST_MESSAGE,
             idle_connection_timeout=SLOWEST,
             body_timeout=SLOWEST,
         )

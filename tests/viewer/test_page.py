@@ -536,14 +536,15 @@ def test_arm_tip_and_file_are_chosen_in_the_page_and_every_client_follows(browse
     )
     page.page.wait_for_function("document.querySelector('#error').textContent !== ''")
     assert page.page.locator(".joint").count() == 1
-    page.page.evaluate(
-        """() => {
-          const data = new DataTransfer();
-          data.items.add(new File(["x".repeat(1e5)], "<img src=x>.urdf"));
-          document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
-        }"""
-    )
-    page.wait_text("#error", "<img src=x>.urdf has 100000 bytes")
+    for letter, count, size in (("x", 3_000_000, 3_000_000), ("\\u0001", 1_000_000, 6_000_002)):
+        page.page.evaluate(
+            f"""() => {{
+              const data = new DataTransfer();
+              data.items.add(new File(['{letter}'.repeat({count})], "<img src=x>.urdf"));
+              document.dispatchEvent(new DragEvent("drop", {{ dataTransfer: data }}));
+            }}"""
+        )
+        page.wait_text("#error", f"<img src=x>.urdf takes {size} bytes")
     shut(viewer, page, other)
 
 

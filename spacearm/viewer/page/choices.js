@@ -2,7 +2,7 @@
 
 import { byId } from "./format.js";
 
-const LARGEST = 90_000; // bytes of a file; the server takes no larger messages
+const LARGEST = 1_900_000; // bytes of a file as it is sent; the server takes no larger messages
 
 export function createChoices({ model, tip, choices }, ask, complain, getState) {
   const [robot, link, task, counted] = ["robot", "tiplink", "task", "counted"].map(byId);
@@ -37,13 +37,15 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
 
   async function take(file) {
     if (!file) return;
-    if (file.size > LARGEST) {
-      complain(`${file.name} has ${file.size} bytes, the page takes up to ${LARGEST}: `
+    const text = file.size > LARGEST ? "" : await file.text();
+    const size = Math.max(file.size, new Blob([JSON.stringify(text)]).size);
+    if (size > LARGEST) {
+      complain(`${file.name} takes ${size} bytes, the page sends up to ${LARGEST}: `
         + "open it with spacearm view");
       return;
     }
     complain("");
-    ask({ do: "arm", file: { name: file.name, text: await file.text() } });
+    ask({ do: "arm", file: { name: file.name, text } });
   }
 
   byId("file").addEventListener("change", ({ target }) => take(target.files[0]));
