@@ -6,6 +6,7 @@ import os
 import re
 import stat
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from secrets import token_hex
 from tempfile import TemporaryDirectory
@@ -85,7 +86,8 @@ def write_by(path: Path, fill: Callable[[BinaryIO], object]) -> Path:
         raise SpaceArmError(f"{path} cannot be written: {why}") from None
     finally:
         if beside:
-            beside.unlink(missing_ok=True)
+            with suppress(OSError):
+                beside.unlink()
     return path
 
 

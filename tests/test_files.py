@@ -86,6 +86,17 @@ def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path, there):
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["folder", "link", "real"]
 
 
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("kept")
+    for write_it in (
+        lambda path: files.write(path, b"x"),
+        lambda path: files.write_folder(path, lambda _: None, ".mark"),
+    ):
+        with pytest.raises(sa.SpaceArmError, match="cannot be written: Not a directory"):
+            write_it(tmp_path / "file" / "new")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["kept"]
+
+
 def test_nothing_is_left_of_what_cannot_be_written(tmp_path):
     for path in (tmp_path / "nul\0", tmp_path / ("x" * 300), tmp_path / "none" / "file"):
         with pytest.raises(sa.SpaceArmError, match="cannot be written"):

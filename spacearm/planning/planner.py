@@ -137,6 +137,7 @@ def plan(
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
+        StoppedError: Ctrl-C; says and carries the same.
 
     Example:
         >>> import spacearm as sa

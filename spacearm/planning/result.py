@@ -191,3 +191,9 @@ class Plan(Motion):
             f"Plan({self.arm.name}, {self.method}: {self.travel}, "
             f"{self.t[-1]:.4g} s, {self.nearest}, {len(self)} rows)"
         )
+
+
+def best_attempt(cfg: Configuration, rows: object, tried: Sequence[Attempt]) -> Plan:
+    """Return the best attempt: rows that do not solve the problem, or the start alone."""
+    best = rows if isinstance(rows, list) else [cfg]
+    return Plan.of_rows("best attempt", best, 0.0, tried, FAILED, None)

@@ -9,7 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from spacearm.errors import NoSolutionError
+from spacearm.errors import NoSolutionError, StoppedError
 from spacearm.kernels.kept import compilation
 
 Progress = Callable[[float, float], object]
@@ -93,6 +93,10 @@ class Search:
         self._ended = True
         if self._whole is not None:
             self._whole.end()
+
+    def failure(self, message: str, best: object) -> NoSolutionError | StoppedError:
+        """Return what tells that nothing was found, and how far it came: by itself or by Ctrl-C."""
+        return (StoppedError if self._ended else NoSolutionError)(message, best)
 
     def check_time(self) -> None:
         """Report progress.

@@ -25,6 +25,8 @@ from spacearm.model.arm import SpaceArm
 
 NEAR = float(np.radians(5.0))
 """Default distance to the singular set up to which a configuration is near a singularity [rad]."""
+BLOCK = 1_000_000
+"""Number of configurations drawn at once."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -280,4 +282,7 @@ def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Ar
     turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
     kept = sliding | (limits & ~turns)
     low, high = np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
-    return rng.uniform(low, high, (m, arm.n))
+    Q = np.empty((m, arm.n))
+    for begin in range(0, m, BLOCK):  # so that Ctrl-C need not wait
+        Q[begin : begin + BLOCK] = rng.uniform(low, high, (min(m - begin, BLOCK), arm.n))
+    return Q

@@ -211,7 +211,7 @@ def test_ctrl_c_in_a_plan_keeps_the_best_attempt(monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setitem(methods.METHODS, "straight", interrupted)
-    with pytest.raises(sa.NoSolutionError, match="straight: stopped by Ctrl-C") as caught:
+    with pytest.raises(sa.StoppedError, match="straight: stopped by Ctrl-C") as caught:
         sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
     assert isinstance(caught.value.best, sa.Plan)
     assert len(caught.value.best.tried) == 1

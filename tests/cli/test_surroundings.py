@@ -196,7 +196,7 @@ def test_a_plan_that_was_stopped_is_saved_as_far_as_it_came(tmp_path, monkeypatc
     )
     words = ("--q0", 0.3, 1.2, "--goal", 0.9, 1.4, "--save", "plan.npz")
     run = spacearm("plan", "planar2", *words, cwd=tmp_path)
-    assert run.returncode == 2
+    assert run.returncode == 130
     assert "wrote plan.npz: the best attempt, which does not arrive" in run.stderr
     assert "straight: stopped by Ctrl-C" in run.stderr
     assert isinstance(sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2")), sa.Plan)

@@ -213,7 +213,7 @@ def test_an_interrupt_ends_the_search_with_what_was_tried(arm):
     def stop(*_):
         raise KeyboardInterrupt
 
-    with pytest.raises(sa.NoSolutionError, match=r"in 0 attempts; .* at least 2 s\. To"):
+    with pytest.raises(sa.StoppedError, match=r"in 0 attempts; .* at least 2 s\. To"):
         sa.plan(arm, Q0, sa.Joints(Q0), momentum=H, detumble=True, progress=stop)
 
 

@@ -68,8 +68,9 @@ def test_one_interrupt_ends_the_whole_search(arm, asked):
 
     wall = sa.Obstacle.sphere(0.05, sa.pose((*GOAL, 0.0)))  # about the goal: there is no plan
     asked = asked | ({"duration": 0.01} if "momentum" in asked else {"obstacles": wall})
-    with pytest.raises(sa.NoSolutionError):
+    with pytest.raises(sa.StoppedError) as stopped:
         sa.plan(arm, Q0, GOAL, **asked, progress=progress)
+    assert isinstance(stopped.value.best, sa.Plan)
     assert 5 <= len(calls) <= 6
 
 

@@ -25,6 +25,7 @@ from spacearm.cli.options import (
     spacecraft_pose,
 )
 from spacearm.cli.output import (
+    INTERRUPTED,
     check_picture,
     err,
     in_own_words,
@@ -38,7 +39,7 @@ from spacearm.cli.output import (
     write_picture,
 )
 from spacearm.cli.plans.parsing import goals, obstacle_of
-from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.errors import NoSolutionError, StoppedError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import WheelHold
@@ -152,7 +153,7 @@ def plan_motion(
     view: Annotated[bool, typer.Option("--view", help="Play it in the browser.")] = False,
     deg: bool = False,
     as_json: AsJson = False,
-) -> None:
+) -> int:
     """Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt."""
     check_picture(output)
     if save:
@@ -180,11 +181,14 @@ def plan_motion(
 
             wheels = wheel_limits and mode is Spacecraft.CONTROLLED and _limits(*wheel_limits)
             found = time_optimal(found, wheels=wheels or None)
-    except NoSolutionError as error:
+    except (NoSolutionError, StoppedError) as error:
         if save and isinstance(error.best, Plan):
             error.best.save(save)
             err.print(f"spacearm: wrote {save}: the best attempt, which does not arrive")
-        raise
+        if isinstance(error, NoSolutionError):
+            raise
+        err.print(f"spacearm: stopped: {in_own_words(str(error))}")
+        return INTERRUPTED
     if save:
         found.save(save)
     if as_json:
@@ -206,6 +210,7 @@ def plan_motion(
         from spacearm.viewer.show import view as show
 
         serve_until_interrupted(show(found, open=False))
+    return 0
 
 
 def _angle(value: float | None, deg: bool) -> float | None:

@@ -27,8 +27,8 @@ from spacearm.planning.detumbling.landing import Landing
 from spacearm.planning.drift.bodies import kept_apart
 from spacearm.planning.drift.ramps import ramp_ends
 from spacearm.planning.problem import Problem
-from spacearm.planning.result import FAILED, Attempt, Plan
-from spacearm.planning.search import TimeUpError
+from spacearm.planning.result import FAILED, Attempt, Plan, best_attempt
+from spacearm.planning.search import Search, TimeUpError
 from spacearm.planning.timing import PEAK, corners, largest_rates
 from spacearm.planning.wheels.limits import Wheels
 
@@ -48,12 +48,10 @@ class Mission(Protocol):
     """What shall be planned, seen from the system CM, which has moved on when the tip arrives."""
 
     seed: int
+    search: Search
 
     def problem(self, moved: Array) -> Problem:
         """Return the problem if the CM moves by (3,) [m] until the tip arrives."""
-
-    def check_time(self) -> None:
-        """Raise a TimeUpError if the time is up."""
 
 
 @dataclass
@@ -85,6 +83,7 @@ class Detumbling:
 
         Raises:
             NoSolutionError: There is none; carries the best attempt.
+            StoppedError: Ctrl-C; carries the best attempt.
         """
         name = self.start.arm.name
         still = self.mission.problem(np.zeros(3))  # refuses what nothing can solve
@@ -105,15 +104,18 @@ class Detumbling:
             lasts = self.duration or LONGER**longer * soonest
             random, bend = (again, True) if self._few else (again // 2, again % 2 == 1)
             try:
-                self.mission.check_time()
+                self.mission.search.check_time()
                 return self._attempt(lasts, random, bend)
-            except (TimeUpError, KeyboardInterrupt):
+            except TimeUpError:
+                break
+            except KeyboardInterrupt:
+                self.mission.search.end()
                 break
             except NoSolutionError as error:
                 self.tried.append(Attempt(METHOD, False, str(error)))
                 reasons.setdefault(str(error))
         told = f" At last: {'; '.join(list(reasons)[-3:])}." if reasons else ""
-        raise NoSolutionError(
+        raise self.mission.search.failure(
             f"{name}: no plan found that ends at rest, in {len(self.tried)} attempts; torque and "
             f"capacity of the wheels take at least {least:.4g} s.{told} To relax: a longer "
             "duration, final_attitude open, or joints of the goal open",
@@ -137,7 +139,7 @@ class Detumbling:
             heights[1:3, n:] *= self._held
             heights[1:3, :n] *= bend
         target = problem.target
-        h, check_time = self.momentum[3:], self.mission.check_time
+        h, check_time = self.momentum[3:], self.mission.search.check_time
         landing = Landing(self.start, target, self.wheels, h, FEWEST, bend, check_time)
         if target.q is not None:
             heights[0, :n] = target.q - self.start.q
@@ -150,7 +152,7 @@ class Detumbling:
             turn = landing.rows(course)[1][-1].base.rotation if target.attitude is None else toward
             reach = largest_rates(self.start.arm) * lasts / PEAK
             turn = turn @ self.start.base.rotation.T
-            ends = ramp_ends(self.start, target, turn, reach, rng, self.mission.check_time)
+            ends = ramp_ends(self.start, target, turn, reach, rng, self.mission.search.check_time)
             if len(ends):
                 heights[0, :n] = ends[random % len(ends)] - self.start.q
         landing = replace(landing, steps=self._steps(landing, course))
@@ -223,7 +225,7 @@ class Detumbling:
 
     @cached_property
     def _alone(self) -> Plan:
-        return Plan.of_rows("best attempt", [self.start], 0.0, (), FAILED, None)
+        return best_attempt(self.start, None, ())
 
     @cached_property
     def _held(self) -> float:

@@ -28,8 +28,8 @@ from spacearm.planning.drift.arrival import Arrival
 from spacearm.planning.drift.bodies import kept_apart
 from spacearm.planning.drift.ramps import ramp_ends
 from spacearm.planning.problem import Problem
-from spacearm.planning.result import FAILED, Attempt, Plan
-from spacearm.planning.search import TimeUpError
+from spacearm.planning.result import FAILED, Attempt, Plan, best_attempt
+from spacearm.planning.search import Search, TimeUpError
 from spacearm.planning.timing import PEAK, eased, largest_rates
 
 SLACK = 1.2
@@ -48,15 +48,13 @@ class Mission(Protocol):
     """What shall be planned, seen from the system CM, which has moved on when the tip arrives."""
 
     seed: int
+    search: Search
 
     def problem(self, moved: Array) -> Problem:
         """Return the problem if the CM moves by (3,) [m] until the tip arrives."""
 
     def still(self, start: Configuration, moved: Array, number: int) -> Plan:
         """Return a plan without momentum from another start, of several the one of this number."""
-
-    def check_time(self) -> None:
-        """Raise a TimeUpError if the time is up."""
 
 
 @dataclass
@@ -87,6 +85,7 @@ class Drift:
 
         Raises:
             NoSolutionError: There is none; carries the best attempt.
+            StoppedError: Ctrl-C; carries the best attempt.
         """
         lasts = self.duration or 0.0
         if lasts or not self._speed.any():
@@ -95,7 +94,7 @@ class Drift:
         for number in itertools.count():
             method = "at zero momentum"
             try:
-                self.mission.check_time()
+                self.mission.search.check_time()
                 if number % EACH and lasts:
                     method, still = JOINTS, None
                     problem = self.mission.problem(self._speed * lasts)
@@ -113,16 +112,19 @@ class Drift:
                     ends = bend.rows(Q)[-1].base.rotation
                     turn = ends @ still[-1].base.rotation.T @ turn
                 return self._checked(problem, method, t, bend.bent(Q))
-            except (TimeUpError, KeyboardInterrupt):
+            except TimeUpError:
+                break
+            except KeyboardInterrupt:
+                self.mission.search.end()
                 break
             except NoSolutionError as error:
                 self.tried.append(Attempt(method, False, str(error)))
         name, h = self.start.arm.name, self.momentum.round(6).tolist()
         stories = {a.method: a.story for a in self.tried}
         story = "; ".join(f"{method}: {why}" for method, why in stories.items())
-        raise NoSolutionError(
+        raise self.mission.search.failure(
             f"{name}: no plan found with momentum {h}, in {len(self.tried)} attempts. {story}",
-            self.best,
+            self.best or best_attempt(self.start, None, self.tried),
         )
 
     def _ramp(self, problem: Problem, turn: Array, lasts: float) -> tuple[Array, Array]:
@@ -134,7 +136,7 @@ class Drift:
         if not self._ends:
             reach = largest_rates(self.start.arm) * lasts / PEAK
             rng = np.random.default_rng((self.mission.seed, len(self.tried)))
-            check_time = self.mission.check_time
+            check_time = self.mission.search.check_time
             self._ends = [
                 *ramp_ends(self.start, problem.target, turn, reach, rng, check_time)[:AT_ONCE]
             ]

@@ -9,8 +9,8 @@ from spacearm.errors import NoSolutionError
 from spacearm.model.configuration import Configuration
 from spacearm.planning.methods import METHODS
 from spacearm.planning.problem import Problem
-from spacearm.planning.result import IGNORED, Attempt, Plan
-from spacearm.planning.rounds.wish import Wish, best_attempt, problem_of
+from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
+from spacearm.planning.rounds.wish import Wish, problem_of
 from spacearm.planning.search import Search, TimeUpError
 from spacearm.planning.tips.reactionless import reactionless
 
@@ -23,6 +23,7 @@ def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
 
     Raises:
         NoSolutionError: None was found; carries the best attempt.
+        StoppedError: Ctrl-C; carries the best attempt.
     """
     problem = problem_of(cfg, wish, seed, search)
     bodies = problem.collisions
@@ -54,7 +55,7 @@ def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
         arrived = Attempt(name, True, "; ".join(filter(None, (story, problem.note))))
         return replace(found, tried=(*found.tried, arrived))
     failed = [Attempt(name, False, story) for name, story in tried.items()]
-    raise NoSolutionError(_failure(problem, tried), best_attempt(cfg, problem.best, failed))
+    raise search.failure(_failure(problem, tried), best_attempt(cfg, problem.best, failed))
 
 
 def _in_rounds(methods: Collection[str], method: str, search: Search) -> Iterator[str]:

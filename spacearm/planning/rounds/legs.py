@@ -10,9 +10,9 @@ from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import Goal
-from spacearm.planning.result import Attempt, Joints, Plan
+from spacearm.planning.result import Attempt, Joints, Plan, best_attempt
 from spacearm.planning.rounds.at_rest import at_rest
-from spacearm.planning.rounds.wish import Wish, best_attempt
+from spacearm.planning.rounds.wish import Wish
 from spacearm.planning.search import Search, TimeUpError
 
 PART, SHORT = 0.5, 2.0
@@ -37,6 +37,7 @@ def by_way_of(
 
     Raises:
         NoSolutionError: None was found; carries the best attempt at a leg.
+        StoppedError: Ctrl-C; carries the best attempt at a leg.
     """
     count = len(via) + 1
     keep = None if wish.keep is None else wish.keep / count
@@ -55,13 +56,17 @@ def by_way_of(
                 part = search.part(max(PART * time, SHORT))
                 legs.append(at_rest(legs[-1][-1] if legs else cfg, one, seed + number, part))
             return _joined(legs, wish)
-        except (TimeUpError, KeyboardInterrupt):
+        except TimeUpError:
+            break
+        except KeyboardInterrupt as stop:
+            best = getattr(stop, "best", None) or best
+            search.end()
             break
         except NoSolutionError as error:
             best = error.best or best
             reasons.setdefault(f"leg {len(legs) + 1} of {count}: {error}")
-    raise NoSolutionError(
-        "; ".join(reasons) or f"{cfg.arm.name}: the time is up (timeout)",
+    raise search.failure(
+        "; ".join(reasons) or f"{cfg.arm.name}: no leg of the plan found in {search.elapsed:.1f} s",
         best if isinstance(best, Plan) else best_attempt(cfg, None, ()),
     )
 

@@ -37,7 +37,3 @@ class Mission(NamedTuple):
             wish = wish._replace(method=AGAIN[number % len(AGAIN)])
         time = max((self.search.timeout - self.search.elapsed) / 3.0, SHORT)
         return at_rest(start, wish, self.seed + number, self.search.part(time))
-
-    def check_time(self) -> None:
-        """Raise a TimeUpError if the time is up."""
-        self.search.check_time()

@@ -21,8 +21,8 @@ from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import Goal, goal_pose, out_of_reach
 from spacearm.planning.optimiser import ARRIVED, SPACING, Target
 from spacearm.planning.problem import Problem, Rows, bodies_apart, travel
-from spacearm.planning.result import IGNORED, Attempt, Plan
-from spacearm.planning.rounds.wish import Wish, best_attempt
+from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
+from spacearm.planning.rounds.wish import Wish
 from spacearm.planning.search import Search, TimeUpError
 from spacearm.planning.targets import bounds_of, clearance_of
 from spacearm.planning.tips.resolved import Aim, Bias, Resolved
@@ -53,6 +53,7 @@ def together(
 
     Raises:
         NoSolutionError: None was found; carries the best attempt.
+        StoppedError: Ctrl-C; carries the best attempt.
     """
     arm, aims = cfg.arm, []
     lower, upper = bounds_of(cfg, wish.limits)
@@ -80,7 +81,10 @@ def together(
             continue
         try:
             rows = methods[name](problem, resolved)
-        except (TimeUpError, KeyboardInterrupt):
+        except TimeUpError:
+            break
+        except KeyboardInterrupt:
+            search.end()
             break
         except NoSolutionError as error:
             problem.best = error.best if isinstance(error.best, list) else problem.best
@@ -95,7 +99,7 @@ def together(
         return replace(found, tried=(*tried, Attempt(name, True, story)))
     stories = "; ".join(f"{one.method}: {one.story}" for one in tried)
     parts = (f"no plan found in {search.elapsed:.1f} s", search.verdict, stories)
-    raise NoSolutionError(
+    raise search.failure(
         f"{arm.name}: {'. '.join(filter(None, parts))}", best_attempt(cfg, problem.best, tried)
     )
 

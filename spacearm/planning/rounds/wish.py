@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy.typing as npt
@@ -15,7 +14,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import Goal, goal_pose
 from spacearm.planning.problem import Problem, bodies_apart
-from spacearm.planning.result import FAILED, Attempt, Joints, Plan
+from spacearm.planning.result import Joints, best_attempt
 from spacearm.planning.search import Search
 from spacearm.planning.targets import make_target
 
@@ -59,9 +58,3 @@ def problem_of(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Pro
     except NoSolutionError as error:
         raise NoSolutionError(str(error), best_attempt(cfg, error.best, ())) from None
     return Problem(cfg, target, ample, seed, search, bodies, wish.held, wish.keep)
-
-
-def best_attempt(cfg: Configuration, rows: object, tried: Sequence[Attempt]) -> Plan:
-    """Return the best attempt: rows that do not solve the problem, or the start alone."""
-    best = rows if isinstance(rows, list) else [cfg]
-    return Plan.of_rows("best attempt", best, 0.0, tried, FAILED, None)
