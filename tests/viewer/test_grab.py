@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import joint, link, load_text, robot
 from helpers.pages import Page
 
 import spacearm as sa
@@ -87,7 +88,7 @@ def test_joints_stop_at_the_ends_of_their_ranges():
     ("message", "error"),
     [
         ({}, "grip is 'None'"),
-        ({"grip": 1, "shift": [1, 2]}, "shift is .* give three numbers"),
+        ({"grip": 1, "shift": [1, 2]}, "shift is .* give 3 numbers"),
         ({"grip": 1, "shift": "abc"}, "shift is 'abc'"),
         ({"grip": 1, "turn": [0, 0, float("inf")]}, "turn is 'inf'"),
         ({"grip": 1, "shift": [1, 2, None]}, "shift is 'None'"),
@@ -134,6 +135,53 @@ def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser
     was = viewer.session.cfg.tip.translation
     page.page.keyboard.press("ArrowLeft")
     page.until(lambda: viewer.session.cfg.tip.translation[0] < was[0])
+    assert page.errors == []
+    page.close()
+    viewer.close()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*no visuals:spacearm.ModelWarning")
+def test_a_ring_turns_red_where_the_tip_cannot_follow(browser):
+    inside = '<limit lower="-0.2" upper="0.2" effort="1" velocity="1"/>'
+    hinge = joint("elbow", "bus", "arm", axis=(0, 1, 0), inside=inside)
+    arm = load_text(robot(link("bus", 50.0), link("arm"), hinge), task="ry")
+    viewer = sa.view(arm, [0.0], open=False)
+    page = Page(browser, viewer.serve(), width=1366, height=768).ready()
+    assert page.page.locator("#grab circle").count() == 0
+    page.page.focus("#grab polyline")
+
+    def is_pressed_until(text):
+        page.page.keyboard.press("ArrowLeft")
+        return text in page.text("#blocked")
+
+    page.until(lambda: is_pressed_until("elbow is at the end of its range"))
+    red = "getComputedStyle(document.querySelector('#grab polyline')).stroke"
+    assert page.page.evaluate(red) == "rgb(227, 20, 47)"
+    page.page.keyboard.press("ArrowRight")
+    page.page.wait_for_function("document.querySelector('#blocked').textContent === ''")
+    assert page.page.evaluate(red) != "rgb(227, 20, 47)"
+    assert page.errors == []
+    page.close()
+    viewer.close()
+
+
+@pytest.mark.slow
+def test_the_robot_is_in_view_after_the_tip_was_let_go(browser):
+    viewer = sa.view(sa.load("mda6"), open=False)
+    page = Page(browser, viewer.serve(), width=1366, height=768).ready()
+    farthest = """() => {
+      const { viewer, points } = window.spacearm;
+      viewer.camera.updateMatrixWorld();
+      return Math.max(...points().map((p) => p.project(viewer.camera))
+        .map((p) => Math.max(Math.abs(p.x), Math.abs(p.y)))); }"""
+    box = page.page.locator("#grab circle").bounding_box()
+    page.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.page.mouse.down()
+    page.page.mouse.move(900, 20, steps=8)
+    page.until(lambda: page.page.evaluate(farthest) > 1.05)
+    page.page.mouse.up()
+    page.until(lambda: page.page.evaluate(farthest) <= 1.0)
     assert page.errors == []
     page.close()
     viewer.close()

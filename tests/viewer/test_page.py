@@ -1,5 +1,6 @@
 """The page's looks and manners in a real browser."""
 
+import threading
 import zipfile
 from types import SimpleNamespace
 
@@ -151,13 +152,19 @@ def test_the_panel_names_tip_directions_gradient_and_contacts(browser):
     assert page.page.locator("#directions tbody tr").count() == 2
     lost = page.page.locator("#directions tr.lost td").all_text_contents()
     np.testing.assert_allclose(
-        [float(x) for x in lost], viewer.session.report.lost[:, 0], atol=6e-4
+        [float(x) for x in lost], viewer.session.report.lost[:, 0].round(2), atol=1e-12
     )
     assert page.page.locator("#gradient tbody tr").count() == 2
     assert page.text("#contacts") == ""
     shut(viewer, page)
     viewer, page = opened(browser, sa.load("mda6"), [0.8, 0.8, -2.7, -2.9, 1.9, 2.5])
     assert page.text("#contacts").startswith("Bodies meet: spacecraft – link_4")
+    page.page.set_viewport_size({"width": 1366, "height": 768})
+    page.page.click("text=Directions, lost and available")
+    width, there = page.page.eval_on_selector(
+        "#directions", "node => [node.scrollWidth, node.clientWidth]"
+    )
+    assert width <= there, "six rows of the task are seen whole"
     shut(viewer, page)
 
 
@@ -251,6 +258,40 @@ def test_every_control_has_a_name_and_can_be_reached_by_keyboard(browser):
         page.page.keyboard.press("Tab")
         seen.add(page.page.evaluate("document.activeElement.outerHTML"))
     assert len(seen) >= len(names) - 2  # of radio buttons one is reached, arrows lead to the other
+    shut(viewer, page)
+
+
+@pytest.mark.slow
+def test_every_control_and_readout_is_explained_where_the_pointer_rests(browser):
+    arm = sa.load("planar2")
+    motion = SimpleNamespace(arm=arm, t=[0, 1], q=[[0, 0.5], [1, 1]], base=[np.eye(7)[6]] * 2)
+    viewer, page = opened(browser, motion, width=1366, height=768)
+    bare = """all => all.filter((x) => x.checkVisibility() && !x.closest("[title]")?.title
+      && !x.querySelector("title")).map((x) => x.outerHTML)"""
+    told = "button, input, select, summary, dt, output, #grab > [tabindex], [role=meter], .badge"
+    assert page.page.eval_on_selector_all(told, bare) == []
+    scale = page.page.locator("#scale").bounding_box()
+    at = [scale["x"] + scale["width"] / 2, scale["y"] + scale["height"] / 2]
+    assert page.page.evaluate("([x, y]) => document.elementFromPoint(x, y).id", at) == "scale"
+    shut(viewer, page)
+
+
+@pytest.mark.slow
+def test_the_page_says_what_it_waits_for(browser):
+    viewer, page = opened(browser, sa.load("planar3"), width=1366, height=768)
+    told, go = viewer.handle, threading.Event()
+
+    def slow(message, client=None):
+        if message["do"] == "map":
+            go.wait(30.0)  # as where equations are compiled
+        return told(message, client)
+
+    viewer.handle = slow
+    page.page.select_option("#map-x", "2")
+    page.page.wait_for_selector("#waiting", state="visible")
+    assert page.text("#waiting").startswith("Computing the map")
+    go.set()
+    page.page.wait_for_selector("#waiting", state="hidden")
     shut(viewer, page)
 
 
@@ -522,7 +563,13 @@ def test_an_address_brings_the_posture_back(browser):
     )
     assert viewer.q == pytest.approx([0.3, 1.2])
     assert "#" not in again.page.url
-    shut(viewer, page, again)
+    viewer.handle({"do": "arm", "robot": "planar3"})
+    third = Page(browser, address)
+    third.wait_text("#model", "planar2")  # the address names its arm, too
+    third.until(lambda: len(viewer.q) == 2 and viewer.q == pytest.approx([0.3, 1.2]))
+    third.ready()
+    assert "#" not in third.page.url
+    shut(viewer, page, again, third)
 
 
 @pytest.mark.slow

@@ -17,9 +17,17 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.layers.held import ellipsoid
     from spacearm.viewer.layers.shapes import coarsened, shapes
+    from spacearm.viewer.scene import AMBER, AXES, CYAN, MAGENTA, PINK
     from spacearm.viewer.session import Session
+    from spacearm.viewer.window import PAGE
 
 Q = [0.3, 1.2]
+COLOUR_BLIND = {  # Machado, Oliveira & Fernandes 2009, severity 1, on linear RGB
+    "protan": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deutan": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritan": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+TO_XYZ = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +45,8 @@ def test_an_arm_opens_well_away_from_singularities(name):
     assert first.report.kind == "regular"
     assert first.report.distance > np.radians(5)
     assert not first.cfg.outside_limits
+    room = np.minimum(first.cfg.q - first.arm.lower, first.arm.upper - first.cfg.q)
+    assert (room > 0.0).all(), "the tip can be pulled all around"
     assert first.cfg.q.tolist() == second.cfg.q.tolist()
     assert shown(first.arm, np.zeros(first.arm.n)).cfg.q.tolist() == [0] * first.arm.n
 
@@ -208,3 +218,27 @@ def test_meshes_lose_no_more_than_the_size_of_a_cell():
     assert coarsened(ball, 10.0) is ball, "nothing would be left"
     box = trimesh.creation.box()
     assert coarsened(box, 1e-3) is box
+
+
+def lab(color, eye):
+    """A colour as an eye sees it, in CIELAB."""
+    rgb = np.array([color >> 16, color >> 8 & 255, color & 255]) / 255.0
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(np.array(COLOUR_BLIND[eye]) @ linear, 0.0, 1.0)
+    xyz = np.array(TO_XYZ) @ seen / [0.9505, 1.0, 1.089]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("eye", COLOUR_BLIND)
+def test_colour_blind_people_tell_axes_directions_and_ellipsoid_apart(eye):
+    colors = [lab(color, eye) for color in (*AXES, MAGENTA, PINK, AMBER, CYAN)]
+    for i, one in enumerate(colors):
+        for other in colors[:i]:
+            assert np.linalg.norm(one - other) > 12.0, "2.3 is just noticed"
+
+
+def test_rings_and_compass_have_the_colours_of_the_axes():
+    for name in ("grab.js", "page.css"):
+        for color in AXES[:2]:
+            assert f"#{color:06x}" in (PAGE / name).read_text()

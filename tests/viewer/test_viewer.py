@@ -127,6 +127,9 @@ def test_readout_is_the_report_and_the_code_is_the_configuration(session):
         ({"do": "attitude", "rpy": [1, 2]}, "attitude is"),
         ({"do": "attitude", "rpy": [1, 2, None]}, "attitude is 'None'"),
         ({"do": "mode", "mode": "fast"}, "unknown mode 'fast'"),
+        ({"do": "posture", "q": [1]}, r"q is '\[1\]'; give 2 numbers"),
+        ({"do": "posture", "q": [1, 2], "base": [0] * 6}, "base is .* give 7 numbers"),
+        ({"do": "posture", "q": [1, 2], "base": [0] * 6 + [2]}, "base: .* has no length 1"),
     ],
 )
 def test_malformed_messages_are_refused_and_change_nothing(session, message, error):
@@ -761,19 +764,63 @@ def test_the_page_chooses_arm_tip_task_and_joints(viewer):
     assert b"link_6" in b"".join(viewer.window.commands())
 
 
+@pytest.mark.parametrize(
+    "changed",
+    [{"locked": {"joint_2": 0.3}}, {"payload": 5.0}, {"task": sa.Task("pose", length=2.0)}],
+)
+def test_code_says_that_it_lacks_what_was_changed_in_python(changed):
+    arm = sa.load("mda6")
+    for one, is_said in ((arm, False), (arm.replace(**changed), True)):
+        code = Session(one, one.at(np.full(one.n, 0.5))).readout()["python"]
+        assert code.startswith("# without what was changed in Python") is is_said
+
+
+def test_what_an_address_has_brings_arm_and_posture_back(viewer):
+    names = sa.load("mda6").joint_names
+    options = {"tip": "link_6", "task": "position", "joints": list(names[1:])}
+    for message in (
+        {"do": "arm", "robot": "mda6", **options},
+        {"do": "mode", "mode": "free-floating"},
+        {"do": "random"},
+    ):
+        viewer.handle(message)
+    wanted, arm = viewer.readout(), viewer.about()["choices"]
+    assert arm["robot"] == "mda6"
+    assert list(arm["locked"]) == [names[0]]
+    viewer.handle({"do": "arm", "robot": "planar2"})
+    chosen = {"robot": arm["robot"], "tip": "link_6", "task": arm["task"]}
+    chosen |= {"joints": arm["counted"], "locked": {names[0]: 0.4}}
+    viewer.handle({"do": "arm", **chosen})
+    assert viewer.session.origin.locked == {names[0]: 0.4}
+    viewer.handle({"do": "arm", **chosen, "locked": arm["locked"]})
+    viewer.handle({"do": "posture", "q": wanted["q"], "base": wanted["base"]})
+    got = viewer.readout()
+    for name in ("q", "base", "sigma"):
+        np.testing.assert_allclose(got[name], wanted[name], atol=1e-12)
+    assert [got[name] for name in ("spacecraft", "mode", "kind")] == [
+        wanted[name] for name in ("spacecraft", "mode", "kind")
+    ]
+
+
 @pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
 def test_a_file_that_is_dropped_is_read_with_all_checks(viewer):
     viewer.handle({"do": "arm", "file": {"name": "../my robot.urdf", "text": described()}})
     assert viewer.session.arm.tip == "tip"
     assert "no visuals for bus" in viewer.readout()["note"] or viewer.readout()["note"] == ""
-    assert "sa.load('my_robot.urdf'" in viewer.readout()["python"]
+    line = next(one for one in viewer.readout()["python"].splitlines() if "sa.load" in one)
+    assert "sa.load('my robot.urdf'" in line
+    assert "the file dropped on the page" in line
     commands = viewer.window.commands()
     heavy = described().replace('<mass value="', '<mass value="-')
-    for text, error in ((heavy, "mass"), ("<robot", "a.urdf"), ("", "a.urdf")):
-        with pytest.raises(sa.SpaceArmError, match=error):
-            viewer.handle({"do": "arm", "file": {"name": "a.urdf", "text": text}})
+    for text, error in ((heavy, "mass"), ("<robot", "is not XML"), ("", "is not XML")):
+        with pytest.raises(sa.SpaceArmError, match=f"^an arm.urdf: .*{error}"):
+            viewer.handle({"do": "arm", "file": {"name": "an arm.urdf", "text": text}})
     assert viewer.window.commands() == commands
     assert viewer.readout()["edition"] == 1
+    mesh = '<visual><geometry><mesh filename="no.stl"/></geometry></visual></link>'
+    drawn = described().replace("</link>", mesh, 1)
+    viewer.handle({"do": "arm", "file": {"name": "an arm.urdf", "text": drawn}})
+    assert viewer.readout()["note"].startswith("an_arm.urdf: meshes not found")
 
 
 @pytest.mark.parametrize(
@@ -787,6 +834,8 @@ def test_a_file_that_is_dropped_is_read_with_all_checks(viewer):
         ({"task": "fly"}, "fly"),
         ({"joints": "all of them"}, "give a list of names"),
         ({"joints": ["no_joint"]}, "no_joint"),
+        ({"joints": ["joint_1"], "locked": [1]}, "give values by joint"),
+        ({"joints": ["joint_1"], "locked": {"joint_2": "1"}}, "locked joint is '1'"),
         ({"file": "x"}, "give its name and its text"),
         ({"file": {"name": "a.py", "text": "import os"}}, r"'a.py' is none of .urdf"),
         ({"file": {"name": "a.urdf", "text": 3}}, "give its name and its text"),

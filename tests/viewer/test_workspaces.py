@@ -83,6 +83,11 @@ def test_shells_and_risk_are_computed_from_the_page_and_explained(browser, tmp_p
     page.page.click("[data-compute=shells]")
     page.wait_text("#legend", "path dependent: 0.351 to 0.554")
     page.page.wait_for_selector("#work[hidden]", state="attached")
+    is_seen = """() => {
+      const [words, panel] = ["legend", "rest"].map((id) =>
+        document.getElementById(id).getBoundingClientRect());
+      return words.top >= panel.top && words.bottom <= panel.bottom + 1; }"""
+    page.page.wait_for_function(is_seen)
     page.page.click("[data-compute=risk]")
     page.wait_text("#legend", "postures within 5°")
     share = sa.risk_profile(sa.load("planar2")).share

@@ -21,6 +21,9 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
     counted.append(label);
   }
 
+  const arm = { model, robot: choices.robot, tip, task: choices.task, joints: choices.counted,
+    locked: choices.locked };
+
   robot.addEventListener("change", () => robot.value && ask({ do: "arm", robot: robot.value }));
   link.addEventListener("change", () => ask({ do: "arm", tip: link.value }));
   byId("apply").addEventListener("click", () => {
@@ -61,8 +64,8 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
   });
 
   byId("link").addEventListener("click", async () => {
-    const { q, attitude, mode, spacecraft } = getState();
-    const state = encodeURIComponent(JSON.stringify({ model, q, attitude, mode, spacecraft }));
+    const { q, base, mode, spacecraft } = getState();
+    const state = encodeURIComponent(JSON.stringify({ ...arm, q, base, mode, spacecraft }));
     try {
       await navigator.clipboard.writeText(`${location.href.split("#")[0]}#${state}`);
       byId("link").textContent = "Copied";
@@ -72,22 +75,32 @@ export function createChoices({ model, tip, choices }, ask, complain, getState) 
     setTimeout(() => (byId("link").textContent = "Copy link"), 1500);
   });
 
-  /* Brings back what stands behind the # of the address, once. */
+  /* Brings back what stands behind the # of the address, once: first the arm, which loads the page
+     anew, then its posture. */
   function restore() {
     const told = location.hash.slice(1);
     if (!told) return;
-    history.replaceState(null, "", location.href.split("#")[0]);
+    const address = location.href.split("#")[0];
+    history.replaceState(null, "", address);
     try {
-      const { model: wanted, q, attitude, mode, spacecraft } = JSON.parse(decodeURIComponent(told));
-      if (wanted !== model) {
-        complain(`the address is that of ${wanted}, this is ${model}`);
+      const { q, base, mode, spacecraft, asked, ...wanted } = JSON.parse(decodeURIComponent(told));
+      const isHere = Object.keys(arm).every((k) =>
+        JSON.stringify(arm[k]) === JSON.stringify(wanted[k]));
+      if (!isHere && (asked || (wanted.model !== model && !wanted.robot))) {
+        complain(`the address is that of ${wanted.model}, this is ${model}: open that first`);
         return;
       }
-      ask({ do: "mode", mode: "posture" }, "mode before");
-      ask({ do: "attitude", rpy: attitude });
-      ask({ do: "joints", indices: q.map((_, i) => i), values: q });
-      ask({ do: "mode", mode });
+      if (!isHere) {
+        const again = { ...wanted, q, base, mode, spacecraft, asked: true };
+        history.replaceState(null, "", `${address}#${encodeURIComponent(JSON.stringify(again))}`);
+        const { tip, task, joints, locked } = wanted;
+        const robot = wanted.model === model ? undefined : wanted.robot;
+        ask({ do: "arm", robot, tip, task, joints, locked });
+        return;
+      }
       ask({ do: "spacecraft", mode: spacecraft });
+      ask({ do: "mode", mode });
+      ask({ do: "posture", q, base });
     } catch {
       complain("the part of the address behind # is not understood");
     }

@@ -6,9 +6,10 @@ import { pointUnder, toDrawing as world, toInertial as inertial } from "./scene.
 
 const SVG = "http://www.w3.org/2000/svg";
 const RING = 60; // px
-const AXES = ["#d62728", "#2ca02c", "#3f6ff0"];
+const AXES = ["#d62728", "#00914d", "#3f6ff0"];
 
-export function createGrab(viewer, { task, normal }, pull) {
+/* `pull` is called with where the tip is pulled to, `onEnd` when it is let go. */
+export function createGrab(viewer, { task, normal }, pull, onEnd) {
   const box = byId("grab");
   if (!viewer || !task.length) return { isHeld: () => false, show() {} };
   const { Vector3, Plane } = MeshCat.THREE;
@@ -33,7 +34,7 @@ export function createGrab(viewer, { task, normal }, pull) {
   const link = make("line");
   const rings = turns.map((i) => {
     const ring = make("polyline", `Turn the tip about the ${"xyz"[i]} axis: drag, or arrow keys.`);
-    ring.style.stroke = AXES[i];
+    ring.style.setProperty("--axis", AXES[i]);
     return { i, ring };
   });
   const handle = slides ? make("circle", "Pull the tip: drag, or arrow keys.") : null;
@@ -95,24 +96,27 @@ export function createGrab(viewer, { task, normal }, pull) {
     const from = under(event, plane);
     if (!from) return;
     event.preventDefault();
-    node.focus({ preventScroll: true });
+    node.focus({ preventScroll: true, focusVisible: false });
     node.setPointerCapture(event.pointerId);
     const grip = Math.random(); // the server takes the tip's pose at the first pull of each grip
     held = { at: null };
+    node.classList.add("pulled");
     const onMove = (moved) => {
       const to = under(moved, plane);
       if (!to) return;
       pull({ ...follow(from, to), grip });
       draw();
     };
-    const onEnd = () => {
+    const letGo = () => {
       node.removeEventListener("pointermove", onMove);
+      node.classList.remove("pulled");
       held = null;
       draw();
+      onEnd();
     };
     node.addEventListener("pointermove", onMove);
-    node.addEventListener("pointerup", onEnd, { once: true });
-    node.addEventListener("pointercancel", onEnd, { once: true });
+    node.addEventListener("pointerup", letGo, { once: true });
+    node.addEventListener("pointercancel", letGo, { once: true });
   }
 
   handle?.addEventListener("pointerdown", (event) => {

@@ -35,7 +35,7 @@ function control({ name, label, angle, lower, upper }, index, onMove) {
   const range = `${Number(say(lower))}${sign} to ${Number(say(upper))}${sign}`;
   const row = element("div", "", "joint");
   const title = element("span", label, "name");
-  title.title = `${name}, ${range}`;
+  row.title = title.title = `${name}, ${range}`;
   const [slider, number] = ["range", "number"].map((type) => {
     const input = document.createElement("input");
     const step = type === "range" ? "any" : angle ? 1 : 0.01;

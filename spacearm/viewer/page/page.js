@@ -13,12 +13,13 @@ import { createReadouts, setKind } from "./readouts.js";
 import { createRecorder } from "./record.js";
 import { createViewer, legend } from "./scene.js";
 import { explainByTouch } from "./touch.js";
-import { createWork } from "./work.js";
+import { createWaiting, createWork } from "./work.js";
 
 const viewer = createViewer(byId("scene"));
 let [about, readout, socket, camera, joints, showState, map, grab, choices, playback, chart, showWork] = [];
 let [played, drawn, asked, wanted] = [null, null, 0, null];
 const poses = createPoses(viewer);
+const showWaiting = createWaiting();
 const MOMENT = 100; // ms between the moments of a motion in play that the server answers for
 
 /* --- the connection: one request under way, of each kind only the latest waits --- */
@@ -35,7 +36,7 @@ function flush() {
   if (underWay || !waiting.size || socket?.readyState !== WebSocket.OPEN) return;
   const [key, message] = waiting.entries().next().value;
   waiting.delete(key);
-  underWay = message;
+  showWaiting((underWay = message));
   socket.send(JSON.stringify(message));
 }
 
@@ -47,7 +48,7 @@ function connect() {
     else draw(data);
   });
   socket.addEventListener("close", () => {
-    underWay = null;
+    showWaiting((underWay = null));
     setKind({ kind: "" }, "disconnected");
     setTimeout(reconnect, 1000);
   });
@@ -94,7 +95,7 @@ function receive(message) {
     return;
   }
   if (message.readout) {
-    underWay = null;
+    showWaiting((underWay = null));
     show((readout = message.readout));
     flush();
   }
@@ -125,7 +126,7 @@ function build(told, { hidden, played: already }) {
   byId("mapfold").setAttribute("aria-expanded", String(window.innerWidth >= 1200));
   map = createMap(told.joints, ask, (indices, values) => ask({ do: "joints", indices, values }));
   choices = createChoices(told, ask, complain, () => readout);
-  grab = createGrab(viewer, told, (pull) => ask({ do: "grab", ...pull }));
+  grab = createGrab(viewer, told, (pull) => ask({ do: "grab", ...pull }), camera.keep);
   legend(byId("layers"), told.layers, hidden, (name, visible) =>
     ask({ do: "layer", name, visible }, `layer ${name}`));
   showWork = createWork(viewer, told, ask);

@@ -13,7 +13,7 @@ export function createReadouts({ model, tip, tip_reason, task, unit, joints, mea
   byId("tipname").title = `The link whose motion counts: ${tip_reason}.`;
   byId("unit").textContent = `[${unit}], task ${task.join(" ")}`;
   byId("meaning").textContent = meaning;
-  byId("missing").textContent = `Not drawn, files not found: ${missing}`;
+  byId("missing").querySelector("p").textContent = missing;
   byId("missing").hidden = !missing;
   byId("contacts").title = contacts;
   return (state) => show(state, { joints, task, unit });
@@ -89,7 +89,7 @@ function table(box, head, rows) {
 
 function directions(state, task) {
   const rows = state.directions.map((row, i) =>
-    [i < state.rank ? "available" : "lost", ...row.map((x) => fixed(x, 3))]);
+    [i < state.rank ? "available" : "lost", ...row.map((x) => fixed(x, 2))]);
   table(byId("directions"), ["tip", ...task], rows);
 }
 

@@ -4,14 +4,40 @@
 import { DEGREE, byId, fixed } from "./format.js";
 import { pointUnder, toDrawing, toInertial } from "./scene.js";
 
+const SLOW = 1000; // ms after which the page says what it waits for
+const SLOW_ONES = {
+  arm: "Loading the arm",
+  map: "Computing the map",
+  nearest: "Searching the nearest singular posture",
+  poses: "Computing the frames of the motion",
+};
+
+/* Says what the page waits for, where an answer takes long; null ends it. */
+export function createWaiting() {
+  let timer = 0;
+  return (message) => {
+    clearTimeout(timer);
+    byId("waiting").hidden = true;
+    if (!message) return;
+    timer = setTimeout(() => {
+      byId("waiting").textContent = `${SLOW_ONES[message.do] ?? "Waiting for Python"} … The first `
+        + "time after an installation this compiles equations, for 10 s or more.";
+      byId("waiting").hidden = false;
+    }, SLOW);
+  };
+}
+
 export function createWork(viewer, { task, normal }, ask) {
   const box = byId("work");
   const bar = box.querySelector("progress");
   byId("cancel").addEventListener("click", () => ask({ do: "cancel" }));
   const buttons = [...document.querySelectorAll("[data-compute]")];
+  let [asked, busy] = [false, false];
   for (const button of buttons) {
-    button.addEventListener("click", () =>
-      ask({ do: "compute", what: button.dataset.compute, path: path.value }));
+    button.addEventListener("click", () => {
+      asked = true;
+      ask({ do: "compute", what: button.dataset.compute, path: path.value });
+    });
   }
   const path = byId("attitudepath");
   const goal = createGoal(viewer, { task, normal }, ask);
@@ -37,6 +63,11 @@ export function createWork(viewer, { task, normal }, ask) {
     if (!known[path.value]) path.value = known.goal ? "goal" : "motion";
     if (!known[path.value]) document.querySelector("[data-compute=attitudes]").disabled = true;
     goal(state, Boolean(name));
+    if (busy && !name && asked) {
+      byId("legend").scrollIntoView({ block: "nearest" }); // what the new colours mean
+      asked = false;
+    }
+    busy = Boolean(name);
   };
 }
 

@@ -117,6 +117,9 @@ def _reason(
     pushed = ((cfg.q >= upper - room) & (pull > 0.0)) | ((cfg.q <= lower + room) & (pull < 0.0))
     if pushed.any():
         names = short_names(arm.joint_names)
-        ends = listed([names[j] for j in np.flatnonzero(pushed)])
-        return f"The tip cannot follow: {ends} at the end of the range"
+        ends = [names[j] for j in np.flatnonzero(pushed)]
+        where = (
+            "is at the end of its range" if len(ends) == 1 else "are at the ends of their ranges"
+        )
+        return f"The tip cannot follow: {listed(ends)} {where}"
     return "The tip cannot follow: in this direction it has no motion left"

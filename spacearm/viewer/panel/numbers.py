@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ConfigurationError
+
+ROUNDED = 1e-6
+"""How much the length of a quaternion may be off."""
 
 
 def number(value: object, what: str) -> float:
@@ -25,8 +29,27 @@ def vector(value: object, what: str) -> Array:
     Raises:
         ConfigurationError: It is no list of three finite numbers; names it by `what`.
     """
-    if value is None:
-        return np.zeros(3)
-    if not isinstance(value, list) or len(value) != 3:
-        raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give three numbers")
+    return np.zeros(3) if value is None else numbers(value, 3, what)
+
+
+def numbers(value: object, count: int, what: str) -> Array:
+    """Return so many numbers out of a message.
+
+    Raises:
+        ConfigurationError: It is no list of as many finite numbers; names it by `what`.
+    """
+    if not isinstance(value, list) or len(value) != count:
+        raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give {count} numbers")
     return np.array([number(x, what) for x in value])
+
+
+def placement(value: object, what: str) -> pin.SE3:
+    """Return a pose out of a message: position [m] and quaternion xyzw, of length 1.
+
+    Raises:
+        ConfigurationError: It is none; names it by `what`.
+    """
+    pose = numbers(value, 7, what)
+    if abs(float(np.linalg.norm(pose[3:])) - 1.0) > ROUNDED:
+        raise ConfigurationError(f"{what}: the quaternion {pose[3:].tolist()} has no length 1")
+    return pin.XYZQUATToSE3(pose)

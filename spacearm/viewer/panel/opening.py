@@ -22,6 +22,7 @@ def opening_posture(arm: SpaceArm) -> Array:
 
     Zeros, or the limits nearest to them, where they are; else a posture bent by at most a radian,
     the first of `TRIES` that is far enough from the singular set, or the farthest of them.
+    Joints at a limit are bent away from it, so that the tip can be pulled all around.
 
     Args:
         arm: The arm.
@@ -33,7 +34,9 @@ def opening_posture(arm: SpaceArm) -> Array:
     for bend in bends:
         if farthest >= REGULAR:
             break
-        q = np.clip(home + bend, arm.lower, arm.upper)
+        there = home + bend
+        inside = (arm.lower <= there) & (there <= arm.upper)  # else bent the other way
+        q = np.clip(np.where(inside, there, home - bend), arm.lower, arm.upper)
         distance = _distance(arm, q)
         if distance > farthest:
             best, farthest = q, distance

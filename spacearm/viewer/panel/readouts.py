@@ -74,6 +74,7 @@ def readout(report: SingularityReport) -> dict[str, Any]:
     return {
         "q": cfg.q.tolist(),
         "attitude": pin.rpy.matrixToRpy(cfg.base.rotation).tolist(),
+        "base": pin.SE3ToXYZQUAT(cfg.base).tolist(),
         "distance": report.distance if math.isfinite(report.distance) else None,
         "near": report.kind == "regular" and report.distance < NEAR,
         "away": _shortened(report.way_out, names),
@@ -106,18 +107,19 @@ def source_of(arm: SpaceArm) -> str:
     return arm.name if arm.name in known else str(arm.path)
 
 
-def as_python(cfg: Configuration, source: str, locked: Mapping[str, float]) -> str:
+def as_python(cfg: Configuration, source: str, locked: Mapping[str, float], made: str) -> str:
     """Write a configuration as Python code.
 
     Args:
         cfg: The configuration.
         source: What `load` is given for the arm.
         locked: Joints that are locked besides, with their values [rad] or [m].
+        made: How the file of the arm comes about, where there is none.
     """
     arm = cfg.arm
     pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
     known = {info.name for info in catalogue()}
-    written = "" if source in known or Path(source).is_file() else "  # by arm.to_urdf"
+    written = "" if source in known or Path(source).is_file() else f"  # {made}"
     more = f", joints={arm.joints!r}" if arm.joints != "tip" else ""
     more += f", locked={dict(locked)!r}" if locked else ""
     return (
