@@ -23,6 +23,8 @@ from spacearm.polynomial.univariate import orders
 
 BLOCK = 1 << 20
 """Largest number of partial sums that an evaluation holds at once."""
+LARGEST = 600.0
+"""Logarithm of the largest bound that is computed; numbers end at 709."""
 
 
 @dataclass(frozen=True)
@@ -205,22 +207,24 @@ class Jets:
     def bound(self, reach: Array, half_step: Array, rho: float) -> float:
         """Bound the values along a segment, its variable in the Bernstein ellipse rho.
 
+        Infinity where the bound is too large for a number.
+
         Args:
             reach: (n,) largest |d - centre| on it, of sliding joints [m].
             half_step: (n,) half of the change of each joint along it [rad, m].
             rho: Sum of the half axes of the ellipse about [-1, 1].
         """
-        weights = []
+        powers = []
         for j, d in enumerate(self.polynomial.degrees):
             k = np.abs(orders(d))
             if self.chart.slides[j]:  # |T_k(z)| <= (|z| + sqrt(|z|^2 + 1))^k
                 z = (reach[j] + half_step[j] * (rho + 1.0 / rho)) / self.chart.half[j]
-                weights.append((z + np.hypot(z, 1.0)) ** k)
+                powers.append(k * np.log(z + np.hypot(z, 1.0)))
             else:
-                weights.append(
-                    np.exp(np.minimum(k * half_step[j] * (rho - 1.0 / rho) / 2.0, 700.0))
-                )
-        return self._weighted(weights)
+                powers.append(k * half_step[j] * (rho - 1.0 / rho) / 2.0)
+        if sum(float(power[-1]) for power in powers) > LARGEST:
+            return np.inf
+        return self._weighted([np.exp(power) for power in powers])
 
     def _weighted(self, weights: Sequence[Array]) -> float:
         """Sum |c_k| times a weight for each order in each coordinate."""

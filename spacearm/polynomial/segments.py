@@ -20,6 +20,8 @@ ELLIPSES = np.array([1.1, 1.4, 2.0, 4.0, 8.0, 16.0, 32.0, 128.0, 1024.0])
 """Sums of half axes of Bernstein ellipses, of which the best bounds the error of a series."""
 INTERPOLATED = 1e-15
 """Error of a series, as a share of the scale."""
+MOST_TERMS = 4096
+"""Longest series; segments of some thousand radians would need longer ones."""
 
 
 class Restriction(NamedTuple):
@@ -34,10 +36,16 @@ class Restriction(NamedTuple):
     noise: float
 
     @classmethod
-    def of(cls, f: Jets, start: Array, step: Array) -> Restriction:
-        """Restrict a polynomial to the segments from `start` by `step`, (S, n) each."""
+    def of(cls, f: Jets, start: Array, step: Array) -> Restriction | None:
+        """Restrict a polynomial to the segments from `start` by `step`, (S, n) each.
+
+        None if that takes more than `MOST_TERMS` coefficients.
+        """
         reach = np.abs(np.stack((start, start + step)) - f.chart.centre).max(axis=(0, 1))
-        N = _length(f, reach, np.abs(step).max(axis=0) / 2.0)
+        terms = _length(f, reach, np.abs(step).max(axis=0) / 2.0)
+        if terms > MOST_TERMS:
+            return None
+        N = int(np.ceil(terms))
         theta = np.pi * (np.arange(N) + 0.5) / N
         X = start[:, None] + 0.5 * (1.0 + np.cos(theta))[:, None] * step[:, None]
         values = f(X.reshape(-1, start.shape[1])).value.reshape(len(start), N)
@@ -64,7 +72,7 @@ def curvature(f: Jets, start: Array, step: Array) -> Array:
     return np.asarray(np.einsum("mi,ij,mj->m", size, B, size))
 
 
-def _length(f: Jets, reach: Array, half_step: Array) -> int:
+def _length(f: Jets, reach: Array, half_step: Array) -> float:
     """Return how many Chebyshev coefficients give a polynomial along a segment to rounding.
 
     On the Bernstein ellipse rho, |g| <= M, and the error of N coefficients is at most
@@ -72,8 +80,8 @@ def _length(f: Jets, reach: Array, half_step: Array) -> int:
     theorem 8.2.
     """
     if not f.scale:
-        return 1
+        return 1.0
     bounds = np.log([f.bound(reach, half_step, rho) for rho in ELLIPSES])
     wanted = np.log(INTERPOLATED * f.scale * (ELLIPSES - 1.0) / 4.0)
     N = 2.0 + np.maximum(bounds - wanted, 0.0) / np.log(ELLIPSES)
-    return int(np.ceil(N.min()))
+    return float(N.min())

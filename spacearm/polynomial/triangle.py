@@ -122,6 +122,22 @@ class Triangle:
                 found.append(other)
         return tuple(found)
 
+    def having(self, Q: Array) -> Array:
+        """Return the common roots that have the free angles of Q (m, n), of all sheets, (r, n)."""
+        return np.concatenate([self.solve(Q, sheet=sheet) for sheet in (None, *self.sheets)])
+
+    def crossings(self, Q: Array) -> Array:
+        """Return common roots (r, n) on lines through rows of Q (m, n), spread over the set.
+
+        One polynomial is solved along each of the joints that matter in turn. Lines along joint j
+        meet a part of the set as often as its projection along j is large, and the projections of a
+        part along all joints add up to at least its area. Of several the free angles are as in Q.
+        """
+        if len(self.polynomials) > 1 or not self.relevant:
+            return self.having(Q)
+        lines = [(Triangle(self.polynomials, (j,)), i) for i, j in enumerate(self.relevant)]
+        return np.concatenate([along.solve(Q[i :: len(lines)]) for along, i in lines])
+
     def escapes(self, rng: np.random.Generator) -> Array:
         """Look for roots that the triangle does not give, though as many; returns some, (r, n).
 
@@ -133,10 +149,7 @@ class Triangle:
         for i in range(1, len(self.polynomials)):
             part = Triangle(self.polynomials[:i], self.joints[:i])
             rest = Triangle(self.polynomials[i + 1 :], self.joints[i + 1 :])
-            Q = np.concatenate([
-                part.solve(rng.uniform(-np.pi, np.pi, (LINES, self.n)), sheet=sheet)
-                for sheet in (None, *part.sheets)
-            ])  # fmt: skip
+            Q = part.having(rng.uniform(-np.pi, np.pi, (LINES, self.n)))
             f, j = self.polynomials[i], self.joints[i]
             size = np.abs(f.along(Q, (j,))).max(axis=1)
             near = Q[np.argsort(size)[:FEW]]

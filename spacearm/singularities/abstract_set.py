@@ -111,10 +111,12 @@ class SingularSet(ABC):
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
         """Sample m singular configurations, (m, n).
 
-        A complete set is covered: all joints but those that follow (see `solve`) are uniform, given
-        that they can follow, and each solution has the same probability. Sheets that do not depend
-        on the joint that follows first are sampled likewise along other joints. For a searched set
-        no measure is promised.
+        A complete set is covered. Of one equation, random lines along each of the k joints that
+        matter in turn give all members that they meet, so that the number of samples on a part of
+        the set goes by its area, to a factor of sqrt(k). Of more, all joints but those that follow
+        (see `solve`) are uniform, given that they can follow, and each solution has the same
+        probability; sheets that do not depend on the joint that follows first are sampled likewise
+        along other joints. For a searched set no measure is promised.
 
         Args:
             m: How many.

@@ -133,10 +133,11 @@ class ExactSet(SingularSet):
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
         found, count, lines = [], 0, 0
+        first = 256 if self.codimension == 1 else min(256, m)  # enough along each of the joints
         while count < m:
             draws = max(256, int((m - count) * (lines + 1) / (count + 1) * 1.1))
-            draws = min(draws, 1 << 16) if lines else min(256, m)
-            batch = self.having(self._draw(draws, rng))
+            draws = min(draws, 1 << 16) if lines else first
+            batch = self._proper(self.triangle.crossings(self._draw(draws, rng)))
             found.append(rng.permutation(batch))
             count, lines = count + len(batch), lines + draws
             if not count and (lines > MOST_LINES or not self.relevant):
@@ -234,8 +235,7 @@ class ExactSet(SingularSet):
 
     def having(self, angles: Array) -> Array:
         """Find the members (r, n) that have the free angles of rows (m, n), of all sheets."""
-        sheets = [self.triangle.solve(angles, sheet=s) for s in (None, *self.triangle.sheets)]
-        return self._proper(np.concatenate(sheets))
+        return self._proper(self.triangle.having(angles))
 
     def _proper(self, angles: Array) -> Array:
         """Return the positions of roots (m, n), without the second angle of a sliding joint."""

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import NoSolutionError
 from spacearm.mechanics.blocks import Progress
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomial import distances, radius_squared
@@ -112,11 +111,6 @@ def members(found: ExactSet, box: Box, m: int, rng: np.random.Generator) -> Arra
     Within limits the joints that do not follow from others are drawn there: of the whole torus a
     box of six joints may be a millionth.
     """
-    if not box.limited:
-        try:
-            return box.fold(found.sample(m, rng))
-        except NoSolutionError:
-            return np.empty((0, found.arm.n))
     kept, lines, met = [np.empty((0, found.arm.n))], 0, 0
     while lines < m and met < m:
         drawn = rng.uniform(box.low, box.high, (min(BATCH, m - lines), found.arm.n))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import spacearm as sa
 from spacearm.polynomial import certificate as certificates
 from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.segments import Restriction
 from spacearm.singularities.polynomial import minor_polynomials
 
 degrees = st.lists(st.integers(0, 3), min_size=1, max_size=3)
@@ -50,6 +51,46 @@ def test_values_are_within_their_noise(seed, degrees, spread, far):
     f = random_polynomial(rng, degrees, spread)
     for q in far + rng.uniform(-4.0, 4.0, (3, f.n)):
         assert abs(mp.mpf(f(q)) - exactly(f, q)) <= f.noise(np.abs(q).max())
+
+
+@given(seeds, degrees, st.floats(-3.0, 3.0))
+@settings(max_examples=40)
+def test_series_along_a_segment_are_within_their_noise(seed, degrees, length):
+    """Also along thousands of radians of one joint, while others hardly move."""
+    rng = np.random.default_rng(seed)
+    f = random_polynomial(rng, degrees, 3.0)
+    start, step = rng.uniform(-np.pi, np.pi, (2, 1, f.n))
+    step *= 10.0 ** (length + rng.uniform(-4.0, 0.0, f.n))
+    line = Restriction.of(Jets(f, Chart.turning(f.n)), start, step)
+    if line is not None:
+        t = np.append(rng.uniform(0.0, 1.0, 300), [0.0, 1.0])
+        off = line(np.zeros(len(t), dtype=int), 2.0 * t - 1.0) - f(start + t[:, None] * step)
+        assert np.abs(off).max() <= line.noise + f.noise(np.abs(start + step).max() + np.pi)
+
+
+@pytest.mark.parametrize("length", [1e3, 1e4, 1e6])
+def test_the_first_root_of_a_very_long_segment_is_named(length):
+    """cos q1 = 0.5 + 0.7 cos q2, where q2 turns ever so little."""
+    c = np.zeros((3, 3), complex)
+    c[[0, 2], 1], c[1, [0, 2]], c[1, 1] = 0.5, -0.35, -0.5
+    f = sa.TrigPolynomial(c)
+    for slow in (0.0, 1e-4, 1e-3):
+        path = np.array([[0.1, 0.3], [0.1 + slow * length, 0.3 + length]])
+        certificate = certify(f, path)
+        t = np.linspace(0.0, min(1.0, 30.0 / length), 300_000)
+        values = f(path[0] + t[:, None] * (path[1] - path[0]))
+        first = t[np.flatnonzero(np.diff(np.sign(values)))[0]]
+        assert certificate.verdict == "singular"
+        assert certificate.at[1] == pytest.approx(0.3 + first * length, abs=2e-4)
+
+
+def test_halving_ends_where_no_number_lies_between():
+    """The last of a thousand segments of a million radians touches."""
+    c = np.array([-0.5, 1.0, -0.5], complex)  # 1 - cos q
+    path = np.append(np.full(1000, 1.0), 1e6)[:, None]
+    touch = certify(sa.TrigPolynomial(c), path)
+    assert touch.segment == 999
+    assert not touch
 
 
 @given(seeds, degrees, st.floats(0.0, 14.0), st.integers(3, 18), st.booleans())

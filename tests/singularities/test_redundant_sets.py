@@ -270,6 +270,19 @@ def test_sheets_that_do_not_depend_on_the_eliminated_joint_are_sampled(mode):
     assert max(reach) < 0.8  # random points of the set lie near samples, on all sheets
 
 
+@pytest.mark.parametrize("seed", [7, 10])
+def test_samples_cover_parts_that_hardly_depend_on_the_solved_joint(seed):
+    """Attitude-controlled: S depends on two joints, in parts hardly on the one solved for."""
+    arm = chain(seed, 3, "position")
+    found = sa.singular_set(arm, mode="attitude-controlled")
+    Q = found.sample(3000, np.random.default_rng(0))[:, found.relevant]
+    curves = np.concatenate(found.curves())[:, found.relevant]
+    apart = np.angle(np.exp(1j * (curves[::5, None] - Q)))
+    assert np.linalg.norm(apart, axis=2).min(axis=1).max() < 0.1
+    one = found.sample(1, np.random.default_rng(0))
+    assert one.shape == (1, 3)
+
+
 def test_arms_of_special_build_get_a_search_and_a_proof_all_the_same():
     """A fixed Panda: an elbow of its own codimension, shoulder and wrist with common centres."""
     arm = sa.load("servicer_panda")
