@@ -403,7 +403,7 @@ MIMIC = joint("last", "arm", "hand", inside=f'{LIMIT}<mimic joint="elbow"/>')
 @pytest.mark.parametrize(
     ("last", "task", "reason"),
     [
-        (SLIDING, "x y", "joints last slide"),
+        (SLIDING, "x y", "joint last is prismatic"),
         (MIMIC, "x", "joints that mimic others"),
         (joint("last", "arm", "hand"), "x", "2 joints for 1 task rows.*redundant"),
     ],
