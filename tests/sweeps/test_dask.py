@@ -80,6 +80,7 @@ def test_a_cluster_gives_the_same_bits(study, whole, running, tmp_path):
     assert sorted(did.values()) == sorted(p.pid for p in dask.workers)
 
 
+@pytest.mark.slow
 def test_nothing_listens_beyond_loopback(running):
     import psutil  # which distributed brings
 
@@ -138,6 +139,7 @@ def test_failures_there_are_recorded(running, tmp_path):
     assert [len(s.failed) for s in status(study, tmp_path / "s.zarr")] == [1, 0]
 
 
+@pytest.mark.slow
 def test_a_worker_with_another_model_ends_the_run(running, tmp_path):
     """The URDF changes after the main process has read it."""
     _, client = running
@@ -224,6 +226,7 @@ def test_a_scheduler_that_is_lost_costs_one_line(tmp_path, how):
             each.wait()
 
 
+@pytest.mark.slow
 def test_a_wrong_address_leaves_nothing_behind(tmp_path):
     """A client that was made in part complains when Python ends, after 20 s."""
     (tmp_path / "study.toml").write_text(STUDY)

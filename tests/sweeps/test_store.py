@@ -67,6 +67,7 @@ def in_time(call):
     return raised
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "file", ["sigma_min/c/0/0/0", "base_inertia/c/0", "chunks/sigma_min/c/1", "zarr.json",
              "sigma_min/zarr.json"],
@@ -136,14 +137,8 @@ def test_nothing_unpacks_to_more_than_numbers_take(small, store, file, frame, mu
         {"consolidated_metadata": {"kind": "inline"}},
     ],
 )  # fmt: skip
-@pytest.mark.parametrize(
-    "where",
-    [
-        "sigma_min/zarr.json",
-        pytest.param("zarr.json", marks=pytest.mark.slow),
-        pytest.param("chunks/zarr.json", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["sigma_min/zarr.json", "zarr.json", "chunks/zarr.json"])
 def test_descriptions_that_were_tampered_with(small, store, where, change):
     sound, file = dataset(store, small).load(), store / where
     described = json.loads(file.read_text()) | change
@@ -175,6 +170,7 @@ def test_leftovers_go_and_what_is_the_user_s_own_stays(small, store):
     assert own.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", [f"# a comment\n{SMALL}", SMALL.replace("= [1, 3]", "=[1,3] # kg m²")]
 )
@@ -252,6 +248,7 @@ def test_two_sweeps_begin_together(whole, tmp_path):
     assert files(tmp_path / "s.zarr") == files(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["spacearm.sweeps.processes", "spacearm.viewer.work.worker"])
 def test_a_worker_takes_nothing_from_the_current_folder(tmp_path, module):
     for name in ("runpy", "json", "numpy", "spacearm"):
@@ -264,6 +261,7 @@ def test_a_worker_takes_nothing_from_the_current_folder(tmp_path, module):
     assert "from the current folder" not in run.stderr
 
 
+@pytest.mark.slow
 def test_a_worker_whose_main_process_is_gone_says_nothing(small, tmp_path):
     Store.create(tmp_path / "s.zarr", small)
     orders = [(small.recipe, str(tmp_path / "s.zarr")), next(small.chunks())]

@@ -42,7 +42,9 @@ def test_bang_bang_along_a_line(rate, seconds):
 
 
 @pytest.mark.parametrize("rise", [0.0, 0.1])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))]
+)
 def test_torques_of_random_arms_reach_their_limits_and_stay_within(seed, rise):
     rng = np.random.default_rng(seed)
     arm = load_text(random_chain(seed, 3 + seed), tip="tip")

@@ -88,7 +88,9 @@ def within(text, lower, upper, **options):
     return load_text(text, tip="tip", **options)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 6))]
+)
 def test_limits_of_joints_that_do_not_matter_are_kept_by_the_curves(seed):
     rng = np.random.default_rng(seed)
     lower = rng.uniform(-2.5, 0.0, 3)
@@ -102,7 +104,9 @@ def test_limits_of_joints_that_do_not_matter_are_kept_by_the_curves(seed):
         assert any(a - 1e-9 <= low and high <= b + 1e-9 for a, b in result.pdw)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 3))]
+)
 def test_what_is_singular_within_narrow_limits_is_found(seed):
     """A millionth of the torus about a singular configuration of an arm of six joints."""
     text = random_chain(seed, 6, ("revolute",))
