@@ -83,11 +83,11 @@ def line_roots(lines: Complex) -> Array:
     companion[:, np.arange(1, 2 * d), np.arange(2 * d - 1)] = 1.0
     companion[:, :, -1] = -monic
     z = np.linalg.eigvals(companion).astype(complex)
-    angles = _polish(lines[usable], np.angle(z))
-    values, _ = line_values(lines[usable], angles)
-    near = np.abs(np.log(np.maximum(np.abs(z), 1e-300))) < NEAR_CIRCLE
-    real = near & (np.abs(values) <= 1e-12 * scale[usable, None])
-    found[usable] = np.where(real, wrap(angles), np.nan)
+    line, column = np.nonzero(np.abs(np.log(np.maximum(np.abs(z), 1e-300))) < NEAR_CIRCLE)
+    near = np.flatnonzero(usable)[line]
+    angles, values = _polish(lines[near], np.angle(z[line, column])[:, None])
+    real = np.abs(values) <= 1e-12 * scale[near, None]
+    found[near, column] = np.where(real, wrap(angles), np.nan)[:, 0]
     return found
 
 
@@ -116,8 +116,8 @@ def _first_degree_roots(c: Array, a: Array, b: Array) -> Array:
     return wrap(np.stack((middle - spread, middle + spread)))
 
 
-def _polish(lines: Complex, angles: Array) -> Array:
-    """Take Newton steps where they make the value smaller."""
+def _polish(lines: Complex, angles: Array) -> tuple[Array, Array]:
+    """Take Newton steps where they make the value smaller; return angles and values."""
     values, slopes = line_values(lines, angles)
     for _ in range(POLISH):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -125,9 +125,11 @@ def _polish(lines: Complex, angles: Array) -> Array:
         tried = angles - np.clip(step, -0.1, 0.1)
         new, new_slopes = line_values(lines, tried)
         better = np.abs(new) < np.abs(values)
+        if not better.any():
+            break
         angles = np.where(better, tried, angles)
         values, slopes = np.where(better, new, values), np.where(better, new_slopes, slopes)
-    return angles
+    return angles, values
 
 
 def line_values(lines: Complex, angles: Array) -> tuple[Array, Array]:
