@@ -1,6 +1,6 @@
 """Forward dynamics of many states of a floating arm, beside loops over Pinocchio and MuJoCo.
 
-    python benchmarks/accelerations.py [MODEL ...]        # default: planar2 chaser7
+    python benchmarks/accelerations.py [MODEL ...]        # default: planar2 mda6 chaser7
 
 Prints microseconds a state, ratios, and the largest relative difference of the accelerations, for
 `sa.joint_accelerations` on one thread and on two, `pinocchio.aba`, and MuJoCo's `mj_forward`
@@ -96,5 +96,5 @@ def main(name: str) -> None:
 
 
 if __name__ == "__main__":
-    for model in sys.argv[1:] or ("planar2", "chaser7"):
+    for model in sys.argv[1:] or ("planar2", "mda6", "chaser7"):
         main(model)

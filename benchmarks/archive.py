@@ -32,7 +32,7 @@ from spacearm.files import write
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
-PEERS = ("pin", "numpy", "scipy", "numba")
+PEERS = ("pin", "numpy", "scipy", "llvmlite")
 ROUNDS = 5
 
 

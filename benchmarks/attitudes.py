@@ -46,7 +46,7 @@ if __name__ == "__main__":
     home = arm.at(q0).centred(np.zeros(3)).tip
     away = pin.SE3(home.rotation, home.translation + np.array([-0.3, 0.4, 0.2]))
     cfg = arm.at(q0).centred(np.zeros(3))
-    table = table_of(arm, [segments(cfg, [away], None)])
+    table = table_of([segments(cfg, [away], None)])
     attitude = Rotation.random(4 * NUMBER, random_state=0).as_quat()
     near = np.argsort(-np.abs(attitude[:, 3]))  # those nearest to q0's first
     q = branch(arm, home, attitude[near], q0, np.array([0.0, 0.0, 0.0, 1.0]), 0.3)

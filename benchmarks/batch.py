@@ -6,8 +6,8 @@ Prints microseconds a configuration and ratios for the least singular value and 
 (square tasks) of chaser7 and mda6: spacearm on one and two threads; a Python loop over Pinocchio
 with numpy's svd; adam (jax, compiled, vectorised), MuJoCo and Drake where they are installed; and
 Pinocchio in C++ (`pinocchio.cpp` beside this file, where g++ and Eigen are found; it computes the
-determinant of J J^T, which is less). Then floating-point operations a second beside a matrix
-product's, the scaling from one thread to two, and what the first call costs.
+determinant of J J^T, which is less). Then the scaling from one thread to two, and what the first
+call costs.
 
     python benchmarks/batch.py memory
 
@@ -153,85 +153,6 @@ def build(program: Path) -> None:
         )
 
 
-class Counted(np.float64):
-    """A number that counts what is done with it; a division and a root count as one."""
-
-    count = 0
-
-
-def counting(name: str) -> Callable[..., Counted]:
-    def operation(self: Counted, other: float) -> Counted:
-        Counted.count += 1
-        return Counted(getattr(np.float64, name)(np.float64(self), np.float64(other)))
-
-    return operation
-
-
-for operator in ("add", "sub", "mul", "truediv"):
-    for name in (f"__{operator}__", f"__r{operator}__"):
-        setattr(Counted, name, counting(name))
-
-
-class Lanes(np.ndarray):
-    """Work arrays whose numbers count."""
-
-    def __setitem__(self, index: object, value: float) -> None:
-        super().__setitem__(index, Counted(value))
-
-
-def operations(name: str) -> float:
-    """Floating-point operations a configuration takes: the kernel run on numbers that count."""
-    code = f"import batch; print(batch.count({name!r}))"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    run = [sys.executable, "-c", code]
-    done = subprocess.run(
-        run, cwd=HERE, env=environment, capture_output=True, text=True, check=True
-    )
-    return float(done.stdout)
-
-
-def count(name: str, m: int = 20) -> float:
-    """To be called where nothing is compiled."""
-    from types import SimpleNamespace
-
-    from spacearm.kernels import cpu, measures, singular_values
-    from spacearm.kernels.floating import moving
-    from spacearm.kernels.singular_values import bidiagonal
-    from spacearm.mechanics import compiled
-
-    def sqrt(x: float) -> Counted:
-        Counted.count += 1
-        return Counted(x**0.5 if x >= 0 else np.nan)
-
-    def empty(shape: int | tuple[int, ...], dtype: np.dtype | None = None) -> object:
-        if dtype is None:
-            return np.full(shape, Counted(0.0), dtype=object).view(Lanes)
-        fields = {name: field[0].shape for name, field in dtype.fields.items()}
-        return [
-            SimpleNamespace(**{name: empty(inside) for name, inside in fields.items()})
-            for _ in range(shape)
-        ]
-
-    cpu.LANES = 1
-    cpu.MOVING, cpu.BIDIAGONAL = moving(1), bidiagonal(1)
-    cpu.np = SimpleNamespace(empty=empty)
-    singular_values.math = measures.math = SimpleNamespace(sqrt=sqrt, nan=np.nan, inf=np.inf)
-    arm = sa.load(name)
-    q = np.random.default_rng(0).uniform(-3, 3, (arm.n, m))
-    counted = np.vectorize(Counted, otypes=[object])(q)
-    rows, scale = np.array(arm.task.indices), arm.task.scale[:, 0]
-    values = np.full((5, m), 0.0, dtype=object)
-    with np.errstate(all="ignore"):
-        cpu.measures(*compiled.bodies(arm), arm.n, rows, scale, counted, False, values)
-    return Counted.count / m
-
-
-def dgemm() -> float:
-    """Floating-point operations a second of a matrix product on all processors."""
-    A = np.random.default_rng(0).normal(size=(2000, 2000))
-    return 2 * 2000**3 / best(lambda: A @ A)
-
-
 def compare(name: str, folder: Path) -> None:
     arm = sa.load(name)
     rng = np.random.default_rng(0)
@@ -267,11 +188,7 @@ def compare(name: str, folder: Path) -> None:
     print(f"{'':46}{'us':>9}{'times spacearm on two':>24}")
     for label, value in seconds.items():
         print(f"{label:46}{1e6 * value:9.3f}{value / two:24.1f}")
-    flops, peak = operations(name), dgemm()
-    print(
-        f"from one thread to two: {one / two:.2f} times as fast; {flops:.0f} operations each, "
-        f"{1e-9 * flops / two:.1f} GFLOP/s; dgemm here {1e-9 * peak:.0f} GFLOP/s\n"
-    )
+    print(f"from one thread to two: {one / two:.2f} times as fast\n")
 
 
 def memory(folder: Path, m: int = 100_000_000, block: int = 1_000_000) -> None:
@@ -302,7 +219,7 @@ def first_call(cache: Path) -> None:
         "import time, numpy, spacearm as sa; arm = sa.load('chaser7'); Q = numpy.zeros((100, 7));"
         "start = time.perf_counter(); sa.evaluate(arm, Q); print(time.perf_counter() - start)"
     )
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    environment = os.environ | {"SPACEARM_CACHE": str(cache)}
     seconds = [
         float(subprocess.check_output([sys.executable, "-c", code], env=environment))
         for _ in range(2)

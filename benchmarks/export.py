@@ -1,9 +1,10 @@
-"""Microseconds for J*, and for S with its gradient, by exported code, the kernels and Pinocchio.
+"""Sizes of exported C, and microseconds for J* and the gradient of S, by exports and Pinocchio.
 
     python benchmarks/export.py [MODEL ...]        # default: planar2 chaser7
 
-One thread, batches of 4,096 configurations; the best of five rounds, and the ratio to the package's
-compiled kernel. Takes gcc, and what is installed of jax and casadi.
+Sizes of the source by function, then one thread and batches of 4,096 configurations: the best of
+five rounds, and the ratio to the package's own machine code. Takes gcc, and what is installed of
+jax and casadi.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import ctypes
 import importlib
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -69,6 +71,19 @@ def own_c(arm: sa.SpaceArm, folder: Path) -> tuple[Callable, Callable]:
     J = compiled(folder, "own_J", text, n, 6 * n, f"{name}_jacobian(q, o);")
     g = compiled(folder, "own_g", text, n, n, f"{name}_singularity_gradient(q, o);")
     return lambda Q: J(Q).reshape(-1, 6, n), g
+
+
+def sizes(folder: Path) -> None:
+    """Print the sizes of header and source, and the lines of each function."""
+    for path in sorted(folder.glob("*.[ch]")):
+        if path.stem.startswith(("own_", "casadi_")):
+            continue
+        text = path.read_text()
+        print(f"{path.name}: {len(text) / 1000:.0f} kB, {text.count(chr(10)):,} lines")
+        if path.suffix == ".c":
+            for head, body in re.findall(r"^(\w[^;{}]*)\n\{\n(.*?)^\}", text, re.M | re.S):
+                name = re.search(r"(\w+)\(", head)[1].removeprefix(f"{path.stem}_")
+                print(f"  {name:24}{body.count(chr(10)):8,} lines")
 
 
 def casadi_c(arm: sa.SpaceArm, folder: Path) -> tuple[Callable, Callable]:
@@ -131,7 +146,7 @@ def main() -> None:
         wanted = sa.generalized_jacobians(arm, Q, threads=1)
         with tempfile.TemporaryDirectory() as folder:
             contenders: dict[str, tuple[Callable | None, Callable | None]] = {
-                "spacearm's kernel (numba)": (
+                "spacearm's machine code": (
                     lambda Q, arm=arm: sa.generalized_jacobians(arm, Q, threads=1),
                     None,
                 ),
@@ -148,6 +163,7 @@ def main() -> None:
             contenders["Pinocchio from Python"] = (pinocchio(arm), None)
             gradients = contenders["sa.to_c, gcc -O2"][1](Q).copy()
             kernel = None
+            sizes(Path(folder))
             print(f"{arm.name}, {arm.n} joints")
             print(f"{'':30}{'J* us':>10}{'ratio':>9}{'difference':>12}{'grad S us':>11}")
             for name, (J, g) in contenders.items():

@@ -2,7 +2,7 @@
 
     python benchmarks/simulation.py                # work-precision tables, then the 10,000 runs
     python benchmarks/simulation.py many           # 10,000 runs of 60 s of chaser7
-    python benchmarks/simulation.py first          # the first run on a machine, which compiles
+    python benchmarks/simulation.py first          # the first run, with and without a cache
 
 An arm swings for a minute under `JointPD` after a moving target of its joints, with gains that let
 every joint settle critically damped at 0.5 rad/s, and under `TransposedJacobian` (42) to a point or
@@ -24,7 +24,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 
-import numba
 import numpy as np
 
 import spacearm as sa
@@ -46,12 +45,8 @@ def joint_law(arm: sa.SpaceArm, q0: np.ndarray) -> sa.JointPD:
     H = np.diag(sa.generalized_inertia(arm.at(q0)))
     n = arm.n
 
-    @numba.njit
     def target(t: float) -> np.ndarray:
-        goal = np.empty(n)
-        for j in range(n):
-            goal[j] = 0.4 * math.sin(0.2 * t + j)
-        return goal
+        return 0.4 * np.sin(0.2 * t + np.arange(n))
 
     return sa.JointPD(target=target, kp=0.25 * H, kd=H)
 
@@ -244,7 +239,7 @@ def many(runs: int = 10_000) -> None:
 
 
 def first() -> None:
-    """Simulate in a process that finds no compiled kernels, and in one that finds them."""
+    """Simulate in a process that finds no compiled code, and in one that finds it."""
     run = (
         "import time; import spacearm as sa; arm = sa.load('planar2'); start = time.perf_counter();"
         "sa.simulate(arm, [0.1, 0.4], sa.JointPD(target=[0.1, 0.5], kp=1.0, kd=1.0), 0.1);"
@@ -255,7 +250,7 @@ def first() -> None:
         for what in ("compiling", "compiled"):
             done = subprocess.run(
                 [sys.executable, "-c", run],
-                env=os.environ | {"NUMBA_CACHE_DIR": kept},
+                env=os.environ | {"SPACEARM_CACHE": kept},
                 capture_output=True,
                 text=True,
                 check=True,

@@ -154,7 +154,7 @@ def starts(folder: Path) -> None:
     """What a worker's first chunk costs."""
     code = "import spacearm as sa, numpy as np; sa.evaluate(sa.load('chaser7'), np.zeros((64, 7)))"
     for name in ("compiling", "compiled"):
-        env = os.environ | {"NUMBA_CACHE_DIR": str(folder / "numba")}
+        env = os.environ | {"SPACEARM_CACHE": str(folder / "code")}
         start = time.perf_counter()
         subprocess.run([sys.executable, "-c", code], env=env, check=True)
         print(

@@ -73,7 +73,7 @@ _HOMES = {
         "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError "
         "StoppedError StoreError SweepError UnsupportedError"
     ),
-    "export.c_code.files": "to_c",
+    "export.c_files": "to_c",
     "export.casadi_functions": "to_casadi",
     "export.inverse_kinematics": (
         "GeneralizedJacobianTask MomentumConservation SingularityBarrier"

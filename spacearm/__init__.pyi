@@ -17,7 +17,7 @@ from spacearm.errors import StoppedError as StoppedError
 from spacearm.errors import StoreError as StoreError
 from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError
-from spacearm.export.c_code.files import to_c as to_c
+from spacearm.export.c_files import to_c as to_c
 from spacearm.export.casadi_functions import to_casadi as to_casadi
 from spacearm.export.inverse_kinematics import (
     GeneralizedJacobianTask as GeneralizedJacobianTask,

@@ -91,8 +91,8 @@ def _commands() -> str:
     """Return what every command says with --help."""
     runner, text = CliRunner(), []
     for name in COMMANDS:
-        app, asked = application([name, "models"]), [name, "--help"]
-        said = runner.invoke(app, asked, prog_name="spacearm", env={"COLUMNS": "88"})
+        asked = [name, "--help"]
+        said = runner.invoke(application(), asked, prog_name="spacearm", env={"COLUMNS": "88"})
         text += [f"## spacearm {name}", "", "```text", said.output.strip(), "```", ""]
     return "\n".join(text)
 

@@ -7,55 +7,134 @@ import io
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 from typer.exceptions import TyperException
+from typer.main import get_command
 
-from spacearm.cli.options import join_numbers
-from spacearm.cli.output import INTERRUPTED, in_own_words
+from spacearm.cli.wording import INTERRUPTED, in_own_words, join_numbers
 from spacearm.errors import SpaceArmError, printable
 
 COMMANDS = {
-    "models": "models.list_models",
-    "info": "models.describe_model",
-    "mount": "models.write_model",
-    "convert": "models.convert_model",
-    "query": "queries.report_singularity",
-    "nearest": "queries.find_nearest",
-    "path": "queries.check_path",
-    "view": "views.view_configuration",
-    "map": "maps.draw_singular_map",
-    "workspace": "workspaces.compute_workspace",
-    "risk": "workspaces.compute_risk",
-    "design": "designs.sweep_designs",
-    "plan": "plans.commands.plan_motion",
-    "attitudes": "missions.commands.find_attitudes",
-    "reaction": "missions.commands.report_reaction",
-    "wheels": "missions.commands.size_wheels_of",
-    "report": "missions.commands.write_report",
-    "simulate": "motions.simulations.simulate_motion",
-    "capture": "captures.compute_capture",
-    "sweep": "sweeps.run_study",
+    "models": (
+        "models.list_models",
+        "List the models of the catalogue, and the arms that can be mounted on a bus.",
+    ),
+    "info": (
+        "models.describe_model",
+        "Show bodies, masses, joints, limits, tip, task and centre of mass of a model.",
+    ),
+    "mount": (
+        "models.write_model",
+        "Mount an arm on a bus (--bus-mass) and write both as one URDF, which every command loads.",
+    ),
+    "convert": (
+        "models.convert_model",
+        "Write a robot of any format (xacro, MJCF, SDF) as a URDF; what was left out is printed.",
+    ),
+    "query": (
+        "queries.report_singularity",
+        "Report whether a configuration is singular, and which directions are lost.",
+    ),
+    "nearest": (
+        "queries.find_nearest",
+        "Find the singular posture nearest to a posture, in joint space.",
+    ),
+    "path": (
+        "queries.check_path",
+        "Prove that straight joint motions from posture to posture meet no singularity.",
+    ),
+    "view": (
+        "views.view_configuration",
+        "Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it.",
+    ),
+    "map": (
+        "maps.draw_singular_map",
+        "Map the distance to the singular set over two joints, with the exact curves on top.",
+    ),
+    "workspace": (
+        "workspaces.compute_workspace",
+        "Compute and draw the path dependent and path independent workspaces.",
+    ),
+    "risk": (
+        "workspaces.compute_risk",
+        "Estimate how many postures are near a singularity, by the tip's distance from the CM.",
+    ),
+    "design": (
+        "designs.sweep_designs",
+        "Draw the path independent share over design parameters; Ctrl-C keeps what is done.",
+    ),
+    "plan": (
+        "plans.commands.plan_motion",
+        "Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.",
+    ),
+    "attitudes": (
+        "missions.commands.find_attitudes",
+        "Find the attitudes of the spacecraft from which the tip can follow a path.",
+    ),
+    "reaction": (
+        "missions.commands.report_reaction",
+        "Report what a motion does to the spacecraft, and what holding the attitude takes.",
+    ),
+    "wheels": (
+        "missions.commands.size_wheels_of",
+        "Compute the momentum that wheels need to hold the attitude while the arm moves.",
+    ),
+    "report": (
+        "missions.commands.write_report",
+        "Write a design report: one page with arm, singular sets, workspaces and reactions.",
+    ),
+    "simulate": (
+        "motions.simulations.simulate_motion",
+        "Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.",
+    ),
+    "capture": (
+        "captures.compute_capture",
+        "Compute the velocities just after the tip, at rest, has grasped a moving, spinning body.",
+    ),
+    "sweep": (
+        "sweeps.run_study",
+        "Compute a study chunk by chunk; run again after a stop, it goes on where it was.",
+    ),
 }
-"""Module and function of each command; only the module of the command called is imported."""
+"""Place and summary of each command: a module is imported when its command is called."""
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 NO_NUMBERS = ("models", "sweep")
 """Commands without numbers: whatever starts with a minus sign is an option."""
 
 
-def application(names: Iterable[str] = COMMANDS) -> typer.Typer:
-    """Make the application with some of its commands, whose modules are imported."""
-    app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None, context_settings=HELP)
+class LazyGroup(TyperGroup):
+    """Commands known by name and summary until one is called, completed or asked for its help."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the name of the command called, the command, and the words that are left."""
+        name, known, rest = super().resolve_command(ctx, args)
+        return name, known and command(str(name)), rest
+
+
+def application() -> typer.Typer:
+    """Make the application; the modules of its commands are not imported."""
+    app = typer.Typer(
+        cls=LazyGroup, context_settings=HELP, pretty_exceptions_enable=False, rich_markup_mode=None
+    )
     app.callback(invoke_without_command=True)(options)
-    for name in names:
-        module, _, function = COMMANDS[name].rpartition(".")
-        command = getattr(import_module(f"spacearm.cli.{module}"), function)
-        settings = HELP if name in NO_NUMBERS else HELP | {"ignore_unknown_options": True}
-        app.command(name, context_settings=settings)(_stoppable(command))
+    for name, (_, summary) in COMMANDS.items():
+        app.command(name, help=summary)(lambda: None)
     return app
+
+
+def command(name: str) -> Any:
+    """Import a command."""
+    module, _, function = COMMANDS[name][0].rpartition(".")
+    run = getattr(import_module(f"spacearm.cli.{module}"), function)
+    settings = HELP if name in NO_NUMBERS else HELP | {"ignore_unknown_options": True}
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    alone.command(name, context_settings=settings)(_stoppable(run))
+    return get_command(alone)
 
 
 def _stoppable(command: Callable[..., int]) -> Callable[..., int]:
@@ -92,8 +171,7 @@ def main() -> None:
         sys.stdout.reconfigure(errors="replace")  # a terminal without ° is no reason to stop
     try:
         words = join_numbers(sys.argv[1:])
-        called = [word for word in words[:1] if word in COMMANDS]
-        code = application(called or COMMANDS)(words, standalone_mode=False, prog_name="spacearm")
+        code = application()(words, standalone_mode=False, prog_name="spacearm")
         sys.stdout.flush()
     except (SpaceArmError, TyperException) as error:
         message = error.format_message() if isinstance(error, TyperException) else error

@@ -66,7 +66,7 @@ def compute_capture(
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compute the velocities just after the tip, at rest, has grasped a moving, spinning target."""
+    """Compute the velocities just after the tip, at rest, has grasped a moving, spinning body."""
     cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
     if inertia is None and any(spin):
         err.print("spacearm: note: a point mass does not spin; --inertia gives the target moments")

@@ -17,7 +17,6 @@ from spacearm.cli.options import (
     on_a_model,
 )
 from spacearm.cli.output import (
-    INTERRUPTED,
     check_picture,
     out,
     picture_path,
@@ -27,6 +26,7 @@ from spacearm.cli.output import (
     working,
     write_picture,
 )
+from spacearm.cli.wording import INTERRUPTED
 from spacearm.cli.workspaces import EFFORT_HELP
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
@@ -251,27 +250,6 @@ def numbers(option: str, text: str) -> Array:
     if not values or not np.isfinite(values).all():
         raise ConfigurationError(f"{option} is {text!r}; give finite numbers")
     return np.array(values)
-
-
-def join_numbers(words: Sequence[str]) -> list[str]:
-    """Join the numbers after each option of `VECTORS` to one word."""
-    joined: list[str] = []
-    vector = False
-    for word in words:
-        if vector and NUMBER.fullmatch(word):
-            if joined[-1] in VECTORS:
-                joined.append(word)
-            else:
-                joined[-1] += f" {word}"
-        else:
-            joined.append(word)
-            vector = word in VECTORS
-    return joined
-
-
-VECTORS = ("--q0", "--target", "--goal", "--via", "--corner", "--kp", "--kd", "--dq0", "--wheels0")
-"""Options that take as many numbers as the arm needs."""
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def _si(joint: Joint | None, value: float, deg: bool) -> float:

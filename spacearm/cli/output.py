@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import sys
 import threading
 import time
@@ -28,6 +27,7 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.table import Column, Table
 
+from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import UNPRINTABLE, ConfigurationError, StoppedError, printable, unknown
 from spacearm.files import name_part, write
 
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 T = TypeVar("T")
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
 WIDE = 1000
 """Width of a file or a pipe, in columns, so that no line is folded."""
 
@@ -63,19 +61,6 @@ ROUNDING = 1e-12
 """Joint positions up to this [rad] or [m] print as 0."""
 FIRST, EVERY = 2.0, 10.0
 """Seconds after which a command tells what it does where stderr is no terminal, and how often."""
-OPTIONS = {
-    r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
-    r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
-    r"(limits|collisions)=False": r"--no-\1",
-    r'check="(\w+)"': r"--check \1",
-    r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1 --length METRES",
-    r"\bdensity=(?!\w)": "--density RHO",
-    r"\bfinal_attitude\b": "--final-attitude",
-    r"\bsa\.risk_profile\b": "spacearm risk",
-    r"\bsa\.(workspace|plan|simulate|query|capture|mount)\b": r"spacearm \1",
-    r" \(sa\.Joints\)": "",
-}
-"""What messages name in the words of Python, and the options that do the same."""
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -144,13 +129,6 @@ def _so_far(percentage: float, since: float) -> str:
     if percentage <= 0.0:
         return f"{took:.0f} s so far"
     return f"{percentage:.0f} %, about {took * (100.0 / percentage - 1.0):.0f} s left"
-
-
-def in_own_words(text: str) -> str:
-    """Return a text with the remedies that it names as options of the command line."""
-    for python, option in OPTIONS.items():
-        text = re.sub(python, option, text)
-    return text
 
 
 def check_picture(path: Path | None) -> None:

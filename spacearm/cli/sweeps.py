@@ -15,9 +15,10 @@ import typer
 from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.text import Text
 
-from spacearm.cli.output import INTERRUPTED, err, out, table, working
+from spacearm.cli.output import err, out, table, working
+from spacearm.cli.wording import INTERRUPTED
+from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, SweepError
-from spacearm.kernels.processors import processors
 from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
 from spacearm.sweeps.study import Study
 
@@ -137,7 +138,7 @@ def _print_estimate(study: Study, store: Path, cores: int) -> None:
         out.print("the cluster has no workers yet")
     else:
         time = timedelta(seconds=math.ceil(seconds / cores))
-        out.print(f"about {time} on {cores} cores, compilation and start of the workers apart")
+        out.print(f"about {time} on {cores} cores, start of the workers apart")
     folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.exists())
     free = shutil.disk_usage(folder).free
     out.print(f"disk: at most {size / 1e6:,.3g} MB of {free / 1e6:,.0f} MB free")

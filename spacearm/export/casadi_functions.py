@@ -11,8 +11,8 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
-from spacearm.export.functions import EQUATIONS, structure_in
-from spacearm.export.parameters import chosen, parameters_of, symbolic
+from spacearm.export.functions import EQUATIONS, chosen, structure_in, symbolic
+from spacearm.mechanics.many import parameters_of
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
@@ -34,7 +34,7 @@ class CasadiArm:
         centre: (3, 1) the system CM from the spacecraft frame [m].
         tip_position: (3, 1) the tip from the system CM [m]; (tips, 3) of several.
         tip_rotation: (3, 3) its attitude; (3 tips, 3) of several.
-        S: What is zero exactly at singular configurations; see `equations.singularity`.
+        S: What is zero exactly at singular configurations; see `equations.measures`.
         S_gradient: (n, 1) its gradient by the joints.
         generalized_inertia: (n, n) H*.
         forward_dynamics: (n, 1) joint accelerations of (q, dq, tau).

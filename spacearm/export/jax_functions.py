@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from spacearm.equations.structure import Parameters
 from spacearm.errors import UnsupportedError
 from spacearm.export.functions import EQUATIONS, Equation, structure_in
-from spacearm.export.parameters import Parameters, parameters_of
+from spacearm.mechanics.many import parameters_of
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
@@ -32,7 +33,7 @@ class JaxArm:
         centre: (3,) the system CM from the spacecraft frame [m].
         tip_position: (3,) the tip from the system CM [m]; (tips, 3) of several.
         tip_rotation: (3, 3) its attitude; (tips, 3, 3) of several.
-        S: What is zero exactly at singular configurations; see `equations.singularity`.
+        S: What is zero exactly at singular configurations; see `equations.measures`.
         S_gradient: (n,) its gradient by the joints.
         generalized_inertia: (n, n) H*.
         forward_dynamics: f(q, dq, tau) or f(q, dq, tau, parameters): (n,) joint accelerations.

@@ -1,51 +1,29 @@
-"""Forward dynamics of many states at once, by compiled kernels."""
+"""Forward dynamics of many states at once."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import NO_NUMBERS, Array
+from spacearm.equations.dynamics import loaded_accelerations
 from spacearm.errors import ConfigurationError, ModelError, unknown
-from spacearm.mechanics.blocks import (
-    FEW,
-    Progress,
-    checked_output,
-    joint_rows,
-    read_block,
-    run_blocks,
-)
+from spacearm.mechanics.blocks import Progress, checked_output, fill, joint_rows
 from spacearm.mechanics.dynamics import forward_dynamics
+from spacearm.mechanics.many import arms_kernel, worth_compiling
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode, free_components
 
-Floats = npt.NDArray[np.float64]
+SINGLY = 1e-4
+"""Time that one state takes without compiled code [s]."""
 
-
-class States(NamedTuple):
-    """What the accelerations of m states depend on, the states innermost.
-
-    Attributes:
-        q: (n, m) joint positions.
-        dq: (n, m) joint rates.
-        tau: (n, m) joint torques.
-        h: (3, m) angular momentum about the system CM, spacecraft axes.
-        spin: (w, m) momentum that each wheel holds.
-        wrench: (k, 6, m) wrench on each of the links that one acts on, spacecraft axes.
-    """
-
-    q: Floats
-    dq: Floats
-    tau: Floats
-    h: Floats
-    spin: Floats
-    wrench: Floats
+Rows = Mapping[str, Array]
+"""Rows of the states by name."""
 
 
 @of_arm
@@ -65,7 +43,7 @@ def joint_accelerations(
 ) -> Array:
     """Compute the joint accelerations of many states, as `forward_dynamics` does of one.
 
-    Compiled kernels compute 32 states side by side on each thread. Vectors are in spacecraft axes,
+    Compiled code computes some states side by side on each thread. Vectors are in spacecraft axes,
     in which the states need no attitude.
 
     Args:
@@ -112,26 +90,28 @@ def joint_accelerations(
         )
     h = _rows(momentum, m, 6, "momentum")
     spin = _rows(wheels, m, len(arm.wheels), "wheels")
-    pushed = {}
+    loads = {} if momentum is None and not spin.any() else {"h": h[:, 3:], "spin": spin}
+    rows = {"q": arrays["Q"], "dq": arrays["dQ"], "tau": arrays["tau"], **loads}
+    links = tuple(wrenches or ())
     for link, values in (wrenches or {}).items():
         if link not in arm.tree.links:
             raise ConfigurationError(unknown("link", link, arm.tree.links))
-        pushed[link] = _rows(values, m, 6, f"the wrench on {link!r}")
+        rows[_wrench(link)] = _rows(values, m, 6, f"the wrench on {link!r}")
     result = np.empty((m, arm.n)) if out is None else checked_output(out, (m, arm.n), "out")
+    kernel = _compiled(arm, mode, bool(loads), links) if worth_compiling(m, SINGLY) else None
 
-    compute = _compiled if m >= FEW else _singly
+    def compute(rows: Rows, places: dict[str, Array | None]) -> Rows:
+        if kernel is None:
+            return {"ddq": _singly(arm, mode, links, rows)}
+        return {"ddq": kernel(rows, places["ddq"])}
 
-    def do(block: slice) -> None:
-        q, dq, torques = (read_block(values, block) for values in arrays.values())
-        wrench = np.empty((len(pushed), 6, q.shape[1]))
-        for own, values in zip(wrench, pushed.values(), strict=True):
-            own[:] = read_block(values, block)
-        x = States(q, dq, torques, read_block(h[:, 3:], block), read_block(spin, block), wrench)
-        result[block] = compute(arm, mode, list(pushed), x).T
-
-    everything = [*arrays.values(), h, spin, *pushed.values(), result]
-    run_blocks(do, m, threads, progress, everything)
+    fill({"ddq": result}, rows, compute, threads, progress)
     return result
+
+
+def _wrench(link: str) -> str:
+    """Return the name of the rows of the wrench on a link."""
+    return f"wrench on {link}"
 
 
 def _rows(values: npt.ArrayLike | None, m: int, width: int, what: str) -> Array:
@@ -149,35 +129,50 @@ def _rows(values: npt.ArrayLike | None, m: int, width: int, what: str) -> Array:
     return np.broadcast_to(rows, (m, width))
 
 
-def _compiled(arm: SpaceArm, mode: BaseMode, links: list[str], x: States) -> Array:
-    """Compute the accelerations (n, m); importing the kernels takes half a second."""
-    from spacearm.kernels.dynamics.many.equations import accelerations
-    from spacearm.kernels.dynamics.many.loads import ON_BODY, Loads
-    from spacearm.mechanics.compiled import all_bodies, all_positions, frame_on_body
+def _compiled(
+    arm: SpaceArm, mode: BaseMode, loaded: bool, links: tuple[str, ...]
+) -> Callable[[Rows, Array | None], Array]:
+    """Return the function that computes accelerations (m, n) by compiled code."""
+    frames = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)] for link in links]
+    wheels = [arm.model.frames[wheel.frame] for wheel in arm.wheels] if loaded else []
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("q", "dq", "tau"), (arm.n,))
+    shapes |= {"h": (3,), "spin": (len(wheels),)} if loaded else {}
+    shapes |= {"wrenches": (len(links), 6)} if links else {}
+    kernel = arms_kernel(
+        [arm], mode, loaded_accelerations, tuple(shapes.items()),
+        (("axes", (len(wheels), 3)), ("points", (len(links), 3))),
+        options=(
+            ("wheels", tuple(int(wheel.parentJoint) - 1 for wheel in wheels)),
+            ("pushed", tuple(int(frame.parentJoint) - 1 for frame in frames)),
+        ),
+    )  # fmt: skip
+    axes = [
+        wheel.placement.rotation @ own.axis for wheel, own in zip(wheels, arm.wheels, strict=False)
+    ]
+    known = {
+        "axes": np.array(axes).reshape(-1, 3),
+        "points": np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
+    }
 
-    wheel, pushed = np.zeros(len(arm.wheels), ON_BODY), np.zeros(len(links), ON_BODY)
-    for record, own in zip(wheel, arm.wheels, strict=True):
-        place = frame_on_body(arm, own.frame)
-        record["body"], record["v"] = place.body, place.rotation @ own.axis
-    for record, link in zip(pushed, links, strict=True):
-        place = frame_on_body(arm, arm.model.getFrameId(link, pin.BODY))
-        record["body"], record["v"] = place.body, place.p
-    loads, ddq = Loads(wheel, x.spin, pushed, x.wrench), np.empty_like(x.dq)
-    b, q = all_bodies(arm), all_positions(arm, x.q)
-    accelerations(b, free_components(mode), q, x.dq, x.tau, x.h, loads, ddq)
-    return ddq
+    def compute(rows: Rows, place: Array | None) -> Array:
+        given = dict(rows)
+        if links:
+            given["wrenches"] = np.stack([rows[_wrench(link)] for link in links], axis=1)
+        found: Array = kernel(given, known, out=[place])
+        return found
+
+    return compute
 
 
-def _singly(arm: SpaceArm, mode: BaseMode, links: list[str], x: States) -> Array:
-    """Compute the accelerations (n, m) without compiled code."""
-    ddq, m = np.full(x.q.shape, np.nan), x.q.shape[1]
-    everything = np.vstack([values.reshape(-1, m) for values in x])
-    for i in np.flatnonzero(np.isfinite(everything).all(axis=0)):
-        momentum = np.concatenate((np.zeros(3), x.h[:, i]))
-        wrenches = {link: x.wrench[o, :, i] for o, link in enumerate(links)}
+def _singly(arm: SpaceArm, mode: BaseMode, links: tuple[str, ...], rows: Rows) -> Array:
+    """Compute accelerations (m, n) without compiled code."""
+    ddq, momentum = np.full(rows["q"].shape, np.nan), np.zeros(6)
+    for i in range(len(ddq)):
+        spin = rows["spin"][i] if "spin" in rows else None
+        momentum[3:] = rows["h"][i] if "h" in rows else 0.0
         with suppress(ModelError):
-            at = arm.at(x.q[:, i], wheels=x.spin[:, i])
-            ddq[:, i] = forward_dynamics(
-                at, x.dq[:, i], x.tau[:, i], mode=mode, momentum=momentum, wrenches=wrenches
-            ).ddq
+            ddq[i] = forward_dynamics(
+                arm.at(rows["q"][i], wheels=spin), rows["dq"][i], rows["tau"][i], mode=mode,
+                momentum=momentum, wrenches={link: rows[_wrench(link)][i] for link in links},
+            ).ddq  # fmt: skip
     return ddq

@@ -1,36 +1,30 @@
-"""Many configurations at once: singular values and Jacobians by compiled kernels."""
+"""Many configurations at once: measures of singularity and Jacobians."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.kernels.quantities import NEARNESS, QUANTITIES
-from spacearm.mechanics.blocks import (
-    FEW,
-    Progress,
-    checked_output,
-    joint_rows,
-    read_block,
-    run_blocks,
-)
-from spacearm.mechanics.jacobian import (
-    generalized_jacobian,
-    singular_values_of,
-    task_jacobian,
-    task_jacobian_derivative,
-)
-from spacearm.mechanics.nearness import nearness_of, refined_at
+from spacearm.equations.jacobian import jacobian
+from spacearm.equations.measures import measures
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.mechanics.blocks import Progress, checked_output, fill, joint_rows
+from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
+from spacearm.mechanics.many import WIDE, ArmKernel, arms_kernel, worth_compiling
+from spacearm.mechanics.nearness import distances
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
+from spacearm.model.mode import BaseMode
 
-CARD_BLOCK = 2**20
-"""Configurations per block on a graphics card."""
+QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
+"""The measures that take J* alone."""
+NEARNESS = ("distance", "away")
+"""Those that take its derivative: a number, and a vector over the joints."""
+SINGLY = 1e-4
+"""Time that the measures of one configuration take without compiled code [s]."""
 
 
 @of_arm
@@ -42,11 +36,10 @@ def evaluate(
     out: Mapping[str, Array] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-    device: Literal["cpu", "cuda"] = "cpu",
 ) -> dict[str, Array]:
     """Compute measures of singularity at many configurations of the free-floating arm.
 
-    Compiled kernels give the same numbers as `singularity` does one by one: singular values by
+    Compiled code gives the same numbers as `singularity` does one by one: singular values by
     bidiagonal reduction and qd transforms, to a few units of rounding of the largest singular
     value (the tests allow 2e-14 of it against numpy's svd), at singular configurations too.
 
@@ -65,15 +58,13 @@ def evaluate(
         out: Arrays to write to, memory maps included, for some or all of the quantities.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.
-        device: "cuda" computes on an NVIDIA graphics card: `pip install "spacearm[gpu]"`.
 
     Returns:
         An array (m,) for each quantity, (m, n) for "away". Rows of Q that are not finite give NaN.
 
     Raises:
-        ConfigurationError: Q or `out` has the wrong shape, or a quantity or device does
-            not exist.
-        UnsupportedError: The arm has several tips, or no graphics card can be used.
+        ConfigurationError: Q or `out` has the wrong shape, or a quantity does not exist.
+        UnsupportedError: The arm has several tips.
 
     Example:
         >>> import numpy as np
@@ -101,37 +92,38 @@ def evaluate(
         else np.empty(shape)
         for name, shape in shapes.items()
     }
-    kernels = _kernels(arm, device, m >= FEW, set(quantities))
+    arm.require_one_tip()
+    own = tuple(name for name in QUANTITIES if name in results)
+    near = [name for name in NEARNESS if name in results]
+    kernel = _measures(arm, own) if own and worth_compiling(m, SINGLY) else None
 
-    def do(block: slice) -> None:
-        q = read_block(Q, block)
-        for kernel in kernels:
-            for name, values in kernel(q).items():
-                if name in results:
-                    results[name][block] = values
+    def compute(rows: dict[str, Array], places: dict[str, Array | None]) -> dict[str, Array]:
+        if kernel:
+            written = kernel(rows, out=[places[name] for name in own])
+            found = dict(zip(own, written, strict=True))
+        else:
+            found = _measures_singly(arm, rows["q"], own)
+        if near:
+            found |= zip(NEARNESS, distances(arm, rows["q"], many=m), strict=True)
+        return found
 
-    if device == "cuda":
-        run_blocks(do, m, 1, progress, [Q, *results.values()], CARD_BLOCK)
-    else:
-        run_blocks(do, m, threads, progress, [Q, *results.values()])
+    fill(results, {"q": Q}, compute, threads, progress)
     return results
 
 
-def _kernels(
-    arm: SpaceArm, device: str, many: bool, names: set[str]
-) -> list[Callable[[Array], dict[str, Array]]]:
-    """Return the functions that compute quantities at q (n, m), those that are asked for."""
-    kernels: list[Callable[[Array], dict[str, Array]]] = []
-    card = _card(device)
-    if names & set(QUANTITIES) or not names:
-        measures = card.measures_on_card if card else _compiled().measures if many else _measures
-        kernels.append(lambda q: measures(arm, q, "condition" in names))
-    if names & set(NEARNESS):
-        distances = (
-            card.distances_on_card if card else _compiled().distances if many else _distances
-        )
-        kernels.append(lambda q: distances(arm, q))
-    return kernels
+def conditions(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
+    """Compute the condition numbers (m,) of the task Jacobian at Q (m, n) in a mode."""
+    if worth_compiling(len(Q), SINGLY):
+        (found,) = _measures(arm, ("condition",), mode)({"q": Q})
+        return np.asarray(found)
+    sigma = [singular_values_of(task_jacobian(arm.at(q), mode=mode)) for q in Q]
+    return np.array([s[0] / s[-1] if s[-1] > 0.0 else np.inf for s in sigma])
+
+
+def _measures(arm: SpaceArm, names: tuple[str, ...], mode: BaseMode = "free-floating") -> ArmKernel:
+    """Return the compiled measures."""
+    options = (("names", names),)
+    return arms_kernel([arm], mode, measures, (("q", (arm.n,)),), options=options, lanes=WIDE)
 
 
 @of_arm
@@ -169,66 +161,39 @@ def generalized_jacobians(
     Q = joint_rows(arm, Q, "Q")
     m = len(Q)
     J = np.empty((m, 6, arm.n)) if out is None else checked_output(out, (m, 6, arm.n), "out")
-    jacobians = _compiled().jacobians if m >= FEW else _jacobians
+    shape = (("q", (arm.n,)),)
+    kernel = (
+        arms_kernel([arm], "free-floating", jacobian, shape) if worth_compiling(m, SINGLY) else None
+    )
 
-    def do(block: slice) -> None:
-        J[block] = jacobians(arm, read_block(Q, block))
+    def compute(rows: dict[str, Array], places: dict[str, Array | None]) -> dict[str, Array]:
+        if kernel is None:
+            return {"J": _jacobians_singly(arm, rows["q"])}
+        return {"J": kernel(rows, out=[places["J"]])}
 
-    run_blocks(do, m, threads, progress, [Q, J])
+    fill({"J": J}, {"q": Q}, compute, threads, progress)
     return J
 
 
-def _compiled() -> Any:
-    """Import the compiled kernels, which takes half a second."""
-    from spacearm.mechanics import compiled
-
-    return compiled
-
-
-def _card(device: str) -> Any:
-    """Return the compiled kernels of a graphics card, or None for the processor."""
-    if device == "cpu":
-        return None
-    if device != "cuda":
-        raise ConfigurationError(unknown("device", device, ("cpu", "cuda")))
-    if fault := _compiled().no_card():
-        raise UnsupportedError(
-            f"device 'cuda' cannot be used: {fault}; it takes an NVIDIA graphics card and "
-            "pip install 'spacearm[gpu]'; device='cpu' works everywhere"
-        )
-    return _compiled()
-
-
-def _measures(arm: SpaceArm, q: Array, _: bool) -> dict[str, Array]:
-    """Compute the measures at q (n, m) by name, each (m,), without compiled code."""
-    values = {name: np.full(q.shape[1], np.nan) for name in QUANTITIES}
-    for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
-        cfg = arm.at(q[:, i])
+def _measures_singly(arm: SpaceArm, Q: Array, names: tuple[str, ...]) -> dict[str, Array]:
+    """Compute measures at Q (m, n), (m,) each, without compiled code."""
+    found = {name: np.full(len(Q), np.nan) for name in names}
+    for i, q in enumerate(Q if names else ()):
+        cfg = arm.at(q)
         J = task_jacobian(cfg)
         sigma = singular_values_of(J)
-        values["sigma_min"][i] = sigma[-1]
-        values["manipulability"][i] = sigma.prod()
-        values["condition"][i] = sigma[0] / sigma[-1] if sigma[-1] > 0.0 else np.inf
-        values["determinant"][i] = np.linalg.det(J) if arm.task.k == arm.n else np.nan
-        values["radius"][i] = np.linalg.norm(cfg.tip.translation - cfg.com)
-    return values
+        own = {
+            "sigma_min": sigma[-1],
+            "manipulability": sigma.prod(),
+            "condition": sigma[0] / sigma[-1] if sigma[-1] > 0.0 else np.inf,
+            "determinant": np.linalg.det(J) if arm.task.k == arm.n else np.nan,
+            "radius": np.linalg.norm(cfg.tip.translation - cfg.com),
+        }
+        for name in names:
+            found[name][i] = own[name]
+    return found
 
 
-def _distances(arm: SpaceArm, q: Array) -> dict[str, Array]:
-    """Compute the quantities `NEARNESS` at q (n, m), without compiled code."""
-    arm.require_one_tip()
-    m = q.shape[1]
-    distance, away = np.full(m, np.nan), np.full((m, arm.n), np.nan)
-    for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
-        cfg = arm.at(q[:, i])
-        near = nearness_of(arm, task_jacobian(cfg), task_jacobian_derivative(cfg))
-        distance[i], away[i] = refined_at(cfg, near, "free-floating")
-    return {"distance": distance, "away": away}
-
-
-def _jacobians(arm: SpaceArm, q: Array) -> Array:
-    """Compute the generalized Jacobians (m, 6, n) at q (n, m), without compiled code."""
-    J = np.full((q.shape[1], 6, arm.n), np.nan)
-    for i in np.flatnonzero(np.isfinite(q).all(axis=0)):
-        J[i] = generalized_jacobian(arm.at(q[:, i]))
-    return J
+def _jacobians_singly(arm: SpaceArm, Q: Array) -> Array:
+    """Compute the generalized Jacobians (m, 6, n) at Q (m, n) without compiled code."""
+    return np.array([generalized_jacobian(arm.at(q)) for q in Q]).reshape(len(Q), 6, arm.n)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import mmap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -11,12 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import LARGEST, NO_NUMBERS, Array, whole
+from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, listed
-from spacearm.kernels.processors import processors
 from spacearm.model.arm import SpaceArm
-
-FEW = 50
-"""Batches smaller than this are computed without loading the compiler."""
 
 BLOCK = 16384
 """Configurations per thread and block: their data fit the processor cache."""
@@ -59,11 +56,56 @@ def joint_rows(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
     return array
 
 
-def read_block(Q: Array, block: slice) -> npt.NDArray[np.float64]:
-    """Read one block of Q as (n, m), NaN where a value is no joint position."""
-    q = np.array(Q[block].T, dtype=np.float64, order="C")
-    q[~(np.abs(q) <= LARGEST)] = np.nan
-    return q
+def read_block(Q: Array, block: slice) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+    """Read one block of Q (m, n), and the numbers of its rows that are no joint positions.
+
+    These rows are zero.
+    """
+    q = np.ascontiguousarray(Q[block], dtype=np.float64)
+    none = np.zeros(0, dtype=np.intp)
+    if not q.size or (q.min() >= -LARGEST and q.max() <= LARGEST):
+        return q, none
+    wrong = np.flatnonzero(~(np.abs(q) <= LARGEST).all(axis=1))
+    q = q.copy()
+    q[wrong] = 0.0
+    return q, wrong
+
+
+def place_for(results: Array, block: slice) -> Array | None:
+    """Return a block of results if compiled code can write to it, else None."""
+    place = results[block]
+    return place if place.dtype == np.float64 and place.flags.c_contiguous else None
+
+
+def fill(
+    results: Mapping[str, Array],
+    rows: Mapping[str, Array],
+    compute: Callable[[dict[str, Array], dict[str, Array | None]], Mapping[str, Array]],
+    threads: int | None,
+    progress: Progress | None,
+) -> None:
+    """Compute results (m, ...) of rows (m, ...), block by block.
+
+    Args:
+        results: What is written to; NaN where a row is not finite.
+        rows: What is read.
+        compute: Gives results of some rows; also takes the places that it may write them to.
+        threads: Number of threads; one per available processor if None.
+        progress: Called as progress(done, m) after each block.
+    """
+
+    def do(block: slice) -> None:
+        read = {name: read_block(values, block) for name, values in rows.items()}
+        places = {name: place_for(values, block) for name, values in results.items()}
+        found = compute({name: values for name, (values, _) in read.items()}, places)
+        for name, values in results.items():
+            if found[name] is not places[name]:
+                values[block] = found[name]
+            for _, wrong in read.values():
+                values[block][wrong] = np.nan
+
+    m = len(next(iter(rows.values())))
+    run_blocks(do, m, threads, progress, [*rows.values(), *results.values()])
 
 
 def run_blocks(

@@ -1,18 +1,13 @@
-"""J* and the connection of many configurations by compiled kernels.
-
-Imports numba, so import it only where it is used.
-"""
+"""J*, the connection and the turns of the spacecraft of many configurations, compiled."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from spacearm.arrays import Array
-from spacearm.kernels import cpu
-from spacearm.kernels.paths import turns
-from spacearm.mechanics.compiled import all_bodies, all_positions, bodies, frame_on_body
+from spacearm.equations import turns
+from spacearm.mechanics.many import ArmKernel, arms_kernel
 from spacearm.model.arm import SpaceArm
 
 
@@ -32,30 +27,61 @@ class Reactions(NamedTuple):
     R: Array
 
 
-def reactions(arm: SpaceArm, q: Array) -> Reactions:
-    """Compute J*, the connection and the tip pose at q (n, m)."""
-    at = _reactions(q.shape[1], arm.n)
-    q = np.ascontiguousarray(all_positions(arm, q))  # one memory order, compiled once
-    cpu.reactions(*bodies(arm), q, *at)
-    return _of_tip(arm, at)
+class Turns(NamedTuple):
+    """Turns of the spacecraft in m intervals, and how they depend on the curve of the joints.
+
+    Attributes:
+        T: (m, 3, 3) rotations from the axes at the end of each interval to those at its start.
+        effects: (m, 2, 2, 3, n) how the axes at the end turn with q and with dq at each of its two
+            Gauss points.
+        J: (m, 2, 6, n) J* at these.
+        A: (m, 3, n) the connection at the second.
+        r: (m, 3) the tip from the system CM there [m].
+        R: (m, 3, 3) attitude of the tip there.
+    """
+
+    T: Array
+    effects: Array
+    J: Array
+    A: Array
+    r: Array
+    R: Array
 
 
-def _reactions(m: int, n: int) -> Reactions:
-    """Return arrays for `reactions`."""
-    shapes = (m, 6, n), (m, 3, n), (m, 3), (m, 3, 3)
-    return Reactions(*(np.empty(shape) for shape in shapes))
+def reactions(arm: SpaceArm, Q: Array) -> Reactions:
+    """Compute J*, the connection and the pose of the first tip at Q (m, n)."""
+    kernel = arms_kernel([arm], "free-floating", turns.reactions, (("q", (arm.n,)),))
+    return Reactions(*kernel({"q": Q}))
 
 
-def _of_tip(arm: SpaceArm, at: Reactions) -> Reactions:
-    """Return reactions whose R is the attitude of the tip, not of its body."""
-    return at._replace(R=at.R @ frame_on_body(arm, arm.tip_frame).rotation)
+def turns_of_spacecraft(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Array:
+    """Compute the turns (m, 3, 3) of the spacecraft in intervals without momentum.
+
+    Args:
+        arm: The arm.
+        Q: (m, 2, n) joint positions at the Gauss points of each interval.
+        rates: (m, 2, n) their derivatives by the curve's parameter.
+        h: (m,) lengths of the intervals.
+    """
+    found: Array = _in_intervals(arm, turns.turn)({"q": Q, "dq": rates, "h": h})
+    return found
 
 
-def connections(arm: SpaceArm, q: Array, dq: Array) -> tuple[Reactions, Array]:
-    """Compute `reactions` at q (n, m), and the derivatives (m, 3, n) of A dq, dq (m, n) held."""
-    m, n = dq.shape
-    at, G = _reactions(m, n), np.empty((m, 3, n))
-    q = np.ascontiguousarray(all_positions(arm, q))  # one memory order, compiled once
-    b, tip, E = bodies(arm)
-    turns.connections(b, all_bodies(arm), tip, E, q, dq, *at, G)
-    return _of_tip(arm, at), G
+def turns_and_effects(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Turns:
+    """Compute `turns_of_spacecraft`, and how they depend on the curve."""
+    return Turns(*_in_intervals(arm, turns.turn_and_effects)({"q": Q, "dq": rates, "h": h}))
+
+
+def _in_intervals(arm: SpaceArm, function: Callable[..., Any]) -> ArmKernel:
+    """Return a function of the Gauss points of intervals."""
+    two = (2, arm.n)
+    return arms_kernel([arm], "free-floating", function, (("q", two), ("dq", two), ("h", ())))
+
+
+def chained(T: Array) -> Array:
+    """Return the products T_0 T_1 ... T_i of rotations (..., m, 3, 3), for each i."""
+    found, by = T.copy(), 1
+    while by < T.shape[-3]:
+        found[..., by:, :, :] = found[..., :-by, :, :] @ found[..., by:, :, :]
+        by *= 2
+    return found

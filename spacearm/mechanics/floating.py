@@ -8,24 +8,19 @@ attitude therefore obeys an ordinary differential equation in one variable, T' =
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.equations.turns import GAUSS, magnus
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.configuration import Configuration, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
 
 STEP = 0.05
 """Largest joint motion [rad] or [m] of one integration step along a segment."""
-GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
-"""Gauss-Legendre nodes of a step, as shares of it."""
-COMMUTATOR = math.sqrt(3.0) / 12.0
-"""Weight of w1 x w2 in the fourth-order Magnus method with these nodes."""
 
 
 @of_configuration
@@ -33,8 +28,9 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
     """Return the configuration after the joints have moved straight from cfg.q to q.
 
     The spacecraft floats at zero momentum. Its attitude is integrated by the fourth-order Magnus
-    method (see `magnus_step`), which stays on the rotation group. The error falls with the fourth
-    power of `STEP`; it is below 1e-8 rad per radian of joint motion for the catalogue's models.
+    method (see `equations.turns`), which stays on the rotation group. The error falls with the
+    fourth power of `STEP`; it is below 1e-8 rad per radian of joint motion for the catalogue's
+    models.
 
     Args:
         cfg: Where the motion starts.
@@ -60,7 +56,7 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
     T = cfg.base.rotation
     for step in range(steps):
         w1, w2 = (_attitude_rate(arm.at(cfg.q + (step + s) / steps * dq), dq) for s in GAUSS)
-        T = T @ pin.exp3(magnus_step(w1, w2, 1.0 / steps))
+        T = T @ pin.exp3(magnus(np, w1, w2, 1.0 / steps))
     return placed(cfg, cfg.q + dq, T)
 
 
@@ -76,56 +72,24 @@ def walk(start: Configuration, Q: Array) -> list[Configuration]:
 
 
 def attitudes(start: Configuration, Q: Array) -> Array:
-    """Return the attitudes (m, 3, 3) of the spacecraft in `walk`, by compiled kernels."""
-    from spacearm.mechanics.connection import reactions  # imports the compiler
+    """Return the attitudes (m, 3, 3) of the spacecraft in `walk`."""
+    from spacearm.mechanics.connection import chained, turns_of_spacecraft
 
     still_wheels(start, "the spacecraft then turns with time, not with the joints alone")
     dq = np.diff(Q, axis=0)
     steps = np.maximum(1, np.ceil(np.abs(dq).max(axis=1) / STEP)).astype(int)
     segment, last = np.repeat(np.arange(len(dq)), steps), np.cumsum(steps)
     step = np.arange(len(segment)) - np.repeat(last - steps, steps)
-    rate, h = dq[segment], 1.0 / steps[segment, None]
-    nodes = [Q[segment] + h * (step[:, None] + s) * rate for s in GAUSS]
-    arm = _with_one_tip(start.arm)
-    w1, w2 = (np.einsum("mij,mj->mi", reactions(arm, q.T).A, rate) for q in nodes)
-    T = [start.base.rotation]
-    for angle in magnus_step(w1, w2, h):
-        T.append(T[-1] @ pin.exp3(angle))
-    return np.array(T)[np.append(0, last)]
-
-
-@lru_cache(maxsize=16)
-def _with_one_tip(arm: SpaceArm) -> SpaceArm:
-    """Return an arm with the first of its tips alone, for kernels that know one; else itself."""
-    return arm if len(arm.tips) == 1 else arm.replace(tip=arm.tips[0], joints=arm.joint_names)
+    rates, h = np.repeat(dq[segment, None], 2, axis=1), 1.0 / steps[segment]
+    nodes = Q[segment, None] + ((step[:, None] + GAUSS) * h[:, None])[..., None] * rates
+    T = chained(turns_of_spacecraft(start.arm, nodes, rates, h))
+    return start.base.rotation @ np.concatenate((np.eye(3)[None], T))[np.append(0, last)]
 
 
 def placed(start: Configuration, q: Array, T: Array) -> Configuration:
     """Return the configuration at q (n,) and attitude T (3, 3) with the system CM of `start`."""
     attitude = pin.Quaternion(T).normalized().matrix()  # without the rounding of many products
-    return start.arm.at(q, base=pin.SE3(attitude, np.zeros(3))).centred(start.com)
-
-
-def magnus_step(w1: Array, w2: Array, h: float | Array) -> Array:
-    """Compute the rotation of one step of T' = T [w]x, fourth-order Magnus method.
-
-    Iserles & Norsett, Phil. Trans. R. Soc. A 357, 983-1019 (1999), DOI 10.1098/rsta.1999.0362.
-
-    Args:
-        w1: (..., 3) angular velocity at the first of the nodes `GAUSS` of the step, body axes.
-        w2: (..., 3) that at the second.
-        h: Length of the step, or of each, (..., 1).
-
-    Returns:
-        (..., 3) rotation vector phi [rad] of T -> T exp([phi]x).
-    """
-    return 0.5 * h * (w1 + w2) + COMMUTATOR * h * h * np.cross(w1, w2)
-
-
-def quaternion_rate(quaternion: Array, w: Array) -> Array:
-    """Compute the rate (4,) of a quaternion xyzw under w in inertial axes, equation (36)."""
-    e, n = quaternion[:3], quaternion[3]
-    return 0.5 * np.append(n * w - pin.skew(e) @ w, -e @ w)
+    return kinematics(start.arm, q.copy(), pin.SE3(attitude, np.zeros(3)), start.com)
 
 
 def _attitude_rate(cfg: Configuration, dq: Array) -> Array:

@@ -22,16 +22,14 @@ import pinocchio as pin
 from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.momentum import (
+    base_response,
+    base_response_derivative,
     base_velocity,
     momentum_derivatives,
     momentum_vector,
-    unit_rates,
-)
-from spacearm.mechanics.reduction import (
-    base_response,
-    base_response_derivative,
     reduced_jacobian,
     reduced_jacobian_derivative,
+    unit_rates,
 )
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm

@@ -35,23 +35,19 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
+from spacearm.compiler import numbers
+from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.mechanics.many import WIDE, arms_kernel, worth_compiling
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.model.scale import radians
 
-ZERO = 2.0**-48
-"""Least singular values up to this share of the norm of J are zero, as in `kernels.nearness`."""
-NOTHING = 1e-12
-"""Slopes below this share of the norm of J are rounding."""
 EXPLAINED = 0.1
 """More equations than joints have a solution if the residual is this share of the right side."""
 FADING = 0.3
 """Slopes that are less than this times sigma_min vanish with it, as a rule [1/rad]."""
-ROUNDED = 1e-9
-"""Share of the norm of J below which slopes are no equations either: null vectors of a tiny
-sigma_min mix."""
 NEAR = np.radians(4.0)
 """Distances below this take the second step: from half of this down all of it [rad]."""
 FINE = 1e-5
@@ -113,7 +109,7 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING) ->
     for r in range(1, p + 1):
         A = slopes[:, p - r :, p - r :].reshape(len(dJ), -1).T
         if r == 1 and k <= n:
-            distances[-1], rows = _one(A, float(sigma[-1]), norm, fading)
+            distances[-1], _, rows = way_out(numbers, [*A], norm, sigma[-1], fading)
         elif sigma[p - r] > 0.0:
             b = np.zeros((k - p + r, n - p + r))
             b[:r, :r] = np.diag(sigma[p - r :])
@@ -221,7 +217,7 @@ def refined_at(
     return float(distance[0]), away[0]
 
 
-def tangent(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float = FADING) -> Tangent:
+def tangent_singly(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float = FADING) -> Tangent:
     """Compute how the singular set looks from configurations Q (m, n), one by one."""
     return _stacked([_near(arm.at(q), mode, None, fading) for q in Q])
 
@@ -250,33 +246,6 @@ def _fading(x: Array) -> Array:
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
-def _one(A: Array, sigma: float, norm: float, fading: float) -> tuple[float, Array]:
-    """Return the distance at which sigma vanishes, and rows as in `Tangent`.
-
-    Rows that are padded with lambda make the projection that of ridge regression.
-
-    Args:
-        A: (1 + n - k, n) slopes: the gradient first, then those that a solution must not change.
-        sigma: The singular value.
-        norm: That of J.
-        fading: As of `nearness`.
-    """
-    n, others = A.shape[1], len(A) - 1
-    pads = (ROUNDED * norm + fading * sigma) * np.eye(others)
-    kept = np.linalg.qr(np.hstack((A[1:], pads)).T)[0].T
-    g = np.append(A[0], np.zeros(others))
-    for _ in range(2):
-        g = g - kept.T @ (kept @ g)
-    rows = np.zeros_like(A)
-    rows[1:] = kept[:, :n]
-    full, way = float(np.linalg.norm(g)), float(np.linalg.norm(g[:n]))
-    if full <= NOTHING * norm:
-        return (np.inf if sigma > 0.0 else 0.0), rows
-    rows[0] = g[:n] / way
-    rows[1:] -= np.outer(rows[1:] @ rows[0], rows[0])
-    return sigma * way / full**2, rows
-
-
 def _several(A: Array, b: Array, least: float) -> float:
     """Return the length of the least solution of A dq = b, inf if there is none."""
     U, size, VT = np.linalg.svd(A, full_matrices=False)
@@ -284,3 +253,59 @@ def _several(A: Array, b: Array, least: float) -> float:
     if np.linalg.norm(b - U @ (U.T @ b)) > EXPLAINED * np.linalg.norm(b):
         return np.inf
     return float(np.linalg.norm((U.T @ b) / size))
+
+
+SINGLY = 1e-3
+"""Time that the derivative of J* takes without compiled code, for one configuration [s]."""
+
+
+def tangent(
+    arm: SpaceArm,
+    Q: Array,
+    mode: BaseMode = "free-floating",
+    fading: float = FADING,
+    *,
+    expected: int = 0,
+) -> Tangent:
+    """Compute how the singular set looks from configurations Q (m, n).
+
+    Args:
+        arm: The arm.
+        Q: Joint positions.
+        mode: What the spacecraft does.
+        fading: As in `nearness.nearness`.
+        expected: How many configurations it is computed for in all, if that is more.
+    """
+    compiled = arm.n >= arm.task.k and worth_compiling(max(len(Q), expected), SINGLY)
+    return (_tangent if compiled else tangent_singly)(arm, Q, mode, fading)
+
+
+def distances(
+    arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating", many: int | None = None
+) -> tuple[Array, Array]:
+    """Compute the distances (m,) from Q (m, n), and the ways out (m, n), with the second step.
+
+    Args:
+        arm: The arm.
+        Q: Joint positions.
+        mode: What the spacecraft does.
+        many: How many there are, if Q is one block of them.
+    """
+    if arm.n < arm.task.k:  # singular everywhere
+        return np.zeros(len(Q)), np.zeros(Q.shape)
+    compiled = worth_compiling(len(Q) if many is None else many, SINGLY)
+    look = _tangent if compiled else tangent_singly
+    return refined(arm, Q, look(arm, Q, mode, FADING), lambda Q, fading: look(arm, Q, mode, fading))
+
+
+def _tangent(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float) -> Tangent:
+    """Compute `tangent` by compiled code."""
+    kernel = arms_kernel(
+        [arm], mode, distance, (("q", (arm.n,)),), (("fading", ()), ("radians", (arm.n,))),
+        lanes=WIDE,
+    )  # fmt: skip
+    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": radians(arm)})
+    on_it = far == 0.0
+    if on_it.any():  # singular all around, it has no normal
+        rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
+    return Tangent(far, sigma, rows)

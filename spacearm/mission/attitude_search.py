@@ -50,7 +50,7 @@ def feasible_attitudes(
     the path by J*, as `sa.follow` does. The attitude is feasible if the tip arrives, no
     configuration on the way is nearer than `margin` to the singular set (to first order, as
     `SingularityReport.distance`), and no joint leaves its limits. All attitudes are followed at
-    once by compiled kernels. `python benchmarks/attitudes.py` prints how long it takes.
+    once. `python benchmarks/attitudes.py` prints how long it takes.
 
     Args:
         arm: The arm.
@@ -112,10 +112,10 @@ def feasible_attitudes(
     from spacearm.mission.ring import survey_ring
     from spacearm.mission.sphere import at_border, largest_ball, survey_sphere, volume
     from spacearm.mission.survey import Survey
-    from spacearm.motion.runs.leading import Settings, table_of  # imports the compiler
+    from spacearm.motion.runs.leading import Settings, table_of
 
     settings = Settings(h[3:] / speed, limits, care=margin)
-    survey = Survey(arm, start, table_of(arm, [pieces]), settings, posture, first, seed)
+    survey = Survey(arm, start, table_of([pieces]), settings, posture, first, seed)
     weight: Array
     intervals: Array | None = None
     if axis is not None:

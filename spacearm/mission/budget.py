@@ -163,7 +163,7 @@ def _hold(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[f
 
     The path of the tip is one point, its length the share of the horizon that has passed.
     """
-    from spacearm.mission.growth import waiting  # imports the compiler
+    from spacearm.mission.growth import waiting
     from spacearm.motion.runs.leading import ENDS, Led, Settings, lead_all
 
     centred = cfg.centred(np.zeros(3))
@@ -174,7 +174,7 @@ def _hold(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[f
         m = len(shares)
         return lead_all(
             cfg.arm, np.tile(cfg.q, (m, 1)), np.tile(attitude, (m, 1)),
-            waiting(cfg.arm, centred.tip, shares), np.arange(m), settings,
+            waiting(centred.tip, shares), np.arange(m), settings,
         )  # fmt: skip
 
     whole = led(np.ones(1))

@@ -101,7 +101,7 @@ def level_envelope(
         >>> bool(heavy < 0.1 * light)
         True
     """
-    from spacearm.mission.growth import Line, shoot  # imports the compiler
+    from spacearm.mission.growth import Line, shoot
 
     travel = positive(travel, "travel", "length [m]")
     masses: Array = np.array([positive(m, "base_masses", "mass [kg]") for m in base_masses])

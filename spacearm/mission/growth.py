@@ -1,4 +1,4 @@
-"""Lines of the tip on which the spacecraft stays level, many at once. Imports the compiler."""
+"""Lines of the tip on which the spacecraft stays level, many at once."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.kernels.paths.table import Table
 from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.compiled import bodies, frame_on_body
+from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.mission.rotations import angle_between
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.motion.runs.leading import Led, Settings, lead_all
+from spacearm.motion.runs.leading import Led, Settings, Table, lead_all
 
 STATES = 2
 """States that are kept of each cell: the spacecraft's attitude there depends on the way."""
@@ -45,7 +44,7 @@ class Line(NamedTuple):
         return np.asarray(pin.SE3ToXYZQUAT(self.start.base)[3:])
 
     def settings(self) -> Settings:
-        """Return the settings of the kernels."""
+        """Return the settings of the motions."""
         return Settings(
             limits=self.limits, most_tilt=self.tilt, margin=self.margin, tolerance=1e-8, stride=0.01
         )
@@ -53,12 +52,12 @@ class Line(NamedTuple):
 
 def reach_of(arm: SpaceArm) -> float:
     """Return the length of the arm from the spacecraft to the tip, all joints included [m]."""
-    b, _, E = bodies(arm)
-    lengths = np.linalg.norm(b["t"], axis=1)[b["on_chain"]]
-    slides = b["on_chain"] & b["slides"]
-    columns = b["column"][slides]
-    spans = np.nan_to_num((arm.upper - arm.lower)[columns], posinf=0.0) * np.abs(b["gain"][slides])
-    return float(lengths.sum() + np.linalg.norm(E) + spans.sum())
+    tree, p = structure_of(arm), parameters_of(arm)
+    chain = tree.reaches[0] > 0.0
+    lengths = np.linalg.norm(p.joint_positions[chain], axis=1)
+    slides = chain & np.array(tree.slides[1:])
+    spans = np.abs(tree.gains[slides]) @ np.nan_to_num(arm.upper - arm.lower, posinf=0.0)
+    return float(lengths.sum() + np.linalg.norm(p.tip_positions[0]) + spans.sum())
 
 
 def shoot(line: Line, rays: Array, length: float, progress: Progress | None) -> Led:
@@ -66,30 +65,29 @@ def shoot(line: Line, rays: Array, length: float, progress: Progress | None) -> 
     arm, m = line.start.arm, len(rays)
     tip = line.start.tip
     start = np.tile(tip.translation, (m, 1))
-    paths = straight(arm, start, start + length * rays, tip.rotation)
+    paths = straight(start, start + length * rays, tip.rotation)
     q, attitude = np.tile(line.start.q, (m, 1)), np.tile(line.attitude, (m, 1))
     return lead_all(arm, q, attitude, paths, np.arange(m), line.settings(), progress)
 
 
-def straight(arm: SpaceArm, start: Array, end: Array, attitude: Array) -> Table:
+def straight(start: Array, end: Array, attitude: Array) -> Table:
     """Return straight paths (m, 3) to (m, 3), the attitude (3, 3) of the tip kept."""
     m, way = len(start), end - start
+    length, none = np.linalg.norm(way, axis=1), np.zeros(m)
+    turns = np.tile(np.append(attitude.ravel(), np.zeros(9)), (m, 1))
     return Table(
         first=np.arange(m + 1),
-        begin=np.zeros(m),
-        end=np.linalg.norm(way, axis=1),
-        interval=np.arange(m + 1),
-        p=np.stack((start, end, way, way), axis=1),
-        R=np.tile(attitude @ frame_on_body(arm, arm.tip_frame).rotation.T, (m, 1, 1)),
-        f=np.zeros((m, 3, 3)),
+        pieces=np.column_stack((none, length, np.arange(m), none + 1.0)),
+        intervals=np.hstack((start, end, way, way, turns)),
     )
 
 
-def waiting(arm: SpaceArm, tip: pin.SE3, length: Array) -> Table:
+def waiting(tip: pin.SE3, length: Array) -> Table:
     """Return paths of lengths (m,) on which the tip stays at a pose."""
     m, place = len(length), tip.translation
-    paths = straight(arm, np.tile(place, (m, 1)), np.tile(place, (m, 1)), tip.rotation)
-    return paths._replace(end=np.asarray(length))
+    paths = straight(np.tile(place, (m, 1)), np.tile(place, (m, 1)), tip.rotation)
+    paths.pieces[:, 1] = length
+    return paths
 
 
 def grow(line: Line, axis: int | None, cell: float, count: int) -> tuple[Array, Array, Integers]:
@@ -125,7 +123,7 @@ def grow(line: Line, axis: int | None, cell: float, count: int) -> tuple[Array, 
             break
         ends = tip.translation + cell * goal
         starts = tip.translation + cell * place[origin]
-        paths = straight(arm, starts, ends, tip.rotation)
+        paths = straight(starts, ends, tip.rotation)
         led = lead_all(
             arm, q[origin], attitude[origin], paths, np.arange(len(goal)), line.settings(),
             home=line.attitude,

@@ -177,7 +177,7 @@ def level_reach(
         >>> bool(reach.straight.min() > 0.03)
         True
     """
-    from spacearm.mission.growth import Line, grow, reach_of, shoot  # imports the compiler
+    from spacearm.mission.growth import Line, grow, reach_of, shoot
 
     axis, cfg = level_start(arm, q0, base)
     tilt = positive(tilt, "tilt", "angle [rad]")

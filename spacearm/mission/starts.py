@@ -165,5 +165,5 @@ def _side(arm: SpaceArm, q: Array) -> Array:
     """
     if arm.task.k != arm.n or not len(q):
         return np.ones(len(q))
-    J = held_jacobian(reactions(arm, q.T.copy()))[:, arm.task.indices]
+    J = held_jacobian(reactions(arm, q))[:, arm.task.indices]
     return np.sign(np.linalg.det(J))

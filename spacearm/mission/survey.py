@@ -11,11 +11,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.kernels.paths.table import Table
 from spacearm.mechanics.blocks import Progress
 from spacearm.mission.starts import MORE_STEPS, STEPS, all_branches, branch, onward
 from spacearm.model.arm import SpaceArm
-from spacearm.motion.runs.leading import Settings, lead_all
+from spacearm.motion.runs.leading import Settings, Table, lead_all
 
 Flags = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.signedinteger[Any]]

@@ -25,6 +25,9 @@ def of_configuration(function: Callable[P, T]) -> Callable[P, T]:
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> T:
         if args and not isinstance(args[0], Configuration):
+            if function.__name__ in (equations := getattr(args[0], "equations", {})):
+                found: T = equations[function.__name__](*args[1:], **kwargs)
+                return found  # of a configuration of symbols
             _refuse_in_place_of_configuration(function.__name__, args)
         _check_mode(kwargs)
         return function(*args, **kwargs)

@@ -171,13 +171,14 @@ def still_wheels(cfg: Configuration, what: str) -> None:
         raise UnsupportedError(f"the wheels of {cfg.arm.name} hold momentum, and {what}")
 
 
-def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
+def kinematics(arm: SpaceArm, q: Array, base: pin.SE3, com: Array | None = None) -> Configuration:
     """Compute the configuration at q and base, which are not checked and not copied.
 
     Args:
         arm: The arm.
         q: (n,) joint positions [rad] or [m].
         base: Pose of the spacecraft frame in the inertial frame.
+        com: (3,) where the system CM is, to which the base is moved; None if it stays.
     """
     model = arm.model
     full = np.zeros(model.nq)  # at the origin: far from it, as in orbit, digits would be lost
@@ -188,6 +189,8 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3) -> Configuration:
     A = arm.project(pin.computeCentroidalMap(model, data, full))
     frames = [pin.computeFrameJacobian(model, data, full, frame, LWA) for frame in arm.tip_frames]
     J = arm.project(frames[0] if len(frames) == 1 else np.vstack(frames))
+    if com is not None:
+        base.translation = com - data.com[0]
     com = data.com[0] + base.translation
     tips = [pin.updateFramePlacement(model, data, frame).copy() for frame in arm.tip_frames]
     for tip in tips:

@@ -20,10 +20,20 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, positive
+from spacearm.compiler import numbers
+from spacearm.equations.laws import (
+    INSTANT,
+    damped_rates,
+    joint_pd,
+    reactionless_rates,
+    resolved_rates,
+    transposed,
+)
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration, kinematics
 from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode
 from spacearm.motion.goal import Goal, goal_pose, goal_rows, miss, out_of_reach, twist_between
@@ -32,9 +42,6 @@ from spacearm.singularities.report import NO_INVERSE
 Controller = Callable[[float, Configuration, Array], npt.ArrayLike]
 MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 """A goal, or a function of time [s] that gives one: a moving target, or a path and the speed."""
-
-INSTANT = 1e-6
-"""Half the time over which the velocity of a moving target is taken [s]."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,8 @@ class TransposedJacobian(TipLaw):
         """Return the torques (n,) [N m] or forces [N]."""
         J = self.jacobian(cfg)
         kp, kd = gains(self.kp, len(J), "kp"), gains(self.kd, len(J), "kd")
-        return J.T @ (kp * self.error(t, cfg) + kd * (self.feed(t, cfg) - J @ dq))
+        tau: Array = transposed(J, kp, kd, self.error(t, cfg), self.feed(t, cfg), dq)
+        return tau
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,17 +164,15 @@ class ResolvedRate(RateLaw):
             NoSolutionError: J* is singular.
         """
         J = self.jacobian(cfg)
-        U, sigma, Vt = np.linalg.svd(J, full_matrices=False)
+        sigma = np.linalg.svd(J, compute_uv=False)
         if len(sigma) < len(J) or sigma[-1] <= NO_INVERSE * sigma[0]:
             raise NoSolutionError(
                 f"J* is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}) and has no "
                 "inverse; start elsewhere, or use DampedLeastSquares"
             )
-        dq = Vt.T @ ((U.T @ self.wanted(t, cfg)) / sigma)
-        if self.rest is not None:
-            away = joint_vector(cfg.arm, self.rest, "rest") - cfg.q
-            dq = dq + np.asarray(self.gain).mean() * (away - Vt.T @ (Vt @ away))
-        return dq
+        away = None if self.rest is None else joint_vector(cfg.arm, self.rest, "rest") - cfg.q
+        gain = np.asarray(self.gain).mean()
+        return _by_numbers(resolved_rates, J, self.wanted(t, cfg), 0.0, away, gain)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,12 +200,13 @@ class DampedLeastSquares(RateLaw):
 
     def damped_rates(self, t: float, cfg: Configuration, J: Array) -> Array:
         """Return the damped rates (m,) for a Jacobian (k, m) of the task."""
-        scale = cfg.arm.task.scale
-        U, sigma, Vt = np.linalg.svd(scale * J, full_matrices=False)
-        nearness = min(sigma[-1] / self.threshold, 1.0)
-        damped = sigma**2 + self.damping**2 * (1.0 - nearness**2)
-        share = np.divide(sigma, damped, out=np.zeros_like(sigma), where=damped > 0.0)
-        return Vt.T @ (share * (U.T @ (scale[:, 0] * self.wanted(t, cfg))))
+        wanted = self.scaled(cfg, self.wanted(t, cfg))
+        return _by_numbers(damped_rates, self.scaled(cfg, J), wanted, self.damping, self.threshold)
+
+    def scaled(self, cfg: Configuration, rows: Array) -> Array:
+        """Return the task's rows (k,) or (k, n), scaled."""
+        scale = cfg.arm.task.scale[: len(rows)]
+        return (scale if rows.ndim > 1 else scale[:, 0]) * rows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,16 +223,17 @@ class Reactionless(DampedLeastSquares):
         Raises:
             UnsupportedError: Every joint motion turns the spacecraft.
         """
-        D_q = cfg.A[3:, 6:]
-        _, sigma, Vt = np.linalg.svd(D_q)
-        rank = int((sigma > NO_INVERSE * sigma[0]).sum())
-        N = Vt[rank:].T
-        if not N.shape[1]:
+        rank, n = rank_at(cfg), cfg.arm.n
+        if rank == n:
             raise UnsupportedError(
                 f"every joint motion turns the spacecraft: D_q has rank {rank} and {cfg.arm.name} "
-                f"{cfg.arm.n} joints; Reactionless takes more joints than that"
+                f"{n} joints; Reactionless takes more joints than that"
             )
-        return N @ self.damped_rates(t, cfg, self.jacobian(cfg) @ N)
+        J, wanted = self.jacobian(cfg), self.scaled(cfg, self.wanted(t, cfg))
+        return _by_numbers(
+            reactionless_rates, self.scaled(cfg, J), cfg.A[3:, 6:], rank, NO_INVERSE, wanted,
+            self.damping, self.threshold,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -245,12 +253,32 @@ class JointPD(Law):
     def __call__(self, t: float, cfg: Configuration, dq: Array) -> Array:
         """Return the torques (n,) [N m] or forces [N]."""
         kp, kd = gains(self.kp, len(dq), "kp"), gains(self.kd, len(dq), "kd")
-        return kp * self.error(t, cfg) - kd * dq
+        tau: Array = joint_pd(kp, kd, self.error(t, cfg), dq)
+        return tau
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_des - q (n,) [rad] or [m]."""
         target = self.target(t) if callable(self.target) else self.target
         return joint_vector(cfg.arm, target, "target") - cfg.q
+
+
+def _by_numbers(function: Callable[..., Any], *arguments: Any) -> Array:
+    """Return what an equation gives for numbers."""
+    with np.errstate(all="ignore"):
+        found: Array = function(numbers, *arguments)
+    return found
+
+
+def rank_of_turns(arm: SpaceArm) -> int:
+    """Return in how many directions joint motions turn the spacecraft: the rank of D_q."""
+    probes = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
+    return max(rank_at(kinematics(arm, q, pin.SE3.Identity())) for q in probes)
+
+
+def rank_at(cfg: Configuration) -> int:
+    """Return the rank of D_q in a configuration."""
+    sigma = np.linalg.svd(cfg.A[3:, 6:], compute_uv=False)
+    return int((sigma > NO_INVERSE * sigma[0]).sum())
 
 
 def gains(values: npt.ArrayLike, rows: int, name: str) -> Array:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from threading import local
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, finite, positive, whole
+from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError
-from spacearm.kernels.processors import processors
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike
@@ -22,6 +21,9 @@ from spacearm.motion.controllers import Controller, check_controller
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.plant import Plant
+from spacearm.motion.runs.run import Runs
+from spacearm.motion.runs.setup import Prepared, coupled, prepared, start_state
+from spacearm.motion.runs.wanted import WantedEvent, wanted_events
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,8 +32,10 @@ FAILURES = ("controller failed", "equations failed", "step collapsed")
 """Ends of runs that are no results."""
 LOOKS = 200
 """Outputs of a run over which the least sigma_min and the largest turn are taken."""
-PIECE = 16
-"""Runs that a thread does between two reports."""
+PIECE = 512
+"""Runs side by side, between two reports."""
+KINDS = 8
+"""So many functions of users are compiled; of more, all are called in Python."""
 UNITS = {
     "time_to_target": "s",
     "first_singularity": "s",
@@ -70,8 +74,8 @@ def simulate_many(
 ) -> xr.Dataset:
     """Simulate m runs of an arm, side by side on all processors.
 
-    Each run is the one that `simulate` makes of the same arguments. Laws of `sa` and functions
-    compiled by numba run in parallel; a controller in Python holds the others up.
+    Each run is the one that `simulate` makes of the same arguments. Laws of `sa` and functions of
+    plain array code run in parallel; a controller called in Python holds the others up.
 
     Args:
         arm: The arm.
@@ -102,7 +106,8 @@ def simulate_many(
         singular set to first order [rad]) of 200 instants and the end, `t` (end [s]), `imbalance`
         (as `Trajectory.imbalance`, of the end), `ended`, `q0`, and `q`, `dq` and `base` at the end.
         Times that there are not are NaN. A run that fails does not end the others: it has
-        "controller failed", "equations failed" or "step collapsed" in `ended`.
+        "controller failed", "equations failed" or "step collapsed" in `ended`. The attribute
+        `called` names the functions that were called in Python, and why.
 
     Raises:
         ConfigurationError: An argument does not make sense.
@@ -118,8 +123,6 @@ def simulate_many(
     """
     import xarray as xr
 
-    from spacearm.motion.runs.run import Run  # imports numba
-
     arm.require_one_tip()
     duration = positive(duration, "duration", "time [s]")
     if isinstance(controller, str) or not isinstance(controller, Sequence):
@@ -132,7 +135,6 @@ def simulate_many(
     q0, dq0, h = (_rows(x, m, size, name) for name, (x, size) in given.items())
     arms = _with_payloads(arm, payload, m)
     looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
-    plants = [Plant(arm, mode, started(arm.at(q0[0], base=base), origin), limits=tuple(limits))]
     found: dict[str, npt.NDArray[Any]] = {
         "success": np.zeros(m, bool),
         **{name: np.full(m, np.nan) for name in UNITS},
@@ -141,29 +143,34 @@ def simulate_many(
         "base": np.full((m, 7), np.nan),
         "ended": np.full(m, "", dtype=object),
     }
-    mine = local()
+    called: dict[str, None] = {}
+    plants = [Plant(arm, mode, started(arms[0].at(q0[0], base=base), origin), limits=tuple(limits))]
+    starts = _starts(plants[0], laws, arms, (events, stop, reach))
 
-    def one(i: int) -> None:
-        law = {-1: laws[i % len(laws)]}
-        plant = replace(plants[0], arm=arms[i], start=started(arms[i].at(q0[i], base=base), origin))
-        if not hasattr(mine, "run"):
-            mine.run = Run(plant, law, looks, duration, events, stop, reach)
-        run: Run = mine.run
-        run.again(plant, law, dq0[i], h[i], (rtol, atol), method)
-        run.advance(duration)
-        for name, value in run.summary(distance).items():
-            found[name][i] = value
-
-    def piece(first: int) -> int:
-        last = min(first + PIECE, m)
-        for i in range(first, last):
-            one(i)
-        return last
+    def piece(runs: Sequence[int]) -> int:
+        mine = [
+            replace(plants[0], arm=arms[i], start=started(arms[i].at(q0[i], base=base), origin))
+            for i in runs
+        ]
+        ready = [starts(plant, i) for plant, i in zip(mine, runs, strict=True)]
+        setup, numbers = ready[0][1].setup, [one for _, one in ready]
+        y = [start_state(plant, dq0[i], h[i]) for plant, i in zip(mine, runs, strict=True)]
+        needs = max(coupled(plant, setup, h[i]) for plant, i in zip(mine, runs, strict=True))
+        side = Runs(
+            mine, [{-1: laws[i % len(laws)]} for i in runs], numbers, np.array(y), needs, looks,
+            duration, ready[0][0], (rtol, atol), method,
+        )  # fmt: skip
+        side.advance(duration)
+        called.update(dict.fromkeys(side.called))
+        for name, values in side.summary(distance).items():
+            found[name][runs] = values
+        return len(runs)
 
     workers = processors() if threads is None else whole(threads, "threads", 1)
-    one(0)  # what is wrong with the arguments is wrong at once; compiles
+    size, done = min(PIECE, -(-m // workers)), 0
     with ThreadPoolExecutor(workers) as pool:
-        for done in pool.map(piece, range(0, m, PIECE)):
+        for count in pool.map(piece, _pieces(plants[0], starts, m, len(laws), size)):
+            done += count
             if progress:
                 progress(done, m)
     joint, pose = ("run", "joint"), ("run", "pose")
@@ -178,8 +185,46 @@ def simulate_many(
         "duration": duration,
         "rtol": rtol,
         "atol": atol,
+        "called": "; ".join(called),
     }
     return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
+
+
+Starts = Callable[[Plant, int], tuple[list[WantedEvent], Prepared]]
+"""The events that a run looks for, and its numbers and functions."""
+
+
+def _starts(
+    first: Plant, laws: Sequence[Controller], arms: Sequence[SpaceArm], looked_for: Any
+) -> Starts:
+    """Return what prepares a run by its number; once for all where they do not differ."""
+    events, stop, reach = looked_for
+
+    def start(plant: Plant, i: int, trace: bool = True) -> tuple[list[WantedEvent], Prepared]:
+        own = {-1: laws[i % len(laws)]}
+        kinds = dict.fromkeys((*events, *stop))
+        wanted = wanted_events(plant.arm, plant.mode, kinds, stop, reach, own, None)
+        inner = [event.run_event for event in wanted if not event.distance]
+        return wanted, prepared(plant, own, inner, trace=trace)
+
+    known: tuple[list[WantedEvent], Prepared] | None = start(first, 0)
+    assert known is not None
+    if known[1].outside or len({id(arm) for arm in arms}) > 1 or first.mode == "fixed":
+        known = None
+    several = len({id(law) for law in laws}) > 1
+    trace = not several or len(laws) <= KINDS
+    return lambda plant, i: start(plant, i, trace) if known is None or several else known
+
+
+def _pieces(first: Plant, starts: Starts, m: int, laws: int, size: int) -> Iterator[list[int]]:
+    """Return the numbers of runs that go side by side: those of one setup, so many at most."""
+    setups: dict[Any, list[int]] = {}
+    if laws == 1:
+        setups[None] = list(range(m))
+    for i in range(m if laws > 1 else 0):
+        setups.setdefault(starts(first, i)[1].setup, []).append(i)
+    for runs in setups.values():
+        yield from (runs[at : at + size] for at in range(0, len(runs), size))
 
 
 def _number_of_runs(

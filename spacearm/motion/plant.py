@@ -1,4 +1,4 @@
-"""The plant of a simulation: an arm with all that acts on it, as compiled code wants it."""
+"""The plant of a simulation: an arm with all that acts on it."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class Plant:
         if self.hold is not None or self.motors is not None:
             self._check_wheels()
         if self.motors is not None:
-            self.spin(0.0, np.zeros(len(self.arm.wheels)))
+            wheel_torques(self.motors(0.0), len(self.arm.wheels))
 
     def _check_wheels(self) -> None:
         if self.mode != "free-floating":
@@ -164,7 +164,7 @@ class Plant:
         ]
 
     def configuration(self, y: Array) -> Configuration:
-        """Return the configuration in a state, see `kernels.dynamics.context`."""
+        """Return the configuration in a state, see `equations.plant`."""
         arm, n = self.arm, self.arm.n
         q, quaternion = y[:n].copy(), y[2 * n : 2 * n + 4]
         if self.mode == "fixed":
@@ -200,18 +200,17 @@ class Plant:
                 found[link][i] += values
         return found
 
-    def spin(self, t: float, out: Array) -> None:
-        """Write the torques of the wheels at a time to (w,) numbers."""
-        if self.motors is not None:
-            out[:] = finite(self.motors(t), (len(out),), "wheels", "[N m], one for each wheel")
 
-    def push(self, t: float, out: Array) -> None:
-        """Write all wrenches at a time to (6 p,) numbers."""
-        for i, (link, wrench, _) in enumerate(self.pushed):
-            out[6 * i : 6 * i + 6] = _wrench_at(link, wrench, t)
+def wheel_torques(values: npt.ArrayLike, count: int) -> Array:
+    """Return the torques of the wheels at a time, checked."""
+    return finite(values, (count,), "wheels", "[N m], one for each wheel")
+
+
+def checked_wrench(link: str, values: npt.ArrayLike) -> Array:
+    """Return a wrench at a time, checked."""
+    return finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")
 
 
 def _wrench_at(link: str, wrench: Wrench, t: float) -> Array:
     """Return a wrench at a time, checked."""
-    values = wrench(t) if callable(wrench) else wrench
-    return finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")
+    return checked_wrench(link, wrench(t) if callable(wrench) else wrench)

@@ -26,9 +26,12 @@ from spacearm.motion.controllers import Controller, check_controller, check_targ
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.plant import Motors, PassiveJoint, Plant, WheelHold, Wrench, described
+from spacearm.motion.runs.run import Runs
+from spacearm.motion.runs.setup import coupled, prepared, start_state
+from spacearm.motion.runs.wanted import wanted_events
 from spacearm.motion.trajectory import Trajectory
 
-METHODS = ("auto", "DOP853", "Radau")
+METHODS = ("auto", "DOP853", "Rodas5P")
 FINEST = 100.0 * float(np.finfo(np.float64).eps)
 """The least `rtol` that the integrators take."""
 AUDIT = 1e4
@@ -69,17 +72,13 @@ def simulate(
 ) -> Trajectory:
     """Simulate an arm under the torques of a controller.
 
-    The equations of motion, the laws of `sa` and the integrators are compiled by numba when they
-    are first used after the installation, once for all arms, which takes half a minute or more.
-
     Args:
         arm: The arm.
         q0: (n,) joint positions at the start [rad] or [m].
         controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]; at
-            times in any order, so that it must not remember. A function compiled by numba is
-            called from compiled code, with a cfg that has `q`, `attitude`, `tip`, `tip_attitude`
-            and `jacobian`. Of an arm with several tips a law for each, by the tip's name: it acts
-            on the joints that move that tip.
+            times in any order, so that it must not remember. Plain array code is compiled, other
+            code is called in Python. Of an arm with several tips a law for each, by the tip's name:
+            it acts on the joints that move that tip.
         duration: How long [s].
         base: Pose of the spacecraft at the start; the identity if None.
         origin: Where the inertial frame has its origin: "spacecraft", as `base` says, so that
@@ -111,9 +110,8 @@ def simulate(
         stop: Which of them end the run.
         reach: How near the target is reached: norm of the error.
         dt: Spacing of the output [s]; a thousandth of the duration if None.
-        method: "DOP853" (explicit, of order 8), "Radau" (implicit, of order 5, for stiff torques)
-            or "auto", which begins with the first and takes the second where that pays, for `rtol`
-            from 1e-2 on first RKC (stabilised explicit, of order 2).
+        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
+            torques) or "auto", which begins with the first and takes the second where that pays.
         progress: Called now and then as progress(t, duration), both simulated time [s].
 
     Returns:
@@ -131,8 +129,6 @@ def simulate(
         >>> sa.simulate(sa.load("planar2"), [0.3, 1.2], law, 5.0)
         Trajectory(planar2, free-floating: 5 s, 1001 times, ended by duration)
     """
-    from spacearm.motion.runs.run import Run  # imports numba
-
     duration = positive(duration, "duration", "time [s]")
     dt = duration / OUTPUTS if dt is None else positive(dt, "dt", "time [s]")
     if dt > duration:
@@ -165,8 +161,14 @@ def simulate(
     if mode != "fixed" and not h[:3].any() and not plant.pushed and len(arm.tips) == 1:
         for one in controllers.values():
             check_target(one, plant.start)
-    run = Run(plant, controllers, np.arange(0.0, duration, dt), duration, events, stop, reach)
-    run.begin(dq, h, rtol, atol, method)
+    capacity = None if plant.hold is None else plant.hold.capacity
+    kinds = dict.fromkeys((*events, *stop))
+    wanted = wanted_events(arm, mode, kinds, stop, reach, controllers, capacity)
+    ready = prepared(plant, controllers, [e.run_event for e in wanted if not e.distance])
+    y, needs = start_state(plant, dq, h), coupled(plant, ready.setup, h)
+    outputs = np.arange(0.0, duration, dt)
+    run = Runs([plant], [controllers], [ready], y[None], needs, outputs, duration, wanted,
+               (rtol, atol), method)  # fmt: skip
     if period is None:
         run.advance(duration, progress)
     else:
@@ -175,11 +177,12 @@ def simulate(
         if not 0.0 <= delay <= period:
             raise ConfigurationError(f"delay is {delay}; give a time from 0 to the period [s]")
         run.advance_sampled(duration, period, delay, progress)
-    if run.fault and run.steps == 0:
-        raise NoSolutionError(f"{arm.name}: {run.fault}", None)
+    fault = run.fault[0]
+    if fault and run.batch.steps[0] == 0:
+        raise NoSolutionError(f"{arm.name}: {fault}", None)
     result = run.trajectory()
-    if run.fault:
-        raise NoSolutionError(f"{arm.name}: {run.fault}", result)
+    if fault:
+        raise NoSolutionError(f"{arm.name}: {fault}", result)
     _audit(result, run.drift, rtol, atol)
     return result
 

@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.compiler import numbers
+from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.dynamics import spacecraft_twist
-from spacearm.mechanics.floating import quaternion_rate
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration, kinematics
 from spacearm.model.mode import BaseMode
@@ -95,7 +96,8 @@ class TipCurve:
         cfg = self.configuration(y)
         along = self.tangent(cfg, float(y[-1]))
         dq, ds = along[:-1], along[-1]
-        turning = quaternion_rate(y[-5:-1], spacecraft_twist(cfg, dq, self.mode)[3:])
+        w = spacecraft_twist(cfg, dq, self.mode)[3:] @ cfg.base.rotation
+        turning = quaternion_rate(numbers, y[-5:-1], w)
         return np.concatenate((dq, turning, [ds]))
 
     def end_functions(self) -> list[EventFunction]:

@@ -40,6 +40,7 @@ class Trajectory(Motion):
         exchanged: Work that was done and taken back, all in all [J].
         events: What happened on the way.
         ended: Why it ended: "duration", the kind of the event that stopped it, or what failed.
+        called: The functions that were called in Python, which takes long, and why.
     """
 
     dq: Array = field()
@@ -54,6 +55,7 @@ class Trajectory(Motion):
     exchanged: float
     events: tuple[Event, ...]
     ended: str
+    called: tuple[str, ...] = field(default=(), metadata={"in_file": False})
 
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
         **Motion.QUANTITIES,
@@ -129,7 +131,8 @@ class Trajectory(Motion):
 
     def __repr__(self) -> str:
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""
+        called = "".join(f"; {reason}" for reason in self.called)
         return (
             f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
-            f"ended by {self.ended}{first})"
+            f"ended by {self.ended}{first}{called})"
         )

@@ -6,8 +6,8 @@ A curve leads from q_0 to q_1 in joint space, s from 0 to 1:
 
 Without momentum the attitude follows T' = T [A(q) q']x with the connection A = -D^-1 D_q of (33c),
 in spacecraft axes. It is integrated by the fourth-order Magnus method as in `move`, and
-differentiated exactly: changes dw of the angular velocity turn the end by dphi, the sum of all dw
-carried to the end.
+differentiated exactly: what changes of the curve add to the turn of each interval is carried to the
+end, and summed there.
 """
 
 from __future__ import annotations
@@ -18,28 +18,29 @@ from typing import NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.mechanics.floating import GAUSS
+from spacearm.equations.turns import GAUSS
+from spacearm.mechanics.connection import chained, turns_and_effects
 from spacearm.model.arm import SpaceArm
 
 
 class Samples(NamedTuple):
-    """Matrices at the m Gauss points of a curve and at its end, in spacecraft axes.
+    """A curve's turn and Jacobians at its m Gauss points and its end, in spacecraft axes.
 
     Attributes:
         J: (m + 1, 6, n) J*.
-        A: (m + 1, 3, n) the connection.
-        r: (m + 1, 3) the tip from the system CM [m].
-        R: (m + 1, 3, 3) attitude of the tip.
-        G: (m + 1, 3, n) derivatives of A q' with q' held.
-        rates: (m + 1, n) q', zero at the end.
+        A: (3, n) the connection at the end.
+        r: (3,) the tip from the system CM there [m].
+        R: (3, 3) attitude of the tip there.
+        turn: (3, 3) rotation from the spacecraft axes at the end to those at the start.
+        dphi: (3, waves + 1, n) turn of the axes at the end per change of the curve.
     """
 
     J: Array
     A: Array
     r: Array
     R: Array
-    G: Array
-    rates: Array
+    turn: Array
+    dphi: Array
 
 
 class CurveFamily:
@@ -59,19 +60,28 @@ class CurveFamily:
         s = np.add.outer(np.arange(intervals), GAUSS).ravel() / intervals
         self.s = np.append(s, 1.0)
         self.basis, self.slope = sines(self.s, waves)
+        self._lengths = np.append(np.full(intervals, self.h), 0.0)
 
     def points(self, p: Array) -> Array:
         """Return the Gauss points of every interval, and the end, (2 intervals + 1, n)."""
         return self.q0 + self.basis @ (p - self._offset)
 
     def samples(self, p: Array, Q: Array) -> Samples:
-        """Compute the samples of a curve at its `points` Q, by compiled kernels."""
-        from spacearm.mechanics.connection import connections  # imports the compiler
-
-        rates = np.zeros_like(Q)
-        rates[:-1] = self.slope @ (p - self._offset)
-        at, G = connections(self.arm, Q.T, rates)
-        return Samples(*at, G, rates)
+        """Compute the samples of a curve at its `points` Q."""
+        m, n = len(Q) // 2, self.arm.n
+        nodes, rates = np.empty((2 * m + 2, n)), np.zeros((2 * m + 2, n))
+        nodes[:-1], nodes[-1], rates[:-2] = Q, Q[-1], self.slope @ (p - self._offset)
+        parts = turns_and_effects(  # the last one, at the end, has no length
+            self.arm, nodes.reshape(-1, 2, n), rates.reshape(-1, 2, n), self._lengths
+        )
+        back = chained(parts.T[::-1].transpose(0, 2, 1))  # from there to the axes at the end
+        effects = back[m - 1 :: -1, None, None] @ parts.effects[:-1]
+        by_q, by_rate = effects.transpose(2, 0, 1, 3, 4).reshape(2, 2 * m, 3 * n)
+        dphi = self.basis[:-1].T @ by_q + self.slope.T @ by_rate
+        return Samples(
+            parts.J.reshape(2 * m + 2, *parts.J.shape[2:])[:-1], parts.A[-1], parts.r[-1],
+            parts.R[-1], back[-1].T, dphi.reshape(-1, 3, n).swapaxes(0, 1),
+        )  # fmt: skip
 
     def rows(self, p: Array, m: int) -> Array:
         """Return joint positions (m + 1, n) at even steps of s."""
@@ -90,26 +100,6 @@ class CurveFamily:
         weight = np.append(1.0, 0.5 * (np.pi * np.arange(1, len(p))) ** 2)[:, None]
         d = p - self._offset
         return float((weight * d * d).sum()), 2.0 * weight * d
-
-    def turn(self, at: Samples) -> tuple[Array, Array]:
-        """Compute the turn of the spacecraft along a curve, and its derivative.
-
-        Args:
-            at: The samples of the curve.
-
-        Returns:
-            (3, 3) rotation from the spacecraft axes at the end to those at the start;
-            (3, waves + 1, n) dphi per change of the curve, spacecraft axes at the end.
-        """
-        from spacearm.kernels.paths.turns import turn_and_slope  # imports the compiler
-
-        T, dphi = np.empty((3, 3)), np.empty((3, self.basis.shape[1], self.arm.n))
-        last = len(at.A) - 1
-        turn_and_slope(
-            at.A[:last], at.G[:last], at.rates[:last], self.basis[:last], self.slope, self.h, T,
-            dphi,
-        )  # fmt: skip
-        return T, dphi
 
 
 def sines(s: Array, waves: int) -> tuple[Array, Array]:

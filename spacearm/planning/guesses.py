@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
-from spacearm.mechanics.floating import GAUSS
+from spacearm.equations.turns import GAUSS
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.curve import sines

@@ -1,32 +1,32 @@
 """Many joint curves at once: the turn of the spacecraft along each, and inverse kinematics.
 
-Computed by compiled kernels, without derivatives with respect to the curves; the module `curve` has
-those, for one curve at a time.
+Without derivatives with respect to the curves; the module `curve` has those, for one curve at a
+time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
+from spacearm.mechanics.connection import Reactions, reactions, turns_of_spacecraft
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.loops import Indices
 from spacearm.singularities.polynomial import plane_of_motion
-
-if TYPE_CHECKING:
-    from spacearm.mechanics.connection import Reactions
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""
 
 DONE = 1e-10
 """What the tip misses where Newton's method stops [m], [rad]."""
+
+FAR = -0.9
+"""Cosine of the angle beyond which the sine of a rotation does not tell its axis."""
 
 Turns = Callable[[Array, Indices], Array]
 """Returns the attitudes (r, 3, 3) of the spacecraft at the ends (r, n) of some of the curves."""
@@ -48,12 +48,14 @@ def spacecraft_turns(arm: SpaceArm, Q: Array, rates: Array) -> Array:
         Q: (K, 2 g, n) positions at the Gauss points of g equal intervals.
         rates: (K, 2 g, n) derivatives there, the curve's parameter from 0 to 1.
     """
-    from spacearm.kernels.paths.turns import whole_turns  # imports the compiler
-    from spacearm.mechanics.connection import reactions
-
     K, points, n = Q.shape
-    T = np.empty((K, 3, 3))
-    whole_turns(reactions(arm, Q.reshape(-1, n).T).A, np.ascontiguousarray(rates), 2.0 / points, T)
+    g = points // 2
+    parts = turns_of_spacecraft(
+        arm, Q.reshape(-1, 2, n), rates.reshape(-1, 2, n), np.full(K * g, 1.0 / g)
+    ).reshape(K, g, 3, 3)
+    T = parts[:, 0]
+    for i in range(1, g):
+        T = T @ parts[:, i]
     return T
 
 
@@ -90,13 +92,11 @@ def inverse_kinematics(
     Returns:
         (K, n) joint positions; (K,) norm of what the tip misses in the task's rows [m], [rad].
     """
-    from spacearm.mechanics.connection import reactions  # imports the compiler
-
     q, miss, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
     for step in range(steps + 1):
         check_time()
         T = attitude(q[rows], rows) if callable(attitude) else attitude[rows]
-        at = reactions(arm, q[rows].T)
+        at = reactions(arm, q[rows])
         left = _left(arm, at, T, tip, axes)
         miss[rows] = np.linalg.norm(left, axis=1)
         far = miss[rows] > DONE
@@ -128,13 +128,11 @@ def turned_kinematics(
     Returns:
         (K, n) joint positions; (K, 3, 3) attitudes; (K,) norm of what the tip misses.
     """
-    from spacearm.mechanics.connection import reactions  # imports the compiler
-
     n, turns, rows = arm.n, list(turning_axes(arm)), np.arange(len(q))
     q, T, miss = q.copy(), attitude.copy(), np.empty(len(q))
     for step in range(steps + 1):
         check_time()
-        at = reactions(arm, q[rows].T)
+        at = reactions(arm, q[rows])
         left = _left(arm, at, T[rows], tip, axes)
         miss[rows] = np.linalg.norm(left, axis=1)
         far = miss[rows] > DONE
@@ -155,9 +153,19 @@ def turned_kinematics(
 def _left(arm: SpaceArm, at: Reactions, T: Array, tip: pin.SE3, axes: Array) -> Array:
     """Return what the tip misses (m, k) in the task's rows along the goal axes."""
     goal, T = pin.SE3(axes.T, np.zeros(3)) * tip, axes.T @ T
-    turn = Rotation.from_matrix(goal.rotation @ np.swapaxes(T @ at.R, 1, 2)).as_rotvec()
+    turn = rotation_vectors(goal.rotation @ np.swapaxes(T @ at.R, 1, 2))
     reached = (T @ at.r[:, :, None])[:, :, 0]
     return np.concatenate((goal.translation - reached, turn), axis=1)[:, arm.task.indices]
+
+
+def rotation_vectors(R: Array) -> Array:
+    """Return the rotation vectors (m, 3) of rotations (m, 3, 3)."""
+    sines = 0.5 * (R[:, [2, 0, 1], [1, 2, 0]] - R[:, [1, 2, 0], [2, 0, 1]])
+    sine, cosine = np.linalg.norm(sines, axis=1), 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0)
+    vectors = sines / np.sinc(np.arctan2(sine, cosine) / np.pi)[:, None]
+    if (far := cosine < FAR).any():
+        vectors[far] = Rotation.from_matrix(R[far]).as_rotvec()
+    return vectors
 
 
 def _in_rows(arm: SpaceArm, J: Array, T: Array, axes: Array) -> Array:

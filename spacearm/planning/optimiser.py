@@ -21,6 +21,7 @@ from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import attitudes, placed, walk
+from spacearm.mechanics.nearness import tangent
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.scale import radians
@@ -145,7 +146,7 @@ class CurveOptimiser:
         for i, p in enumerate(parts):
             Q = self.family.points(p)
             at = self.family.samples(p, Q)
-            turns.append(self.family.turn(at))
+            turns.append((at.turn, at.dphi))
             for gap, slope in (self._singularity_margins(Q, at), self._limit_margins(Q)):
                 wide = np.zeros((len(gap), self.size))
                 if i == 0:
@@ -192,11 +193,11 @@ class CurveOptimiser:
 
     def _end_constraints(self, q: Array, at: Samples, T: Array, dphi: Array) -> tuple[Array, Array]:
         """Return the residual at the end, and its derivatives."""
-        r, n = at.r[-1], self.arm.n
-        reached = pin.SE3(T @ at.R[-1], self.start.com + T @ r)
+        r, n = at.r, self.arm.n
+        reached = pin.SE3(T @ at.R, self.start.com + T @ r)
         slopes: list[Array] = [np.empty((0, self.size))]
         if self.target.tip is not None:
-            J, A = at.J[-1], at.A[-1]
+            J, A = at.J[-1], at.A
             twist = np.vstack((-pin.skew(r) @ dphi, dphi))
             twist[:, :n] += np.vstack((J[:3] + pin.skew(r) @ A, J[3:] - A))  # its attitude held
             twist = (T @ twist.reshape(2, 3, -1)).reshape(6, -1)
@@ -215,8 +216,6 @@ class CurveOptimiser:
         The sign is that of det J*, so that the margin goes through zero at a singularity. The
         derivative is that to first order, along the shortest way: right where the margin binds.
         """
-        from spacearm.mechanics.compiled import tangent  # imports the compiler
-
         near = tangent(self.arm, Q)
         distance, away = np.minimum(near.distance, FAR), near.rows[:, 0] / radians(self.arm)
         if self._square:

@@ -123,8 +123,8 @@ def plan(
             is not detumbled; if None its share of the momentum, or nothing if it floats.
         seed: Seed of the random first guesses; the same seed gives the same plan, if it is found
             in time.
-        timeout: Time after which the search is given up [s]; that to compile the kernels, once,
-            does not count. Until then it goes on with other first guesses.
+        timeout: Time after which the search is given up [s]. Until then it goes on with other first
+            guesses.
         progress: Called now and then as progress(t, timeout), both in s.
 
     Returns:

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable
 
 from spacearm.errors import NoSolutionError, StoppedError
-from spacearm.kernels.kept import compilation
 
 Progress = Callable[[float, float], object]
 
@@ -45,11 +44,6 @@ REMEDIES = {
 """What to relax."""
 
 
-def planning_time() -> float:
-    """Return the time that counts for a search [s]: without what compiling kernels took."""
-    return time.monotonic() - compilation.spent
-
-
 class TimeUpError(NoSolutionError):
     """The time for the search is up."""
 
@@ -72,7 +66,7 @@ class Search:
     def __init__(
         self, timeout: float, progress: Progress | None = None, whole: Search | None = None
     ) -> None:
-        self.begun, self.timeout, self._progress = planning_time(), timeout, progress
+        self.begun, self.timeout, self._progress = time.monotonic(), timeout, progress
         self._whole, self._ended = whole, False
         self.postures: Counter[str] = Counter()
         self.ways: Counter[str] = Counter()
@@ -82,7 +76,7 @@ class Search:
     @property
     def elapsed(self) -> float:
         """Time since it began [s]."""
-        return planning_time() - self.begun
+        return time.monotonic() - self.begun
 
     def part(self, timeout: float) -> Search:
         """Return a search of its own that may take this time [s], if the whole has so much left."""

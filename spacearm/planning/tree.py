@@ -17,8 +17,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
+from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.floating import GAUSS
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.motion.goal import goal_rows
 from spacearm.planning.guesses import CLOSE, GuessFinder, Mask

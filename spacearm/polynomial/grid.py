@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.kernels.processors import processors
+from spacearm.compiler.machine import processors
 from spacearm.polynomial.contraction import waves
 
 BLOCK = 1 << 16
@@ -75,7 +75,7 @@ def over_blocks(
     padding = (1,) * (2 - n)  # a block needs two axes
     tensor, shape = tensor.reshape((*tensor.shape, *padding)), (*shape, *padding)
     B = [
-        waves(2.0 * np.pi * np.arange(N) / N, size // 2).T.copy()
+        waves(np, 2.0 * np.pi * np.arange(N) / N, size // 2).T.copy()
         for N, size in zip(shape, tensor.shape, strict=True)
     ]
     nest = Nesting.of(tensor.shape, shape)

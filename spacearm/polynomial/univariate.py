@@ -2,11 +2,18 @@
 
 f(q) = sum_k c_k exp(i k q), |k| <= d, is z^-d times a polynomial of degree 2d in z = exp(i q); its
 real roots are the roots of that polynomial on the unit circle. Degree 1 has them in closed form,
-higher ones as eigenvalues of the companion matrix, polished by Newton's method on f itself.
+higher ones by Aberth's iteration where they are many, else, and where that is not sure, as
+eigenvalues of the companion matrix, polished by Newton's method on f itself.
+
+O. Aberth, Math. Comput. 27, 339-344 (1973), DOI 10.1090/S0025-5718-1973-0329236-7. Newton's step of
+each root is corrected for the others, which repel it; simple roots are approached cubically. Where
+the iteration does not end, or the sum of what it found is not that of the roots, it says so.
 """
 
 from __future__ import annotations
 
+from collections import Counter
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -14,15 +21,128 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, named
 
-Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
-
-SAME = 1e-6
-"""Roots nearer than this are one root with a multiplicity [rad]."""
 NEAR_CIRCLE = 1e-2
 """Multiple roots split off the unit circle by a root of rounding, less than this; the value of f
 then decides."""
 POLISH = 8
 """Newton steps for every root."""
+LONGEST = 0.1
+"""Longest of these steps [rad]."""
+ZERO = 1e-12
+"""Share of the scale below which a value is zero."""
+MOST = 60
+"""Bound of the iteration."""
+SETTLED = 1e-8
+"""Size of the steps, as a share of the root, with which it ends."""
+SUM = 1e-5
+"""Share of the sizes of the roots by which their sum may be wrong."""
+
+
+def circle_roots(xp: Any, d: int, line: Any) -> tuple[Any, Any]:
+    """Find the real roots of c + sum_k a_k cos k q + b_k sin k q, k = 1 ... d.
+
+    Args:
+        xp: The array library.
+        d: The degree.
+        line: (2 d + 1,) c, a_1 ... a_d, b_1 ... b_d; the last a and b are not both zero.
+
+    Returns:
+        (2 d,) angles in (-pi, pi], NaN where there are fewer, and 1 if they are sure, else 0.
+    """
+    x, y, sure = _all_roots(xp, d, line)
+    squares = x * x + y * y
+    near = xp.logical_and(squares > np.exp(-2.0 * NEAR_CIRCLE), squares < np.exp(2.0 * NEAR_CIRCLE))
+    angles = xp.arctan2(y, x)
+    values, slopes = _values(xp, d, line, angles)
+
+    def polish(angles: Any, values: Any, slopes: Any, left: Any) -> tuple[Any, ...]:
+        step = xp.where(slopes * slopes > 0.0, values / slopes, 0.0)
+        tried = angles - xp.minimum(xp.maximum(step, -LONGEST), LONGEST)
+        new, new_slopes = _values(xp, d, line, tried)
+        better = xp.logical_and(near, xp.absolute(new) < xp.absolute(values))
+        goes_on = xp.where(better, 1.0, 0.0).sum() > 0.0
+        return (
+            xp.where(better, tried, angles), xp.where(better, new, values),
+            xp.where(better, new_slopes, slopes), left - 1.0, goes_on,
+        )  # fmt: skip
+
+    angles, values, _, _ = xp.while_any(polish, angles, values, slopes, 1.0, most=POLISH)
+    scale = xp.absolute(line[0])
+    for k in range(1, d + 1):
+        scale = xp.maximum(scale, 0.5 * xp.hypot(line[k], line[d + k]))
+    real = xp.logical_and(near, xp.absolute(values) <= ZERO * scale)
+    return xp.where(real, angles, np.nan), sure
+
+
+def _all_roots(xp: Any, d: int, line: Any) -> tuple[Any, Any, Any]:
+    """Find the roots (2 d,) in z = exp(i q), their real and imaginary parts; and 1 if sure."""
+    half = 0.5 * line
+    a, b = half[1 : d + 1], half[d + 1 :]
+    real = xp.concatenate([a[::-1], line[:1], a])
+    imaginary = xp.concatenate([b[::-1], np.zeros(1), -b])
+    size = real[-1] * real[-1] + imaginary[-1] * imaginary[-1]
+    c = [
+        ((r * real[-1] + i * imaginary[-1]) / size, (i * real[-1] - r * imaginary[-1]) / size)
+        for r, i in zip(real, imaginary, strict=True)
+    ]
+    n = 2 * d
+    others = ~np.eye(n, dtype=bool)
+    turns = (np.arange(n) + 0.3) * (2.0 * np.pi / n)
+    radii = 1.0 + 0.3 * np.sin(5.0 * np.arange(n) + 1.0)  # off the circle, and not in pairs
+
+    def step(x: Any, y: Any, _: Any) -> tuple[Any, ...]:
+        p, q = x + c[n - 1][0], y + c[n - 1][1]
+        s, t = xp.stack([1.0] * n), xp.stack([0.0] * n)
+        for k in range(n - 2, -1, -1):  # Horner, with the derivative
+            s, t = s * x - t * y + p, s * y + t * x + q
+            p, q = p * x - q * y + c[k][0], p * y + q * x + c[k][1]
+        dx, dy = x[:, None] - x, y[:, None] - y
+        inverse = np.where(others, 1.0, 0.0) / (dx * dx + dy * dy + np.eye(n))
+        u, v = (dx * inverse).sum(axis=1), -(dy * inverse).sum(axis=1)
+        s, t = s - (p * u - q * v), t - (p * v + q * u)
+        size = s * s + t * t
+        inverse = xp.where(size > 0.0, 1.0 / size, 0.0)
+        wx, wy = (p * s + q * t) * inverse, (q * s - p * t) * inverse
+        moves = wx * wx + wy * wy > SETTLED**2 * (x * x + y * y)
+        left = xp.where(moves, 1.0, 0.0).sum()
+        return x - wx, y - wy, left, left > 0.0
+
+    x, y, left = xp.while_any(step, radii * np.cos(turns), radii * np.sin(turns), 1.0, most=MOST)
+    sizes = xp.sqrt(x * x + y * y).sum()
+    off = xp.hypot(x.sum() + c[n - 1][0], y.sum() + c[n - 1][1])
+    sure = xp.logical_and(left < 0.5, off < SUM * sizes)
+    return x, y, xp.where(sure, 1.0, 0.0)
+
+
+def _values(xp: Any, d: int, line: Any, angles: Any) -> tuple[Any, Any]:
+    """Return values and slopes at angles."""
+    cosine, sine = xp.cos(angles), xp.sin(angles)
+    c, s = cosine, sine
+    values, slopes = line[0] + 0.0 * c, 0.0 * c
+    for k in range(1, d + 1):
+        values = values + (line[k] * c + line[d + k] * s)
+        slopes = slopes + k * (line[d + k] * c - line[k] * s)
+        c, s = cosine * c - sine * s, sine * c + cosine * s
+    return values, slopes
+
+
+@lru_cache(maxsize=16)
+def compiled_roots(d: int) -> Any:
+    """Return `circle_roots` as machine code."""
+    from spacearm.compiler import symbols
+    from spacearm.compiler.kernel import compiled
+
+    return compiled(lambda line: circle_roots(symbols, d, line), {"line": (2 * d + 1,)})
+
+
+Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
+
+SAME = 1e-6
+"""Roots nearer than this are one root with a multiplicity [rad]."""
+MANY = 2000
+"""Lines of a degree at which the iteration is compiled."""
+
+_lines: Counter[int] = Counter()  # solved so far, by degree
 
 
 class Roots(NamedTuple):
@@ -76,18 +196,34 @@ def line_roots(lines: Complex) -> Array:
     for row in np.flatnonzero(~usable):  # of lower degree on this line
         inner = lines[row, 1:-1][None]
         found[row, : 2 * d - 2] = line_roots(inner)[0] if scale[row] > 0.0 else np.nan
-    if not usable.any():
-        return found
-    monic = lines[usable, :-1] / lines[usable, -1:]
-    companion = np.zeros((len(monic), 2 * d, 2 * d), dtype=complex)
-    companion[:, np.arange(1, 2 * d), np.arange(2 * d - 1)] = 1.0
+    _lines[d] += m
+    found[usable] = (_iterated if _lines[d] > MANY else _by_eigenvalues)(lines[usable])
+    return found
+
+
+def _iterated(lines: Complex) -> Array:
+    """Find the roots (m, 2 d) by Aberth's iteration."""
+    c, z = lines[:, lines.shape[1] // 2], 2.0 * lines[:, lines.shape[1] // 2 + 1 :]
+    line = np.concatenate((c.real[:, None], z.real, -z.imag), axis=1)
+    found, sure = compiled_roots(z.shape[1])({"line": line})
+    doubtful = sure == 0.0
+    found[doubtful] = _by_eigenvalues(lines[doubtful])
+    return wrap(found)
+
+
+def _by_eigenvalues(lines: Complex) -> Array:
+    """Find the roots (m, 2 d) by the companion matrix."""
+    m, size = lines.shape
+    found = np.full((m, size - 1), np.nan)
+    monic = lines[:, :-1] / lines[:, -1:]
+    companion = np.zeros((m, size - 1, size - 1), dtype=complex)
+    companion[:, np.arange(1, size - 1), np.arange(size - 2)] = 1.0
     companion[:, :, -1] = -monic
     z = np.linalg.eigvals(companion).astype(complex)
     line, column = np.nonzero(np.abs(np.log(np.maximum(np.abs(z), 1e-300))) < NEAR_CIRCLE)
-    near = np.flatnonzero(usable)[line]
-    angles, values = _polish(lines[near], np.angle(z[line, column])[:, None])
-    real = np.abs(values) <= 1e-12 * scale[near, None]
-    found[near, column] = np.where(real, wrap(angles), np.nan)[:, 0]
+    angles, values = _polish(lines[line], np.angle(z[line, column])[:, None])
+    real = np.abs(values) <= ZERO * np.abs(lines).max(axis=1)[line, None]
+    found[line, column] = np.where(real, wrap(angles), np.nan)[:, 0]
     return found
 
 
@@ -122,7 +258,7 @@ def _polish(lines: Complex, angles: Array) -> tuple[Array, Array]:
     for _ in range(POLISH):
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.where(slopes != 0.0, values / slopes, 0.0)
-        tried = angles - np.clip(step, -0.1, 0.1)
+        tried = angles - np.clip(step, -LONGEST, LONGEST)
         new, new_slopes = line_values(lines, tried)
         better = np.abs(new) < np.abs(values)
         if not better.any():

@@ -21,9 +21,8 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics import nearness
 from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.nearness import Tangent, foot
+from spacearm.mechanics.nearness import Tangent, foot, tangent
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.model.scale import radians
@@ -35,9 +34,8 @@ Booleans = npt.NDArray[np.bool_]
 
 GLOBAL_DIMENSION = 3
 """Up to this many joints the nearest root of one polynomial is proven."""
-STARTS, FEW_STARTS = (128, 96), (12, 6)
-"""Starts within reach of the configuration, and within that of the best found so far; the second
-numbers are for arms without compiled kernels."""
+STARTS = 128, 96
+"""Starts within reach of the configuration, and within that of the best found so far."""
 REACH, BEYOND = 2.0, 1.2
 """That reach [rad]; the share of the best distance in which others are looked for."""
 STEPS = 8
@@ -46,7 +44,7 @@ WEIGHT = 20.0
 """What a radian from the set counts. Less leads into valleys of sigma_min that seem to reach it."""
 LANDING, BACK = 10, 4
 """Steps onto the set from the ends, and after each move along it."""
-ENDS, FEW_ENDS = 12, 3
+ENDS = 12
 """Ends that are moved along the set, as long as they lie apart."""
 APART = 0.05
 """Ends nearer to each other than this are one [rad]."""
@@ -56,6 +54,13 @@ SHARES = np.array([1.0, 0.3, 0.1, 0.03, 0.01, 0.003])
 """Shares of the way to T(x) that are tried where Newton's method comes no nearer."""
 STRIDE, NUDGE = 0.5, 1e-5
 """Longest step, and that of the differences [rad]."""
+NEARBY = 0.02
+"""So near to T(x) Newton's method is tried alone first [rad]."""
+LANDED = 1e-9
+"""Steps onto the set that are no longer end the way there: the next would be of the order of their
+square [rad]."""
+LOOKS = 100
+"""Configurations that are looked from until one has settled, about."""
 THERE, FAR = 1e-8, 10.0
 """Distance of the set from singular configurations, and where it is nowhere in sight [rad]."""
 RESTING = 1e-13
@@ -90,10 +95,10 @@ def nearest_singular(
     unit = radians(arm)
     low = (arm.lower - q) / unit if limits else np.full(arm.n, -np.inf)
     high = (arm.upper - q) / unit if limits else np.full(arm.n, np.inf)
-    look, compiled = looking(arm, mode, q)
+    look = looking(arm, mode, q)
     if progress:
-        look = _counted(look, _most(arm.n, compiled), progress)
-    search = Search(look, compiled, low, high)
+        look = _counted(look, _most(arm.n), progress)
+    search = Search(look, low, high)
     best = search.nearest()
     if S is not None and not limits:
         best = _proven(S, q, best, search)
@@ -102,14 +107,43 @@ def nearest_singular(
     return q + unit * best, float(np.linalg.norm(best))
 
 
-def looking(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Callable[[Array], Tangent], bool]:
-    """Return how the set looks from offsets (m, n), and whether compiled code tells."""
+def looking(arm: SpaceArm, mode: BaseMode, q: Array) -> Callable[[Array], Tangent]:
+    """Return how the set looks from offsets (m, n)."""
     unit = radians(arm)
-    if len(arm.tips) > 1:
-        return lambda X: nearness.tangent(arm, q + unit * X, mode), False
-    from spacearm.mechanics import compiled  # slow to import
+    return lambda X: tangent(arm, q + unit * X, mode, expected=LOOKS)
 
-    return lambda X: compiled.tangent(arm, q + unit * X, mode), True
+
+def settled_each(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
+    """Return the offsets (m, n) of the set that are reached along it from Q (m, n); NaN if none is.
+
+    What `Search.settled` does from one configuration, of many side by side.
+    """
+    m, n = Q.shape
+
+    def search(rows: npt.NDArray[np.intp]) -> Search:
+        """Return a search from some of the configurations."""
+
+        def look(X: Array) -> Tangent:
+            start = np.repeat(Q[rows], len(X) // len(rows), axis=0)
+            return tangent(arm, start + unit * X, mode, expected=LOOKS * m)
+
+        return Search(look, np.full(n, -np.inf), np.full(n, np.inf))
+
+    unit = radians(arm)
+    every = np.arange(m)
+    X: Array = np.zeros((m, n))
+    if not m:
+        return X
+    whole, moving = search(every), every
+    X = whole.onto(X, LANDING)
+    for _ in range(SETTLING):
+        X[moving], _, rests = search(moving)._moved(X[moving])
+        moving = moving[~rests]
+        if not moving.size:
+            break
+    X = whole.onto(X, 2)
+    X[whole.look(X).distance > THERE] = np.nan
+    return X
 
 
 def _counted(
@@ -128,12 +162,11 @@ def _counted(
     return counted
 
 
-def _most(n: int, compiled: bool) -> int:
+def _most(n: int) -> int:
     """Return how many looks descents and settling take if no end rests early."""
-    starts, ends = (STARTS, ENDS) if compiled else (FEW_STARTS, FEW_ENDS)
-    moves = (PRUNED_AFTER + 1) * ends + (SETTLING - PRUNED_AFTER - 1) * min(PRUNED, ends)
+    moves = (PRUNED_AFTER + 1) * ENDS + (SETTLING - PRUNED_AFTER - 1) * min(PRUNED, ENDS)
     each = 2 * n + 1 + (BACK + 1) * (1 + len(SHARES))
-    return (STEPS + LANDING + 2) * sum(starts) + moves * each + 3 * ends
+    return (STEPS + LANDING + 2) * sum(STARTS) + moves * each + 3 * ENDS
 
 
 @dataclass(frozen=True)
@@ -142,13 +175,11 @@ class Search:
 
     Attributes:
         look: Returns how the set looks from offsets (m, n).
-        compiled: Whether it is fast.
         low: (n,) least offsets.
         high: (n,) largest offsets.
     """
 
     look: Callable[[Array], Tangent]
-    compiled: bool
     low: Array
     high: Array
 
@@ -156,7 +187,7 @@ class Search:
         """Return the best offset (n,) of descents from starts about the origin, or None."""
         rng, reach = np.random.default_rng(0), REACH
         ends = []
-        for m in STARTS if self.compiled else FEW_STARTS:
+        for m in STARTS:
             X, merit = self.descended(self.within(_ball(rng, m, len(self.low), reach)))
             ends.append(X)
             reach = min(reach, BEYOND * float(merit.min()))
@@ -201,6 +232,8 @@ class Search:
             seen = self.look(X)
             stride = np.where(np.isfinite(seen.distance), np.minimum(seen.distance, STRIDE), 0.0)
             X = self.within(X - stride[:, None] * seen.rows[:, 0])
+            if (stride <= LANDED).all():
+                break
         return X
 
     def descended(self, X: Array) -> tuple[Array, Array]:
@@ -224,7 +257,7 @@ class Search:
     def settled(self, X: Array) -> Array | None:
         """Return the nearest offset (n,) of the set that is reached along it from X, or None."""
         X = self.onto(X, LANDING)
-        X = _apart(X, self.foot(X)[1], ENDS if self.compiled else FEW_ENDS)
+        X = _apart(X, self.foot(X)[1], ENDS)
         merit, moving = np.full(len(X), np.inf), np.arange(len(X))
         for i in range(SETTLING):
             X[moving], merit[moving], rests = self._moved(X[moving])
@@ -245,17 +278,27 @@ class Search:
         target, merit = target.reshape(m, -1, n), merit.reshape(m, -1)[:, 0]
         slopes = (target[:, 1 : n + 1] - target[:, n + 1 :]).swapaxes(1, 2) / (2.0 * NUDGE)
         way = target[:, 0] - X
-        newton = np.linalg.pinv(np.eye(n) - slopes) @ way[:, :, None]
-        steps = (
-            shortened(newton[..., 0], STRIDE)[:, None],
-            SHARES[:, None] * shortened(way, STRIDE)[:, None],
+        size = np.linalg.norm(way, axis=1)
+        newton = (np.linalg.pinv(np.eye(n) - slopes) @ way[:, :, None])[..., 0]
+        moved = np.zeros(m, dtype=bool)
+        steps = np.concatenate(
+            (shortened(newton, STRIDE)[:, None], SHARES[:, None] * shortened(way, STRIDE)[:, None]),
+            axis=1,
         )
-        tried = self.onto((X[:, None] + np.concatenate(steps, axis=1)).reshape(-1, n), BACK)
-        merits = self.foot(tried)[1].reshape(m, -1)
-        best = merits.argmin(axis=1)
-        rests = merits[range(m), best] >= merit - RESTING
-        X = np.where(rests[:, None], X, tried.reshape(m, -1, n)[range(m), best])
-        return X, np.minimum(merit, merits[range(m), best]), rests
+        goes = size**2 > RESTING * np.linalg.norm(X, axis=1)  # else the merit cannot fall by more
+        alone = (size[goes] < NEARBY).all()
+        for count in (1, 1 + len(SHARES)) if alone else (1 + len(SHARES),):
+            if not goes.any():
+                break
+            tried = self.onto((X[:, None] + steps[:, :count]).reshape(-1, n), BACK)
+            merits = self.foot(tried)[1].reshape(m, -1)
+            best = np.arange(m), merits.argmin(axis=1)
+            better = goes & (merits[best] < merit - RESTING)
+            X = np.where(better[:, None], tried.reshape(m, -1, n)[best], X)
+            merit = np.where(better, merits[best], merit)
+            moved |= better
+            goes &= ~better
+        return X, merit, ~moved
 
 
 def _ball(rng: np.random.Generator, m: int, n: int, reach: float) -> Array:

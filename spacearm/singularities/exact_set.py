@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.mechanics.batch import conditions
 from spacearm.mechanics.blocks import Progress
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.polynomial import level_set, space_curves
@@ -247,10 +248,7 @@ class ExactSet(SingularSet):
         """Return which common roots of the minors (m, n) are singular: of one minor all are."""
         if self.codimension == 1 or not len(Q):
             return np.ones(len(Q), dtype=bool)
-        from spacearm.mechanics.compiled import singular_values  # slow to import
-
-        sigma = singular_values(self.arm, Q.T, self.mode)
-        return np.asarray(sigma[:, -1] <= AT_A_ROOT * sigma[:, 0])
+        return ~(conditions(self.arm, Q, self.mode) < 1.0 / AT_A_ROOT)
 
     def _slice(
         self, joints: Sequence[int | str] | None, q: npt.ArrayLike | None, dimension: int

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
-from spacearm.mechanics import compiled
+from spacearm.mechanics import determinants
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
@@ -108,29 +108,25 @@ def minor_sampler(arm: SpaceArm, minors: Iterable[Sequence[int]], mode: BaseMode
     Raises:
         UnsupportedError: The task is one that the arm can never do.
     """
-    sampler = _compiled_sampler if len(arm.tips) == 1 else _sampler_of_several_tips
+    sampler = _sampler_of_one_tip if len(arm.tips) == 1 else _sampler_of_several_tips
     return sampler(arm, np.array([*minors]), mode)
 
 
-def _compiled_sampler(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
+def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
     """Return the function that computes minors from the momentum seen from the tip."""
     rows, free = _rows_and_free_directions(arm, mode)
     columns = np.array([[*free, *joints] for joints in 6 + minors])
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (32, arm.n))
-    fitting = columns.shape[1] == len(rows)  # else the task has rows that a planar arm cannot do
-    if fitting:
-        values, sizes = compiled.sizes_of_minors(arm, Q.T.copy(), mode, rows, columns)
-        idle = _idle(arm, Q, mode, rows)[minors].any(axis=1)  # their length is rounding as well
-    if not fitting or (idle | (np.abs(values) <= ROUNDING_OF_MINORS * sizes)).all():
+    if columns.shape[1] != len(rows):  # the task has rows that a planar arm cannot do
         raise _impossible(arm)
-    return lambda Q: compiled.minors(arm, Q.T.copy(), mode, rows, columns)
-
-
-def _idle(arm: SpaceArm, Q: Array, mode: BaseMode, rows: Indices) -> npt.NDArray[np.bool_]:
-    """Tell which joints (n,) never move the tip along the rows, as one whose axis it is on."""
-    each = 6 + np.arange(arm.n)[:, None]
-    moves = [compiled.minors(arm, Q.T.copy(), mode, row[None], each) for row in rows]
-    return np.asarray(np.abs(moves).max(axis=(0, 1)) <= ROUNDING)
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (32, arm.n))
+    seen = determinants.columns_seen(arm, Q, mode)[:, rows]
+    chosen = seen[:, :, columns].swapaxes(1, 2)
+    sizes = np.linalg.norm(chosen, axis=2).prod(axis=2)
+    idle = np.abs(seen[:, :, 6:]).max(axis=(0, 1)) <= ROUNDING  # their length is rounding as well
+    vanish = np.abs(np.linalg.det(chosen)) <= ROUNDING_OF_MINORS * sizes
+    if (idle[minors].any(axis=1) | vanish).all():
+        raise _impossible(arm)
+    return lambda Q: determinants.minors(arm, Q, mode, rows, columns)
 
 
 def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
@@ -141,9 +137,9 @@ def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
     rows, free = _rows_and_free_directions(like, "free-floating")
     columns = np.array([[*free, *range(6, 6 + like.n)]])
     mine, its = (
-        compiled.unit_of_minors(one, "free-floating", rows, columns) for one in (arm, like)
+        determinants.unit_of_minors(one, "free-floating", rows, columns) for one in (arm, like)
     )
-    return lambda Q: compiled.minors(arm, Q.T.copy(), "free-floating", rows, columns) * (its / mine)
+    return lambda Q: determinants.minors(arm, Q, "free-floating", rows, columns) * (its / mine)
 
 
 def _impossible(arm: SpaceArm) -> UnsupportedError:
@@ -226,7 +222,7 @@ def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     In spacecraft axes [m]; relative to the spacecraft's own CM if it is fixed.
     """
     arm.require_one_tip()
-    return compiled.tips(arm, np.array(Q, dtype=np.float64).T.copy(), mode)
+    return determinants.tips_from_centre(arm, np.asarray(Q, dtype=np.float64), mode)
 
 
 def check_square(arm: SpaceArm, so: str = "") -> None:

@@ -89,8 +89,7 @@ def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float
     `closest.Search` is enough, which moves one point along the set until it rests. The distance is
     in radians, sliding joints in units of `radians`; None if none lies about.
     """
-    look, compiled = looking(arm, mode, q)
-    search = Search(look, compiled, np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
+    search = Search(looking(arm, mode, q), np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
     offset = search.settled(np.zeros((1, arm.n)))
     if offset is None:
         return None

@@ -212,8 +212,8 @@ def singularity(
             vanish together within it count as zero together.
         exact: Whether to find the nearest singular configuration, and the distance to it: proven
             for square tasks of revolute joints if no more than three of them matter, else the best
-            of some 200 descents (`SingularSet.nearest`). Takes 10 to 30 ms once the kernels are
-            compiled, seconds for several tips. Rank and kind stay decided to first order.
+            of some 200 descents (`SingularSet.nearest`). Takes 10 to 30 ms once the equations of
+            the arm are compiled. Rank and kind stay decided to first order.
         progress: As in `SingularSet.nearest`, for `exact`.
 
     Returns:

@@ -228,7 +228,7 @@ def pose_risk(
     """
     from scipy.spatial import KDTree  # slow to import
 
-    from spacearm.mechanics.connection import reactions  # imports the compiler
+    from spacearm.mechanics.connection import reactions
 
     poses, neighbours = whole(poses, "poses", 1), whole(neighbours, "neighbours", 1)
     if whole(samples, "samples", 1) < max(poses, neighbours):
@@ -240,7 +240,7 @@ def pose_risk(
     measure, bound = _near(sigma_min, distance)
     unit = "rad" if measure == "distance" else arm.sigma_unit
     value = evaluate(arm, Q, (measure,))[measure]
-    at = reactions(arm, Q.T.copy())
+    at = reactions(arm, Q)
     centres = -np.einsum("mij,mi->mj", at.R, at.r)  # tip axes
     apart: Any
     near: Any

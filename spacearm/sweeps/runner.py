@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from spacearm.arrays import whole
+from spacearm.compiler.machine import processors
 from spacearm.errors import StoreError, SweepError
-from spacearm.kernels.processors import processors
 from spacearm.sweeps.quantities import nbytes
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
 from spacearm.sweeps.study import Chunk, Study

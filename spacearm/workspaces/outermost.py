@@ -15,10 +15,11 @@ points at a distance s it is below the chord + rho s^2 / 8.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.kernels.floating import Bodies, Indices
-from spacearm.mechanics.compiled import bodies
+from spacearm.equations.reach import attitudes_at_zero, constant_vectors
+from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 
@@ -39,32 +40,21 @@ def largest_distance(arm: SpaceArm, mode: BaseMode) -> float:
     For a fixed spacecraft from its own CM. The arm has revolute joints, none of which mimics
     another.
     """
-    b, tip_body, tip = bodies(arm, mode)
-    own = constant_vectors(b, tip_body, tip)
+    tree, p = structure_of(arm, mode), parameters_of(arm)
+    axes = attitudes_at_zero(tree, p)[:, :, 2]
+    own, count = constant_vectors(tree, p), len(tree.parents)
     length = np.linalg.norm(own, axis=1)
     tables: dict[int, Array] = {}
-    for k in range(len(b) - 1, -1, -1):
-        beyond = [c for c in range(k + 1, len(b)) if b[c]["parent"] == k]
+    for k in range(count - 1, -1, -1):
+        beyond = [c for c in range(k + 1, count) if tree.parents[c] == k]
         for c in beyond:
             length[k] += length[c]
-        reaches = [_Reach(b[c]["E"][:, 2], tables.pop(c), length[c]) for c in beyond]
-        skew = [c for c in beyond if np.hypot(*b[c]["E"][:2, 2]) > PARALLEL]  # others do not vary
+        reaches = [_Reach(axes[c], tables.pop(c), length[c]) for c in beyond]
+        skew = [c for c in beyond if np.hypot(*axes[c, :2]) > PARALLEL]  # others do not vary
         off_axis = float(np.hypot(*own[k, :2])) + sum(float(length[c]) for c in skew)
         tables[k] = _largest_around(own[k], reaches, off_axis, ROUNDING * length[k])
     step = np.pi / ANGLES
-    return float(tables[0].max() + length[0] * (step**2 / 8.0 + 2.0 * ROUNDING * len(b)))
-
-
-def constant_vectors(b: Bodies, tip_body: int, tip: Array) -> Array:
-    """Return b_k (bodies, 3): its share in the tip from the CM, in the frame of body k [m]."""
-    M, share = float(b[0]["carried"]), np.zeros((len(b), 3))
-    for k in range(len(b)):
-        share[k] -= b[k]["m"] / M * b[k]["c"]
-        if k > 0:
-            outer = float(b[k]["on_chain"]) - b[k]["carried"] / M
-            share[b[k]["parent"]] += outer * b[k]["t"]
-    share[tip_body] += tip
-    return share
+    return float(tables[0].max() + length[0] * (step**2 / 8.0 + 2.0 * ROUNDING * count))
 
 
 class _Reach:
@@ -89,7 +79,7 @@ def _largest_around(own: Array, reaches: list[_Reach], length: float, rounding: 
     t = np.linspace(0.0, np.pi, ANGLES + 1)
     high, low = np.cos(t), np.sin(t)
 
-    def h(row: Indices, turn: Array) -> Array:
+    def h(row: npt.NDArray[np.int_], turn: Array) -> Array:
         cosine, sine, z = low[row] * np.cos(turn), low[row] * np.sin(turn), high[row]
         value = cosine * own[0] + sine * own[1] + z * own[2]
         for reach in reaches:

@@ -6,7 +6,8 @@ from comparison import UNLIKE, compared, differences, main, relative, states, su
 from conventions import ENGINES, MODULES, Spacearm
 
 import spacearm as sa
-from spacearm.mechanics.blocks import FEW
+from spacearm.mechanics.accelerations import SINGLY
+from spacearm.mechanics.many import worth_compiling
 
 ARMS = subjects()
 
@@ -31,13 +32,13 @@ def test_everything_agrees(engine, name):
 @pytest.mark.parametrize("name", ARMS)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_accelerations_of_many_states_agree(engine, name):
-    """`joint_accelerations` by compiled kernels, on so many states that they are taken."""
+    """`joint_accelerations` in compiled code, on so many states that they are taken."""
     arm = suited(engine, name)
     there, some = ENGINES[engine](arm), list(states(arm))
     theirs = np.array([there(state).acceleration[6:] for state in some])
     Q, dQ, tau = (np.array(x) for x in zip(*((s.cfg.q, s.v[6:], s.tau) for s in some), strict=True))
     h = [Spacearm()(s).momentum.reshape(2, 3) @ s.cfg.base.rotation for s in some]
-    many = -(-FEW // len(some))
+    many = next(m for m in range(1, 10**4) if worth_compiling(m * len(some), SINGLY))
     rows = [np.tile(x, (many, 1)) for x in (Q, dQ, tau, np.reshape(h, (-1, 6)))]
     ours = sa.joint_accelerations(arm, *rows[:3], momentum=rows[3])
     size = np.abs(theirs).max(axis=1, keepdims=True)

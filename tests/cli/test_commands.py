@@ -11,9 +11,10 @@ import pytest
 from helpers.commands import answer, spacearm
 
 import spacearm as sa
-from spacearm.cli.app import COMMANDS
+from spacearm.cli.app import COMMANDS, command
 from spacearm.cli.output import working
 
+MODULES = {f"spacearm.cli.{place.rpartition('.')[0]}" for place, _ in COMMANDS.values()}
 HOME = ("0", "60", "-100", "-50", "30", "0")
 
 
@@ -106,6 +107,20 @@ def test_short_help(name):
     run = spacearm(name, "-h")
     assert run.returncode == 0
     assert run.stdout == spacearm(name, "--help").stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_summary_of_a_command_is_what_its_own_help_begins_with(name):
+    _, summary = COMMANDS[name]
+    assert " ".join(command(name).help.partition("\n\n")[0].split()) == summary
+
+
+def test_the_help_of_all_commands_imports_none_of_them():
+    code = "import sys; from spacearm.cli.app import main; sys.argv[1:] = ['--help']; "
+    code += "sys.exit = lambda _: print(*sys.modules); main()"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert all(f"\n  {name} " in run.stdout for name in COMMANDS)
+    assert not {"numpy", "pinocchio", "rich", *MODULES} & set(run.stdout.splitlines()[-1].split())
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.cli.motions.flights import fly, read_phases
-from spacearm.cli.options import join_numbers
+from spacearm.cli.wording import join_numbers
 
 FIGURE_5 = ["planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21]
 FIGURE_5 += ["--target", 1.5, 1.5, "--origin", "cm"]

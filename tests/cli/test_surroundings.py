@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from helpers.commands import complaints, in_a_process, keeping, spacearm
+from helpers.commands import complaints, in_a_process, spacearm
 
 import spacearm as sa
 from spacearm.cli.app import main
@@ -55,8 +55,7 @@ def test_python_without_docstrings_and_asserts(words):
 @pytest.mark.slow
 def test_the_view_where_warnings_are_errors(tmp_path):
     words = [sys.executable, "-W", "error", *QUERY[1:3], "view", "planar2", "--save", "page.html"]
-    env = os.environ | keeping(tmp_path)
-    run = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=env)
+    run = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
     assert (run.returncode, complaints(run)) == (0, [])
     assert (tmp_path / "page.html").stat().st_size > 800_000
 
@@ -107,7 +106,7 @@ def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
 
 def stopped_after(blocks, size, monkeypatch):
     """Have Ctrl-C come after some blocks of configurations."""
-    module = importlib.import_module("spacearm.mechanics.batch")
+    module = importlib.import_module("spacearm.mechanics.blocks")
     before, reports = module.run_blocks, []
 
     def interrupted(do, m, threads, progress, arrays):

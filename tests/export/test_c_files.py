@@ -11,10 +11,10 @@ import pytest
 from helpers.arms import load_text, random_chain, random_tree
 
 import spacearm as sa
-from spacearm.export.c_code.expressions import Tape
-from spacearm.export.parameters import parameters_of
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.mechanics.many import parameters_of
 from spacearm.mechanics.momentum import momentum_derivatives
+from spacearm.mechanics.nearness import nearness_of
 
 COMPILER = shutil.which("gcc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
@@ -33,11 +33,11 @@ class Library:
         subprocess.run(command, check=True)
         self.arm, self.name, self.library = arm, header.stem, ctypes.CDLL(str(shared))
 
-    def call(self, name, q, *outputs, returns=None):
+    def call(self, name, *arrays, returns=None):
         function = getattr(self.library, f"{self.name}_{name}")
         function.restype = returns
-        function.argtypes = [NUMBERS] * (1 + len(outputs))
-        return function(np.array(q, dtype=float), *outputs)
+        function.argtypes = [NUMBERS] * len(arrays)
+        return function(*(np.asarray(array, dtype=float) for array in arrays))
 
     def jacobian(self, q):
         self.call("jacobian", q, J := np.empty((6 * len(self.arm.tips), self.arm.n)))
@@ -50,6 +50,35 @@ class Library:
         g = np.empty(self.arm.n)
         assert self.call("singularity_gradient", q, g, returns=ctypes.c_double) == self.S(q)
         return g
+
+    def matrix(self, name, rows, *given):
+        self.call(name, *given, out := np.empty((rows, self.arm.n)))
+        return out
+
+    def assert_dynamics(self, q, mode="free-floating"):
+        """Momentum, connection and accelerations against those of the package."""
+        cfg, (dq, tau) = self.arm.at(q), np.random.default_rng(1).normal(size=(2, self.arm.n))
+        wanted = cfg.A[:, 6:]
+        found = self.matrix("momentum", 6, q)
+        np.testing.assert_allclose(found, wanted, atol=1e-12 * np.abs(wanted).max())
+        if mode == "free-floating":
+            wanted = -np.linalg.solve(cfg.A[3:, 3:6], cfg.A[3:, 6:])
+            found = self.matrix("connection", 3, q)
+            np.testing.assert_allclose(found, wanted, atol=1e-12 * np.abs(wanted).max())
+        wanted = sa.forward_dynamics(cfg, dq, tau, mode=mode).ddq
+        rounding = 1e-12 + 1e-15 * np.linalg.cond(sa.generalized_inertia(cfg, mode=mode))
+        found = self.matrix("forward_dynamics", 1, q, dq, tau)[0]
+        np.testing.assert_allclose(found, wanted, atol=rounding * np.abs(wanted).max())
+
+    def assert_distance(self, q, mode="free-floating"):
+        """The distance to first order and the way out against those by Pinocchio."""
+        cfg = self.arm.at(q)
+        J, dJ = task_jacobian(cfg, mode=mode), task_jacobian_derivative(cfg, mode=mode)
+        wanted = nearness_of(self.arm, J, dJ)
+        away = np.empty(self.arm.n)
+        distance = self.call("distance", q, away, returns=ctypes.c_double)
+        assert distance == pytest.approx(wanted.distances[-1], rel=1e-8, abs=1e-12)
+        np.testing.assert_allclose(away, wanted.away, atol=1e-8)
 
     def bounds(self, q):
         self.call("sigma_min", q, lower := np.empty(1), upper := np.empty(1))
@@ -86,9 +115,13 @@ def test_the_planar_example(tmp_path):
         np.testing.assert_allclose(library.S(q), factor * S(q), atol=1e-12 * S.scale)
         np.testing.assert_allclose(library.gradient(q), factor * S.gradient(q), atol=1e-11)
         assert_bounds(library, q)
-    lower, upper = library.bounds(sa.singular_set(arm).nearest([1.0, 0.5])[0])
+        library.assert_dynamics(q)
+        library.assert_distance(q)
+    on_it = sa.singular_set(arm).nearest([1.0, 0.5])[0]
+    lower, upper = library.bounds(on_it)
     assert lower == 0.0
     assert upper < 1e-12
+    assert library.call("distance", on_it, np.empty(2), returns=ctypes.c_double) < 1e-12
 
 
 @compiled_code
@@ -102,6 +135,8 @@ def test_random_redundant_arms(seed, tmp_path):
         J = sa.generalized_jacobian(cfg)
         np.testing.assert_allclose(library.jacobian(q), J, atol=1e-12 * np.abs(J).max())
         assert_bounds(library, q)
+        library.assert_dynamics(q)
+        library.assert_distance(q)
         wanted = exact_gradient(cfg, library.S(q))
         np.testing.assert_allclose(library.gradient(q), wanted, atol=1e-9 * np.abs(wanted).max())
 
@@ -116,6 +151,8 @@ def test_arms_of_the_catalogue(name, tmp_path):
         J = sa.generalized_jacobian(arm.at(q))
         np.testing.assert_allclose(library.jacobian(q), J, atol=1e-12 * np.abs(J).max())
         assert_bounds(library, q)
+        library.assert_dynamics(q)
+        library.assert_distance(q)
     if arm.n == arm.task.k:
         S = sa.singularity_polynomial(arm)
         factor = library.S(q) / S(q)
@@ -132,6 +169,8 @@ def test_two_tips(tmp_path):
     J = sa.generalized_jacobian(arm.at(q))
     np.testing.assert_allclose(library.jacobian(q), J, atol=1e-13)
     assert_bounds(library, q)
+    library.assert_dynamics(q)
+    library.assert_distance(q)
 
 
 @compiled_code
@@ -141,6 +180,8 @@ def test_fewer_joints_than_rows(tmp_path):
     library, q = Library(arm, tmp_path, mode="attitude-controlled"), np.full(arm.n, 0.3)
     J = sa.generalized_jacobian(arm.at(q), mode="attitude-controlled")
     np.testing.assert_allclose(library.jacobian(q), J, atol=1e-13)
+    library.assert_dynamics(q, mode="attitude-controlled")
+    library.assert_distance(q, mode="attitude-controlled")
     assert library.S(q) == 0.0
     assert library.bounds(q) == (0.0, 0.0)
 
@@ -207,39 +248,3 @@ def test_names_are_those_of_c(tmp_path):
     assert header.stem.isascii()
     assert header.read_text().count("*/") == header.read_text().count("/*")
     assert "malloc" not in source.read_text()
-
-
-def test_expressions_are_folded_and_kept_once():
-    tape = Tape()
-    x, y = tape.variable("x"), tape.variable("y")
-    assert x * 0.0 == 0.0
-    assert x * 1.0 is x
-    assert x + 0.0 is x
-    assert tape.negative(-x) is x
-    assert x * y is y * x
-    assert x + -y is x - y
-    assert x - x == 0.0
-    assert 0.0 - x is -x
-    assert x / 2.0 is 0.5 * x
-
-
-def test_derivatives_of_every_operation():
-    tape = Tape()
-    x, y = tape.variable("x"), tape.variable("y")
-    f = (x * y - 2.0 * x.sin()) / (3.0 + y.cos()) + 1.0 / x - -y
-
-    def value(e, at):
-        if not hasattr(e, "operation"):
-            return e
-        a, b = (*(value(o, at) for o in e.operands), None, None)[:2]
-        compute = {
-            "var": lambda: at[e.name], "sin": lambda: np.sin(a), "cos": lambda: np.cos(a),
-            "neg": lambda: -a, "add": lambda: a + b, "sub": lambda: a - b,
-            "mul": lambda: a * b, "div": lambda: a / b,
-        }  # fmt: skip
-        return compute[e.operation]()
-
-    here = {"x": 0.7 + 0.0j, "y": 1.3 + 0.0j}
-    for e, name in zip(tape.gradient(f, [x, y]), "xy", strict=True):
-        step = here | {name: here[name] + 1e-20j}  # complex step: no cancellation
-        assert value(e, here).real == pytest.approx(value(f, step).imag / 1e-20, rel=1e-13)

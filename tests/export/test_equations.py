@@ -9,16 +9,18 @@ from helpers.reference import planar_singularity
 from hypothesis import given, settings
 
 import spacearm as sa
-from spacearm.export import equations
-from spacearm.export.parameters import parameters_of, structure_of
+from spacearm.compiler import numbers
+from spacearm.equations import linear, measures
+from spacearm.export.functions import EQUATIONS, structure_in
 from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.mechanics.many import parameters_of
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
 
 
 def at(arm, name, q, *more, mode="free-floating"):
-    function = getattr(equations, name)
-    return function(np, structure_of(arm, mode), parameters_of(arm), np.array(q), *more)
+    function, _ = EQUATIONS[name]
+    return function(numbers, structure_in(arm, mode), parameters_of(arm), np.array(q), *more)
 
 
 def assert_same(value, wanted, rtol=1e-12):
@@ -72,7 +74,7 @@ def test_two_tips():
 def test_equation_41(seed):
     """S of the planar example is the closed form itself, factor and all."""
     q = np.random.default_rng(seed).uniform(-np.pi, np.pi, 2)
-    assert at(sa.load("planar2"), "singularity", q) == pytest.approx(
+    assert at(sa.load("planar2"), "S", q) == pytest.approx(
         planar_singularity(*q), rel=1e-12, abs=1e-14
     )
 
@@ -81,7 +83,7 @@ def ratios(arm, Q, mode="free-floating"):
     """S over the polynomial of the package, where that is not small."""
     S = sa.singularity_polynomial(arm, mode=mode)
     values = S(Q)
-    mine = np.array([at(arm, "singularity", q, mode=mode) for q in Q])
+    mine = np.array([at(arm, "S", q, mode=mode) for q in Q])
     return mine / values, np.abs(values) / S.scale
 
 
@@ -106,7 +108,7 @@ def test_S_of_six_joints_is_the_polynomial_times_a_constant():
 @given(chains())
 def test_S_of_redundant_arms_is_the_sum_of_squared_minors(cfg):
     arm, J = cfg.arm, task_jacobian(cfg)
-    S = at(arm, "singularity", cfg.q)
+    S = at(arm, "S", cfg.q)
     size = np.prod(np.sort(np.linalg.norm(J, axis=1))) if arm.n >= arm.task.k else 0.0
 
     D = np.linalg.det(cfg.A[3:, 3:6] @ cfg.base.rotation.T)
@@ -122,17 +124,17 @@ def test_S_of_redundant_arms_is_the_sum_of_squared_minors(cfg):
 def test_S_of_many_joints_is_the_same_without_minors(monkeypatch):
     arm = load_text(random_chain(3, 6), tip="tip", task="position")
     for q in np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 6)):
-        by_minors = at(arm, "singularity", q)
+        by_minors = at(arm, "S", q)
         with monkeypatch.context() as few:
-            few.setattr(equations, "MOST_MINORS", 10)
-            assert at(arm, "singularity", q) == pytest.approx(by_minors, rel=1e-9)
+            few.setattr(measures, "MOST_MINORS", 10)
+            assert at(arm, "S", q) == pytest.approx(by_minors, rel=1e-9)
 
 
 @given(seeds)
 def test_minors_are_determinants(seed):
     A = np.random.default_rng(seed).normal(size=(3, 5))
     wanted = [np.linalg.det(A[:, c]) for c in combinations(range(5), 3)]
-    np.testing.assert_allclose(equations.minors(A), wanted, atol=1e-12)
+    np.testing.assert_allclose(linear.minors(A), wanted, atol=1e-12)
 
 
 @given(seeds)
@@ -140,4 +142,4 @@ def test_elimination_solves(seed):
     rng = np.random.default_rng(seed)
     A, B = rng.normal(size=(4, 6)), rng.normal(size=(4, 2))
     A = A @ A.T + 0.1 * np.eye(4)
-    np.testing.assert_allclose(A @ equations.solve(np, A, B), B, atol=1e-9)
+    np.testing.assert_allclose(A @ linear.solve(numbers, A, B), B, atol=1e-9)

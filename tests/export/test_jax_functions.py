@@ -5,9 +5,9 @@ import pytest
 from helpers.arms import load_text, random_chain
 
 import spacearm as sa
-from spacearm.export import equations
-from spacearm.export.functions import EQUATIONS
-from spacearm.export.parameters import parameters_of, structure_of
+from spacearm.equations.measures import singularity
+from spacearm.export.functions import EQUATIONS, structure_in
+from spacearm.mechanics.many import parameters_of
 
 jax = pytest.importorskip("jax", reason="pip install 'spacearm[jax]'")
 FUNCTIONS = (*EQUATIONS, "S_gradient")
@@ -72,8 +72,8 @@ def test_derivatives_by_a_mount():
         mount = arm.mount
         mount.translation = mount.translation + np.array([d, 0.0, 0.0])
         moved = arm.replace(mount=mount)
-        tree = structure_of(moved, "free-floating")
-        return float(equations.singularity(np, tree, parameters_of(moved), q))
+        tree = structure_in(moved, "free-floating")
+        return float(singularity(np, tree, parameters_of(moved), q))
 
     assert S[0] == pytest.approx((moved(h) - moved(-h)) / (2 * h), rel=1e-7)
 

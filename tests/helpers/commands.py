@@ -14,10 +14,9 @@ from unittest.mock import patch
 
 from spacearm.cli.app import main
 from spacearm.errors import ModelWarning
-from spacearm.kernels import kept
 
-TOLD = re.compile("(so far|left)$|^spacearm: compiling once|compiled kernels cannot be kept")
-"""Lines of progress; on kernels, also where none can be kept."""
+TOLD = re.compile("(so far|left)$")
+"""Lines of progress."""
 
 
 class Finished(NamedTuple):
@@ -59,14 +58,8 @@ def in_a_process(*words, cwd=None, **environment):
     return Finished(run.returncode, run.stdout, run.stderr)
 
 
-def keeping(folder):
-    """Settings with which kernels are kept, in a folder if the package cannot be written."""
-    there = os.access(Path(kept.__file__).parent, os.W_OK)
-    return {} if there else {"NUMBA_CACHE_DIR": str(folder)}
-
-
 def complaints(run):
-    """What stands on stderr besides progress and what is said of the compiler."""
+    """What stands on stderr besides progress."""
     return [line for line in run.stderr.splitlines() if not TOLD.search(line)]
 
 

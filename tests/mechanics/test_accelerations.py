@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics.blocks import BLOCK, FEW
+from spacearm.mechanics.blocks import BLOCK
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
+FEW = 50
 MANY = FEW + 14  # takes the compiled path, with lanes left over
 
 

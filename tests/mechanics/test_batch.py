@@ -5,22 +5,19 @@ import os
 import subprocess
 import sys
 import textwrap
-from fractions import Fraction
 
-import numba
 import numpy as np
 import pytest
 from helpers.arms import joint, link, load_text, one_to_eight, random_tree, robot, seeds
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.kernels.floating import Work, moving
-from spacearm.kernels.measures import measure
-from spacearm.kernels.quantities import QUANTITIES
-from spacearm.kernels.singular_values import bidiagonal
-from spacearm.mechanics.blocks import BLOCK, FEW
+from spacearm.mechanics import many, nearness
+from spacearm.mechanics.batch import QUANTITIES, SINGLY
+from spacearm.mechanics.blocks import BLOCK
 
+FEW = math.ceil(many.WORTH / SINGLY)  # compiled from here on
 MODELS = ("planar2", "planar3", "mda6", "ets7", "chaser7")
 MANY = FEW + 14  # takes the compiled path, with lanes left over
 
@@ -106,12 +103,10 @@ def test_distances_agree_on_trees_with_sliding_and_mimic_joints(seed, n, task):
 @pytest.mark.parametrize("mode", ["attitude-controlled", "fixed"])
 @pytest.mark.parametrize("name", ["planar2", "chaser7"])
 def test_a_held_spacecraft_is_one_without_end_of_inertia(name, mode, rng):
-    """The compiled kernel of a floating arm, with a huge spacecraft, against the matrices."""
-    from spacearm.mechanics import compiled, nearness
-
+    """The compiled equations against the matrices."""
     arm = sa.load(name)
     Q = rng.uniform(-3, 3, (20, arm.n))
-    many, one = compiled.tangent(arm, Q, mode), nearness.tangent(arm, Q, mode)
+    many, one = nearness.tangent(arm, Q, mode), nearness.tangent_singly(arm, Q, mode)
     assert many.distance == pytest.approx(one.distance, rel=1e-9)
     assert many.sigma == pytest.approx(one.sigma, abs=1e-13)
     for a, b in zip(many.rows, one.rows, strict=True):
@@ -182,87 +177,6 @@ def test_a_joint_that_does_nothing_makes_the_least_singular_value_vanish():
     values = sa.evaluate(arm, Q)
     sigma = np.array([sa.singularity(arm.at(q)).sigma for q in Q])
     np.testing.assert_allclose(values["sigma_min"], sigma[:, 1], atol=1e-12 * sigma.max())
-
-
-def bare(W):
-    """A compiled driver of the singular values alone, for W matrices (n, k) as lanes."""
-    kind, body = bidiagonal(W), moving(1)
-
-    @numba.njit
-    def driver(A, condition, values):
-        n, k = A.shape[0], A.shape[1]
-        J = np.zeros((n, 6, W))
-        J[:, :k] = A
-        one, point = np.zeros(1), np.zeros((3, W))
-        w = Work(np.zeros(1, body), one, one, point, point, point, J)
-        scratch, b = np.empty((n, 6, W)), np.empty(1, kind)
-        measure(w, np.arange(k), np.ones(k), condition, scratch, b[0], values)
-
-    return driver
-
-
-WIDTH = 16
-singular_values = bare(WIDTH)
-
-
-@pytest.mark.slow
-@given(seeds, st.integers(1, 6), st.integers(0, 3), st.integers(0, 14))
-def test_singular_values_are_those_of_numpy(seed, k, more, decades):
-    """To 2e-14 of the largest, on spectra with clusters, zeros and gaps."""
-    rng = np.random.default_rng(seed)
-    sigma = 10.0 ** -rng.uniform(0, decades, (WIDTH, k))
-    sigma[: WIDTH // 2] = rng.choice([0.0, 1e-9, 0.3, 1.0], (WIDTH // 2, k))
-    sigma[0] = 1.0
-    left = np.linalg.qr(rng.normal(size=(WIDTH, k, k)))[0]
-    right = np.linalg.qr(rng.normal(size=(WIDTH, k + more, k)))[0]
-    J = left * sigma[:, None] @ np.swapaxes(right, 1, 2)
-    values = np.empty((5, WIDTH))
-    singular_values(np.ascontiguousarray(J.transpose(2, 1, 0)), True, values)
-
-    expected = np.linalg.svd(J, compute_uv=False)
-    assert (abs(values[0] - expected[:, -1]) <= 2e-14 * expected[:, 0]).all()
-    assert np.allclose(values[1], expected.prod(axis=1), rtol=1e-10, atol=1e-14)
-    fine = expected[:, -1] > 1e-7 * expected[:, 0]
-    condition = expected[fine, 0] / expected[fine, -1]
-    assert np.allclose(values[2][fine], condition, rtol=1e-6)
-    if more == 0:
-        assert np.allclose(values[3], np.linalg.det(J), rtol=1e-10, atol=1e-14)
-
-
-@pytest.mark.slow
-@settings(max_examples=20)
-@given(seeds)
-def test_graded_bidiagonal_matrices_keep_relative_accuracy(seed):
-    """B is bidiagonal already: its least singular value has all digits, over 60 decades."""
-    rng = np.random.default_rng(seed)
-    entries = rng.integers(1, 16, 5) * 2.0 ** -rng.integers(0, 66, 5)
-    B = np.diag(entries[:3]) + np.diag(entries[3:], 1)
-    exact = least_singular_value(B)
-    values = np.empty((5, WIDTH))
-    A = np.ascontiguousarray(np.broadcast_to(B[:, :, None], (3, 3, WIDTH)))
-    singular_values(A, False, values)
-    np.testing.assert_allclose(values[0], exact, rtol=1e-12)
-
-
-def least_singular_value(B):
-    """From tr (B^T B)^-p for large p, in exact rational arithmetic."""
-    B = [[Fraction(float(x)) for x in row] for row in B]
-    inverse = [[Fraction(0)] * 3 for _ in range(3)]  # upper triangular, by back substitution
-    for i in (2, 1, 0):
-        inverse[i][i] = 1 / B[i][i]
-        for j in range(i + 1, 3):
-            inverse[i][j] = -B[i][i + 1] * inverse[i + 1][j] / B[i][i]
-    T = [[sum(a * b for a, b in zip(x, y, strict=True)) for y in inverse] for x in inverse]
-    bounds = []
-    for p in (1, 2, 4, 8, 16, 32, 64, 128):
-        T = [[sum(x[m] * T[m][j] for m in range(3)) for j in range(3)] for x in T]
-        bounds.append(math.exp(-log_of(T[0][0] + T[1][1] + T[2][2]) / (4 * p)))
-    assume(math.isclose(*bounds[-2:], rel_tol=1e-14))  # else it is too near the next one
-    return bounds[-1]
-
-
-def log_of(x):
-    return math.log(x.numerator) - math.log(x.denominator)
 
 
 @pytest.mark.parametrize("m", [0, 1, FEW - 1, FEW, BLOCK + 1])
@@ -361,6 +275,15 @@ def test_results_do_not_depend_on_threads_and_Q_stays(rng):
     np.testing.assert_array_equal(Q, before)
 
 
+def test_few_distances_do_not_depend_on_threads(rng):
+    """The choice between reference and compiled code is made for all of them."""
+    arm = sa.load("planar3")
+    for m in (4, 6, 12):
+        Q = rng.uniform(-3, 3, (m, 3))
+        one, four = (sa.evaluate(arm, Q, "distance", threads=t)["distance"] for t in (1, 4))
+        assert one.tolist() == four.tolist()
+
+
 def test_progress(rng):
     seen = []
     arm, m = sa.load("planar2"), 3 * BLOCK + 5
@@ -396,7 +319,6 @@ def test_an_error_in_progress_stops_the_work(rng):
         ((np.zeros((4, 2)),), {"out": {"dot": np.empty(4)}}, "'dot'.*det"),
         ((np.zeros((4, 2)), ["determinant"]), {"out": {"radius": np.empty(4)}}, "radius.*not name"),
         ((np.zeros((4, 2)),), {"threads": 0}, "threads is 0"),
-        ((np.zeros((4, 2)),), {"device": "gpu"}, "'gpu'.*cuda"),
     ],
 )
 def test_bad_arguments(arguments, options, message):
@@ -430,35 +352,8 @@ def test_small_batches_load_no_compiler():
         arm = sa.load("chaser7")
         sa.evaluate(arm, np.zeros((49, 7)))
         sa.generalized_jacobians(arm, np.zeros((49, 7)))
-        assert "numba" not in sys.modules
+        assert not {"numba", "llvmlite"} & set(sys.modules)
     """)
-
-
-def test_without_a_card_the_error_says_so():
-    with pytest.raises(sa.UnsupportedError, match=r"spacearm\[gpu\]"):
-        sa.evaluate(sa.load("planar2"), np.zeros((4, 2)), device="cuda")
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("name", ["planar2", "chaser7"])
-def test_the_card_s_kernel_in_the_simulator(name):
-    """The kernel's source, run by numba's simulator of a card, agrees with the processor's."""
-    run(
-        f"""
-        import numpy as np, spacearm as sa
-        arm = sa.load({name!r})
-        Q = np.random.default_rng(0).uniform(-3, 3, (40, arm.n))
-        Q[7, 1] = np.nan
-        every = ("sigma_min", "condition", "determinant", "radius", "distance", "away")
-        few, card = (sa.evaluate(arm, Q, every, device=d) for d in ("cpu", "cuda"))
-        for quantity, values in card.items():
-            np.testing.assert_allclose(values, few[quantity], rtol=1e-8, atol=1e-12)
-        """,
-        NUMBA_ENABLE_CUDASIM="1",
-        NUMBA_DISABLE_JIT="1",
-        PYTHONWARNINGS="ignore",
-    )
 
 
 @pytest.mark.slow

@@ -159,7 +159,7 @@ def test_random_arms_are_led_as_follow_leads_them(seed):
         home.translation + rng.normal(size=3) * 0.1,
     )
     run = sa.follow(arm, cfg.q, [goal, home], base=cfg.base)
-    table = table_of(arm, [segments(cfg, [goal, home], None)])
+    table = table_of([segments(cfg, [goal, home], None)])
     led = lead_all(arm, cfg.q[None], R.as_quat()[None], table, settings=Settings(tolerance=1e-11))
     assert run.arrived == (led.ended[0] == 0)
     assert led.s[0] == pytest.approx(run.s[-1], abs=1e-3)
@@ -176,7 +176,7 @@ def test_a_path_given_as_a_function_is_followed_as_well(arm):
     cfg = arm.at(q).centred(np.zeros(3))
     run = sa.follow(arm, q, arc, length=0.5, base=cfg.base)
     led = lead_all(
-        arm, q[None], np.eye(4)[3:], table_of(arm, [segments(cfg, arc, 0.5)]),
+        arm, q[None], np.eye(4)[3:], table_of([segments(cfg, arc, 0.5)]),
         settings=Settings(tolerance=1e-10),
     )  # fmt: skip
     np.testing.assert_allclose(led.q[0], run.q[-1], atol=1e-7)
@@ -189,7 +189,7 @@ def test_redundant_arms_take_the_least_rates():
     goal = pin.SE3(cfg.tip.rotation, cfg.tip.translation + np.array([-0.1, 0.1, 0.1]))
     run = sa.follow(arm, q, [goal], base=cfg.base)
     led = lead_all(
-        arm, q[None], np.eye(4)[3:], table_of(arm, [segments(cfg, [goal], None)]),
+        arm, q[None], np.eye(4)[3:], table_of([segments(cfg, [goal], None)]),
         settings=Settings(tolerance=1e-10),
     )  # fmt: skip
     assert run.arrived
@@ -213,7 +213,7 @@ def test_with_momentum_it_agrees_with_the_momentum_equation(arm):
 
     end = solve_ivp(rate, (0.0, length / speed), [*q0, 0.0], rtol=1e-11, atol=1e-12).y[:, -1]
     led = lead_all(
-        arm, q0[None], np.eye(4)[3:], table_of(arm, [segments(cfg, [goal], None)]),
+        arm, q0[None], np.eye(4)[3:], table_of([segments(cfg, [goal], None)]),
         settings=Settings(h[3:] / speed, tolerance=1e-11),
     )  # fmt: skip
     np.testing.assert_allclose(led.q[0], end[:2], atol=1e-8)
@@ -234,7 +234,7 @@ def test_joint_limits_end_motions(arm):
     q = np.array([-0.6, 1.4])
     cfg = arm.at(q).centred(np.zeros(3))
     goal = cfg.tip.translation[:2] + np.array([0.2, 0.3])
-    table = table_of(arm, [segments(cfg, [goal], None)])
+    table = table_of([segments(cfg, [goal], None)])
     led = lead_all(arm, q[None], np.eye(4)[3:], table)
     assert led.ended[0] == 0
     whole = np.abs(led.q[0] - q).max()

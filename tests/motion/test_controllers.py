@@ -17,6 +17,16 @@ def error(run, target):
     return np.linalg.norm(run.tip[:, :3] - [target(t) for t in run.t], axis=1)
 
 
+# --- joints ---------------------------------------------------------------------------------
+
+
+def test_joints_are_pulled_to_their_target_and_damped():
+    cfg, dq = chaser().at(Q7), np.linspace(-0.3, 0.4, 7)
+    law = sa.JointPD(target=Q7 + 0.1, kp=3.0, kd=np.arange(1.0, 8.0))
+    wanted = 0.3 - np.arange(1.0, 8.0) * dq
+    np.testing.assert_allclose(law(0.0, cfg, dq), wanted, rtol=0.0, atol=1e-14)
+
+
 # --- resolved rates -------------------------------------------------------------------------
 
 

@@ -1,4 +1,4 @@
-"""Straight lines of the tip by compiled kernels, beside `follow`."""
+"""Straight lines of the tip in compiled code, beside `follow`."""
 
 import numpy as np
 import pinocchio as pin

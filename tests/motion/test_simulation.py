@@ -4,7 +4,6 @@ import io
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
-import numba
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -151,7 +150,7 @@ def test_at_rest_without_torques_nothing_moves():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+@pytest.mark.parametrize("method", ["DOP853", "Rodas5P"])
 @pytest.mark.parametrize("name", ["planar3", "mda6", "ets7"])
 def test_an_arm_that_rests_on_its_target_stays(name, method):
     """There is no energy to compare an imbalance with, only rounding."""
@@ -401,7 +400,7 @@ def test_a_controller_that_fails_leaves_the_trajectory_so_far(controller, messag
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["auto", "DOP853", "Radau"])
+@pytest.mark.parametrize("method", ["auto", "DOP853", "Rodas5P"])
 @pytest.mark.parametrize(
     "law",
     [
@@ -496,7 +495,7 @@ def test_a_controller_that_fails_later_leaves_the_run_up_to_there():
     arm = sa.load("planar2")
     failing = (
         lambda t, *_: [np.nan if t > 1.0 else 0.1, 0.0],
-        numba.njit(lambda t, cfg, dq: (np.nan if t > 1.0 else 0.1) * (0.5 - cfg.q) - dq),
+        lambda t, cfg, dq: np.where(t > 1.0, np.nan, 0.1) * (0.5 - cfg.q) - dq,
     )
     for law in failing:
         with pytest.raises(sa.NoSolutionError, match="at t = 1 s") as refused:

@@ -226,7 +226,7 @@ def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
     turns = {}
     for intervals in (8, 16, 32, 128):
         family = CurveFamily(arm, q0, 3, intervals)
-        turns[intervals] = family.turn(family.samples(p, family.points(p)))[0]
+        turns[intervals] = family.samples(p, family.points(p)).turn
     errors = [np.abs(turns[m] - turns[128]).max() for m in (8, 16, 32)]
     assert errors[0] > 10 * errors[1] > 100 * errors[2]
     moved = arm.at(q0)

@@ -9,7 +9,7 @@ import sys
 import threading
 
 import pytest
-from helpers.commands import Finished, complaints, keeping
+from helpers.commands import Finished, complaints
 from helpers.sweeps import STUDY, files, run, start
 
 import spacearm as sa
@@ -268,7 +268,6 @@ def test_a_worker_whose_main_process_is_gone_says_nothing(small, tmp_path):
     worker = subprocess.Popen(
         [sys.executable, "-m", "spacearm.sweeps.processes"], text=True,
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env=os.environ | keeping(tmp_path),
     )  # fmt: skip
     worker.stdout.close()
     worker.stdin.write("".join(json.dumps(order) + "\n" for order in orders))

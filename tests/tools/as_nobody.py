@@ -2,9 +2,9 @@
 
     python tests/tools/as_nobody.py [--all | PYTEST ARGUMENTS]
 
-Neither the installation, nor the checkout, nor HOME can be written, as in containers. numba then
-keeps no kernel, and each process compiles its own. Without arguments it runs `SHARE`, files of all
-folders that compile little; with --all the whole fast tier in one process. Root only.
+Neither the installation, nor the checkout, nor HOME can be written, as in containers. What is
+compiled is then not kept, and each process compiles its own. Without arguments it runs `SHARE`,
+files of all folders that compile little; with --all the whole fast tier in one process. Root only.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 SHARE = (
     "tests/cli/test_mounting.py", "tests/collisions/test_obstacles.py",
-    "tests/description/test_urdf.py", "tests/export/test_robot_files.py",
-    "tests/kernels/test_kept.py", "tests/mechanics/test_momentum.py",
+    "tests/compiler/test_angles.py", "tests/description/test_urdf.py",
+    "tests/equations/test_singular_values.py", "tests/export/test_robot_files.py",
+    "tests/mechanics/test_momentum.py",
     "tests/mission/test_reactions.py::test_bad_input", "tests/model/test_configuration.py",
     "tests/model/test_mount.py", "tests/model/test_wheels.py", "tests/motion/test_motion.py",
     "tests/notebook", "tests/planning/test_guesses.py", "tests/plots/test_postures.py",
@@ -42,7 +43,7 @@ def become() -> list[str] | None:
     nobody = ["setpriv", "--reuid=nobody", "--regid=nogroup", "--clear-groups"]
     reads = [*nobody, f"--inh-caps={READS_ALL}", f"--ambient-caps={READS_ALL}"]
     for words in (nobody, reads):
-        tried = [*words, sys.executable, "-c", "import sys, numba, pytest; print(sys.version)"]
+        tried = [*words, sys.executable, "-c", "import sys, llvmlite, pytest; print(sys.version)"]
         done = subprocess.run(tried, capture_output=True, text=True, check=False, cwd="/")
         if done.stdout.strip() == sys.version.strip():  # and not of another Python that is open
             return words

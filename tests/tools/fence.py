@@ -1,9 +1,9 @@
 """Fence: notes and refuses what a case of fuzzing must not do, by Python's audit events (Linux).
 
 A case may write into its own folder, and leave there what it names; it may speak with a socket that
-this process itself opened on 127.0.0.1. Kernels that numba compiles go where they always go. C code
-makes no audit events: what it writes into the folder or beside it shows in the listing afterwards,
-what it writes elsewhere, or tells others, is not seen.
+this process itself opened on 127.0.0.1. Compiled code goes where it always goes. C code makes no
+audit events: what it writes into the folder or beside it shows in the listing afterwards, what it
+writes elsewhere, or tells others, is not seen.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from weakref import WeakSet
 
-import spacearm as sa
+from spacearm.compiler.machine import folder as code_folder
 
-KERNELS = Path(sa.__file__).with_name("kernels")
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = {
     "os.chmod": ((0, 2),),
@@ -51,6 +50,7 @@ class Fence:
     def __init__(self) -> None:
         self.broken: list[str] = []
         self._folder: Path | None = None
+        self._kept = code_folder()
         self._listening: WeakSet[socket.socket] = WeakSet()
         sys.addaudithook(self._watch)
 
@@ -89,8 +89,7 @@ class Fence:
 
     def _strays(self, event: str, path: Path) -> str | None:
         """What is wrong with changing a path."""
-        kept = path.is_relative_to(KERNELS) and "__pycache__" in path.parts
-        kept = kept or path.is_relative_to(Path.home() / ".cache" / "numba")
+        kept = self._kept is not None and path.is_relative_to(self._kept)
         if path == Path(os.devnull) or kept or path.is_relative_to(self._folder):
             return None
         return f"{event} {path}"

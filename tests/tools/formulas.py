@@ -147,9 +147,129 @@ ACCURACY = [
     )
 ]  # fmt: skip
 
+EQUATIONS = [
+    # Those that concern them compare with Pinocchio, SciPy, NumPy or the barycentric route.
+    Mutant(formula, f"equations/{file}.py", text, broken, tests)
+    for file, tests, rows in (
+        ("posture", "equations/test_configurations export/test_equations", (
+            ("posture: a joint turns", "Y * cos[at] - X * sin[at]", "Y * cos[at] + X * sin[at]"),
+            ("posture: a joint slides", "origin + E[:, 2] * q[at]", "origin - E[:, 2] * q[at]"),
+            ("posture: parallel axes", "squares * np.eye(3)[ROWS, COLUMNS] -", "squares * np.eye(3)[ROWS, COLUMNS] +"),
+            ("posture: from the system CM", "x = rho - r_cm", "x = rho + r_cm"),
+            ("posture: bodies that joints carry", "= sums[tree.parents[i]] + sums[i]", "= 1.0 * sums[tree.parents[i]]"),
+            ("posture: linear momentum", "m * v + xp.cross(w, moment)", "m * v + xp.cross(moment, w)"),
+            ("posture: angular momentum", "+ xp.cross(moment, v)", "- xp.cross(moment, v)"),
+        )),
+        ("jacobian", "equations/test_configurations export/test_equations", (
+            ("(35) J*: linear momentum", "reaches * v + X[:3].T", "reaches * v - X[:3].T"),
+            ("(35) J*: (34a) J11 acts as a cross product", "X[:3].T + xp.cross(angular, r)", "X[:3].T + xp.cross(r, angular)"),
+            ("(33c) the spacecraft turns", "solve(xp, at.D, h[3:])", "solve(xp, at.D, -h[3:])"),
+            ("J* dq without J*", "-(rates @ at.P)", "(rates @ at.P)"),
+        )),
+        ("measures", "export/test_equations mechanics/test_batch", (
+            ("S = det(D) det(J*)", "found = found * (D * D if many else D)", "found = found * D * D"),
+            ("S of redundant arms", "(found * found).sum()", "found.sum()"),
+            ("manipulability", "product = product * entry", "product = product + entry"),
+        )),
+        ("dynamics", "export/test_equations equations/test_plant", (
+            ("H*, compiled", "(M_qq - _of_base(", "(M_qq + _of_base("),
+            ("wrenches act at a point", "xp.cross(r - at.centres[body], force)", "xp.cross(r + at.centres[body], force)"),
+        )),
+        ("measures", "equations/test_configurations singularities/test_distance", (
+            ("distance to first order, compiled", "sigma * way / xp", "sigma * full / xp"),
+            ("distance: the null space counts", "row = _across(kept, row)", "row = 0.0 * row"),
+        )),
+        ("measures", "equations/test_configurations", (
+            ("minors seen from the tip", "turned = xp.cross(M * r,", "turned = xp.cross(-M * r,"),
+            ("what moves while the tip stands still", "1.0 - carries, carries)", "carries, 1.0 - carries)"),
+        )),
+        ("singular_values", "equations/test_singular_values", (
+            ("Householder: no cancellation", "xp.where(x[0] > 0.0, -norm, norm)", "xp.where(x[0] > 0.0, norm, -norm)"),
+            ("Laguerre's bound", "2.0 * h * (g[j] * g[j])", "0.5 * h * (g[j] * g[j])"),
+            ("qd transform", "E.append(e[j] * ratio)", "E.append(e[j] / ratio)"),
+            ("twisted factorisation", "xp.where(twist > i + 0.5, -plus[i]", "xp.where(twist > i + 0.5, plus[i]"),
+        )),
+        ("laws", "motion/test_controllers equations/test_plant", (
+            ("PD control of joints", "kp * error - kd * dq", "kp * error + kd * dq"),
+            ("velocity of moving targets", "before, after) / (2.0 * INSTANT)", "before, after) / INSTANT"),
+            ("attitude of a quaternion", "g * (a * b - c * n)", "g * (a * b + c * n)"),
+            ("(36) rate of the attitude, compiled", "n * w + xp.cross(e, w)", "n * w - xp.cross(e, w)"),
+            ("error of a goal", "goal - (A.T @ tip.translation)", "goal - (A @ tip.translation)"),
+        )),
+        ("plant", "motion/test_plant equations/test_plant", (
+            ("torques of springs", "-spring - given", "spring - given"),
+            ("torques are cut", "-given[\"effort\"]), given", "-given[\"effort\"]), 2.0 * given"),
+            ("motors react on bodies", "torques=[(body, -rate", "torques=[(body, rate"),
+        )),
+        ("integration", "equations/test_integration", (
+            ("DOP853: error", "0.01 * _norm(", "1.0 * _norm("),
+            ("dense output", "(share if i % 2 == 0 else 1.0 - share)", "(1.0 - share if i % 2 == 0 else share)"),
+            ("Rodas5P: stages", "h * of.SLOPES[i] * slope", "0.0 * of.SLOPES[i] * slope"),
+            ("step control", "SAFETY * positive ** (-1.0 / order)", "SAFETY * positive ** (-0.5 / order)"),
+            ("lanes that end keep their state", "t = xp.where(good,", "t = xp.where(known,"),
+        )),
+        ("linear", "export/test_equations equations/test_configurations", (
+            ("minors: signs", "(-1.0) ** (r + j)", "(-1.0) ** j"),
+        )),
+    )
+    for formula, text, broken in rows
+]  # fmt: skip
+
+COMPILER = [
+    Mutant(formula, f"compiler/{file}.py", text, broken, tests)
+    for file, tests, rows in (
+        ("expressions", "compiler/test_expressions compiler/test_loops", (
+            ("folding: x + 0", "return a if b == 0.0 else written", "return 0.0 if b == 0.0 else written"),
+            ("folding: a (-b)", "return negative(multiply(a, b.operands[0]))", "return multiply(a, b.operands[0])"),
+            ("folding: a + (-b)", "return subtract(a, b.operands[0])", "return subtract(b.operands[0], a)"),
+            ("equal operations are one", "(o, copysign(1.0, o))", "(abs(o), 1.0)"),
+            ("masks are captured as numbers", "if e.is_mask:  # variables are numbers", "if False:"),
+            ("masks are selected", "both(opposite(mask), b)", "both(mask, b)"),
+        )),
+        ("derivatives", "compiler/test_derivatives", (
+            ("derivative of a quotient", "return share, negative(multiply(e, share))", "return share, multiply(e, share)"),
+            ("derivative of a difference", "return slope, negative(slope)", "return slope, slope"),
+            ("derivative of a smallest number", 'if e.operation == "min" else', 'if e.operation == "max" else'),
+            ("derivatives add up", "add(slopes.get(o.number, 0.0), share)", "share"),
+        )),
+        ("operations", "compiler/test_derivatives", (
+            ("derivative of the hyperbolic tangent", "(1.0 - v * v,)", "(1.0 + v * v,)"),
+            ("derivative of atan2", "(b / (a * a + b * b), -a /", "(b / (a * a + b * b), a /"),
+        )),
+        ("angles", "compiler/test_angles", (
+            ("angles: the third part of pi/2", "2.02226624879595063154e-21", "0.0"),
+            ("angles: quarters", "code.compare(\"oeq\", quarter, code.number(-1.0))", "code.compare(\"oeq\", quarter, code.number(1.0))"),
+            ("angles: what 1 - z/2 loses", "_polynomial(code, z, COSINE), lost)", "_polynomial(code, z, COSINE), code.number(0.0))"),
+        )),
+        ("instructions", "compiler/test_kernel compiler/test_loops", (
+            ("rows are transposed", "[j | half if not j & half", "[j if not j & half"),
+            ("rows that fill no vector", "for k in range(whole, size)", "for k in range(whole, size - 1)"),
+        )),
+        ("lanes", "compiler/test_expressions compiler/test_loops compiler/test_kernel", (
+            ("lanes: a b - c", "(a, self._minus(c)) if first", "(a, c) if first"),
+            ("lanes: products used once", "and uses[id(o)] == 1", "and uses[id(o)] >= 1"),
+            ("lanes that have ended keep their state", "found = lines.select(runs, found,", "found = lines.select(lines.truth(True), found,"),
+            ("lanes: tables end", 'lines.integer("smin", i, last)', "i"),
+            ("lanes: rows of turns", "lane * size * most)", "lane * size)"),
+        )),
+        ("kernel", "compiler/test_kernel compiler/test_loops", (
+            ("the last block ends with the last row", "blocks = -(-rows // self.lanes)", "blocks = rows // self.lanes"),
+            ("lanes outside are those there are", "min(lane, self._last)", "lane"),
+        )),
+        ("machine", "compiler/test_machine", (
+            ("cache: checksum", "if hashlib.sha256(code).digest() == checksum else None", ""),
+            ("cache: others can write", "not found.st_mode & 0o022", "not found.st_mode & 0o002"),
+            ("cache: foreign", "found.st_uid == os.getuid() and", "True and"),
+        )),
+    )
+    for formula, text, broken in rows
+]  # fmt: skip
+
 MUTANTS = [
     *BARYCENTRIC,
     *ACCURACY,
+    *EQUATIONS,
+    *COMPILER,
     # --- momentum and Jacobians -------------------------------------------------------------
     Mutant(
         "A_b in inertial axes", "mechanics/momentum.py",
@@ -161,7 +281,7 @@ MUTANTS = [
         "mechanics/test_momentum mechanics/test_jacobian",
     ),
     Mutant(
-        "J* = J_q - J_b A_b^-1 A_q", "mechanics/reduction.py",
+        "J* = J_q - J_b A_b^-1 A_q", "mechanics/momentum.py",
         "return J[..., 6:] - J[..., : X", "return J[..., 6:] + J[..., : X",
         "mechanics/test_jacobian mechanics/test_barycentric_formulation",
     ),
@@ -170,7 +290,7 @@ MUTANTS = [
         '"attitude-controlled": 3', '"attitude-controlled": 6', "mechanics/test_jacobian singularities/test_report",
     ),
     Mutant(
-        "derivative of J*", "mechanics/reduction.py",
+        "derivative of J*", "mechanics/momentum.py",
         "dA[..., :f, 6:] - dA[..., :f, :f] @ X", "dA[..., :f, 6:] + dA[..., :f, :f] @ X", "mechanics/test_jacobian",
     ),
     Mutant(
@@ -188,17 +308,17 @@ MUTANTS = [
         "J[:, free], drift)", "J[:, free], drift * bool(rates))", "model/test_multi_arm",
     ),
     Mutant(
-        "(36) rate of the attitude", "mechanics/floating.py",
-        "n * w - pin.skew(e) @ w", "n * w + pin.skew(e) @ w", "motion/test_following motion/test_simulation",
+        "(36) rate of the attitude along a curve", "motion/tip_curve.py",
+        "[3:] @ cfg.base.rotation", "[3:] @ cfg.base.rotation.T", "motion/test_following",
     ),
     Mutant(
-        "(33c) integrated: Magnus' commutator", "mechanics/floating.py",
-        "+ COMMUTATOR * h * h * np", "- COMMUTATOR * h * h * np",
+        "(33c) integrated: Magnus' commutator", "equations/turns.py",
+        "+ COMMUTATOR * h * h * xp", "- COMMUTATOR * h * h * xp",
         "mechanics/test_floating",
     ),
     Mutant(
-        "(33c) differentiated along a curve", "kernels/paths/turns.py",
-        "* (x[0] - y[0])", "* (x[0] + y[0])", "planning/test_planner planning/test_guesses",
+        "(33c) differentiated along a curve", "equations/turns.py",
+        "half - bend", "half + bend", "planning/test_planner planning/test_guesses",
     ),
     # --- singularities ----------------------------------------------------------------------
     Mutant(
@@ -214,11 +334,11 @@ MUTANTS = [
         "tolerance) < len(J)", "tolerance) == len(J)", "singularities/test_report",
     ),
     Mutant(
-        "distance of redundant arms", "mechanics/nearness.py",
-        "g = g - kept.T @ (kept @ g)", "g = 1.0 * g", "singularities/test_distance",
+        "distance of redundant arms", "equations/measures.py",
+        "x = x - (row @ x) * row", "x = 1.0 * x", "singularities/test_distance",
     ),
     Mutant(
-        "distance where fewer equations hold", "mechanics/nearness.py",
+        "distance where fewer equations hold", "equations/measures.py",
         "ROUNDED * norm + fading * sigma", "ROUNDED * norm", "singularities/test_distance",
     ),
     Mutant(
@@ -232,18 +352,6 @@ MUTANTS = [
     Mutant(
         "descent to the singular set", "mechanics/nearness.py",
         "along[:, 0] -= distance", "along[:, 0] += distance", "singularities/test_distance",
-    ),
-    Mutant(
-        "compiled derivative of J*: momentum carried along", "kernels/slopes.py",
-        "(d.h[x, l] + o.G[x, l])", "d.h[x, l]", "mechanics/test_batch",
-    ),
-    Mutant(
-        "compiled derivative of J*: the tip moves", "kernels/slopes.py",
-        "+ dot(f_v, moved)", "", "mechanics/test_batch",
-    ),
-    Mutant(
-        "S = det(A_b) det(J*), spatial", "kernels/minors.py",
-        "mass[b[i].parent], -1.0, i, C)", "mass[b[i].parent], 1.0, i, C)", "singularities/test_sets",
     ),
     Mutant(
         "(41) S of planar arms", "singularities/polynomial.py",
@@ -318,8 +426,8 @@ MUTANTS = [
         "model/test_wheels",
     ),
     Mutant(
-        "(42) transposed Jacobian", "motion/controllers.py",
-        "kd * (self.feed(t, cfg) - J @ dq)", "kd * (self.feed(t, cfg) + J @ dq)", "motion/test_simulation",
+        "(42) transposed Jacobian", "equations/laws.py",
+        "kd * (feed - J @ dq)", "kd * (feed + J @ dq)", "motion/test_simulation motion/test_controllers",
     ),
     Mutant(
         "balance of a capture", "mechanics/impact.py",
@@ -328,18 +436,5 @@ MUTANTS = [
     Mutant(
         "twist of a captured target", "mechanics/impact.py",
         "t[:3] - np.cross(t[3:], lever)", "t[:3] + np.cross(t[3:], lever)", "mechanics/test_impact",
-    ),
-    # --- compiled ---------------------------------------------------------------------------
-    Mutant(
-        "kernel: a joint turns", "kernels/floating.py",
-        "R_y * cos - R_x * sin", "R_y * cos + R_x * sin", "mechanics/test_batch",
-    ),
-    Mutant(
-        "kernel: parallel axes", "kernels/floating.py",
-        "dot(IX, Y) - m * x * y", "dot(IX, Y) + m * x * y", "mechanics/test_batch",
-    ),
-    Mutant(
-        "kernel: (34a) J11 acts as a cross product", "kernels/floating.py",
-        "J11_X = cross(X, r_E)", "J11_X = cross(r_E, X)", "mechanics/test_batch",
     ),
 ]  # fmt: skip

@@ -54,8 +54,8 @@ WORK = ("--duration", "--points", "--effort", "--timeout", "--base-inertia")
 PICTURE = re.compile(r".*_(map|workspace|design|simulation|plan)\.png")
 """What is written where no name is given."""
 TEXTS = re.compile(r"(spacearm: (error|warning): .*|stopped: .*)")
-SLOW = re.compile(r"spacearm: (compiling once.*|.*: (\d+ s so far|\d+ %, about \d+ s left))")
-"""What a slow machine says besides, or one that has not compiled the kernels yet."""
+SLOW = re.compile(r"spacearm: .*: (\d+ s so far|\d+ %, about \d+ s left)")
+"""What a slow machine says besides."""
 
 
 def commands(rng: np.random.Generator, folder: Path, named: set[str]) -> None:

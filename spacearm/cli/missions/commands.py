@@ -16,7 +16,6 @@ from spacearm.cli.options import (
     Attitude,
     Picture,
     goal_from,
-    join_numbers,
     joint_values,
     numbers,
     on_a_model,
@@ -33,6 +32,7 @@ from spacearm.cli.output import (
     working,
     write_picture,
 )
+from spacearm.cli.wording import join_numbers
 from spacearm.errors import ConfigurationError
 from spacearm.mission.attitude_search import MARGIN, feasible_attitudes
 from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
@@ -191,7 +191,7 @@ def write_report(
     ] = None,
     deg: bool = False,
 ) -> None:
-    """Write a design report: one page with the arm, its singular sets, workspaces and reactions."""
+    """Write a design report: one page with arm, singular sets, workspaces and reactions."""
     from spacearm.reports.sections import design_report  # imports matplotlib
 
     start = None if q0 is None else joint_values(arm, q0.split(), deg)

@@ -13,7 +13,6 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.cli.motions.laws import KINDS, MORE, Law
 from spacearm.cli.output import (
-    INTERRUPTED,
     out,
     print_json,
     say_stopped,
@@ -22,6 +21,7 @@ from spacearm.cli.output import (
     working,
     write_picture,
 )
+from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Controller

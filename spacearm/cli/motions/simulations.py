@@ -25,7 +25,6 @@ from spacearm.cli.options import (
     spacecraft_pose,
 )
 from spacearm.cli.output import (
-    INTERRUPTED,
     check_picture,
     joint_value,
     out,
@@ -38,6 +37,7 @@ from spacearm.cli.output import (
     working,
 )
 from spacearm.cli.output import write_picture as write
+from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
@@ -114,7 +114,7 @@ def simulate_motion(
     dt: Annotated[float | None, typer.Option("--dt", help="Spacing of the output [s].")] = None,
     rtol: Annotated[float, typer.Option(help="Relative tolerance of a step.")] = 1e-8,
     atol: Annotated[float, typer.Option(help="Absolute tolerance of a step.")] = 1e-10,
-    method: Annotated[str, typer.Option(help="auto, DOP853 or Radau.")] = "auto",
+    method: Annotated[str, typer.Option(help="auto, DOP853 or Rodas5P.")] = "auto",
     momentum: Annotated[
         tuple[float, float, float, float, float, float],
         typer.Option(help="Momentum at the start, linear and angular about the CM.", metavar="H"),

@@ -25,10 +25,8 @@ from spacearm.cli.options import (
     spacecraft_pose,
 )
 from spacearm.cli.output import (
-    INTERRUPTED,
     check_picture,
     err,
-    in_own_words,
     out,
     picture_path,
     print_json,
@@ -39,6 +37,7 @@ from spacearm.cli.output import (
     write_picture,
 )
 from spacearm.cli.plans.parsing import goals, obstacle_of
+from spacearm.cli.wording import INTERRUPTED, in_own_words
 from spacearm.errors import NoSolutionError, StoppedError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion_file import check_suffix

@@ -81,8 +81,8 @@ class Flown(Trajectory):
     @classmethod
     def of_phases(cls, flight: Flight) -> Flown:
         """Join the phases of a flight."""
-        joined = {name: _joined(flight, name) for name in ("q", "base", "dq", "torque", "momentum",
-                                                           "wheels", "energy", *SUMS)}  # fmt: skip
+        names = ("q", "base", "dq", "torque", "momentum", "wheels", "energy", *SUMS)
+        joined: dict[str, Any] = {name: _joined(flight, name) for name in names}
         runs = flight.phases
         times = [begin + _rows(flight, i, "t") for i, begin in enumerate(flight.begins)]
         return cls(
@@ -93,6 +93,7 @@ class Flown(Trajectory):
             wrenches=_wrenches(flight),
             events=flight.events,
             ended=flight.ended,
+            called=tuple(dict.fromkeys(reason for run in runs for reason in run.called)),
             flight=flight,
             **joined,
         )

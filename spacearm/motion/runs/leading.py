@@ -1,35 +1,49 @@
-"""Many motions along paths of the tip at once, by compiled kernels. Imports the compiler."""
+"""Many motions along paths of the tip at once; their equations stand in `equations.lines`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
-from spacearm.kernels.lanes import LANES
-from spacearm.kernels.paths.lane import COMPONENTS
-from spacearm.kernels.paths.leading import lead
-from spacearm.kernels.paths.table import Table
-from spacearm.kernels.paths.tangent import Problem
-from spacearm.kernels.processors import processors
-from spacearm.mechanics.compiled import bodies, frame_on_body
+from spacearm.compiler.machine import processors
+from spacearm.equations import lines
+from spacearm.mechanics.many import ArmKernel, arms_kernel
 from spacearm.model.arm import SpaceArm
 from spacearm.model.scale import radians
 from spacearm.motion.events import NEAR
 from spacearm.motion.tip_path import Segment
 
 ENDS = ("arrived", "singularity", "joint limit", "tilt", "margin", "gave up")
-"""How a motion ends, in the order of the kernel's numbers."""
+"""How a motion ends, in the order of the numbers of `equations.lines`."""
 KNOTS = 400
 """Intervals of a path given as a function."""
-PIECES = 8
-"""Number of pieces of work for each thread."""
+MOST_STEPS = 200_000
+KEPT_STEPS = 5_000
+"""Most steps of a motion whose steps are kept."""
+PIECES = 16
+"""Number of pieces of work between which progress is told."""
+
+Integers = npt.NDArray[np.int64]
+
+
+class Table(NamedTuple):
+    """Paths in smooth pieces, each in equal intervals that are cubic in position and turn.
+
+    Attributes:
+        first: (paths + 1,) number of the first piece of each path, and of all pieces.
+        pieces: (pieces, 4) and
+        intervals: (intervals, 30), the tables of `equations.lines.at_length`.
+    """
+
+    first: Integers
+    pieces: Array
+    intervals: Array
 
 
 class Settings(NamedTuple):
@@ -109,105 +123,136 @@ def lead_all(
         home: (4,) the attitude from which the turn of the spacecraft counts; that at the start of
             each motion if None.
     """
-    how = settings or Settings()
-    near = NEAR if arm.n > arm.task.k else 0.0  # det J* has no sign there: as `follow` has it
-    (m, n), (b, tip, E) = q.shape, bodies(arm)
-    path = np.zeros(m, np.int64) if which is None else which.astype(np.int64)
-    bounds = (arm.lower, arm.upper) if how.limits else (np.full(n, -np.inf), np.full(n, np.inf))
-    momentum = np.zeros(3) if how.momentum is None else how.momentum
-    problem = Problem(
-        offset=np.concatenate(([0.0], np.broadcast_to(arm.offsets, len(b) - 1))),
-        rows=np.array(arm.task.indices),
-        scale=np.array(arm.task.scale[:, 0], dtype=np.float64),
-        radian=np.asarray(radians(arm), dtype=np.float64),
-        h=np.array(momentum, dtype=np.float64),
-        lower=np.array(bounds[0], dtype=np.float64),
-        upper=np.array(bounds[1], dtype=np.float64),
+    path = np.zeros(len(q), np.int64) if which is None else which
+    from_ = attitude if home is None else np.tile(home, (len(q), 1))
+    first, last = paths.first[path], paths.first[path + 1] - 1
+    given = {
+        "q": q, "attitude": attitude, "home": from_,
+        "path": np.column_stack((first, last, paths.pieces[last, 1])),
+    }  # fmt: skip
+    how, (m, n) = settings or Settings(), q.shape
+    ends = np.empty((m, n)), np.empty((m, 4)), np.empty((m, 7))
+    kernel, numbers = _kernel(arm, False), _numbers(arm, how, np.inf)
+    tables = {"pieces": paths.pieces, "intervals": paths.intervals}
+    cuts = np.linspace(0, m, 1 + (PIECES if progress else 1)).astype(int).tolist()
+    for begin, end in pairwise(cuts):
+        part = slice(begin, end)
+        kernel(
+            {name: array[part] for name, array in given.items()}, numbers, tables,
+            out=[whole[part] for whole in ends], threads=processors(),
+        )  # fmt: skip
+        if progress:
+            progress(end, m)
+    return _led(arm, how, *ends)
+
+
+def lead_with_stops(
+    arm: SpaceArm, q: Array, attitude: Array, paths: Table, stops: int, settings: Settings
+) -> tuple[Led, Array]:
+    """Lead the tip along the first of the paths from one start, and keep where it stops.
+
+    Args:
+        arm: The arm.
+        q: (n,) joint positions at the start.
+        attitude: (4,) attitude of the spacecraft then, quaternion xyzw.
+        paths: The path, by `table_of`.
+        stops: Number of equal parts of the path at whose ends the postures are wanted.
+        settings: What ends the motion.
+
+    Returns:
+        What came of the motion; (i, n) postures at the stops that were reached.
+    """
+    last = paths.first[1] - 1
+    total = paths.pieces[last, 1]
+    given = {
+        "q": q[None], "attitude": attitude[None], "home": attitude[None],
+        "path": np.array([[0.0, last, total]]),
+    }  # fmt: skip
+    *ends, rows = _kernel(arm, True)(
+        given, _numbers(arm, settings, total / stops),
+        {"pieces": paths.pieces, "intervals": paths.intervals},
+    )  # fmt: skip
+    rows = rows[0, : int(ends[2][0, 6])]
+    return _led(arm, settings, *ends), rows[rows[:, 0] > 0.0, 1:]
+
+
+def _kernel(arm: SpaceArm, keep: bool) -> ArmKernel:
+    """Return `equations.lines.lead` of an arm."""
+    n = arm.n
+    vectors = {"h": (3,), "radians": (n,), "lower": (n,), "upper": (n,)}
+    return arms_kernel(
+        [arm],
+        "free-floating",
+        lines.lead,
+        (("q", (n,)), ("attitude", (4,)), ("home", (4,)), ("path", (3,))),
+        tuple((name, vectors.get(name, ())) for name in lines.How._fields),
+        (("pieces", lines.PIECE), ("intervals", lines.INTERVAL)),
+        options=(("most", KEPT_STEPS if keep else MOST_STEPS), ("keep", keep)),
+    )  # fmt: skip
+
+
+def _numbers(arm: SpaceArm, how: Settings, spacing: float) -> dict[str, Array | float]:
+    """Return the numbers of `equations.lines.How`."""
+    bounds = (arm.lower, arm.upper) if how.limits else np.full((arm.n, 2), (-np.inf, np.inf)).T
+    return lines.How(
+        h=np.zeros(3) if how.momentum is None else how.momentum,
+        radians=radians(arm),
+        lower=bounds[0],
+        upper=bounds[1],
         most_tilt=how.most_tilt,
-        margin=max(how.margin, near),
+        margin=max(how.margin, _near(arm)),
         tolerance=how.tolerance,
         stride=how.stride,
         least_stride=how.least_stride,
         care=max(how.care, how.margin),
-    )
-    y0 = np.ascontiguousarray(np.hstack((q, attitude)).T)
-    from_ = y0[n:] if home is None else np.tile(home[:, None], (1, m))
-    ends, values = np.empty_like(y0), np.empty((COMPONENTS, m))
-    threads = processors()
-    cuts = np.linspace(0, m, 1 + min(-(-m // LANES), threads * PIECES)).astype(int)
-
-    def do(first: int, last: int) -> int:
-        part = slice(first, last)
-        y, out = np.ascontiguousarray(y0[:, part]), np.empty((n + 4, last - first))
-        numbers = np.empty((COMPONENTS, last - first))
-        homes = np.ascontiguousarray(from_[:, part])
-        lead(b, tip, E, problem, paths, path[part], y, homes, out, numbers)
-        ends[:, part], values[:, part] = out, numbers
-        return last - first
-
-    done = 0
-    with ThreadPoolExecutor(threads) as pool:
-        for count in pool.map(do, cuts[:-1].tolist(), cuts[1:].tolist()):
-            done += count
-            if progress:
-                progress(done, m)
-    _, s, distance, where, slack, tilt, steps = values
-    met = (values[0] == ENDS.index("margin")) & (how.margin < near)
-    values[0, met], distance[met] = ENDS.index("singularity"), 0.0
-    q, turned = ends[:n].T.copy(), ends[n:].T.copy()
-    return Led(values[0].astype(np.int64), s, distance, where, slack, tilt, steps, q, turned)
+        spacing=spacing,
+    )._asdict()
 
 
-def table_of(arm: SpaceArm, paths: Sequence[Sequence[Segment]], knots: int = KNOTS) -> Table:
-    """Return paths of the tip as tables for the kernels.
+def _near(arm: SpaceArm) -> float:
+    """Return how far from the singular set motions meet it, as `follow` has it."""
+    return NEAR if arm.n > arm.task.k else 0.0  # where det J* has no sign
+
+
+def _led(arm: SpaceArm, how: Settings, q: Array, attitude: Array, values: Array) -> Led:
+    """Return what came of motions from the results of `equations.lines.lead`."""
+    ended, s, distance, where, slack, tilt, steps = values.T
+    ended = np.where(ended == lines.RUNNING, ENDS.index("gave up"), ended).astype(np.int64)
+    met = (ended == lines.MARGIN) & (how.margin < _near(arm))
+    ended[met], distance[met] = lines.SINGULAR, 0.0
+    return Led(ended, s, distance, where, slack, tilt, steps, q, attitude)
+
+
+def table_of(paths: Sequence[Sequence[Segment]], knots: int = KNOTS) -> Table:
+    """Return paths of the tip as a table.
 
     Args:
-        arm: The arm.
         paths: The pieces of each path; straight ones take one interval.
         knots: Number of intervals of the others.
     """
-    own = frame_on_body(arm, arm.tip_frame).rotation.T  # from the tip's frame to that of its body
-    first, begin, end, interval = [0], [], [], [0]
-    places, attitudes, turns = [], [], []
+    first, pieces = [0], []
+    intervals: list[Array] = []
     for path in paths:
         s = 0.0
         for piece in path:
             count = 1 if piece.straight else knots
             grid = np.linspace(0.0, piece.length, count + 1)
             poses, rates = [piece.pose(x) for x in grid], [piece.twist(x) for x in grid]
+            pieces.append((s, s + piece.length, len(intervals), count))
             for i in range(count):
-                p, f = _interval(
-                    poses[i], poses[i + 1], rates[i], rates[i + 1], piece.length / count
+                intervals.append(
+                    _interval(poses[i], poses[i + 1], rates[i], rates[i + 1], piece.length / count)
                 )
-                places.append(p)
-                turns.append(f)
-                attitudes.append(poses[i].rotation @ own)
-            begin.append(s)
             s += piece.length
-            end.append(s)
-            interval.append(len(places))
-        first.append(len(begin))
-    return Table(
-        np.array(first), np.array(begin), np.array(end), np.array(interval),
-        np.array(places), np.array(attitudes), np.array(turns),
-    )  # fmt: skip
+        first.append(len(pieces))
+    return Table(np.array(first), np.array(pieces), np.array(intervals))
 
 
-def _interval(a: pin.SE3, b: pin.SE3, da: Array, db: Array, ds: float) -> tuple[Array, Array]:
-    """Return the rows p and f of an interval of a `Table`."""
+def _interval(a: pin.SE3, b: pin.SE3, da: Array, db: Array, ds: float) -> Array:
+    """Return the row (30,) of an interval."""
     turn = pin.log3(b.rotation @ a.rotation.T)
-    at_end = np.linalg.solve(_left_jacobian(turn), ds * db[3:])
+    at_end = np.linalg.solve(pin.Jexp3(-turn), ds * db[3:])
     if np.allclose(turn, ds * da[3:], rtol=0.0, atol=1e-12):  # constant: exact beyond pi, too
         at_end = ds * da[3:]
-    p = np.array([a.translation, b.translation, ds * da[:3], ds * db[:3]])
-    return p, np.array([turn, ds * da[3:], at_end])
-
-
-def _left_jacobian(turn: Array) -> Array:
-    """Return the matrix that takes the rate of a rotation vector to the angular velocity."""
-    return pin.Jexp3(-turn)
-
-
-def attitudes_of(R: Array) -> Array:
-    """Return rotation matrices (m, 3, 3) as quaternions xyzw (m, 4)."""
-    return Rotation.from_matrix(R).as_quat()
+    place = a.translation, b.translation, ds * da[:3], ds * db[:3]
+    return np.concatenate((*place, a.rotation.ravel(), turn, ds * da[3:], at_end))

@@ -1,7 +1,4 @@
-"""A straight line of the tip by compiled kernels, as `follow` leads it; imports the compiler.
-
-All lanes go along the same line, each to another point of it.
-"""
+"""A straight line of the tip, as `follow` leads it, by `equations.lines`."""
 
 from __future__ import annotations
 
@@ -15,7 +12,12 @@ from spacearm.errors import NoSolutionError
 from spacearm.model.configuration import Configuration
 from spacearm.motion.events import CLOSE, Event
 from spacearm.motion.goal import Goal
-from spacearm.motion.runs.leading import ENDS, Settings, attitudes_of, lead_all, table_of
+from spacearm.motion.runs.leading import (
+    ENDS,
+    Settings,
+    lead_with_stops,
+    table_of,
+)
 from spacearm.motion.tip_path import Segment, segments
 
 POINTS = 128
@@ -52,17 +54,13 @@ def straight_line(start: Configuration, goal: Goal, limits: bool) -> Line:
     """
     arm, to_cm = start.arm, -start.com
     (whole,) = segments(start, [goal], None)
-    paths = [[_part(whole, i / POINTS, to_cm)] for i in range(1, POINTS + 1)]
-    q = np.tile(start.q, (POINTS, 1))
-    attitude = np.tile(attitudes_of(start.base.rotation), (POINTS, 1))
-    table, every = table_of(arm, paths), np.arange(POINTS)
-    led = lead_all(arm, q, attitude, table, every, Settings(limits=limits))
-    reached = int(np.append(led.ended == 0, False).argmin())
-    last = min(reached, POINTS - 1)
-    kind, s, there = ENDS[led.ended[last]], float(led.s[last]), led.q[last]
+    table = table_of([[_shifted(whole, to_cm)]])
+    attitude = pin.SE3ToXYZQUAT(start.base)[3:]
+    led, reached = lead_with_stops(arm, start.q, attitude, table, POINTS, Settings(limits=limits))
+    kind, s, there = ENDS[led.ended[0]], float(led.s[0]), led.q[0]
     if kind == "gave up":
         raise NoSolutionError(f"{arm.name}: the line cannot be followed beyond {s:.4g}")
-    rows = np.vstack((start.q, led.q[: last + 1]))
+    rows = np.vstack((start.q, reached if kind == "arrived" else [*reached, there]))
     detail = f", {CLOSE}" if kind == "singularity" and arm.n > arm.task.k else ""
     if kind == "joint limit":  # the last step went beyond it
         j, before = int(np.maximum(arm.lower - there, there - arm.upper).argmax()), rows[-2]
@@ -72,11 +70,11 @@ def straight_line(start: Configuration, goal: Goal, limits: bool) -> Line:
     return Line(rows, Event(s, kind, rows[-1], detail), whole.length, whole.pose(s).translation)
 
 
-def _part(whole: Segment, share: float, shift: Array) -> Segment:
-    """Return the first part of a segment, shifted."""
+def _shifted(whole: Segment, shift: Array) -> Segment:
+    """Return a segment shifted."""
 
     def pose(s: float) -> pin.SE3:
         at = whole.pose(s)
         return pin.SE3(at.rotation, at.translation + shift)
 
-    return whole._replace(length=share * whole.length, pose=pose)
+    return whole._replace(pose=pose)

@@ -1,288 +1,304 @@
-"""A run of the compiled integrator: begun, advanced, and what came of it. Imports numba."""
+"""Runs from their start to their end: steps, outputs, events, and what came of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.equations.integration import COLLAPSED, FAILED
+from spacearm.equations.jacobian import task_jacobian
+from spacearm.equations.plant import parts
+from spacearm.equations.singular_values import bidiagonal, least_eigenvalue
 from spacearm.errors import NoSolutionError, SpaceArmError
-from spacearm.kernels.dynamics import advance as steps
-from spacearm.kernels.dynamics import laws, observe
-from spacearm.mechanics import compiled, nearness
-from spacearm.mechanics.compiled import all_bodies
+from spacearm.mechanics import nearness
 from spacearm.mechanics.dynamics import forward_dynamics
-from spacearm.model.configuration import Configuration
 from spacearm.model.mode import free_components
 from spacearm.motion.controllers import Controller
-from spacearm.motion.events import EVENTS, Event, with_nearest
+from spacearm.motion.events import EVENTS, Event, is_exact, with_nearest
 from spacearm.motion.plant import Plant
-from spacearm.motion.runs.compiled import memory, put_state, put_stiff
-from spacearm.motion.runs.compiled_events import compiled_events
-from spacearm.motion.runs.compiled_laws import put_law
+from spacearm.motion.runs.batch import Batch, Steps, observed, torqued
+from spacearm.motion.runs.crossings import Crossings, Found
+from spacearm.motion.runs.setup import Prepared
+from spacearm.motion.runs.wanted import WantedEvent
 from spacearm.motion.trajectory import Trajectory
 
-REPORT, BLOCK = 50, 2000
-"""Steps between two reports of progress, with functions in Python and without."""
-LOOSE = 1e-2
-"""Relative tolerances from which RKC, of order 2, comes before Radau."""
+REPORT = 50
+"""Samples of a controller of fixed rate between two reports of progress."""
+PROBES = np.append(0.0, np.geomspace(1e-15, 1e-3, 13))
+"""How far beyond the last state it is looked for what failed [s]."""
 
 Progress = Callable[[float, float], object] | None
 
 
-class Run:
-    """A run.
+class Runs:
+    """Runs of one kind, side by side.
 
     Args:
-        plant: What is simulated.
-        controllers: As in `motion.runs.compiled.memory`.
-        t: (m,) times of the outputs, the end left out [s].
+        plants: What is simulated, of each run.
+        controllers: The controllers of each run by the number of the tip that they lead; -1 for one
+            that acts on all joints.
+        prepared: Their numbers and functions; all of one setup.
+        y: (m, states) the states at the start.
+        coupled: How many leading components of the state rates depend on.
+        t: (o,) times of the outputs, the end left out [s].
         duration: The end [s].
-        events: Kinds of events to note.
-        stop: Kinds of events that end the run.
-        reach: The distance at which the target counts as reached.
+        wanted: The events that are looked for.
+        tolerances: Relative and absolute tolerance.
+        method: The integrator.
     """
 
     def __init__(
         self,
-        plant: Plant,
-        controllers: Mapping[int, Controller],
+        plants: Sequence[Plant],
+        controllers: Sequence[Mapping[int, Controller]],
+        prepared: Sequence[Prepared],
+        y: Array,
+        coupled: int,
         t: Array,
         duration: float,
-        events: Sequence[str],
-        stop: Sequence[str],
-        reach: float,
-    ) -> None:
-        self.plant, self.controllers, self.duration = plant, controllers, duration
-        self.looked_for = compiled_events(plant.arm, plant.mode, {*events, *stop}, stop, reach,
-                                          controllers, plant.hold is not None)  # fmt: skip
-        self.times = np.append(t, np.inf)
-        records = [event.record for event in self.looked_for]
-        self.memory, self.outside = memory(plant, controllers, self.times, records)
-        self._put_functions()
-        self.x: Any = self.memory.context
-        self.events: list[Event] = []
-        self.torques: list[tuple[float, Array]] = []
-        self.ended, self.fault = "duration", ""
-
-    def begin(self, dq: Array, momentum: Array, rtol: float, atol: float, method: str) -> None:
-        """Begin at t = 0."""
-        x = self.x
-        put_state(self.plant, self.memory, dq, momentum)
-        x["rtol"], x["atol"], x["end"] = rtol, atol, self.duration
-        x["switches"], x["implicit"], x["implicit_step"] = method == "auto", method == "Radau", 0
-        x["mild"] = method == "auto" and rtol >= LOOSE
-
-    def again(
-        self,
-        plant: Plant,
-        controllers: Mapping[int, Controller],
-        dq: Array,
-        momentum: Array,
+        wanted: Sequence[WantedEvent],
         tolerances: tuple[float, float],
         method: str,
     ) -> None:
-        """Begin another run in the same memory, with controllers of the same kinds."""
-        self.memory.restart()
-        if plant.arm is not self.plant.arm:
-            self.memory["b"][:] = all_bodies(plant.arm)
-        if controllers != self.controllers:
-            self.outside.kept.clear()
-            for i, (tip, controller) in enumerate(controllers.items()):
-                self.memory["of_law"][i] = 0.0
-                put_law(plant, self.memory, i, tip, controller, self.outside)
-            self._put_functions()
-        self.plant, self.controllers = plant, controllers
-        self.outside.plant, self.outside.error = plant, None
-        self.memory["t_out"][:] = self.times
-        self.events, self.torques, self.ended, self.fault = [], [], "duration", ""
-        self.begin(dq, momentum, *tolerances, method)
+        m, first = len(y), plants[0]
+        self.plants, self.controllers, self.duration = plants, controllers, duration
+        arms = [plant.arm for plant in plants]
+        self.batch = Batch(arms, first.mode, prepared, y, coupled, tolerances, method)
+        self.wanted, self.times, self.called = list(wanted), t, prepared[0].notes
+        self.batch.dense = bool(self.wanted) or len(t) > 1
+        self.crossings = Crossings(self.batch, self.wanted, is_exact(first.arm))
+        self.outputs = np.repeat(y[:, None], len(t) + 1, axis=1)
+        self.written = np.zeros(m, np.int64)
+        self.at = parts(first.arm.n, len(first.arm.wheels))
+        self.events: list[list[Event]] = [[] for _ in range(m)]
+        self.torques: list[tuple[float, Array]] = []
+        self.ended, self.fault = ["duration"] * m, [""] * m
+        self._begun = False
 
-    def _put_functions(self) -> None:
-        """Put the events that Python computes in the memory."""
-        for i, event in enumerate(self.looked_for):
-            if event.function is not None:
-                value = partial(_put_value, event.function, self)
-                self.memory["event"][i]["call"] = self.outside.outside(value, 1)
-
-    @property
-    def steps(self) -> int:
-        """Number of steps so far."""
-        return int(self.x["steps"])
+    def _begin(self) -> None:
+        """Note the events and the output of the start."""
+        self._begun = True
+        if len(self.times) and self.times[0] <= 0.0:
+            self.outputs[:, 0], self.written[:] = self.batch.y, 1
+        if self.wanted:
+            self._note(self.crossings.at_start(), None)
 
     def advance(self, end: float, progress: Progress = None) -> None:
-        """Go on to a time, or to what ends the run before."""
-        x, here, block = self.x, self.memory.here, REPORT if self.outside.kept else BLOCK
+        """Go on to a time, or to what ends the runs before."""
+        batch = self.batch
         try:
-            if x["step"] == 0.0:
-                x["end"] = self.duration
-                self.check(steps.initiate(here))
-            x["end"] = end
-            while self.ended == "duration":
-                why = steps.advance(here, block)
-                self.take()
-                self.check(why)
-                if why == steps.FINISHED:
-                    return
-                if why == steps.STIFF_NOW:
-                    put_stiff(x)
+            if not self._begun:
+                self._begin()
+            for steps in batch.advance(end):
+                if self.wanted and len(steps.run):
+                    self._note(self.crossings.within(steps), steps)
+                self._write(steps)
                 if progress:
-                    progress(float(x["t"]), self.duration)
+                    progress(float(batch.t.min()), self.duration)
         except KeyboardInterrupt:
-            self.ended = "interrupted"
+            self._interrupt()
+        if batch.outside.interrupted:
+            self._interrupt()
+        for run in np.flatnonzero((batch.status == FAILED) | (batch.status == COLLAPSED)):
+            if not self.fault[run] and self.ended[run] == "duration":
+                self._fail(int(run))
+
+    def _interrupt(self) -> None:
+        self.ended = ["interrupted" if e == "duration" else e for e in self.ended]
 
     def advance_sampled(self, end: float, period: float, delay: float, progress: Progress) -> None:
-        """Go on with torques that are sampled and held."""
-        x, m, k = self.x, self.memory, 0
-        while self.ended == "duration" and k * period < end:
-            x["torques"] = laws.torques.address
-            if steps.sample(m.here):
-                self.check(steps.NO_RATE)
+        """Go on with torques that are sampled and held; of one run."""
+        batch, k, every = self.batch, 0, np.zeros(1, np.int64)
+        batch.held = np.zeros((1, batch.n))
+        while self.ended[0] == "duration" and k * period < end:
+            tau = batch.compute(torqued, every, {"t": batch.t, "y": batch.y})
+            if not np.isfinite(tau).all():
+                self._fail(0)
                 return
-            tau = m["tau"].copy()
-            x["torques"] = laws.held.address
             for until in (k * period + delay, (k + 1) * period):
-                if until > x["t"] and self.ended == "duration":
-                    if x["step"] > 0.0:
-                        self.check(steps.resume(m.here))
+                if until > batch.t[0] and self.ended[0] == "duration":
+                    batch.stiff[:] = 0.0
                     self.advance(min(until, end), progress if k % REPORT == 0 else None)
                 if until == k * period + delay:
-                    m["held"][:] = tau
-                    self.torques.append((float(until), tau))
+                    batch.held = tau
+                    self.torques.append((float(until), tau[0]))
             k += 1
 
-    def take(self) -> None:
-        """Take the events that were found."""
-        m, x = self.memory, self.x
-        for i in range(int(x["happened"])):
-            event, found = self.looked_for[int(m["found"][i]["which"])], m["found"][i]
-            happened = Event(float(found["t"]), event.kind, m["q_found"][i].copy(), event.detail)
-            self.events.append(with_nearest(happened, self.plant.arm, self.plant.mode))
-        if x["stopped"] >= 0:
-            self.ended = self.events[-1].kind
-        x["happened"] = 0
+    def _note(self, found: Found, steps: Steps | None) -> None:
+        """Note events in the order of their times; end the runs that some of them stop."""
+        for run, which, t, y in zip(*found, strict=True):
+            if self.ended[run] != "duration":
+                continue
+            wanted, plant = self.wanted[which], self.plants[run]
+            event = Event(float(t), wanted.kind, y[: self.batch.n].copy(), wanted.detail)
+            one = len(self.plants) == 1
+            self.events[run].append(with_nearest(event, plant.arm, plant.mode) if one else event)
+            if wanted.stops:
+                self.ended[run] = wanted.kind
+                self.batch.stop(int(run), float(t), y, steps)
 
-    def check(self, why: int) -> None:
-        """Note why the integrator stopped, if that is an error."""
-        t = float(self.x["t"])
-        if why == steps.NO_STEP:
-            self.ended, self.fault = "step collapsed", (
+    def _write(self, steps: Steps) -> None:
+        """Write the states at the output times in steps, up to the ends of their runs."""
+        first = np.searchsorted(self.times, steps.start, side="right")
+        last = np.searchsorted(self.times, np.minimum(steps.end, self.batch.t[steps.run]), "right")
+        count = np.maximum(last - first, 0)
+        step = np.repeat(np.arange(len(count)), count)
+        output = np.arange(len(step)) - np.repeat(np.cumsum(count) - count - first, count)
+        run = steps.run[step]
+        self.outputs[run, output] = self.batch.states(steps, step, self.times[output])
+        np.maximum.at(self.written, run, output + 1)
+
+    def _fail(self, run: int) -> None:
+        """Note why the integrator stopped a run."""
+        batch = self.batch
+        t, y = float(batch.t[run]), batch.y[run]
+        error: BaseException | None = None
+        if batch.status[run] != COLLAPSED:
+            self.ended[run], error = self._failure(run, t, y)
+        if error is None:
+            self.ended[run] = "step collapsed"
+            self.fault[run] = (
                 f"the step collapsed at t = {t:.6g} s: the torques jump or are too stiff; smooth "
                 "them or lower the gains"
-            )  # fmt: skip
-        elif why == steps.NO_RATE:
-            self.ended, error = self._failure(t)
-            if isinstance(error, KeyboardInterrupt):
-                self.ended = "interrupted"
-                return
-            if not isinstance(error, SpaceArmError):
-                raise error
-            q = ", ".join(f"{x:.6g}" for x in self.memory["seen"][: self.plant.arm.n])
-            self.fault = f"at t = {t:.6g} s, q = ({q}): {error}"
+            )
+            return
+        if isinstance(error, KeyboardInterrupt):
+            self.ended[run] = "interrupted"
+            return
+        if not isinstance(error, SpaceArmError):
+            raise error
+        q = ", ".join(f"{x:.6g}" for x in y[: batch.n])
+        self.fault[run] = f"at t = {t:.6g} s, q = ({q}): {error}"
 
-    def _failure(self, t: float) -> tuple[str, BaseException]:
-        """Return what failed in the last state, a law or the equations of motion, and its error."""
-        failed, n, y = "controller failed", self.plant.arm.n, self.memory["seen"]
-        if self.outside.error:
-            return failed, self.outside.error
-        cfg, dq = self.plant.configuration(y[: len(self.memory["y"])]), y[n : 2 * n].copy()
-        try:
-            for law in (law for law in self.controllers.values() if not hasattr(law, "py_func")):
-                law(t, cfg, dq)
-            failed = "equations failed"
-            forward_dynamics(cfg, dq, np.zeros(n), mode=self.plant.mode)
-        except SpaceArmError as error:
+    def _failure(self, run: int, t: float, y: Array) -> tuple[str, BaseException]:
+        """Return what fails right beyond a state, a law or the equations, and its error."""
+        failed, n, plant = "controller failed", self.batch.n, self.plants[run]
+        if error := self.batch.outside.errors[run]:
             return failed, error
-        return "controller failed", NoSolutionError("the controller's torque is not finite", None)
+        dq = y[n : 2 * n]
+        for ahead in PROBES:
+            there = y.copy()
+            there[:n] += ahead * dq
+            cfg = plant.configuration(there)
+            try:
+                for law in self.controllers[run].values():
+                    law(t + ahead, cfg, dq)
+            except SpaceArmError as error:
+                return failed, error
+        try:
+            forward_dynamics(plant.configuration(y), dq, np.zeros(n), mode=plant.mode)
+        except SpaceArmError as error:
+            return "equations failed", error
+        return failed, NoSolutionError("the controller's torque is not finite", None)
 
-    def finish(self) -> int:
-        """Write the end as the last output; return the number of outputs."""
-        m, x = self.memory, self.x
-        last = int(x["written"])
-        if last == 0 or m["t_out"][last - 1] < x["t"]:
-            m["t_out"][last], m["y_out"][last] = x["t"], m["y"]
-            last += 1
-        x["written"], m["t_out"][last:] = last, np.inf
-        return last
+    def finish(self) -> None:
+        """Write the ends as the last outputs."""
+        every, last = np.arange(len(self.batch)), self.written - 1
+        times = np.append(self.times, np.inf)
+        more = (last < 0) | (times[np.maximum(last, 0)] < self.batch.t)
+        self.written[more] += 1
+        self.outputs[every[more], self.written[more] - 1] = self.batch.y[more]
 
-    def summary(self, distance: bool) -> dict[str, Any]:
-        """Return what `simulate_many` keeps of a run, with the `distance` or without."""
-        self.finish()
-        m, x, n, result = self.memory, self.x, self.plant.arm.n, np.empty(2)
-        observe.survey(m.here, result)
-        least = self._least_distance() if distance else np.nan
-        first, last = 0, int(x["written"]) - 1  # of all outputs two are looked at in detail
-        m["y_out"][1], m["t_out"][1] = m["y_out"][last], m["t_out"][last]
-        x["written"] = min(last, 1) + 1
-        observe.observe(m.here)
-        seen, y = m["observed"][:2, n:], m["y_out"][min(last, 1)]
-        energy = seen[[first, min(last, 1)], observe.ENERGY]
-        turnover = float(energy.max() + x["exchanged"])
-        off = abs(energy[1] - energy[0] - y[2 * n + 13 : 2 * n + 17].sum())
-        times = {kind: [e.t for e in self.events if e.kind == kind] for kind in EVENTS}
-        return {
-            "success": bool(times["target"]),
-            "time_to_target": min(times["target"], default=np.nan),
-            "first_singularity": min(times["singularity"], default=np.nan),
-            "sigma_min": result[0],
-            "turn": result[1],
-            "distance": least,
-            "t": float(x["t"]),
-            "ended": self.ended,
-            "imbalance": off / turnover if turnover > 0.0 else 0.0,
-            "q": y[:n],
-            "dq": y[n : 2 * n],
-            "base": seen[min(last, 1), : observe.MOMENTUM],
-        }
-
-    def _least_distance(self) -> float:
-        """Return the least distance of all outputs from the singular set [rad]."""
-        arm, mode = self.plant.arm, self.plant.mode
-        tangent = compiled.tangent if len(arm.tips) == 1 else nearness.tangent
-        Q = self.memory["y_out"][: int(self.x["written"]), : arm.n]
-        distances, _ = nearness.refined(
-            arm, Q, tangent(arm, Q, mode), lambda Q, fading: tangent(arm, Q, mode, fading)
-        )
-        return float(distances.min())
+    def _times(self, run: int) -> Array:
+        """Return the times of all outputs of a run."""
+        t = self.times[: self.written[run]].copy()
+        return np.append(t[: self.written[run] - 1], self.batch.t[run])
 
     def trajectory(self) -> Trajectory:
-        """Return the trajectory so far."""
-        m, x, n, last = self.memory, self.x, self.plant.arm.n, self.finish()
-        observe.observe(m.here)
-        Y, seen, t = m["y_out"][:last], m["observed"][:last, n:], m["t_out"][:last].copy()
-        torque = m["observed"][:last, :n].copy()
+        """Return the trajectory so far, of one run."""
+        self.finish()
+        batch, plant, n, at = self.batch, self.plants[0], self.batch.n, self.at
+        t, Y = self._times(0), self.outputs[0, : self.written[0]]
+        seen = batch.compute(observed, np.zeros(len(t), np.int64), {"t": t, "y": Y})
+        torque, seen = seen[:, :n].copy(), seen[:, n:]
         if self.torques:
             times = np.array([time for time, _ in self.torques])
             held = np.vstack((np.zeros(n), [tau for _, tau in self.torques]))
             torque = held[np.searchsorted(times, t, side="right")]
-        kept, base = seen[:, observe.MOMENTUM : observe.BROUGHT], seen[:, : observe.MOMENTUM].copy()
-        impulse, brought = Y[:, 2 * n + 7 : 2 * n + 13], seen[:, observe.BROUGHT : observe.ENERGY]
-        self.drift = drift_of(kept, impulse - impulse[0], brought, free_components(self.plant.mode))
-        if self.plant.mode == "fixed":
-            base[:] = base[0]
-        works = Y[:, 2 * n + 13 : 2 * n + 17]
+        base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
+        base = np.tile(base[0], (len(t), 1)) if plant.mode == "fixed" else base.copy()
+        impulse = Y[:, at.momentum] - Y[0, at.momentum]
+        self.drift = drift_of(kept, impulse, brought, free_components(plant.mode))
+        works = Y[:, at.works]
         return Trajectory(
-            arm=self.plant.arm,
-            mode=self.plant.mode,
+            arm=plant.arm,
+            mode=plant.mode,
             t=t,
-            q=(q := Y[:, :n].copy()),
-            dq=Y[:, n : 2 * n].copy(),
+            q=(q := Y[:, at.q].copy()),
+            dq=Y[:, at.dq].copy(),
             base=base,
             torque=torque,
             momentum=kept.copy(),
-            impulse=impulse - impulse[0],
-            wrenches=self.plant.acting(t, q, base) if self.plant.pushed else {},
-            wheels=Y[:, 2 * n + 17 :].copy(),
-            energy=seen[:, observe.ENERGY].copy(),
+            impulse=impulse,
+            wrenches=plant.acting(t, q, base) if plant.pushed else {},
+            wheels=Y[:, at.wheels].copy(),
+            energy=energy[:, 0].copy(),
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
-            exchanged=float(x["exchanged"]),
-            events=tuple(self.events),
-            ended=self.ended,
+            exchanged=float(batch.exchanged[0]),
+            events=tuple(self.events[0]),
+            ended=self.ended[0],
+            called=self.called,
         )
+
+    def summary(self, distance: bool) -> dict[str, Any]:
+        """Return what `simulate_many` keeps of the runs, with the `distance` or without."""
+        self.finish()
+        batch, n, at, m = self.batch, self.batch.n, self.at, len(self.batch)
+        every, last = np.arange(m), self.written - 1
+        number = np.arange(self.outputs.shape[1])
+        used = number <= last[:, None]
+        runs = np.nonzero(used)[0]
+        sigma, turn = np.full(used.shape, np.inf), np.zeros(used.shape)
+        sigma[used] = batch.compute(least, runs, {"q": self.outputs[used][:, :n]}, outside=False)
+        attitude = self.outputs[:, :, at.attitude]
+        unit = attitude / np.linalg.norm(attitude, axis=2, keepdims=True)
+        cosine = np.abs((unit * unit[:, :1]).sum(axis=2))
+        turn[used] = 2.0 * np.arccos(np.minimum(cosine[used], 1.0))
+        ends = np.stack((self.outputs[:, 0], self.outputs[every, last]), axis=1)
+        t = np.stack((np.zeros(m), batch.t), axis=1)
+        given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
+        seen = batch.compute(observed, np.repeat(every, 2), given)[:, n:].reshape(m, 2, -1)
+        energy, works = seen[:, :, 19], ends[:, 1, at.works].sum(axis=1)
+        turnover = energy.max(axis=1) + batch.exchanged
+        off = np.abs(energy[:, 1] - energy[:, 0] - works)
+        first = {kind: [min((e.t for e in events if e.kind == kind), default=np.nan)
+                        for events in self.events] for kind in EVENTS}  # fmt: skip
+        target = np.array(first["target"])
+        return {
+            "success": ~np.isnan(target),
+            "time_to_target": target,
+            "first_singularity": np.array(first["singularity"]),
+            "sigma_min": sigma.min(axis=1),
+            "turn": turn.max(axis=1),
+            "distance": self._least_distances(used) if distance else np.full(m, np.nan),
+            "t": batch.t,
+            "ended": np.array(self.ended, dtype=object),
+            "imbalance": np.divide(off, turnover, out=np.zeros(m), where=turnover > 0.0),
+            "q": ends[:, 1, at.q],
+            "dq": ends[:, 1, at.dq],
+            "base": seen[:, 1, :7],
+        }
+
+    def _least_distances(self, used: Any) -> Array:
+        """Return the least distance of all outputs of each run from the singular set [rad]."""
+        found, arms = np.full(used.shape, np.inf), self.batch.arms
+        for arm in dict.fromkeys(arms):
+            mine = used & np.array([other is arm for other in arms])[:, None]
+            Q = self.outputs[mine][:, : arm.n]
+            found[mine] = nearness.distances(arm, Q, self.plants[0].mode)[0]
+        return found.min(axis=1)
+
+
+def least(xp: Any, tree: Any, p: Any, *, q: Any) -> Any:
+    """Compute sigma_min of the task Jacobian; zero with more rows than joints."""
+    if len(tree.rows) > tree.n:
+        return 0.0 * q.sum()
+    form = bidiagonal(xp, task_jacobian(xp, tree, p, q))
+    return xp.sqrt(least_eigenvalue(xp, form.q * form.q, form.e * form.e))
 
 
 def drift_of(momentum: Array, impulse: Array, brought: Array, f: int) -> float:
@@ -291,10 +307,3 @@ def drift_of(momentum: Array, impulse: Array, brought: Array, f: int) -> float:
     most = max(np.abs(brought[:, :f]).max(initial=0.0), np.abs(momentum[0, :f]).max(initial=0.0),
                np.abs(impulse[:, :f]).max(initial=0.0))  # fmt: skip
     return float(change / most) if most > 0.0 else 0.0
-
-
-def _put_value(
-    function: Callable[[float, Configuration], float], run: Run, t: float, y: Array, out: Array
-) -> None:
-    """Put the value of an event in Python at a state y of a run."""
-    out[0] = function(t, run.plant.configuration(y[: len(run.memory["y"])]))

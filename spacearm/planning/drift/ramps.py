@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.equations.turns import GAUSS
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.floating import GAUSS
 from spacearm.model.configuration import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.loops import Indices

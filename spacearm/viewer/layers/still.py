@@ -9,8 +9,6 @@ from typing import Any
 import meshcat.geometry as g
 import numpy as np
 import pinocchio as pin
-import trimesh.creation
-from matplotlib.image import imsave
 
 from spacearm.arrays import Array
 from spacearm.model.configuration import Configuration
@@ -42,6 +40,8 @@ def still(
         view: (3,) direction towards the viewer.
         size: Width and height [px].
     """
+    from matplotlib.image import imsave  # slow to import
+
     corners, colors = _triangles(cfg, shapes)
     toward = np.asarray(view) / np.linalg.norm(view)
     across = np.cross((0.0, 0.0, 1.0) if abs(toward[2]) < 0.999 else (0.0, 1.0, 0.0), toward)
@@ -132,6 +132,8 @@ def _mesh(geometry: Any) -> tuple[Array, Array]:
     """Return the vertices and faces of a geometry of meshcat."""
     if isinstance(geometry, g.TriangularMeshGeometry):
         return np.asarray(geometry.vertices, dtype=np.float64), np.asarray(geometry.faces)
+    import trimesh.creation  # slow to import
+
     if isinstance(geometry, g.Box):
         made = trimesh.creation.box(geometry.lengths)
     elif isinstance(geometry, g.Sphere):

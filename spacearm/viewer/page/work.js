@@ -20,8 +20,7 @@ export function createWaiting() {
     byId("waiting").hidden = true;
     if (!message) return;
     timer = setTimeout(() => {
-      byId("waiting").textContent = `${SLOW_ONES[message.do] ?? "Waiting for Python"} … The first `
-        + "time after an installation this compiles equations, for 10 s or more.";
+      byId("waiting").textContent = `${SLOW_ONES[message.do] ?? "Waiting for Python"} …`;
       byId("waiting").hidden = false;
     }, SLOW);
   };

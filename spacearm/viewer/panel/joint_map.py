@@ -8,6 +8,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
+from spacearm.mechanics.nearness import distances
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
@@ -40,14 +41,12 @@ def joint_map(
     Raises:
         ConfigurationError: The joints are no two revolute ones.
     """
-    from spacearm.mechanics.compiled import distances  # imports the compiler
-
     arm, found = cfg.arm, singular_set(cfg.arm, mode=mode)
     pair = telling_joints(arm) if joints is None else _pair(arm, joints)
     angles = np.linspace(-np.pi, np.pi, POINTS)
-    Q = np.tile(cfg.q[:, None], POINTS * POINTS)
-    Q[pair] = angles.repeat(POINTS), np.tile(angles, POINTS)
-    shares = _shares(distances(arm, Q, mode)["distance"].reshape(POINTS, POINTS))
+    Q = np.tile(cfg.q, (POINTS * POINTS, 1))
+    Q[:, pair] = np.stack([angles.repeat(POINTS), np.tile(angles, POINTS)], axis=1)
+    shares = _shares(distances(arm, Q, mode)[0].reshape(POINTS, POINTS))
     curves = None
     if found.complete and found.codimension == 1:
         traced = found.curves(pair, cfg.q, resolution=RESOLUTION)

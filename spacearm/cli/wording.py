@@ -1,0 +1,48 @@
+"""Words of the command line: the numbers in what is typed, the options in what is said."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+OPTIONS = {
+    r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
+    r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
+    r"(limits|collisions)=False": r"--no-\1",
+    r'check="(\w+)"': r"--check \1",
+    r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1 --length METRES",
+    r"\bdensity=(?!\w)": "--density RHO",
+    r"\bfinal_attitude\b": "--final-attitude",
+    r"\bsa\.risk_profile\b": "spacearm risk",
+    r"\bsa\.(workspace|plan|simulate|query|capture|mount)\b": r"spacearm \1",
+    r" \(sa\.Joints\)": "",
+}
+"""What messages name in the words of Python, and the options that do the same."""
+VECTORS = ("--q0", "--target", "--goal", "--via", "--corner", "--kp", "--kd", "--dq0", "--wheels0")
+"""Options that take as many numbers as the arm needs."""
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+
+def join_numbers(words: Sequence[str]) -> list[str]:
+    """Join the numbers after each option of `VECTORS` to one word."""
+    joined: list[str] = []
+    vector = False
+    for word in words:
+        if vector and NUMBER.fullmatch(word):
+            if joined[-1] in VECTORS:
+                joined.append(word)
+            else:
+                joined[-1] += f" {word}"
+        else:
+            joined.append(word)
+            vector = word in VECTORS
+    return joined
+
+
+def in_own_words(text: str) -> str:
+    """Return a text with the remedies that it names as options of the command line."""
+    for python, option in OPTIONS.items():
+        text = re.sub(python, option, text)
+    return text

@@ -1,0 +1,221 @@
+"""Instructions of one function in LLVM's language, in which each number is a vector of lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+class Instructions:
+    """The lines of a function.
+
+    Args:
+        width: Number of lanes.
+        fused: Whether a b + c is rounded once.
+        declared: Declarations of functions outside the module, which are added to.
+
+    Attributes:
+        V: The type of a number in all lanes.
+        M: The type of a mask.
+        block: Name of the block that is being written.
+    """
+
+    def __init__(self, width: int, fused: bool, declared: set[str]) -> None:
+        self.width, self.fused, self.declared = width, fused, declared
+        self.V, self.M = _vector("double", width), _vector("i1", width)
+        self.block = "entry"
+        self._lines: list[str] = []
+        self._memory: list[str] = []
+        self._scratch: dict[str, int] = {}
+        self._count = 0
+
+    def __str__(self) -> str:
+        scratch = [f"{name} = {self._vectors(size)}" for name, size in self._scratch.items()]
+        return "\n".join(("entry:", *self._memory, *scratch, *self._lines))
+
+    def line(self, text: str) -> None:
+        """Write a line."""
+        self._lines.append(text)
+
+    def label(self, name: str) -> None:
+        """Begin a block."""
+        self._lines.append(f"{name}:")
+        self.block = name
+
+    def name(self, kind: str) -> str:
+        """Return a name that is not used yet."""
+        self._count += 1
+        return f"{kind}{self._count}"
+
+    def new(self, text: str) -> str:
+        """Write an instruction that gives a value, and return its name."""
+        name = self.name("%v")
+        self._lines.append(f"{name} = {text}")
+        return name
+
+    def arithmetic(self, name: str, *operands: str) -> str:
+        """Write an operation of arithmetic, fadd, fsub, fmul, fdiv or fneg."""
+        return self.new(f"{name} {self.V} {', '.join(operands)}")
+
+    def product(self, a: str, b: str, c: str) -> str:
+        """Compute a b + c, rounded once if that is wanted."""
+        if self.fused:
+            return self.intrinsic("fma", a, b, c)
+        return self.arithmetic("fadd", self.arithmetic("fmul", a, b), c)
+
+    def compare(self, how: str, a: str, b: str) -> str:
+        """Compare numbers; how is LLVM's, such as olt: ordered (not NaN), and less than."""
+        return self.new(f"fcmp {how} {self.V} {a}, {b}")
+
+    def select(self, mask: str, a: str, b: str) -> str:
+        """Select a where the mask is true, else b."""
+        return self.new(f"select {self.M} {mask}, {self.V} {a}, {self.V} {b}")
+
+    def intrinsic(self, name: str, *operands: str) -> str:
+        """Call a function of numbers that LLVM knows, in all lanes at once."""
+        code = "f64" if self.width == 1 else f"v{self.width}f64"
+        types = ", ".join([self.V] * len(operands))
+        self.declared.add(f"declare {self.V} @llvm.{name}.{code}({types})")
+        given = ", ".join(f"{self.V} {o}" for o in operands)
+        return self.new(f"call {self.V} @llvm.{name}.{code}({given})")
+
+    def library(self, name: str, *operands: str) -> str:
+        """Call a function of the system's library, lane by lane."""
+        self.declared.add(f"declare double @{name}({', '.join(['double'] * len(operands))})")
+        found = []
+        for lane in range(self.width):
+            given = ", ".join(f"double {self.lane(o, lane)}" for o in operands)
+            found.append(self.new(f"call double @{name}({given})"))
+        return self.joined(found)
+
+    def integer(self, name: str, *operands: str) -> str:
+        """Call a function of whole numbers that LLVM knows: smin, smax."""
+        self.declared.add(f"declare i64 @llvm.{name}.i64({', '.join(['i64'] * len(operands))})")
+        given = ", ".join(f"i64 {o}" for o in operands)
+        return self.new(f"call i64 @llvm.{name}.i64({given})")
+
+    def any(self, mask: str) -> str:
+        """Tell whether a mask is true in any lane."""
+        if self.width == 1:
+            return mask
+        self.declared.add(f"declare i1 @llvm.vector.reduce.or.v{self.width}i1({self.M})")
+        return self.new(f"call i1 @llvm.vector.reduce.or.v{self.width}i1({self.M} {mask})")
+
+    def number(self, value: float) -> str:
+        """Return a number in all lanes."""
+        return self._same("double", f"0x{np.float64(value).view(np.uint64):016X}")
+
+    def truth(self, value: bool) -> str:
+        """Return a mask that is the same in all lanes."""
+        return self._same("i1", "true" if value else "false")
+
+    def _same(self, kind: str, text: str) -> str:
+        W = self.width
+        return text if W == 1 else "< " + ", ".join([f"{kind} {text}"] * W) + " >"
+
+    def splat(self, name: str) -> str:
+        """Return a number of one lane in all."""
+        if self.width == 1:
+            return name
+        one = self.new(f"insertelement {self.V} poison, double {name}, i32 0")
+        return self._shuffled(one, one, [0] * self.width)
+
+    def lane(self, name: str, lane: int) -> str:
+        """Return the number of one lane."""
+        return name if self.width == 1 else self.new(f"extractelement {self.V} {name}, i32 {lane}")
+
+    def joined(self, lanes: Sequence[str]) -> str:
+        """Return numbers of single lanes as a vector."""
+        if self.width == 1:
+            return lanes[0]
+        found = "poison"
+        for i, name in enumerate(lanes):
+            found = self.new(f"insertelement {self.V} {found}, double {name}, i32 {i}")
+        return found
+
+    def at(self, kind: str, address: str, index: int | str) -> str:
+        """Return the address of an element of an array."""
+        return self.new(f"getelementptr {kind}, ptr {address}, i64 {index}")
+
+    def memory(self, size: int) -> str:
+        """Reserve memory for vectors of lanes, and return its address."""
+        name = self.name("%m")
+        self._memory.append(f"{name} = {self._vectors(size)}")
+        return name
+
+    def scratch(self, name: str, size: int) -> str:
+        """Return memory that is used again under the same name, at least so large."""
+        self._scratch[name] = max(size, self._scratch.get(name, 1))
+        return name
+
+    def _vectors(self, size: int) -> str:
+        return f"alloca [{max(size, 1)} x {self.V}], align 64"
+
+    def load(self, memory: str, index: int) -> str:
+        """Load a vector of lanes."""
+        return self.new(f"load {self.V}, ptr {self.at(self.V, memory, index)}, align 8")
+
+    def store(self, value: str, memory: str, index: int) -> None:
+        """Store a vector of lanes."""
+        self.line(f"store {self.V} {value}, ptr {self.at(self.V, memory, index)}, align 8")
+
+    def load_one(self, address: str, index: int | str) -> str:
+        """Load a number of one lane."""
+        return self.new(f"load double, ptr {self.at('double', address, index)}, align 8")
+
+    def store_one(self, value: str, address: str, index: int | str) -> None:
+        """Store a number of one lane."""
+        self.line(f"store double {value}, ptr {self.at('double', address, index)}, align 8")
+
+    def gather(self, rows: Sequence[str], size: int) -> list[str]:
+        """Load rows of `size` numbers, one row a lane, and return the numbers in all lanes."""
+        W, found = self.width, []
+        whole = size - size % W
+        for k in range(0, whole, W):
+            at = [self.at("double", row, k) for row in rows]
+            found += self._transposed(
+                [self.new(f"load {self.V}, ptr {address}, align 8") for address in at]
+            )
+        for k in range(whole, size):
+            found.append(self.joined([self.load_one(row, k) for row in rows]))
+        return found
+
+    def scatter(self, values: Sequence[str], rows: Sequence[str]) -> None:
+        """Store numbers in all lanes as rows, one row a lane."""
+        W = self.width
+        whole = len(values) - len(values) % W
+        for k in range(0, whole, W):
+            for row, numbers in zip(rows, self._transposed(values[k : k + W]), strict=True):
+                self.line(f"store {self.V} {numbers}, ptr {self.at('double', row, k)}, align 8")
+        for k in range(whole, len(values)):
+            for lane, row in enumerate(rows):
+                self.store_one(self.lane(values[k], lane), row, k)
+
+    def _transposed(self, vectors: Sequence[str]) -> list[str]:
+        """Return the transpose of a square of vectors, by halves that are exchanged."""
+        found, half = list(vectors), self.width // 2
+        while half:
+            for i in range(self.width):
+                if not i & half:
+                    a, b = found[i], found[i | half]
+                    lanes = range(self.width)
+                    low = [j if not j & half else (j ^ half) + self.width for j in lanes]
+                    high = [j | half if not j & half else j + self.width for j in lanes]
+                    found[i], found[i | half] = (
+                        self._shuffled(a, b, low),
+                        self._shuffled(a, b, high),
+                    )
+            half //= 2
+        return found
+
+    def _shuffled(self, a: str, b: str, lanes: Sequence[int]) -> str:
+        """Return lanes of two vectors, which are numbered one after the other."""
+        chosen = ", ".join(f"i32 {lane}" for lane in lanes)
+        return self.new(
+            f"shufflevector {self.V} {a}, {self.V} {b}, <{len(lanes)} x i32> <{chosen}>"
+        )
+
+
+def _vector(kind: str, width: int) -> str:
+    return kind if width == 1 else f"<{width} x {kind}>"

@@ -1,0 +1,78 @@
+"""The array library of numbers: NumPy, with the loops of `symbols` for one lane."""
+
+# isort: skip_file
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy import (
+    absolute, arange, arccos, arcsin, arctan, arctan2, array, asarray, ceil, concatenate, cos,
+    cosh, cross, exp, eye, floor, hypot, less, less_equal, log, logical_and, logical_not,
+    logical_or, maximum, minimum, ones, power, rint, sign, sin, sinh, sqrt, stack, tan, tanh,
+    where, zeros, zeros_like,
+)  # fmt: skip
+
+__all__ = [
+    "absolute", "arange", "arccos", "arcsin", "arctan", "arctan2", "array", "asarray", "ceil",
+    "concatenate", "cos", "cosh", "cross", "exp", "eye", "floor", "gradient", "hold", "hypot",
+    "less", "less_equal", "log", "logical_and", "logical_not", "logical_or", "maximum",
+    "minimum", "ones", "power", "procedure", "repeat", "rint", "row", "sign", "sin", "sinh",
+    "sqrt", "stack", "tan", "tanh", "where", "while_any", "zeros", "zeros_like",
+]  # fmt: skip
+
+STEP = 1e-30
+"""Steps of `gradient`."""
+
+
+def hold(values: Any) -> Any:
+    """Return the values."""
+    return values
+
+
+def gradient(function: Callable[[Any], Any], at: Any) -> Any:
+    """Return the derivatives (n,) of a function of n variables, by steps along imaginary axes.
+
+    Squire & Trapp, SIAM Rev. 40(1), 110-112 (1998), DOI 10.1137/S003614459631241X: nothing is
+    subtracted, so that they are right to rounding. The function must be analytic.
+    """
+    steps = STEP * 1j * np.eye(len(at))
+    return np.array([function(at + step).imag for step in steps]) / STEP
+
+
+def procedure(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function."""
+    return function
+
+
+def row(table: Any, index: Any) -> Any:
+    """Return a row of a table; see `symbols.row`."""
+    return table[int(np.nan_to_num(np.clip(index, 0, len(table) - 1)))]
+
+
+def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = False) -> Any:
+    """Repeat a step while it goes on; see `symbols.while_any`."""
+    rows = []
+    for _ in range(most):
+        *found, goes_on = step(*state)
+        if keep:
+            rows.append(goes_on)
+            *found, goes_on = found
+        state = tuple(found)
+        if not goes_on:
+            break
+    return (*state, np.array(rows)) if keep else state
+
+
+def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False) -> Any:
+    """Repeat a step a number of times; see `symbols.repeat`."""
+    rows = []
+    for turn in range(count):
+        found = step(turn, *state)
+        if keep:
+            *found, kept = found
+            rows.append(kept)
+        state = tuple(found)
+    return (*state, np.array(rows)) if keep else state

@@ -1,0 +1,1 @@
+"""The equations of a floating arm, each written once, as array code without branches."""

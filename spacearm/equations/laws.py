@@ -1,0 +1,486 @@
+"""The control laws: torques from time, configuration and joint rates.
+
+What they are for, and where they are from, stands with the controllers in `motion.controllers`,
+which call the same functions with numbers. Joint rates follow from the bidiagonal form
+J^T = L B R^T of `singular_values`: no J J^T is formed, so that rates near a singularity keep their
+digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spacearm.equations.dynamics import inverse_dynamics
+from spacearm.equations.jacobian import jacobian_at
+from spacearm.equations.linear import reciprocal
+from spacearm.equations.posture import Posture
+from spacearm.equations.singular_values import (
+    Bidiagonal,
+    Reflection,
+    bidiagonal,
+    largest_eigenvalue,
+    least_eigenvalue,
+    reflector,
+    unreflected,
+)
+from spacearm.equations.structure import Mode, Structure
+
+UPSIDE_DOWN = 1e-9 - 1.0
+"""Cosine of the tilt below which the smallest rotation to upright is not unique."""
+
+
+class Pose(NamedTuple):
+    """A pose in the inertial frame.
+
+    Attributes:
+        rotation: (3, 3) attitude.
+        translation: (3,) position [m].
+    """
+
+    rotation: Any
+    translation: Any
+
+
+def attitude(xp: Any, quaternion: Any) -> Any:
+    """Compute the rotation (3, 3) of a quaternion xyzw (4,) of any length, equation (27)."""
+    a, b, c, n = quaternion
+    g = 2.0 / (quaternion * quaternion).sum()
+    return xp.stack([
+        xp.stack([1.0 - g * (b * b + c * c), g * (a * b - c * n), g * (a * c + b * n)]),
+        xp.stack([g * (a * b + c * n), 1.0 - g * (a * a + c * c), g * (b * c - a * n)]),
+        xp.stack([g * (a * c - b * n), g * (b * c + a * n), 1.0 - g * (a * a + b * b)]),
+    ])  # fmt: skip
+
+
+def quaternion_rate(xp: Any, quaternion: Any, w: Any) -> Any:
+    """Compute the rate (4,) of a quaternion xyzw under w (3,) in its own axes, equation (36)."""
+    e, n = quaternion[:3], quaternion[3]
+    return 0.5 * xp.concatenate([n * w + xp.cross(e, w), xp.stack([-(e @ w)])])
+
+
+def goal_axes(xp: Any, R: Any, normal: int | None) -> Any:
+    """Compute the axes (3, 3) along which goals are given, columns in inertial axes.
+
+    Args:
+        xp: The array library.
+        R: (3, 3) attitude of the spacecraft.
+        normal: Axis (0, 1, 2) that tilts with the spacecraft; None if the axes are inertial.
+    """
+    if normal is None:
+        return np.eye(3)
+    sign = xp.where(R[normal, normal] < UPSIDE_DOWN, -1.0, 1.0)
+    to = R[:, normal]
+    x, y, z = xp.cross(sign * np.eye(3)[normal], to)
+    cosine = sign * to[normal]
+    ahead = cosine > 0.0
+    square = x * x + y * y + z * z
+    rest = xp.where(ahead, 1.0 + cosine, square / xp.where(ahead, 1.0, 1.0 - cosine))
+    T = xp.stack([
+        xp.stack([1.0 - (y * y + z * z) / rest, -z + x * y / rest, y + x * z / rest]),
+        xp.stack([z + x * y / rest, 1.0 - (x * x + z * z) / rest, -x + y * z / rest]),
+        xp.stack([-y + x * z / rest, x + y * z / rest, 1.0 - (x * x + y * y) / rest]),
+    ])  # fmt: skip
+    stays = 1.0 * (np.arange(3) == (normal + 1) % 3)
+    return T * (stays + sign * (1.0 - stays))
+
+
+def rotation_vector(xp: Any, start: Any, end: Any) -> Any:
+    """Compute the rotation vector (3,) from one attitude (3, 3) to another, inertial axes [rad].
+
+    The quaternion of end start^T follows from the largest of its four numbers: Shepperd, J. Guid.
+    Control 1(3), 223-224 (1978), DOI 10.2514/3.55767b.
+    """
+    T = end @ start.T
+    d0, d1, d2 = T[0, 0], T[1, 1], T[2, 2]
+    x, y, z = T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]
+    xy, xz, yz = T[0, 1] + T[1, 0], T[0, 2] + T[2, 0], T[1, 2] + T[2, 1]
+    trace = d0 + d1 + d2
+    most = xp.maximum(xp.maximum(d0, d1), d2)
+    found: Any = (z, xz, yz, 1.0 - d0 - d1 + d2)
+    for largest, candidate in (
+        (xp.logical_and(d1 >= d0, d1 >= d2), (y, xy, 1.0 - d0 + d1 - d2, yz)),
+        (xp.logical_and(d0 >= d1, d0 >= d2), (x, 1.0 + d0 - d1 - d2, xy, xz)),
+        (trace >= most, (1.0 + trace, x, y, z)),
+    ):
+        found = [xp.where(largest, c, f) for c, f in zip(candidate, found, strict=True)]
+    n, e = found[0], xp.stack(found[1:])
+    length = xp.sqrt((e * e).sum())
+    angle = xp.where(n < 0.0, -2.0, 2.0) * xp.arctan2(length, xp.absolute(n))
+    return e * (angle * reciprocal(xp, length))
+
+
+def task_rows(xp: Any, A: Any, J: Any, rows: tuple[int, ...]) -> Any:
+    """Return rows (k, n) of a Jacobian (6, n) along axes A, the columns of (3, 3)."""
+    return xp.concatenate([A.T @ J[:3], A.T @ J[3:]])[np.array(rows)]
+
+
+def goal_error(xp: Any, A: Any, rows: tuple[int, ...], tip: Pose, goal: Any) -> Any:
+    """Compute goal minus tip (k,) in the task's rows [m], [rad].
+
+    Args:
+        xp: The array library.
+        A: (3, 3) the goal axes.
+        rows: The task's rows of a twist [linear; angular].
+        tip: The tip.
+        goal: A `Pose`, or a point (k,) along the goal axes for linear rows only [m].
+    """
+    if isinstance(goal, Pose):
+        return goal_step(xp, A, rows, tip, goal)
+    return goal - (A.T @ tip.translation)[np.array(rows)]
+
+
+def goal_step(xp: Any, A: Any, rows: tuple[int, ...], start: Any, end: Any) -> Any:
+    """Compute the rows (k,) of the twist that leads from one goal to another in unit time."""
+    if not isinstance(start, Pose):
+        return end - start
+    turn = rotation_vector(xp, start.rotation, end.rotation)
+    whole = [A.T @ (end.translation - start.translation), A.T @ turn]
+    return xp.concatenate(whole)[np.array(rows)]
+
+
+INSTANT = 1e-6
+"""Half the time over which the velocity of a moving target is taken [s]."""
+
+
+class Source(NamedTuple):
+    """Where numbers over time come from.
+
+    Attributes:
+        function: A function that is traced: of time, or of a user's law of the array library and
+            the `State`. None if it is called outside.
+    """
+
+    function: Callable[..., Any] | None = None
+
+
+class Law(NamedTuple):
+    """What is known of a law while it is traced.
+
+    Attributes:
+        kind: One of `KINDS`, or "own" for a user's.
+        source: Of a user's law where its torques come from, else where a moving target does; None
+            if the target stays.
+        tip: The tip that it leads.
+        joints: (n,) share of its torques that each joint takes; None for all.
+        mode: What the law takes the spacecraft to do.
+        rows: (k,) rows of a twist [linear; angular] that it leads.
+        scale: (k,) their factors.
+        normal: As in `goals.goal_axes`.
+        pose: Whether the target is a pose, else a point.
+        rests: Whether a redundant arm tends to its posture of rest.
+        rank: Number of directions that the spacecraft can be turned in.
+        least: Share of the largest singular value below which J* has no inverse.
+    """
+
+    kind: str
+    source: Source | None = None
+    tip: int = 0
+    joints: tuple[float, ...] | None = None
+    mode: Mode = "free-floating"
+    rows: tuple[int, ...] = ()
+    scale: tuple[float, ...] = ()
+    normal: int | None = None
+    pose: bool = False
+    rests: bool = False
+    rank: int = 0
+    least: float = 0.0
+
+    def numbers(self, n: int) -> tuple[tuple[str, tuple[int, ...]], ...]:
+        """Return names and shapes of its numbers, for an arm of n joints."""
+        k = (len(self.rows),)
+        if self.kind == "own":
+            return ()
+        if self.kind == "joints":
+            fixed = () if self.source else (("target", (n,)),)
+            return (("kp", (n,)), ("kd", (n,)), *fixed)
+        fixed = () if self.source else (("target", (12,) if self.pose else k),)
+        if self.kind == "transposed":
+            return (("kp", k), ("kd", k), *fixed)
+        common = (("gain", k), ("servo", ()), *fixed)
+        if self.kind == "resolved":
+            return (*common, ("rest", (n,))) if self.rests else common
+        return (*common, ("damping", ()), ("threshold", ()))
+
+    def name(self, i: int) -> str:
+        """Return the name of its function outside, if it is law i."""
+        return f"law{i}" if self.kind == "own" else f"target{i}"
+
+    def called(self, n: int) -> int:
+        """Return how many numbers its function outside gives; 0 if it has none."""
+        if self.source is None or self.source.function is not None:
+            return 0
+        if self.kind in ("own", "joints"):
+            return n
+        return 12 if self.pose else len(self.rows)
+
+
+class State(NamedTuple):
+    """A state, with all that laws see of it.
+
+    Attributes:
+        tree: The structure of the arm.
+        at: The posture.
+        t: Time [s].
+        y: The state.
+        q: (n,) joint positions.
+        dq: (n,) joint rates.
+        base: The spacecraft.
+        com: (3,) the system CM [m].
+        tips: The tips.
+        wheels: (w,) what each wheel holds [N m s].
+    """
+
+    tree: Structure
+    at: Posture
+    t: Any
+    y: Any
+    q: Any
+    dq: Any
+    base: Pose
+    com: Any
+    tips: tuple[Pose, ...]
+    wheels: Any
+
+
+def law_torques(
+    xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Callable[..., Any] | None
+) -> Any:
+    """Compute the torques (n,) of a law; NaN where it gives none.
+
+    Args:
+        xp: The array library.
+        state: The state.
+        law: The law.
+        numbers: Its numbers, by the names of `Law.numbers`.
+        call: Its function outside, if it has one: of (1 + states,) time and state of a user's law,
+            of (1,) time of a target.
+    """
+    tau = KINDS[law.kind](xp, state, law, numbers, call)
+    return tau if law.joints is None else np.array(law.joints) * tau
+
+
+def _own(xp: Any, state: State, law: Law, _: Any, call: Any) -> Any:
+    """Compute the torques of a user's law."""
+    if law.source is not None and law.source.function is not None:
+        return xp.asarray(law.source.function(xp, state))
+    return called(xp, call, xp.concatenate([xp.stack([state.t]), state.y]))
+
+
+def _joints(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any) -> Any:
+    """Compute the torques of `JointPD`."""
+    error = _target(xp, law, numbers, call, state.t) - state.q
+    return joint_pd(numbers["kp"], numbers["kd"], error, state.dq)
+
+
+def _transposed(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any) -> Any:
+    """Compute the torques of `TransposedJacobian`."""
+    J = law_jacobian(xp, state, law)
+    error, feed = law_errors(xp, state, law, numbers, call)
+    return transposed(J, numbers["kp"], numbers["kd"], error, feed, state.dq)
+
+
+def _by_rates(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any) -> Any:
+    """Compute the torques of the laws that ask for joint rates."""
+    tree, at = replace(state.tree, mode=law.mode), state.at
+    J = law_jacobian(xp, state, law)
+    error, feed = law_errors(xp, state, law, numbers, call)
+    gain = numbers["gain"]
+    wanted = feed + gain * error
+    if law.kind == "resolved":
+        rest = numbers["rest"] - state.q if law.rests else None
+        rates = resolved_rates(xp, J, wanted, law.least, rest, gain.sum() / len(law.rows))
+    else:
+        scale = np.array(law.scale)
+        J, wanted = scale[:, None] * J, scale * wanted
+        damping = numbers["damping"], numbers["threshold"]
+        if law.kind == "damped":
+            rates = damped_rates(xp, J, wanted, *damping)
+        else:
+            D_q = at.P[:, 3:].T @ tree.gains
+            rates = reactionless_rates(xp, J, D_q, law.rank, law.least, wanted, *damping)
+    return inverse_dynamics(xp, tree, at, state.dq, numbers["servo"] * (rates - state.dq))
+
+
+KINDS: dict[str, Callable[..., Any]] = {
+    "own": _own, "joints": _joints, "transposed": _transposed,
+    "resolved": _by_rates, "damped": _by_rates, "reactionless": _by_rates,
+}  # fmt: skip
+"""The laws."""
+
+
+def joint_pd(kp: Any, kd: Any, error: Any, dq: Any) -> Any:
+    """Compute K_p (q_des - q) - K_d dq."""
+    return kp * error - kd * dq
+
+
+def transposed(J: Any, kp: Any, kd: Any, error: Any, feed: Any, dq: Any) -> Any:
+    """Compute J*^T (K_p (x_des - x) + K_d (xdot_des - J* dq)), equation (42)."""
+    return J.T @ (kp * error + kd * (feed - J @ dq))
+
+
+def law_jacobian(xp: Any, state: State, law: Law) -> Any:
+    """Compute the task's rows (k, n) of J* along the goal axes, unscaled."""
+    J = jacobian_at(xp, replace(state.tree, mode=law.mode), state.at)[6 * law.tip : 6 * law.tip + 6]
+    R = state.base.rotation
+    return task_rows(xp, R.T @ goal_axes(xp, R, law.normal), J, law.rows)
+
+
+def law_errors(
+    xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any
+) -> tuple[Any, Any]:
+    """Compute target minus tip (k,) in the task's rows, and the velocity of the target (k,)."""
+    A = goal_axes(xp, state.base.rotation, law.normal)
+    goal = _target(xp, law, numbers, call, state.t)
+    error = goal_error(xp, A, law.rows, state.tips[law.tip], goal)
+    if law.source is None:
+        return error, np.zeros(len(law.rows))
+    before, after = (_target(xp, law, numbers, call, state.t + s) for s in (-INSTANT, INSTANT))
+    return error, goal_step(xp, A, law.rows, before, after) / (2.0 * INSTANT)
+
+
+def law_miss(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any) -> Any:
+    """Compute how far the target is: the norm of the error of a law."""
+    if law.kind == "joints":
+        error = _target(xp, law, numbers, call, state.t) - state.q
+    else:
+        error, _ = law_errors(xp, state, law, numbers, call)
+    return xp.sqrt((error * error).sum())
+
+
+def _target(xp: Any, law: Law, numbers: Mapping[str, Any], call: Any, t: Any) -> Any:
+    """Return the target of a law at a time: joint positions (n,), a point (k,) or a `Pose`."""
+    if law.source is None:
+        values = numbers["target"]
+    elif law.source.function is None:
+        values = called(xp, call, xp.stack([t]))
+    else:
+        values = xp.asarray(law.source.function(t))
+        if law.pose:
+            return Pose(values[:3, :3], values[:3, 3])
+    return Pose(values[3:].reshape(3, 3), values[:3]) if law.pose else values
+
+
+def called(xp: Any, call: Any, values: Any) -> Any:
+    """Return what a function outside gives; NaN where it fails."""
+    found = call(values)
+    return xp.where(xp.absolute(found[0]) > 0.5, np.nan, found[1:])
+
+
+def resolved_rates(
+    xp: Any, J: Any, wanted: Any, least: float, rest: Any = None, gain: Any = 0.0
+) -> Any:
+    """Compute J^+ xdot + gain (1 - J^+ J) rest (n,); NaN where J has no right inverse.
+
+    Args:
+        xp: The array library.
+        J: (k, n) the Jacobian.
+        wanted: (k,) xdot.
+        least: Share of the largest singular value up to which the least one is zero.
+        rest: (n,) rates that the null space shall have; None for none.
+        gain: Their factor.
+    """
+    k, n = J.shape
+    if k > n:
+        return np.full(n, np.nan)
+    form = bidiagonal(xp, J)
+    q, e, asked = form.q, form.e, _forth(xp, form.right, wanted)
+    y = [asked[0] / q[0]]
+    for i in range(1, k):
+        y.append((asked[i] - e[i - 1] * y[i - 1]) / q[i])
+    within = np.zeros(n - k) if rest is None else gain * _forth(xp, form.left, rest)[k:]
+    found = unreflected(xp, form.left, xp.concatenate([xp.stack(y), within]))
+    small, large = _extremes(xp, form)
+    return xp.where(small > least * least * large, found, np.nan)
+
+
+def damped_rates(xp: Any, J: Any, wanted: Any, damping: Any, threshold: Any) -> Any:
+    """Compute J^T (J J^T + lambda^2 1)^-1 xdot (n,).
+
+    Args:
+        xp: The array library.
+        J: (k, n) the Jacobian, its rows scaled.
+        wanted: (k,) xdot, scaled likewise.
+        damping: Largest lambda.
+        threshold: sigma_min below which there is damping:
+            lambda^2 = damping^2 (1 - (sigma_min / threshold)^2).
+    """
+    k, n = J.shape
+    form = bidiagonal(xp, J if k <= n else J.T)
+    q, e = form.q, form.e
+    nearness = xp.minimum(xp.sqrt(_extremes(xp, form)[0]) / threshold, 1.0)
+    square = damping * damping * (1.0 - nearness * nearness)
+    if k > n:  # (J^T J + lambda^2 1)^-1 J^T xdot
+        seen = _forth(xp, form.left, wanted)[:n]
+        ends = [q[0] * seen[0], *(q[i] * seen[i] + e[i - 1] * seen[i - 1] for i in range(1, n))]
+        return unreflected(xp, form.right, _damped(xp, q, e, xp.stack(ends), square))
+    z = _damped(xp, q, e, _forth(xp, form.right, wanted), square)
+    y = [*(q[i] * z[i] + e[i] * z[i + 1] for i in range(k - 1)), q[k - 1] * z[k - 1]]
+    return unreflected(xp, form.left, xp.concatenate([xp.stack(y), np.zeros(n - k)]))
+
+
+def reactionless_rates(
+    xp: Any, J: Any, D_q: Any, rank: int, least: float, wanted: Any, damping: Any, threshold: Any
+) -> Any:
+    """Compute the damped rates (n,) among those with D_q dq = 0; NaN if there are none.
+
+    Args:
+        xp: The array library.
+        J: (k, n) the Jacobian, its rows scaled.
+        D_q: (3, n) angular momentum per joint rate.
+        rank: Its rank.
+        least: Share of the longest row up to which what the others leave of a row is zero.
+        wanted: As in `damped_rates`, as the others.
+        damping: Largest lambda.
+        threshold: sigma_min of J N below which there is damping, N a basis of the null space.
+    """
+    n = D_q.shape[1]
+    if rank >= n:
+        return np.full(n, np.nan)
+    rows, reflections, longest = D_q, [], None
+    for i in range(rank):
+        sizes = (rows[:, i:] * rows[:, i:]).sum(axis=1)
+        row, size = rows[0, i:], sizes[0]
+        for other in (1, 2):
+            longer = sizes[other] > size
+            row = xp.where(longer, rows[other, i:], row)
+            size = xp.where(longer, sizes[other], size)
+        longest = size if longest is None else longest
+        reflections.append(reflector(xp, xp.where(size > least * least * longest, row, 0.0))[1])
+        rows = reflections[-1].of(xp, rows.T).T
+    J_N = _forth(xp, reflections, J.T)[rank:].T
+    rates = damped_rates(xp, J_N, wanted, damping, threshold)
+    return unreflected(xp, reflections, xp.concatenate([np.zeros(rank), rates]))
+
+
+def _damped(xp: Any, q: Any, e: Any, x: Any, square: Any) -> Any:
+    """Compute (B^T B + lambda^2 1)^-1 x by the stationary qd transform, without subtractions."""
+    k = len(q)
+    rest, d, factors = square, [q[0] * q[0] + square], []
+    z = [x[0]]
+    for i in range(k - 1):
+        inverse = reciprocal(xp, d[i])
+        factors.append(q[i] * e[i] * inverse)
+        rest = e[i] * e[i] * rest * inverse + square
+        d.append(q[i + 1] * q[i + 1] + rest)
+        z.append(x[i + 1] - factors[i] * z[i])
+    found = [z[k - 1] * reciprocal(xp, d[k - 1])]
+    for i in range(k - 2, -1, -1):
+        found = [z[i] * reciprocal(xp, d[i]) - factors[i] * found[0], *found]
+    return xp.stack(found)
+
+
+def _extremes(xp: Any, form: Bidiagonal) -> tuple[Any, Any]:
+    """Compute the squares of the least and the largest singular value."""
+    q, e = form.q * form.q, form.e * form.e
+    return least_eigenvalue(xp, q, e), largest_eigenvalue(xp, q, e)
+
+
+def _forth(xp: Any, reflections: list[Reflection], x: Any) -> Any:
+    """Return L^T x, L the product of reflections."""
+    for reflection in reflections:
+        x = reflection.of(xp, x)
+    return x

@@ -1,0 +1,243 @@
+"""How singular a configuration is: S, measures of J*, determinants seen from the tip, the distance.
+
+Seen from the tip, a free-floating arm is a chain from the tip to the spacecraft. Let B act on the
+twist of the tip and column P_j on the rate of joint j alone, the tip held still: the momentum of
+all that joint j then moves, which is everything on the spacecraft's side of it. The whole momentum
+is B xi + P dq, and det [A_b A_q; J_b J_q] (task rows) = +- det [B_f P], where f are the directions
+of xi outside the task. No inertia is inverted, and a light spacecraft gives a small column instead
+of a small difference of large numbers.
+
+How far the nearest singular configuration is, and the way there, to first order, is told by the
+gradient g = u^T dJ* v of the least singular value, and of a redundant arm by u^T dJ* v_0 of all v_0
+of the null space, which must stay zero. `mechanics.nearness` has the theory, and the same from the
+derivatives of the matrices.
+"""
+
+from __future__ import annotations
+
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from spacearm.equations.jacobian import jacobian, task_jacobian, task_jacobian_at, tip_twist
+from spacearm.equations.linear import minors, reciprocal
+from spacearm.equations.posture import COLUMNS, ROWS, SYMMETRIC, about, momenta, posture
+from spacearm.equations.singular_values import (
+    bidiagonal,
+    largest_eigenvalue,
+    least_eigenvalue,
+    least_with_vectors,
+)
+from spacearm.equations.structure import Parameters, Structure
+
+MOST_MINORS = 250
+"""Maximal minors of a task Jacobian that S is made of; more would make endless code."""
+
+
+def singularity(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
+    """Compute S, which is zero exactly where the task Jacobian is singular.
+
+    S = det(D) det(J*) if there are as many joints as task rows: equation (41) of a planar arm, of
+    which only the inertia about the normal of its plane counts. Of a redundant arm S is
+    det(D)^2 det(J* J*^T), the sum of the squares of all maximal minors; zero if the joints are
+    fewer than the rows. Spacecraft that do not float have S without D. Arms with more than
+    `MOST_MINORS` of them have the determinant itself, which rounding spares less near the set.
+    """
+    k, n = len(tree.rows), tree.n
+    if k > n:
+        return 0.0 * q[0]
+    at = posture(xp, tree, p, q)
+    J = task_jacobian_at(xp, tree, at)
+    many = comb(n, k) > MOST_MINORS
+    found = minors(J @ J.T if many else J)
+    if tree.mode == "free-floating":
+        i = tree.normal
+        D = minors(at.D) if i is None else at.D[i, i : i + 1]
+        found = found * (D * D if many else D)
+    return found[0] if many or k == n else (found * found).sum()
+
+
+def measures(
+    xp: Any, tree: Structure, p: Parameters, q: Any, names: tuple[str, ...]
+) -> tuple[Any, ...]:
+    """Compute measures of singularity of an arm with one tip.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        p: Its numbers.
+        q: (n,) joint positions.
+        names: Of "sigma_min", "manipulability", "condition", "determinant" and "radius", as
+            `spacearm.evaluate` has them.
+    """
+    k, n = len(tree.rows), tree.n
+    at = posture(xp, tree, p, q)
+    r = at.tip_positions[0]
+    known = {"radius": xp.sqrt((r * r).sum())}
+    if k > n:
+        known |= {"sigma_min": 0.0, "manipulability": 0.0, "condition": np.inf}
+        return tuple(known.get(name, np.nan) for name in names)
+    form = bidiagonal(xp, task_jacobian_at(xp, tree, at))
+    squares = form.q * form.q, form.e * form.e
+    least = least_eigenvalue(xp, *squares)
+    product = form.sign
+    for entry in form.q:
+        product = product * entry
+    known["sigma_min"] = xp.sqrt(least)
+    known["manipulability"] = xp.absolute(product)
+    known["determinant"] = product if k == n else np.nan
+    if "condition" in names:
+        condition = xp.sqrt(largest_eigenvalue(xp, *squares) / least)
+        known["condition"] = xp.where(least > 0.0, condition, np.inf)
+    return tuple(known[name] for name in names)
+
+
+Columns = tuple[tuple[int, ...], ...]
+
+
+def columns(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
+    """Compute [B P] (6, 6 + n) of an arm with one tip, about the system CM.
+
+    Of a spacecraft that does not float B is zero and P its Jacobian.
+    """
+    if tree.mode != "free-floating":
+        J = jacobian(xp, tree, p, q)
+        return xp.concatenate([np.zeros((6, 6)), J], axis=1)
+    at = posture(xp, tree, p, q)
+    moves, sign = moved(tree), np.where(tree.reaches[0], -1.0, 1.0)[:, None]
+    moments = at.masses * at.centres
+    inertias = moves @ (at.inertias[:, ROWS, COLUMNS] + about(at.centres, moments))
+    P = sign * momenta(xp, moves @ at.masses, moves @ moments, inertias[:, SYMMETRIC], at.s)
+    M, r = at.M[0], at.tip_positions[0]
+    turned = xp.cross(M * r, np.eye(3)).T
+    linear = xp.concatenate([M * np.eye(3), turned], axis=1)
+    B = xp.concatenate([linear, xp.concatenate([np.zeros((3, 3)), at.D], axis=1)], axis=0)
+    return xp.concatenate([B, P.T @ tree.gains], axis=1)
+
+
+def moved(tree: Structure) -> Any:
+    """Return 1 (N, N + 1) where a joint moves a body while the tip stands still, else 0."""
+    carries = tree.carries[1:]
+    return np.where(tree.reaches[0][:, None] > 0.0, 1.0 - carries, carries)
+
+
+def determinants(
+    xp: Any,
+    tree: Structure,
+    p: Parameters,
+    q: Any,
+    row_unit: Any,
+    column_unit: Any,
+    rows: tuple[int, ...],
+    chosen: Columns,
+) -> Any:
+    """Compute determinants (c,) of `columns`.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        p: Its numbers.
+        q: (n,) joint positions.
+        row_unit: (6,) factors of the rows.
+        column_unit: (6 + n,) factors of the columns.
+        rows: The rows that count.
+        chosen: The columns of each, as many: 0 to 5 directions of the tip's twist, 6 + j joint j.
+    """
+    scaled = row_unit[:, None] * columns(xp, tree, p, q) * column_unit
+    return minors(scaled[np.array(rows)], chosen)
+
+
+def tip_from_centre(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
+    """Compute the tip (3,) from the system CM, of a fixed spacecraft from its own [m]."""
+    at = posture(xp, tree, p, q)
+    own = at.r_cm - p.centres[0] if tree.mode == "fixed" else np.zeros(3)
+    return at.tip_positions[0] + own
+
+
+ZERO = 2.0**-48
+"""Least singular values up to this share of the norm of J are zero."""
+NOTHING = 1e-12
+"""Slopes below this share of the norm of J are rounding."""
+ROUNDED = 1e-9
+"""Share of the norm of J below which slopes are no equations either: null vectors of a tiny
+sigma_min mix."""
+
+INLINE = 1
+"""Null vectors up to which derivatives are written out for each, which runs faster but takes longer
+to compile."""
+
+
+def distance(
+    xp: Any, tree: Structure, p: Parameters, q: Any, fading: Any, radians: Any
+) -> tuple[Any, Any, Any]:
+    """Compute the distance to the singular set and its normal space.
+
+    Args:
+        xp: The array library.
+        tree: The structure of an arm with at least as many joints as the task has rows.
+        p: Its numbers.
+        q: (n,) joint positions.
+        fading: Slopes below this times sigma_min are no equations [1/rad].
+        radians: (n,) what counts as a radian of each joint.
+
+    Returns:
+        The distance [rad], inf where nothing leads to the set; sigma_min of J* per radian; (r, n)
+        rows that span the normal space of the set, per radian, of which the first leads away.
+    """
+    task = np.array(tree.rows)
+    J = task_jacobian(xp, tree, p, q) * radians
+    norm = xp.sqrt((J * J).sum())
+    least = least_with_vectors(xp, J)
+    force = xp.hold(least.u * tree.scale[:, 0])
+
+    def slope(q: Any, force: Any, rates: Any) -> Any:
+        def power(q: Any) -> Any:
+            return force @ tip_twist(xp, tree, posture(xp, tree, p, q), rates)[task]
+
+        return xp.gradient(power, q)
+
+    if len(least.null) > INLINE:
+        slope = xp.procedure(slope)
+    slopes = [
+        slope(q, force, xp.hold(rates * radians)) * radians for rates in [least.v, *least.null]
+    ]
+    return way_out(xp, slopes, norm, least.sigma, fading)
+
+
+def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> tuple[Any, Any, Any]:
+    """Compute what `distance` returns, by Gram and Schmidt's method.
+
+    Slopes of the null space are padded, so that those that the pads outweigh count less: the
+    projection is that of ridge regression.
+
+    Args:
+        xp: The array library.
+        slopes: (n,) each: the gradient of sigma, then those that a solution must not change.
+        norm: Norm of J.
+        sigma: Its least singular value.
+        fading: As of `distance`.
+    """
+    others, pad = len(slopes) - 1, ROUNDED * norm + fading * sigma
+    n = len(slopes[0])
+    kept: list[Any] = []
+    for r, slope in enumerate(slopes[1:]):
+        row = xp.concatenate([slope, pad * np.eye(others)[r]])
+        row = _across(kept, row)
+        kept.append(row * reciprocal(xp, xp.sqrt((row * row).sum())))
+    g = _across(kept, xp.concatenate([slopes[0], np.zeros(others)]) if others else slopes[0])
+    full, way = xp.sqrt((g * g).sum()), xp.sqrt((g[:n] * g[:n]).sum())
+    sound = full > NOTHING * norm
+    away = g[:n] * xp.where(sound, 1.0 / xp.where(sound, way, 1.0), 0.0)
+    far = xp.where(sound, sigma * way / xp.where(sound, full * full, 1.0), np.inf)
+    far = xp.where(sigma > ZERO * norm, far, 0.0 * sigma)
+    found = [away, *(_across([away], row[:n], 1) for row in kept)]
+    return far, sigma, xp.stack(found)
+
+
+def _across(rows: list[Any], x: Any, times: int = 2) -> Any:
+    """Return what of x is across orthonormal rows; twice is enough."""
+    for _ in range(times if rows else 0):
+        for row in rows:
+            x = x - (row @ x) * row
+    return x

@@ -1,0 +1,409 @@
+"""The state of a simulated arm: its rate, the functions whose roots are events, what is reported.
+
+The state y is one array: positions q (n) and rates dq (n) of the joints, the spacecraft's attitude
+as a quaternion xyzw of any length, the system CM (3) [m], the momentum [linear; angular about the
+system CM] (6) in inertial axes, the work (4) of torques, passive joints, wrenches and wheels [J],
+and what each wheel holds (w) [N m s].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spacearm.equations.dynamics import Loads, accelerations, loads_on, twists
+from spacearm.equations.jacobian import task_jacobian_at
+from spacearm.equations.laws import (
+    Law,
+    Pose,
+    Source,
+    State,
+    attitude,
+    called,
+    law_miss,
+    law_torques,
+    quaternion_rate,
+    rotation_vector,
+)
+from spacearm.equations.linear import minors
+from spacearm.equations.posture import posture
+from spacearm.equations.structure import Parameters, Structure
+
+SLOWING = 0.9
+"""Share of its largest rate from which the torque that drives a joint falls, to zero there."""
+Shapes = tuple[tuple[str, tuple[int, ...]], ...]
+"""Names and shapes of numbers that stand one after the other."""
+Calls = Mapping[str, Callable[..., Any]]
+"""Functions outside by name."""
+
+
+class Pushed(NamedTuple):
+    """A frame that a wrench acts on.
+
+    Attributes:
+        body: The body that it is fixed to.
+        own: Whether the wrench is along its own axes, else the inertial ones.
+        source: Where the wrench comes from over time; None if it is always the same.
+    """
+
+    body: int
+    own: bool
+    source: Source | None = None
+
+
+class Event(NamedTuple):
+    """A function whose root is an event.
+
+    Attributes:
+        kind: "determinant" of the task Jacobian, its rows of length 1; "upper" or "lower" limit of
+            a joint, "target" of a law, "wheel", each as far as it is away; "own" for a
+            function outside of (1 + states,) time and state, less its bound.
+        of: Which joint, law or wheel.
+    """
+
+    kind: str
+    of: int = 0
+
+
+class Setup(NamedTuple):
+    """What is known of a run while it is traced.
+
+    Attributes:
+        laws: The laws, whose torques add up.
+        wheels: The body that carries each wheel.
+        holds: Whether the wheels hold the attitude.
+        motors: Where the torques of the wheels over time come from, else.
+        pushed: What is pushed.
+        passive: Whether joints have springs or friction.
+        effort: Whether torques are cut to the largest.
+        speed: Whether they fall near the largest rates.
+        events: The event functions.
+    """
+
+    laws: tuple[Law, ...] = ()
+    wheels: tuple[int, ...] = ()
+    holds: bool = False
+    motors: Source | None = None
+    pushed: tuple[Pushed, ...] = ()
+    passive: bool = False
+    effort: bool = False
+    speed: bool = False
+    events: tuple[Event, ...] = ()
+
+    def law_shapes(self, n: int) -> tuple[Shapes, ...]:
+        """Return the layouts of the numbers of the laws, one after the other."""
+        return tuple(law.numbers(n) for law in self.laws)
+
+    def plant_shapes(self, n: int) -> Shapes:
+        """Return the layout of the other numbers."""
+        w, p = len(self.wheels), len(self.pushed)
+        joint = ("stiffness", "relaxed", "damping", "friction", "slip")
+        return (
+            ("base", (3,)),
+            *((name, (n,)) for name in (joint if self.passive else ())),
+            *((name, (n,)) for name in ("effort",) * self.effort + ("speed",) * self.speed),
+            ("axes", (w, 3)),
+            *((("spread", (w, 3)), ("torque", (w,)), ("capacity", (w,)), ("hold", (2,)),
+               ("level", (3, 3))) if self.holds else ()),
+            ("places", (p, 3)), ("turns", (p, 3, 3)), ("wrenches", (p, 6)),
+            ("bounds", (len(self.events),)),
+        )  # fmt: skip
+
+    def called(self, n: int) -> tuple[tuple[str, int], ...]:
+        """Return names of the functions outside, and how many numbers each gives."""
+        counts = [(law.name(i), law.called(n)) for i, law in enumerate(self.laws)]
+        sources = [("motors", self.motors, len(self.wheels))]
+        sources += [(f"wrench{i}", pushed.source, 6) for i, pushed in enumerate(self.pushed)]
+        counts += [(name, count) for name, source, count in sources if source == Source()]
+        counts += [(f"event{i}", 1) for i, event in enumerate(self.events) if event.kind == "own"]
+        return tuple((name, count) for name, count in counts if count)
+
+
+def size(shapes: Shapes) -> int:
+    """Return how many numbers there are."""
+    return sum(int(np.prod(shape)) for _, shape in shapes)
+
+
+def taken(flat: Any, shapes: Shapes) -> dict[str, Any]:
+    """Return the numbers of a flat array by name."""
+    found, first = {}, 0
+    for name, shape in shapes:
+        last = first + int(np.prod(shape))
+        found[name] = flat[first:last].reshape(shape) if shape else flat[first]
+        first = last
+    return found
+
+
+class Parts(NamedTuple):
+    """Where the parts of a state stand."""
+
+    q: slice
+    dq: slice
+    attitude: slice
+    com: slice
+    momentum: slice
+    works: slice
+    wheels: slice
+
+
+@lru_cache(maxsize=64)
+def parts(n: int, wheels: int) -> Parts:
+    """Return where the parts of the state of an arm with n joints and some wheels stand."""
+    ends = np.cumsum((0, n, n, 4, 3, 6, 4, wheels))
+    return Parts(*(slice(int(a), int(b)) for a, b in pairwise(ends)))
+
+
+class Moving(NamedTuple):
+    """A state of a plant.
+
+    Attributes:
+        state: What laws see of it.
+        momentum: (6,) of the whole.
+        given: The numbers of the plant by name.
+        own: The numbers of each law by name.
+    """
+
+    state: State
+    momentum: Any
+    given: dict[str, Any]
+    own: list[dict[str, Any]]
+
+
+def moving(
+    xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, setup: Setup
+) -> Moving:
+    """Place the arm in a state; arguments as of `state_rate`."""
+    n = tree.n
+    where = parts(n, len(setup.wheels))
+    given = taken(plant, setup.plant_shapes(n))
+    own, first = [], 0
+    for shapes in setup.law_shapes(n):
+        own.append(taken(laws[first : first + size(shapes)], shapes))
+        first += size(shapes)
+    at = posture(xp, tree, p, y[where.q])
+    R = attitude(xp, y[where.attitude])
+    com, base = y[where.com], given["base"]
+    if tree.mode == "fixed":
+        com = base + R @ at.r_cm
+    else:
+        base = com - R @ at.r_cm
+    tips = tuple(
+        Pose(R @ at.tip_rotations[i], com + R @ at.tip_positions[i]) for i in range(len(tree.tips))
+    )
+    state = State(
+        tree, at, t, y, y[where.q], y[where.dq], Pose(R, base), com, tips, y[where.wheels]
+    )
+    return Moving(state, y[where.momentum], given, own)
+
+
+def torques(
+    xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
+    setup: Setup, calls: Calls | None = None,
+) -> Any:  # fmt: skip
+    """Compute the torques (n,) that the laws ask for; see `state_rate`."""
+    return _asked(xp, moving(xp, tree, p, t, y, laws, plant, setup), setup, calls or {})
+
+
+def _asked(xp: Any, now: Moving, setup: Setup, calls: Calls) -> Any:
+    """Compute the torques (n,) that the laws ask for."""
+    tau = np.zeros(now.state.tree.n)
+    for i, (law, numbers) in enumerate(zip(setup.laws, now.own, strict=True)):
+        tau = tau + law_torques(xp, now.state, law, numbers, calls.get(law.name(i)))
+    return tau
+
+
+def _cut(xp: Any, now: Moving, setup: Setup, tau: Any) -> Any:
+    """Cut torques to what the joints can give at their rates."""
+    dq, given = now.state.dq, now.given
+    if setup.effort:
+        tau = xp.minimum(xp.maximum(tau, -given["effort"]), given["effort"])
+    if setup.speed:
+        share = xp.absolute(dq) / given["speed"]
+        rest = xp.maximum((1.0 - share) / (1.0 - SLOWING), 0.0)
+        drives = xp.logical_and(share > SLOWING, tau * dq > 0.0)
+        tau = tau * xp.where(drives, rest, 1.0)
+    return tau
+
+
+def _yield(xp: Any, now: Moving, setup: Setup) -> Any:
+    """Compute the torques (n,) of springs, damping and dry friction."""
+    if not setup.passive:
+        return np.zeros(now.state.tree.n)
+    q, dq, given = now.state.q, now.state.dq, now.given
+    spring = given["stiffness"] * (q - given["relaxed"])
+    return -spring - given["damping"] * dq - given["friction"] * xp.tanh(dq / given["slip"])
+
+
+def state_rate(
+    xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
+    setup: Setup, calls: Calls | None = None, held: Any = None,
+) -> Any:  # fmt: skip
+    """Compute the rate (states,) of a state; with NaN where there is none.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm, in the mode of the plant.
+        p: Its numbers.
+        t: Time [s].
+        y: (states,) the state.
+        laws: The numbers of the laws, as `Setup.law_shapes` lays them out.
+        plant: The other numbers, as `Setup.plant_shapes` does.
+        setup: What else is known.
+        calls: The functions outside.
+        held: (n,) torques of a controller of fixed rate, in place of those of the laws.
+    """
+    calls = calls or {}
+    now = moving(xp, tree, p, t, y, laws, plant, setup)
+    state, R = now.state, now.state.base.rotation
+    tau = _cut(xp, now, setup, _asked(xp, now, setup, calls) if held is None else held)
+    give, dq = _yield(xp, now, setup), state.dq
+    wheels = list(_wheels(now, setup))
+    pushes = list(_pushes(xp, now, setup, calls))
+    loads = _loads(xp, now, wheels, pushes)
+    nu, _ = twists(xp, tree, state.at, dq, loads)
+    spin = _motors(xp, now, setup, calls, nu)
+    if spin:
+        loads = _loads(xp, now, wheels, pushes, spin)
+    ddq = accelerations(xp, tree, state.at, dq, tau + give, loads)
+    turning = quaternion_rate(xp, y[parts(tree.n, 0).attitude], nu[0, 3:])
+    drift = np.zeros(3) if tree.mode == "fixed" else now.momentum[:3] / state.at.M
+    forces = sum((F for _, _, F, _ in pushes), np.zeros(3))
+    moments = sum((N + xp.cross(r, F) for _, r, F, N in pushes), np.zeros(3))
+    power = [(tau * dq).sum(), (give * dq).sum(), 0.0, 0.0]
+    for body, r, F, N in pushes:
+        v = R.T @ drift + nu[body, :3] + xp.cross(nu[body, 3:], r)
+        power[2] = power[2] + F @ v + N @ nu[body, 3:]
+    for i, (body, axis, _) in enumerate(wheels):
+        power[3] = power[3] - spin[i] * (axis @ nu[body, 3:])
+    return xp.concatenate([
+        dq, ddq, turning, drift, R @ forces,
+        R @ moments, xp.stack(power), *([xp.stack(spin)] if spin else []),
+    ])  # fmt: skip
+
+
+def _wheels(now: Moving, setup: Setup) -> Iterator[tuple[int, Any, Any]]:
+    """Return body, axis (3,) and momentum [N m s] of each wheel, spacecraft axes."""
+    for i, body in enumerate(setup.wheels):
+        axis = now.state.at.rotations[body] @ now.given["axes"][i]
+        yield body, axis, now.state.wheels[i]
+
+
+def _pushes(
+    xp: Any, now: Moving, setup: Setup, calls: Calls
+) -> Iterator[tuple[int, Any, Any, Any]]:
+    """Return body, point from the system CM, force and moment there (3,), spacecraft axes."""
+    at = now.state.at
+    for i, pushed in enumerate(setup.pushed):
+        wrench = _over_time(xp, pushed.source, calls.get(f"wrench{i}"), now.state.t)
+        if wrench is None:
+            wrench = now.given["wrenches"][i]
+        own = at.rotations[pushed.body]
+        to = own @ now.given["turns"][i] if pushed.own else now.state.base.rotation.T
+        r = at.origins[pushed.body] + own @ now.given["places"][i]
+        yield pushed.body, r, to @ wrench[:3], to @ wrench[3:]
+
+
+def _over_time(xp: Any, source: Source | None, call: Any, t: Any) -> Any:
+    """Return the numbers of a source at a time; None if there is none."""
+    if source is None:
+        return None
+    if source.function is None:
+        return called(xp, call, xp.stack([t]))
+    return xp.asarray(source.function(t))
+
+
+def _loads(xp: Any, now: Moving, wheels: Any, pushes: Any, spin: Any = ()) -> Loads:
+    """Return what acts on the bodies."""
+    return loads_on(
+        xp,
+        now.state.at,
+        now.state.base.rotation.T @ now.momentum[3:],
+        held=[(body, momentum * axis) for body, axis, momentum in wheels],
+        torques=[(body, -rate * axis) for (body, axis, _), rate in zip(wheels, spin, strict=False)],
+        wrenches=pushes,
+    )
+
+
+def _motors(xp: Any, now: Moving, setup: Setup, calls: Calls, nu: Any) -> list[Any]:
+    """Compute the torque that each wheel takes up [N m].
+
+    Wheels that hold turn the spacecraft by -K phi - C w_0, phi the rotation vector from its
+    attitude at the start. A wheel that holds all that it can takes no more.
+    """
+    given, R = now.given, now.state.base.rotation
+    if setup.motors is not None:
+        return [*_over_time(xp, setup.motors, calls.get("motors"), now.state.t)]
+    if not setup.holds:
+        return [0.0] * len(setup.wheels)
+    phi = R.T @ rotation_vector(xp, given["level"], R)
+    asked = given["spread"] @ (given["hold"][0] * phi + given["hold"][1] * nu[0, 3:])
+    asked = xp.minimum(xp.maximum(asked, -given["torque"]), given["torque"])
+    momentum = now.state.wheels
+    full = xp.logical_and(xp.absolute(momentum) >= given["capacity"], asked * momentum > 0.0)
+    return [*xp.where(full, 0.0, asked)]
+
+
+def event_values(
+    xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
+    setup: Setup, calls: Calls | None = None,
+) -> Any:  # fmt: skip
+    """Compute the event functions (e,); arguments as of `state_rate`."""
+    now = moving(xp, tree, p, t, y, laws, plant, setup)
+    calls, state, found = calls or {}, now.state, []
+    for i, (kind, index) in enumerate(setup.events):
+        bound = now.given["bounds"][i]
+        if kind == "determinant":
+            J = task_jacobian_at(xp, tree, state.at)
+            lengths = xp.sqrt((J * J).sum(axis=1))
+            found.append(minors(J / xp.where(lengths > 0.0, lengths, 1.0)[:, None])[0])
+        elif kind == "upper":
+            found.append(bound - state.q[index])
+        elif kind == "lower":
+            found.append(state.q[index] - bound)
+        elif kind == "wheel":
+            found.append(bound - xp.absolute(state.wheels[index]))
+        elif kind == "target":
+            law = setup.laws[index]
+            call = calls.get(law.name(index))
+            found.append(law_miss(xp, state, law, now.own[index], call) - bound)
+        else:
+            seen = xp.concatenate([xp.stack([t]), y])
+            found.append(called(xp, calls[f"event{i}"], seen)[0] - bound)
+    return xp.stack(found)
+
+
+def observe(
+    xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
+    setup: Setup, calls: Calls | None = None, held: Any = None,
+) -> Any:  # fmt: skip
+    """Compute what is reported of a state (n + 20,); arguments as of `state_rate`.
+
+    Returns:
+        The torques (n,) [N m]; the pose of the spacecraft, position and quaternion (7,); the
+        momentum [linear; angular about the system CM] (6,), and of it what the joints bring alone
+        (6,), inertial axes; the kinetic energy [J].
+    """
+    now = moving(xp, tree, p, t, y, laws, plant, setup)
+    state, at, R = now.state, now.state.at, now.state.base.rotation
+    tau = _cut(xp, now, setup, _asked(xp, now, setup, calls or {}) if held is None else held)
+    loads = _loads(xp, now, list(_wheels(now, setup)), [])
+    nu, _ = twists(xp, tree, at, state.dq, loads)
+    brought = at.P.T @ (tree.gains @ state.dq)
+    w = nu[:, 3:]
+    v = nu[:, :3] + xp.cross(w, at.centres)
+    own, spins = at.masses * v, (at.inertias @ w[..., None])[..., 0]
+    energy = 0.5 * ((own * v).sum() + (spins * w).sum())
+    linear = R @ own.sum(axis=0)
+    if tree.mode != "fixed":
+        linear = now.momentum[:3]
+        energy = energy + 0.5 * (linear @ linear) / at.M[0]
+    angular = R @ (spins + xp.cross(at.centres, own) + loads.held).sum(axis=0)
+    quaternion = y[parts(tree.n, 0).attitude]
+    return xp.concatenate([
+        tau, state.base.translation, quaternion / xp.sqrt((quaternion * quaternion).sum()),
+        linear, angular, R @ brought[:3], R @ brought[3:], xp.stack([energy]),
+    ])  # fmt: skip

@@ -1,1 +1,0 @@
-"""The equations of an arm as C: expressions, their code, and the files."""

@@ -1,1 +1,0 @@
-"""Forward dynamics of many states side by side: `masses`, `loads` and `equations`, in lanes."""

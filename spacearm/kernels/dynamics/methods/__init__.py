@@ -1,1 +1,0 @@
-"""Steps of the integrators: an explicit pair and two implicit methods."""

@@ -1,0 +1,297 @@
+"""The equations of an arm over many configurations: traced, compiled and kept for arms of a kind.
+
+Few configurations are answered by the reference, or by the equations run over numbers: compiling
+takes some tenths of a second. The choice depends on the amount of work alone, so that the same
+call gives the same digits.
+
+The numbers of an arm that are zero or one by its build are compiled in, the others are arguments,
+so that arms that differ in masses and lengths only run the same machine code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from threading import RLock
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.equations.structure import Parameters, Structure
+from spacearm.model.arm import SpaceArm
+from spacearm.model.mode import BaseMode, free_components
+
+COMPILING = RLock()
+"""Held while something is compiled, so that two threads do not compile the same."""
+Z = np.array([0.0, 0.0, 1.0])
+Shape = tuple[int, ...]
+Shapes = tuple[tuple[str, Shape], ...]
+"""Names and shapes of arguments."""
+
+WORTH = 5e-3
+"""What must take longer without compiled code is compiled: who asks once often asks again [s]."""
+WORTH_ONCE = 0.1
+"""The same where nobody asks again [s]."""
+BY_NUMBERS = 1e-3
+"""Time that the equations take by numbers, for one configuration [s]."""
+WIDE = 8
+"""Lanes of functions that wait for divisions in loops, more than fit a register."""
+
+
+def worth_compiling(rows: int, seconds: float = BY_NUMBERS, once: bool = False) -> bool:
+    """Return whether to compile for so many configurations.
+
+    Args:
+        rows: Their number.
+        seconds: What one takes without.
+        once: Whether nobody asks again.
+    """
+    return rows * seconds >= (WORTH_ONCE if once else WORTH)
+
+
+def evaluated(
+    arm: SpaceArm,
+    mode: BaseMode,
+    function: Callable[..., Any],
+    inputs: Mapping[str, Array],
+    numbers: Mapping[str, Any] | None = None,
+    *,
+    options: tuple[tuple[str, Any], ...] = (),
+    lanes: int | None = None,
+    once: bool = False,
+) -> Any:
+    """Compute an equation of an arm for many configurations, compiled if that is worth it.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        function: As in `arms_kernel`.
+        inputs: (m, ...) arrays by name, a row for each configuration.
+        numbers: What all of them share.
+        options: As in `arms_kernel`.
+        lanes: As in `arms_kernel`.
+        once: As in `worth_compiling`.
+
+    Returns:
+        (m, ...) what the function returns, an array or a tuple.
+    """
+    numbers = {name: np.asarray(value, dtype=float) for name, value in (numbers or {}).items()}
+    m = len(next(iter(inputs.values())))
+    if m == 0 or worth_compiling(m, once=once):
+        shapes, shared = (
+            tuple((name, np.shape(array)[skip:]) for name, array in arrays.items())
+            for arrays, skip in ((inputs, 1), (numbers, 0))
+        )
+        kernel = arms_kernel([arm], mode, function, shapes, shared, options=options, lanes=lanes)
+        return kernel(inputs, numbers)
+    from spacearm.compiler import numbers as by_numbers
+
+    tree, p = structure_of(arm, mode), parameters_of(arm)
+    with np.errstate(all="ignore"):
+        found = [
+            function(
+                by_numbers, tree, p, **dict(options), **numbers,
+                **{name: np.asarray(array[i], dtype=float) for name, array in inputs.items()},
+            )
+            for i in range(m)
+        ]  # fmt: skip
+    if isinstance(found[0], tuple):
+        return tuple(np.array(values) for values in zip(*found, strict=True))
+    return np.array(found)
+
+
+@lru_cache(maxsize=256)
+def structure_of(arm: SpaceArm, mode: BaseMode = "free-floating") -> Structure:
+    """Return the structure of an arm in a mode.
+
+    Raises:
+        ConfigurationError: There is no such mode.
+    """
+    free_components(mode)
+    model, names = arm.model, list(arm.model.names)
+    joints = [arm.tree.joints[name] for name in names[2:]]
+    return Structure(
+        n=arm.n,
+        parents=(0, *(int(parent) - 1 for parent in list(model.parents)[2:])),
+        slides=(False, *(joint.kind == "prismatic" for joint in joints)),
+        gains=np.eye(arm.n) if arm.coupling is None else np.asarray(arm.coupling),
+        offsets=np.array(arm.offsets, dtype=float),
+        turns=_whole(np.array([np.eye(3), *(z_to(joint.axis) for joint in joints)], dtype=float)),
+        tips=tuple(model.frames[frame].parentJoint - 1 for frame in arm.tip_frames),
+        rows=tuple(int(row) for row in arm.task.indices),
+        scale=np.array(arm.task.scale, dtype=float),
+        mode=mode,
+    )
+
+
+def z_to(axis: Array) -> Array:
+    """Return a rotation (3, 3) that takes z to the axis."""
+    return pin.Quaternion.FromTwoVectors(Z, axis).matrix()
+
+
+@lru_cache(maxsize=256)
+def parameters_of(arm: SpaceArm) -> Parameters:
+    """Return the numbers of an arm."""
+    model = arm.model
+    inertias = [model.inertias[i] for i in range(1, model.njoints)]
+    joints = [model.jointPlacements[i] for i in range(2, model.njoints)]
+    tips = [model.frames[frame].placement for frame in arm.tip_frames]
+    return Parameters(
+        masses=np.array([body.mass for body in inertias]),
+        centres=np.array([body.lever for body in inertias]),
+        inertias=np.array([body.inertia for body in inertias]),
+        joint_positions=np.array([joint.translation for joint in joints]),
+        joint_rotations=_whole(np.array([joint.rotation for joint in joints])),
+        tip_positions=np.array([tip.translation for tip in tips]),
+        tip_rotations=_whole(np.array([tip.rotation for tip in tips])),
+    )
+
+
+def _whole(rotations: Array) -> npt.NDArray[np.float64]:
+    """Return rotations without the rounding of right angles, which would be compiled as numbers."""
+    whole = np.rint(rotations)
+    return np.where(np.abs(rotations - whole) <= 1e-15, whole + 0.0, rotations).astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmKernel:
+    """A compiled function of an arm, called as a `Kernel` is.
+
+    Attributes:
+        kernel: The machine code.
+        own: (arms, p) the numbers of the arms that are its arguments.
+        each: Whether each lane has its own of them.
+    """
+
+    kernel: Any
+    own: Array
+    each: bool = False
+
+    def __call__(
+        self,
+        inputs: Mapping[str, Array],
+        numbers: Mapping[str, Any] | None = None,
+        tables: Mapping[str, Array] | None = None,
+        outside: Mapping[str, Callable[..., None]] | None = None,
+        *,
+        out: Sequence[Array | None] = (),
+        threads: int = 1,
+        lanes_of: Any = None,
+    ) -> Any:
+        """Compute all lanes; see `Kernel`. `lanes_of` numbers the arm of each lane."""
+        given = dict(numbers or {})
+        if self.each:
+            inputs = {"own": self.own[lanes_of], **inputs}
+        else:
+            given["own"] = self.own[0]
+        return self.kernel(inputs, given, tables, outside, out=out, threads=threads)
+
+
+def arms_kernel(
+    arms: Sequence[SpaceArm],
+    mode: BaseMode,
+    function: Callable[..., Any],
+    inputs: Shapes,
+    numbers: Shapes = (),
+    tables: tuple[tuple[str, int], ...] = (),
+    outside: tuple[tuple[str, int], ...] = (),
+    *,
+    options: tuple[tuple[str, Any], ...] = (),
+    lanes: int | None = None,
+) -> ArmKernel:
+    """Return a function of arms in a mode as machine code, compiled when it is first needed.
+
+    Where the arms differ their numbers are arguments of each lane: the kernel is called with
+    `lanes_of`, the number of the arm of each lane.
+
+    Args:
+        arms: One arm, or several of one structure.
+        mode: What the spacecraft does.
+        function: Called as function(xp, structure, parameters, **options, **arguments), a function
+            of a module; it is traced.
+        inputs: Names and shapes of its arguments that each lane has its own of.
+        numbers: Those that all lanes share.
+        tables: Names and columns of tables.
+        outside: Names and numbers of results of functions that are called as it runs.
+        options: Names and values, which can be hashed, of what is known while tracing.
+        lanes: Number of lanes side by side; what suits the processor if None.
+    """
+    different = tuple(dict.fromkeys(arms))
+    wanted = _Wanted(function, inputs, numbers, tables, outside, options, lanes)
+    found = _kernel(different, mode, wanted)
+    if len(different) == 1:
+        return found
+    number = {arm: i for i, arm in enumerate(different)}
+    return replace(found, own=found.own[[number[arm] for arm in arms]])
+
+
+class _Wanted(NamedTuple):
+    """What is compiled; see `arms_kernel`."""
+
+    function: Callable[..., Any]
+    inputs: Shapes
+    numbers: Shapes
+    tables: tuple[tuple[str, int], ...]
+    outside: tuple[tuple[str, int], ...]
+    options: tuple[tuple[str, Any], ...]
+    lanes: int | None
+
+
+@lru_cache(maxsize=256)
+def _kernel(arms: tuple[SpaceArm, ...], mode: BaseMode, wanted: _Wanted) -> ArmKernel:
+    """Return a function of different arms, with the numbers of each."""
+    flat = np.array([_numbers(arm) for arm in arms])
+    vary = ~(np.isin(flat[0], (0.0, 1.0, -1.0)) & (flat == flat[0]).all(axis=0))
+    pattern = np.where(vary, 2.0, flat[0]).tobytes()
+    shapes = tuple(np.shape(values) for values in _arrays(arms[0]))
+    structure = structure_of(arms[0], mode)
+    bare = replace(
+        structure, turns=np.zeros_like(structure.turns), scale=np.zeros_like(structure.scale)
+    )
+    with COMPILING:
+        kernel = _compiled(bare, pattern, shapes, wanted, len(arms) > 1)
+    return ArmKernel(kernel, flat[:, vary], len(arms) > 1)
+
+
+def _arrays(arm: SpaceArm) -> tuple[Array, ...]:
+    """Return the numbers of an arm: its parameters, the turns of its joints, the task's scale."""
+    structure = structure_of(arm)
+    return (*parameters_of(arm), structure.turns, structure.scale)
+
+
+@lru_cache(maxsize=4096)
+def _numbers(arm: SpaceArm) -> Array:
+    """Return the numbers of an arm as one vector."""
+    return np.concatenate([np.ravel(values) for values in _arrays(arm)])
+
+
+@lru_cache(maxsize=256)
+def _compiled(
+    structure: Structure, pattern: bytes, shapes: tuple[Shape, ...], wanted: _Wanted, each: bool
+) -> Any:
+    """Trace and compile a function for arms of one structure, whose numbers are arguments."""
+    from spacearm.compiler import symbols
+    from spacearm.compiler.kernel import compiled
+
+    known = np.frombuffer(pattern)
+
+    def traced(own: Any, **arguments: Any) -> Any:
+        flat = known.astype(object)
+        flat[known == 2.0] = own
+        parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1])
+        *p, turns, scale = (symbols.asarray(part.reshape(shape))
+                            for part, shape in zip(parts, shapes, strict=True))  # fmt: skip
+        tree = replace(structure, turns=turns, scale=scale)
+        return wanted.function(symbols, tree, Parameters(*p), **dict(wanted.options), **arguments)
+
+    own = (("own", (int((known == 2.0).sum()),)),)
+    inputs, numbers = wanted.inputs, wanted.numbers
+    inputs, numbers = ((*own, *inputs), numbers) if each else (inputs, (*own, *numbers))
+    return compiled(
+        traced, dict(inputs), dict(numbers), dict(wanted.tables), dict(wanted.outside),
+        lanes=wanted.lanes,
+    )  # fmt: skip

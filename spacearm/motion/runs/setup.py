@@ -1,0 +1,463 @@
+"""A plant and its controllers as what the equations of a run take: a setup and its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array, finite
+from spacearm.compiler import symbols
+from spacearm.compiler.expressions import asarray
+from spacearm.compiler.users import over_symbols
+from spacearm.equations.laws import Law, Source, State
+from spacearm.equations.plant import Event, Pushed, Setup, moving, parts
+from spacearm.errors import ConfigurationError
+from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
+from spacearm.model.frames import sound_pose
+from spacearm.model.joints import joint_vector
+from spacearm.motion.controllers import (
+    Controller,
+    DampedLeastSquares,
+    JointPD,
+    RateLaw,
+    Reactionless,
+    ResolvedRate,
+    TipLaw,
+    TransposedJacobian,
+    gains,
+    rank_of_turns,
+)
+from spacearm.motion.goal import goal_normal
+from spacearm.motion.plant import PassiveJoint, Plant, checked_wrench, wheel_torques
+from spacearm.motion.runs.users import Example, TracedConfiguration, not_traced, values_of
+from spacearm.singularities.report import NO_INVERSE
+
+KINDS: dict[type, str] = {
+    JointPD: "joints",
+    TransposedJacobian: "transposed",
+    ResolvedRate: "resolved",
+    DampedLeastSquares: "damped",
+    Reactionless: "reactionless",
+}
+"""The laws that are equations; laws derived from them are users' laws."""
+EXAMPLES = 3
+"""States or times at which a function that is traced is compared with its own values."""
+Outside = Callable[[float, Array], Array]
+"""A function called outside: of time and the state, which only laws and events get."""
+
+
+class RunEvent(NamedTuple):
+    """An event function of a run.
+
+    Attributes:
+        event: What it is.
+        bound: Its bound.
+        function: Of an event of kind "own" its value before the bound is taken off.
+    """
+
+    event: Event
+    bound: float = 0.0
+    function: Callable[[float, Configuration], float] | None = None
+
+
+class Prepared(NamedTuple):
+    """What the equations of a run take.
+
+    Attributes:
+        setup: What is known while tracing.
+        laws: The numbers of the laws.
+        plant: The other numbers.
+        outside: The functions outside, by the names of `Setup.called`.
+        notes: What is called outside, and why.
+    """
+
+    setup: Setup
+    laws: Array
+    plant: Array
+    outside: dict[str, Outside]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """A user's function as it is traced: equal to others that are made of the same.
+
+    Attributes:
+        values: What the function is made of, see `values_of`.
+        traced: The same of arrays.
+        function: The function, which lives as long.
+    """
+
+    values: tuple[Any, ...]
+    traced: Callable[..., Any]
+    function: Callable[..., Any]
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it over arrays."""
+        return self.traced(*arguments)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Traced) and self.values == other.values
+
+    def __hash__(self) -> int:
+        return hash(self.values)
+
+
+class Preparation:
+    """The functions of a plant and its controllers, as they are sorted: traced or outside.
+
+    Args:
+        plant: The plant.
+        trace: Whether users' functions are traced where that can be done.
+    """
+
+    def __init__(self, plant: Plant, trace: bool = True) -> None:
+        self.plant, self.trace = plant, trace
+        self.outside: dict[str, Outside] = {}
+        self.notes: list[str] = []
+
+    def source(
+        self, name: str, what: str, function: Callable[..., Any], traced: Callable[..., Any],
+        examples: Callable[[], Sequence[Example]], outside: Outside,
+        used: Callable[..., Any] | None = None,
+    ) -> Source:  # fmt: skip
+        """Return a user's function as a source, traced or called outside.
+
+        Args:
+            name: The name of the function outside.
+            what: What it is, for the note.
+            function: The function.
+            traced: The same of arrays.
+            examples: Gives arguments of that, and what the function itself gives.
+            outside: What is called outside, checks included.
+            used: The same as equations call it, if they do so otherwise.
+        """
+        why = not_traced(function, traced, examples) if self.trace else "too many"
+        if not why:
+            return Source(Traced(values_of(function), used or traced, function))
+        self.outside[name] = outside
+        self.notes.append(f"{what} is called in Python: {why}")
+        return Source()
+
+    def over_time(
+        self, name: str, what: str, function: Callable[[float], Any], read: Callable[[Any], Array]
+    ) -> Source:
+        """Return a user's function of time as a source; `read` checks what it gives."""
+
+        def examples() -> list[Example]:
+            times = np.random.default_rng(0).uniform(0.0, 100.0, EXAMPLES)
+            return [((t,), _sound(function(float(t)), read)) for t in times]
+
+        seen = over_symbols(function)
+
+        def traced(t: Any) -> Any:
+            return _array(seen(t))
+
+        return self.source(name, what, function, traced, examples, lambda t, _: read(function(t)))
+
+
+def prepared(
+    plant: Plant,
+    controllers: Mapping[int, Controller],
+    events: Sequence[RunEvent] = (),
+    *,
+    trace: bool = True,
+) -> Prepared:
+    """Return a plant and its controllers as what the equations take.
+
+    Args:
+        plant: The plant.
+        controllers: The controllers by the number of the tip that they lead; -1 for one that acts
+            on all joints.
+        events: The event functions.
+        trace: Whether users' functions are traced where that can be done.
+    """
+    todo = Preparation(plant, trace)
+    laws, numbers = [], []
+    for i, (tip, controller) in enumerate(controllers.items()):
+        law, values = _law(todo, i, tip, controller)
+        laws.append(law)
+        numbers += [np.ravel(values[name]) for name, _ in law.numbers(plant.arm.n)]
+    setup = Setup(
+        laws=tuple(laws),
+        wheels=tuple(_body(plant.arm, wheel.frame) for wheel in plant.arm.wheels),
+        holds=plant.hold is not None,
+        motors=_motors(todo),
+        pushed=tuple(_pushed(todo, i) for i in range(len(plant.pushed))),
+        passive=bool(plant.passive),
+        effort="effort" in plant.limits,
+        speed="velocity" in plant.limits,
+        events=tuple(event.event for event in events),
+    )
+    for i, event in enumerate(events):
+        if event.function is not None:
+            todo.outside[f"event{i}"] = _event(plant, event.function)
+    known = _plant_numbers(plant, setup, [event.bound for event in events])
+    flat = [np.ravel(known[name]) for name, _ in setup.plant_shapes(plant.arm.n)]
+    return Prepared(
+        setup, np.concatenate([np.zeros(0), *numbers]), np.concatenate(flat), todo.outside,
+        tuple(todo.notes),
+    )  # fmt: skip
+
+
+def start_state(plant: Plant, dq: Array, momentum: Array) -> Array:
+    """Return the state at the start."""
+    cfg, where = plant.start, parts(plant.arm.n, len(plant.arm.wheels))
+    y = np.zeros(where.wheels.stop)
+    y[where.q], y[where.dq] = cfg.q, dq
+    y[where.attitude] = pin.SE3ToXYZQUAT(cfg.base)[3:]
+    y[where.com], y[where.momentum], y[where.wheels] = cfg.com, momentum, cfg.wheels
+    return y
+
+
+def coupled(plant: Plant, setup: Setup, momentum: Array) -> int:
+    """Return how many leading components of the state its rate depends on.
+
+    Without wrenches the momentum stays and the system CM moves evenly, whatever the arm does; the
+    attitude counts where there is momentum, or a law that may look at it.
+    """
+    where = parts(plant.arm.n, len(plant.arm.wheels))
+    if setup.wheels:
+        return where.wheels.stop
+    if setup.pushed:
+        return where.momentum.stop
+    if np.any(momentum[:3]):
+        return where.com.stop
+    joints_only = all(law.kind == "joints" for law in setup.laws)
+    return where.dq.stop if joints_only and not np.any(momentum) else where.attitude.stop
+
+
+def _body(arm: SpaceArm, frame: int) -> int:
+    """Return the number of the body that a frame is fixed to."""
+    return int(arm.model.frames[frame].parentJoint) - 1
+
+
+def _law(
+    todo: Preparation, i: int, tip: int, controller: Controller
+) -> tuple[Law, dict[str, npt.ArrayLike]]:
+    """Return a controller as a law, with its numbers by name."""
+    arm, n = todo.plant.arm, todo.plant.arm.n
+    joints = tuple(joints_of(arm, tip)) if tip >= 0 and len(arm.tips) > 1 else None
+    law = Law(KINDS.get(type(controller), "own"), tip=max(tip, 0), joints=joints)
+    if law.kind == "own":
+        return law._replace(source=_own_law(todo, i, controller)), {}
+    if isinstance(controller, JointPD):
+        numbers: dict[str, npt.ArrayLike] = {
+            name: np.broadcast_to(gains(getattr(controller, name), n, name), n)
+            for name in ("kp", "kd")
+        }
+
+        def positions(values: Any) -> Array:
+            return joint_vector(arm, values, "target")
+
+        if callable(controller.target):
+            return law._replace(source=_target(todo, i, controller.target, positions)), numbers
+        return law, numbers | {"target": positions(controller.target)}
+    assert isinstance(controller, TipLaw)
+    return _tip_law(todo, i, controller, law)
+
+
+def _tip_law(
+    todo: Preparation, i: int, controller: TipLaw, law: Law
+) -> tuple[Law, dict[str, npt.ArrayLike]]:
+    """Return a law that leads a tip, with its numbers."""
+    arm, task = todo.plant.arm, todo.plant.arm.task
+    k = len(task.rows)
+    numbers: dict[str, npt.ArrayLike] = {}
+    first = controller.goal(0.0)
+    pose = isinstance(first, pin.SE3) or np.shape(first) == (4, 4)
+    law = law._replace(
+        mode=controller.mode,
+        rows=tuple(int(row) for row in task.indices[:k]),
+        scale=tuple(float(scale) for scale in task.scale[:k, 0]),
+        normal=goal_normal(arm),
+        pose=pose,
+        least=NO_INVERSE,
+    )
+    read = goal_reader(arm, pose)
+    numbers["target"] = read(first)
+    if callable(controller.target):
+        law = law._replace(source=_target(todo, i, controller.target, read))
+    for name in ("kp", "kd", "gain"):
+        if hasattr(controller, name):
+            numbers[name] = np.broadcast_to(gains(getattr(controller, name), k, name), k)
+    if isinstance(controller, TransposedJacobian):
+        return law, numbers
+    assert isinstance(controller, RateLaw)
+    numbers["servo"] = controller.servo
+    if isinstance(controller, DampedLeastSquares):
+        numbers |= {"damping": controller.damping, "threshold": controller.threshold}
+    if isinstance(controller, Reactionless):
+        law = law._replace(rank=rank_of_turns(arm))
+    if isinstance(controller, ResolvedRate) and controller.rest is not None:
+        law, numbers["rest"] = law._replace(rests=True), joint_vector(arm, controller.rest, "rest")
+    return law, numbers
+
+
+def goal_reader(arm: SpaceArm, pose: bool) -> Callable[[Any], Array]:
+    """Return the function that reads a goal as numbers, checked: (k,), or (12,) of a pose."""
+    task = arm.task
+    k = len(task.rows)
+
+    def read(goal: Any) -> Array:
+        is_pose = isinstance(goal, pin.SE3) or np.shape(goal) == (4, 4)
+        if is_pose != pose:
+            raise ConfigurationError(
+                "target is a pose at one time and a point at another; give one kind only"
+            )
+        if pose:
+            placed = sound_pose(goal, "target")
+            return np.concatenate((placed.translation, placed.rotation.ravel()))
+        if max(task.indices[:k]) > 2:
+            raise ConfigurationError(f"target is {goal!r}; the task {task.names!r} takes a pin.SE3")
+        meaning = f"[m], one for each row of the task {task.names!r}, or a pin.SE3"
+        return finite(goal, (k,), "target", meaning)
+
+    return read
+
+
+def joints_of(arm: SpaceArm, tip: int) -> Array:
+    """Return (n,) 1 for the joints that move a tip, else 0."""
+    tree = structure_of(arm)
+    return 1.0 * (np.abs(tree.reaches[tip] @ np.abs(tree.gains)) > 0.0)
+
+
+def _target(
+    todo: Preparation, i: int, target: Callable[[float], Any], read: Callable[[Any], Array]
+) -> Source:
+    """Return a moving target."""
+    return todo.over_time(f"target{i}", "the target", target, read)
+
+
+def _own_law(todo: Preparation, i: int, controller: Controller) -> Source:
+    """Return a user's law."""
+    plant = todo.plant
+    arm, n = plant.arm, plant.arm.n
+
+    def torque(values: npt.ArrayLike) -> Array:
+        return joint_vector(arm, values, "the controller's torque")
+
+    def outside(t: float, y: Array) -> Array:
+        return torque(controller(t, plant.configuration(y), y[n : 2 * n]))
+
+    law = over_symbols(controller)
+
+    def of_state(xp: Any, state: State) -> Any:
+        cfg: Any = TracedConfiguration(arm, xp, state)
+        return _array(law(state.t, cfg, state.dq))
+
+    def traced(t: Any, y: Any) -> Any:
+        return of_state(symbols, _placed(plant, t, y))
+
+    def examples() -> list[Example]:
+        rng = np.random.default_rng(0)
+        found: list[Example] = []
+        y = start_state(plant, np.zeros(n), np.zeros(6))
+        for _ in range(EXAMPLES):
+            y = y.copy()
+            y[:n], y[n : 2 * n] = rng.uniform(-1.0, 1.0, n), rng.normal(size=n)
+            t = float(rng.uniform(0.0, 100.0))
+            found.append(((t, y), outside(t, y)))
+        return found
+
+    what = f"the controller {type(controller).__name__}"
+    return todo.source(f"law{i}", what, controller, traced, examples, outside, of_state)
+
+
+def _placed(plant: Plant, t: Any, y: Any) -> State:
+    """Return a state of symbols."""
+    arm = plant.arm
+    setup = Setup(wheels=(0,) * len(arm.wheels))
+    numbers = np.concatenate((plant.start.base.translation, np.zeros(3 * len(arm.wheels))))
+    tree, p = structure_of(arm, plant.mode), parameters_of(arm)
+    return moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup).state
+
+
+def _motors(todo: Preparation) -> Source | None:
+    """Return the torques of the wheels over time."""
+    motors, count = todo.plant.motors, len(todo.plant.arm.wheels)
+    if motors is None:
+        return None
+    return todo.over_time("motors", "the torque of the wheels", motors,
+                          lambda values: wheel_torques(values, count))  # fmt: skip
+
+
+def _pushed(todo: Preparation, i: int) -> Pushed:
+    """Return what is pushed by wrench i."""
+    arm = todo.plant.arm
+    link, wrench, own = todo.plant.pushed[i]
+    source = None
+    if callable(wrench):
+        source = todo.over_time(f"wrench{i}", f"the wrench on {link!r}", wrench,
+                                lambda values: checked_wrench(link, values))  # fmt: skip
+    return Pushed(_body(arm, arm.model.getFrameId(link, pin.BODY)), own, source)
+
+
+def _event(plant: Plant, value: Callable[[float, Configuration], float]) -> Outside:
+    """Return an event function that is called outside."""
+    return lambda t, y: np.array([value(t, plant.configuration(y))])
+
+
+def _array(values: Any) -> Any:
+    """Return values as an array of numbers, or of symbols."""
+    try:
+        return np.asarray(values, dtype=float)
+    except TypeError:
+        return asarray(values)
+
+
+def _sound(value: Any, read: Callable[[Any], Array]) -> Any:
+    """Return what a function gives, checked; a pose of Pinocchio as (4, 4) numbers."""
+    read(value)
+    return value.homogeneous if isinstance(value, pin.SE3) else value
+
+
+def _plant_numbers(plant: Plant, setup: Setup, bounds: list[float]) -> dict[str, Array]:
+    """Return the numbers of a plant by name."""
+    arm, hold = plant.arm, plant.hold
+    frames = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement
+              for link, *_ in plant.pushed]  # fmt: skip
+    wrenches = [np.zeros(6) if callable(wrench) else checked_wrench(link, wrench)
+                for link, wrench, _ in plant.pushed]  # fmt: skip
+    axes = [arm.model.frames[wheel.frame].placement.rotation @ wheel.axis for wheel in arm.wheels]
+    known = {
+        "base": plant.start.base.translation,
+        "axes": np.array(axes).reshape(-1, 3),
+        "places": np.array([frame.translation for frame in frames]),
+        "turns": np.array([frame.rotation for frame in frames]),
+        "wrenches": np.array(wrenches),
+        "bounds": np.array(bounds),
+        **_joint_numbers(plant),
+    }
+    if hold is not None:
+        on_bus = np.where(np.array(setup.wheels) == 0, 1.0, 0.0)[:, None]
+        count = len(arm.wheels)
+        known |= {
+            "spread": np.linalg.pinv((known["axes"] * on_bus).T),
+            "torque": np.full(count, hold.torque),
+            "capacity": np.full(count, hold.capacity),
+            "hold": np.array([hold.stiffness, hold.damping]),
+            "level": plant.start.base.rotation,
+        }
+    return known
+
+
+def _joint_numbers(plant: Plant) -> dict[str, Array]:
+    """Return springs, friction and limits of the joints by name, (n,) each."""
+    arm = plant.arm
+    still = PassiveJoint(slip=1.0)
+    joints = [plant.passive.get(name, plant.passive.get(f"q{j + 1}", still))
+              for j, name in enumerate(arm.joint_names)]  # fmt: skip
+    names = ("stiffness", "relaxed", "damping", "friction", "slip")
+    found = dict(zip(names, np.array(joints, dtype=float).T, strict=True))
+    described = [arm.tree.joints[name] for name in arm.joint_names]
+    found["effort"] = np.array([joint.effort for joint in described])
+    found["speed"] = np.array([joint.velocity for joint in described])
+    return found

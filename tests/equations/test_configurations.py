@@ -1,0 +1,154 @@
+"""Equations of configurations against Pinocchio, the barycentric route and differences."""
+
+import numpy as np
+import pytest
+from helpers.arms import chains, load_text, one_to_eight, random_tree, seeds, trees
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import spacearm as sa
+from spacearm.compiler import numbers, symbols
+from spacearm.equations import jacobian, measures
+from spacearm.equations.linear import minors
+from spacearm.equations.measures import distance
+from spacearm.equations.posture import posture
+from spacearm.mechanics import determinants
+from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
+from spacearm.mechanics.nearness import tangent_singly
+from spacearm.model.scale import radians
+
+MODES = ("free-floating", "attitude-controlled", "fixed")
+
+
+def of(cfg, mode="free-floating"):
+    return structure_of(cfg.arm, mode), parameters_of(cfg.arm)
+
+
+@given(chains())
+@settings(max_examples=50)
+def test_the_jacobian_is_that_of_the_barycentric_route(cfg):
+    J = jacobian.jacobian(numbers, *of(cfg), cfg.q)
+    R = cfg.base.rotation
+    wanted = np.kron(np.eye(2), R.T) @ sa.barycentric(cfg).generalized_jacobian()
+    np.testing.assert_allclose(J, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+
+
+@given(trees(), st.sampled_from(MODES), seeds)
+@settings(max_examples=50)
+def test_the_twist_of_the_tip_is_that_of_the_jacobian(cfg, mode, seed):
+    dq = np.random.default_rng(seed).normal(size=cfg.arm.n)
+    tree, p = of(cfg, mode)
+    found = jacobian.tip_twist(numbers, tree, posture(numbers, tree, p, cfg.q), dq)
+    wanted = sa.generalized_jacobian(cfg.arm.at(cfg.q), mode=mode)
+    size = np.abs(wanted).max() * np.abs(dq).max()
+    np.testing.assert_allclose(found, wanted @ dq, rtol=0, atol=1e-12 * size)
+
+
+@given(seeds, one_to_eight, st.sampled_from(("pose", "position", "x y")), st.sampled_from(MODES))
+@settings(max_examples=40)
+def test_the_distance_is_that_of_the_matrices(seed, n, task, mode):
+    arm = load_text(random_tree(seed, n), tip=f"link_{n}", task=sa.Task(task, 0.7)
+                    if task == "pose" else task, joints="all")  # fmt: skip
+    assume(arm.n >= arm.task.k)
+    cfg = arm.at(np.random.default_rng(seed).uniform(-3, 3, arm.n))
+    near = tangent_singly(arm, cfg.q[None], mode)
+    with np.errstate(all="ignore"):
+        far, sigma, rows = distance(numbers, *of(cfg, mode), cfg.q, 0.3, radians(arm))
+    J = task_jacobian(cfg, mode=mode) * radians(arm)
+    assert sigma == pytest.approx(near.sigma[0], abs=1e-12 * np.linalg.norm(J))
+    assume(1e-6 < near.distance[0] < 1e3)
+    assert far == pytest.approx(near.distance[0], rel=1e-7)
+    assert rows[0] == pytest.approx(near.rows[0, 0], abs=1e-6)
+    assert rows.T @ rows == pytest.approx(near.rows[0].T @ near.rows[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["planar2", "mda6", "ets7"])
+def test_the_way_out_is_the_gradient_of_sigma_min(name):
+    """Of square tasks: distance = sigma_min / |g|, away = g / |g|, by differences of numpy's."""
+    arm, h = sa.load(name), 1e-5
+    for q in np.random.default_rng(0).uniform(-3, 3, (5, arm.n)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far, sigma, rows = distance(numbers, *of(arm.at(q)), q, 0.3, radians(arm))
+
+        def least(q):
+            return np.linalg.svd(task_jacobian(arm.at(q)), compute_uv=False)[-1]
+
+        g = np.array([least(q + h * e) - least(q - h * e) for e in np.eye(arm.n)]) / (2.0 * h)
+        assert sigma == pytest.approx(least(q), rel=1e-12)
+        assert rows[0] == pytest.approx(g / np.linalg.norm(g), abs=1e-7)
+        assert far == pytest.approx(sigma / np.linalg.norm(g), rel=1e-7)
+
+
+@given(trees(), st.sampled_from(MODES), seeds)
+@settings(max_examples=25)
+def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
+    dq, F = np.random.default_rng(seed).normal(size=(2, 8))
+    arm, twist = cfg.arm, jacobian.tip_twist
+
+    def power(xp, tree, p, q):
+        def along(q):
+            return F[:6] @ twist(xp, tree, posture(xp, tree, p, q), dq[: arm.n])
+
+        return xp.gradient(along, q)
+
+    kernel = arms_kernel([arm], mode, power, (("q", (arm.n,)),))
+    found, wanted = kernel({"q": cfg.q[None]})[0], power(numbers, *of(cfg, mode), cfg.q)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * (np.abs(wanted).max() + 1.0))
+
+
+@given(seeds, st.integers(3, 8), st.sampled_from(("pose", "position")))
+@settings(max_examples=30)
+def test_minors_seen_from_the_tip_are_those_of_the_jacobian(seed, n, task):
+    """|det [B_f P_C]| = M^3 det D |det of the columns C of J*|."""
+    task = sa.Task(task, 1.0) if task == "pose" else task
+    arm = load_text(random_tree(seed, n), tip=f"link_{n}", task=task, joints="all")
+    assume(arm.n >= arm.task.k)
+    rng = np.random.default_rng(seed)
+    cfg, C = arm.at(rng.uniform(-3, 3, arm.n)), rng.permutation(arm.n)[: arm.task.k]
+    seen = measures.columns(numbers, *of(cfg), cfg.q)
+    free = [i for i in range(6) if i not in arm.task.indices]
+    found = seen[:, [*free, *(6 + C)]]
+    bar = 1e-12 * np.linalg.norm(found, axis=0).prod()
+    scale = cfg.A[0, 0] ** 3 * np.linalg.det(cfg.A[3:, 3:6])
+    wanted = scale * np.linalg.det(task_jacobian(cfg)[:, C])
+    assert abs(np.linalg.det(found)) == pytest.approx(abs(wanted), rel=1e-10, abs=bar)
+    units = np.ones(6), np.ones(6 + arm.n)
+    chosen = tuple(free) + tuple(int(6 + j) for j in C)
+    value = measures.determinants(numbers, *of(cfg), cfg.q, *units, tuple(range(6)), (chosen,))
+    assert value[0] == pytest.approx(np.linalg.det(found), abs=bar)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_many_minors_are_few_minors(mode):
+    arm = sa.load("chaser7")
+    Q = np.random.default_rng(0).uniform(-3, 3, (40, 7))
+    rows, columns = np.arange(6), 6 + np.array([range(6), [6, 5, 4, 3, 2, 1]])
+    many = determinants.minors(arm, Q, mode, rows, columns)
+    few = np.concatenate([determinants.minors(arm, q[None], mode, rows, columns) for q in Q])
+    seen = determinants.columns_seen(arm, Q, mode)[:, :, columns].swapaxes(1, 2)
+    sizes = np.linalg.norm(seen, axis=2).prod(axis=2)
+    assert (np.abs(many - few) <= 1e-14 * sizes).all()
+    assert (np.abs(many - np.linalg.det(seen)) <= 1e-14 * sizes).all()
+
+
+@given(seeds, st.integers(1, 6), st.integers(0, 2))
+def test_chosen_minors_are_determinants(seed, k, more):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(k, k + more))
+    chosen = [tuple(int(j) for j in rng.permutation(k + more)[:k]) for _ in range(3)]
+    wanted = [np.linalg.det(A[:, columns]) for columns in chosen]
+    assert minors(A, chosen) == pytest.approx(wanted, abs=1e-12)
+    traced = minors(symbols.asarray(A), chosen)
+    assert np.array(traced, dtype=float) == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_tips_are_seen_from_the_centre(mode):
+    arm = sa.load("mda6")
+    for q in np.random.default_rng(0).uniform(-3, 3, (8, 6)):
+        cfg = arm.at(q)
+        body = arm.model.inertias[1].lever
+        centre = cfg.base.act(body) if mode == "fixed" else cfg.com
+        found = measures.tip_from_centre(numbers, *of(cfg, mode), q)
+        assert found == pytest.approx(cfg.tip.translation - centre, abs=1e-13)
