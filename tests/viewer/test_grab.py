@@ -127,7 +127,7 @@ def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser
     np.testing.assert_allclose(viewer.session.cfg.com, com, atol=1e-9)
     page.page.mouse.move(x + 500, y, steps=5)
     page.wait_text("#blocked", "cannot follow")
-    assert "blocked" in page.page.get_attribute("#grab", "class")
+    page.until(lambda: "blocked" in page.page.get_attribute("#grab", "class"))
     page.page.mouse.move(x - 30, y - 20, steps=5)
     page.page.wait_for_function("document.querySelector('#blocked').textContent === ''")
     page.page.mouse.up()
@@ -157,10 +157,10 @@ def test_a_ring_turns_red_where_the_tip_cannot_follow(browser):
 
     page.until(lambda: is_pressed_until("elbow is at the end of its range"))
     red = "getComputedStyle(document.querySelector('#grab polyline')).stroke"
-    assert page.page.evaluate(red) == "rgb(227, 20, 47)"
+    page.until(lambda: page.page.evaluate(red) == "rgb(227, 20, 47)")
     page.page.keyboard.press("ArrowRight")
     page.page.wait_for_function("document.querySelector('#blocked').textContent === ''")
-    assert page.page.evaluate(red) != "rgb(227, 20, 47)"
+    page.until(lambda: page.page.evaluate(red) != "rgb(227, 20, 47)")
     assert page.errors == []
     page.close()
     viewer.close()
