@@ -2,6 +2,7 @@
 
     python benchmarks/archive.py           # measure, write results/VERSION-DATE.json, draw
     python benchmarks/archive.py plot      # draw results/versions.png anew
+    python benchmarks/archive.py beside ../other    # this checkout and another in turn: ratios
 
 Run it on a quiet machine: the load before the run is in the file. Each figure is the shortest of
 several runs on one thread.
@@ -34,6 +35,8 @@ HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
 PEERS = ("pin", "numpy", "scipy", "llvmlite")
 ROUNDS = 5
+TURNS = 3
+"""How often each of two checkouts is measured."""
 
 
 def shortest(do: Callable[[], object], per: int = 1, unit: float = 1e6) -> float:
@@ -49,32 +52,45 @@ def shortest(do: Callable[[], object], per: int = 1, unit: float = 1e6) -> float
 
 def figures() -> dict[str, float]:
     """Measure; the keys tell what, and the unit."""
-    arm, planar = sa.load("chaser7"), sa.load("planar2")
+    arm, planar, mda6 = sa.load("chaser7"), sa.load("planar2"), sa.load("mda6")
     rng = np.random.default_rng(0)
     Q = rng.uniform(-np.pi, np.pi, (20_000, arm.n))
     few, q, rates = Q[:200], Q[0], np.zeros(arm.n)
-    singular, law = sa.singular_set(arm), sa.JointPD(target=0.1 + q, kp=5.0, kd=9.0)
+    singular, whole = sa.singular_set(arm), sa.singular_set(mda6)
+    law = sa.JointPD(target=0.1 + q, kp=5.0, kd=9.0)
 
     def each(ask: Callable[[sa.Configuration], object]) -> float:
         return shortest(lambda: [ask(arm.at(row)) for row in few], len(few))
 
-    def batch(*quantities: str) -> float:
-        return shortest(lambda: sa.evaluate(arm, Q, quantities, threads=1), len(Q))
+    def batch(quantity: str, arm: sa.SpaceArm = arm) -> float:
+        return shortest(lambda: sa.evaluate(arm, Q[:, : arm.n], quantity, threads=1), len(Q))
+
+    def simulated(**options: Any) -> float:
+        return shortest(lambda: sa.simulate(arm, q, law, 10.0, **options), 1, 1e3)
 
     return {
         "generalized Jacobian, chaser7 [us]": each(sa.generalized_jacobian),
         "singularity report, chaser7 [us]": each(sa.singularity),
         "forward dynamics, chaser7 [us]": each(lambda cfg: sa.forward_dynamics(cfg, rates, rates)),
         "sigma_min in a batch, chaser7 [us]": batch("sigma_min"),
+        "sigma_min in a batch, mda6 [us]": batch("sigma_min", mda6),
         "distance in a batch, chaser7 [us]": batch("distance"),
+        "generalized Jacobians in a batch, chaser7 [us]": shortest(
+            lambda: sa.generalized_jacobians(arm, Q, threads=1), len(Q)
+        ),
+        "accelerations in a batch, chaser7 [us]": shortest(
+            lambda: sa.joint_accelerations(arm, Q, 0.0 * Q, Q, threads=1), len(Q)
+        ),
         "exact set, chaser7 [ms]": shortest(lambda: sa.singular_set(sa.load("chaser7")), 1, 1e3),
         "a segment proven free, chaser7 [ms]": shortest(
             lambda: singular.is_free(q, q + 0.05), 1, 1e3
         ),
         "shells, planar2 [ms]": shortest(lambda: sa.workspace(sa.load("planar2")), 1, 1e3),
-        "10 s simulated, chaser7 [ms]": shortest(
-            lambda: sa.simulate(arm, q, law, 10.0, events=()), 1, 1e3
+        "2,000 members sampled, mda6 [ms]": shortest(
+            lambda: whole.sample(2000, np.random.default_rng(0)), 1, 1e3
         ),
+        "10 s simulated, chaser7 [ms]": simulated(events=()),
+        "10 s with the default events, chaser7 [ms]": simulated(),
         "a plan, planar2 [ms]": shortest(
             lambda: sa.plan(planar, [0.3, 1.2], sa.Joints([0.4, 1.3])), 1, 1e3
         ),
@@ -120,6 +136,22 @@ def archive(folder: Path, measure: Callable[[], dict[str, float]] = figures) -> 
     return write(folder / name, (json.dumps(run, indent=2) + "\n").encode())
 
 
+def beside(other: Path) -> None:
+    """Measure this checkout and another in turn, and print both figures and their ratios."""
+    found: dict[Path, list[dict[str, float]]] = {HERE.parent: [], other.resolve(): []}
+    for _ in range(TURNS):
+        for folder, runs in found.items():
+            command = [sys.executable, __file__, "figures"]
+            environment = {**os.environ, "PYTHONPATH": str(folder)}
+            printed = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True)
+            runs.append(json.loads(printed.stdout))
+    own, theirs = ({name: min(run[name] for run in runs) for name in runs[0]}
+                   for runs in found.values())  # fmt: skip
+    print(f"{'':54}{'other':>10}{'this':>10}{'ratio':>8}")
+    for name, value in own.items():
+        print(f"{name:54}{theirs[name]:10.3g}{value:10.3g}{theirs[name] / value:8.2f}")
+
+
 def draw(folder: Path) -> Path:
     """Draw all figures of the archived runs in their order, a line for each processor."""
     runs = [json.loads(path.read_text()) for path in folder.glob("*.json")]
@@ -151,6 +183,13 @@ def draw(folder: Path) -> Path:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] != ["plot"]:
-        print(archive(RESULTS))
-    print(draw(RESULTS))
+    match sys.argv[1:]:
+        case ["figures"]:
+            print(json.dumps(figures()))
+        case ["beside", folder]:
+            beside(Path(folder))
+        case ["plot"]:
+            print(draw(RESULTS))
+        case _:
+            print(archive(RESULTS))
+            print(draw(RESULTS))

@@ -133,7 +133,7 @@ def bounded_extreme(
     objective, on_roots = Pointwise(F), [Pointwise(S, S.scale) for S in equations]
     on_set: Any = [{"type": "eq", "fun": S, "jac": S.gradient} for S in on_roots]
     search: Any = minimize  # its stubs are for functions of float64 only
-    options: Any = {"maxiter": 50, "ftol": 1e-15}
+    options: Any = {"maxiter": 50, "ftol": 1e-12 * F.scale}
     x = start
     least, most = box if box else (np.full(len(x), -np.inf), np.full(len(x), np.inf))
     for _ in range(MOST_WAYS):

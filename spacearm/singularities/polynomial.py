@@ -118,7 +118,7 @@ def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampl
     columns = np.array([[*free, *joints] for joints in 6 + minors])
     if columns.shape[1] != len(rows):  # the task has rows that a planar arm cannot do
         raise _impossible(arm)
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (32, arm.n))
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
     seen = determinants.columns_seen(arm, Q, mode)[:, rows]
     chosen = seen[:, :, columns].swapaxes(1, 2)
     sizes = np.linalg.norm(chosen, axis=2).prod(axis=2)
