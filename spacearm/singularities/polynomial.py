@@ -118,8 +118,7 @@ def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampl
     columns = np.array([[*free, *joints] for joints in 6 + minors])
     if columns.shape[1] != len(rows):  # the task has rows that a planar arm cannot do
         raise _impossible(arm)
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
-    seen = determinants.columns_seen(arm, Q, mode)[:, rows]
+    seen = _columns_at_random(arm, mode)[:, rows]
     chosen = seen[:, :, columns].swapaxes(1, 2)
     sizes = np.linalg.norm(chosen, axis=2).prod(axis=2)
     idle = np.abs(seen[:, :, 6:]).max(axis=(0, 1)) <= ROUNDING  # their length is rounding as well
@@ -127,6 +126,13 @@ def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampl
     if (idle[minors].any(axis=1) | vanish).all():
         raise _impossible(arm)
     return lambda Q: determinants.minors(arm, Q, mode, rows, columns)
+
+
+@lru_cache(maxsize=16)
+def _columns_at_random(arm: SpaceArm, mode: BaseMode) -> Array:
+    """Return the columns that minors take determinants of, at some random positions."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
+    return determinants.columns_seen(arm, Q, mode)
 
 
 def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
