@@ -202,10 +202,10 @@ def moving(
 
 def torques(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
-    setup: Setup, calls: Calls | None = None,
+    setup: Setup, **calls: Callable[..., Any],
 ) -> Any:  # fmt: skip
     """Compute the torques (n,) that the laws ask for; see `state_rate`."""
-    return _asked(xp, moving(xp, tree, p, t, y, laws, plant, setup), setup, calls or {})
+    return _asked(xp, moving(xp, tree, p, t, y, laws, plant, setup), setup, calls)
 
 
 def _asked(xp: Any, now: Moving, setup: Setup, calls: Calls) -> Any:
@@ -240,7 +240,7 @@ def _yield(xp: Any, now: Moving, setup: Setup) -> Any:
 
 def state_rate(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
-    setup: Setup, calls: Calls | None = None, held: Any = None,
+    setup: Setup, held: Any = None, **calls: Callable[..., Any],
 ) -> Any:  # fmt: skip
     """Compute the rate (states,) of a state; with NaN where there is none.
 
@@ -253,10 +253,9 @@ def state_rate(
         laws: The numbers of the laws, as `Setup.law_shapes` lays them out.
         plant: The other numbers, as `Setup.plant_shapes` does.
         setup: What else is known.
-        calls: The functions outside.
         held: (n,) torques of a controller of fixed rate, in place of those of the laws.
+        calls: The functions outside.
     """
-    calls = calls or {}
     now = moving(xp, tree, p, t, y, laws, plant, setup)
     state, R = now.state, now.state.base.rotation
     tau = _cut(xp, now, setup, _asked(xp, now, setup, calls) if held is None else held)
@@ -349,11 +348,11 @@ def _motors(xp: Any, now: Moving, setup: Setup, calls: Calls, nu: Any) -> list[A
 
 def event_values(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
-    setup: Setup, calls: Calls | None = None,
+    setup: Setup, **calls: Callable[..., Any],
 ) -> Any:  # fmt: skip
     """Compute the event functions (e,); arguments as of `state_rate`."""
     now = moving(xp, tree, p, t, y, laws, plant, setup)
-    calls, state, found = calls or {}, now.state, []
+    state, found = now.state, []
     for i, (kind, index) in enumerate(setup.events):
         bound = now.given["bounds"][i]
         if kind == "determinant":
@@ -378,7 +377,7 @@ def event_values(
 
 def observe(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
-    setup: Setup, calls: Calls | None = None, held: Any = None,
+    setup: Setup, held: Any = None, **calls: Callable[..., Any],
 ) -> Any:  # fmt: skip
     """Compute what is reported of a state (n + 20,); arguments as of `state_rate`.
 
@@ -389,7 +388,7 @@ def observe(
     """
     now = moving(xp, tree, p, t, y, laws, plant, setup)
     state, at, R = now.state, now.state.at, now.state.base.rotation
-    tau = _cut(xp, now, setup, _asked(xp, now, setup, calls or {}) if held is None else held)
+    tau = _cut(xp, now, setup, _asked(xp, now, setup, calls) if held is None else held)
     loads = _loads(xp, now, list(_wheels(now, setup)), [])
     nu, _ = twists(xp, tree, at, state.dq, loads)
     brought = at.P.T @ (tree.gains @ state.dq)

@@ -22,8 +22,14 @@ from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.plant import Plant
 from spacearm.motion.runs.run import Runs
-from spacearm.motion.runs.setup import Prepared, coupled, prepared, start_state
-from spacearm.motion.runs.wanted import WantedEvent, wanted_events
+from spacearm.motion.runs.setup import (
+    Prepared,
+    WantedEvent,
+    coupled,
+    prepared,
+    start_state,
+    wanted_events,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -204,8 +210,7 @@ def _starts(
         own = {-1: laws[i % len(laws)]}
         kinds = dict.fromkeys((*events, *stop))
         wanted = wanted_events(plant.arm, plant.mode, kinds, stop, reach, own, None)
-        inner = [event.run_event for event in wanted if not event.distance]
-        return wanted, prepared(plant, own, inner, trace=trace)
+        return wanted, prepared(plant, own, wanted, trace=trace)
 
     known: tuple[list[WantedEvent], Prepared] | None = start(first, 0)
     assert known is not None

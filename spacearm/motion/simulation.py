@@ -27,8 +27,7 @@ from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.plant import Motors, PassiveJoint, Plant, WheelHold, Wrench, described
 from spacearm.motion.runs.run import Runs
-from spacearm.motion.runs.setup import coupled, prepared, start_state
-from spacearm.motion.runs.wanted import wanted_events
+from spacearm.motion.runs.setup import coupled, prepared, start_state, wanted_events
 from spacearm.motion.trajectory import Trajectory
 
 METHODS = ("auto", "DOP853", "Rodas5P")
@@ -164,7 +163,7 @@ def simulate(
     capacity = None if plant.hold is None else plant.hold.capacity
     kinds = dict.fromkeys((*events, *stop))
     wanted = wanted_events(arm, mode, kinds, stop, reach, controllers, capacity)
-    ready = prepared(plant, controllers, [e.run_event for e in wanted if not e.distance])
+    ready = prepared(plant, controllers, wanted)
     y, needs = start_state(plant, dq, h), coupled(plant, ready.setup, h)
     outputs = np.arange(0.0, duration, dt)
     run = Runs([plant], [controllers], [ready], y[None], needs, outputs, duration, wanted,

@@ -15,7 +15,7 @@ from spacearm.compiler import numbers
 from spacearm.equations import plant as equations
 from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
 from spacearm.motion.plant import PassiveJoint, Plant
-from spacearm.motion.runs.setup import RunEvent, prepared, start_state
+from spacearm.motion.runs.setup import WantedEvent, prepared, start_state
 
 FEW = settings(max_examples=25)
 MODES = ("free-floating", "attitude-controlled", "fixed")
@@ -38,13 +38,12 @@ class Run:
         tree, p = structure_of(arm, self.plant.mode), parameters_of(arm)
         with np.errstate(all="ignore"):
             return function(numbers, tree, p, t, self.y, known.laws, known.plant,
-                            setup=known.setup, calls=calls)  # fmt: skip
+                            setup=known.setup, **calls)  # fmt: skip
 
     def compiled(self, function, t=0.0):
         arm, known = self.plant.arm, self.prepared
-        named = {"rate": _rate, "torques": _torques, "observe": _observe, "events": _events}
         kernel = arms_kernel(
-            [arm], self.plant.mode, named[function], (("t", ()), ("y", self.y.shape)),
+            [arm], self.plant.mode, function, (("t", ()), ("y", self.y.shape)),
             (("laws", known.laws.shape), ("plant", known.plant.shape)), (),
             known.setup.called(arm.n), options=(("setup", known.setup),),
         )  # fmt: skip
@@ -66,32 +65,20 @@ class Run:
 
     def rate(self, t=0.0):
         """The rate of the state, the same by NumPy and compiled."""
-        found, known = self.compiled("rate", t), self.by_numpy(equations.state_rate, t)
+        found, known = (
+            self.compiled(equations.state_rate, t),
+            self.by_numpy(equations.state_rate, t),
+        )
         size = np.abs(known).max(initial=1.0)
         np.testing.assert_allclose(found, known, rtol=1e-9, atol=1e-11 * size)
         return known
 
     def torques(self, t=0.0):
-        found, known = self.compiled("torques", t), self.by_numpy(equations.torques, t)
+        known = self.by_numpy(equations.torques, t)
+        found = self.compiled(equations.torques, t)
         size = np.abs(known).max(initial=1.0)
         np.testing.assert_allclose(found, known, rtol=1e-9, atol=1e-9 * size)
         return known
-
-
-def _rate(xp, tree, p, t, y, laws, plant, setup, **calls):
-    return equations.state_rate(xp, tree, p, t, y, laws, plant, setup=setup, calls=calls)
-
-
-def _torques(xp, tree, p, t, y, laws, plant, setup, **calls):
-    return equations.torques(xp, tree, p, t, y, laws, plant, setup=setup, calls=calls)
-
-
-def _observe(xp, tree, p, t, y, laws, plant, setup, **calls):
-    return equations.observe(xp, tree, p, t, y, laws, plant, setup=setup, calls=calls)
-
-
-def _events(xp, tree, p, t, y, laws, plant, setup, **calls):
-    return equations.event_values(xp, tree, p, t, y, laws, plant, setup=setup, calls=calls)
 
 
 class Push:
@@ -236,7 +223,7 @@ def test_what_is_observed_is_what_mechanics_computes(mode):
     h = np.zeros(6) if mode == "fixed" else rng.normal(size=6)
     run = Run(cfg, dq, h, mode, Push(np.arange(6.0)))
     seen = run.by_numpy(equations.observe)
-    np.testing.assert_allclose(run.compiled("observe"), seen, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(run.compiled(equations.observe), seen, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(seen[:6], np.arange(6.0))
     np.testing.assert_allclose(seen[6:9], cfg.base.translation, atol=1e-12)
     turned = pin.XYZQUATToSE3(seen[6:13]).rotation
@@ -420,11 +407,11 @@ def test_event_functions():
     cfg = arm.at([0.3, 1.1])
     law = sa.JointPD(target=[0.5, 1.0], kp=2.0, kd=1.0)
     events = [
-        RunEvent(equations.Event("determinant")),
-        RunEvent(equations.Event("upper", 1), 1.5),
-        RunEvent(equations.Event("lower", 0), -1.0),
-        RunEvent(equations.Event("target", 0), 1e-3),
-        RunEvent(equations.Event("own"), 0.25, lambda t, cfg: t + cfg.q[1]),
+        WantedEvent(equations.Event("determinant")),
+        WantedEvent(equations.Event("upper", 1), 1.5),
+        WantedEvent(equations.Event("lower", 0), -1.0),
+        WantedEvent(equations.Event("target", 0), 1e-3),
+        WantedEvent(equations.Event("own"), 0.25, lambda t, cfg: t + cfg.q[1]),
     ]
     run = Run(cfg, np.zeros(2), np.zeros(6), "free-floating", law, events)
     found = run.by_numpy(equations.event_values, 0.2)
@@ -432,7 +419,7 @@ def test_event_functions():
     det = np.linalg.det(J / np.linalg.norm(J, axis=1, keepdims=True))
     miss = np.hypot(0.2, 0.1) - 1e-3
     np.testing.assert_allclose(found, [det, 0.4, 1.3, miss, 1.05], atol=1e-13)
-    np.testing.assert_allclose(run.compiled("events", 0.2), found, atol=1e-13)
+    np.testing.assert_allclose(run.compiled(equations.event_values, 0.2), found, atol=1e-13)
 
 
 def test_tasks_with_more_rows_than_joints():
@@ -446,4 +433,4 @@ def test_tasks_with_more_rows_than_joints():
     np.testing.assert_allclose(found, law(0.0, cfg, dq), rtol=1e-9, atol=1e-9)
     resolved = Run(cfg, dq, np.zeros(6), "free-floating", sa.ResolvedRate(target=goal))
     assert np.isnan(resolved.by_numpy(equations.torques)).all()
-    assert np.isnan(resolved.compiled("rate")[arm.n : 2 * arm.n]).all()
+    assert np.isnan(resolved.compiled(equations.state_rate)[arm.n : 2 * arm.n]).all()

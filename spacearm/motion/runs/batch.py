@@ -5,6 +5,7 @@ The steps are kept as rows; outputs and events are looked for in them afterwards
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -22,11 +23,11 @@ from spacearm.equations.integration import (
     PATIENCE,
     RUNNING,
     STABLE,
+    Progress,
 )
-from spacearm.mechanics.many import arms_kernel
+from spacearm.mechanics.many import ArmKernel, arms_kernel
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.motion.runs.outside import Outside
 from spacearm.motion.runs.setup import Prepared
 
 STEPS = 64
@@ -36,6 +37,16 @@ SLOW, PACE = 1e-5, 1000
 Whole = npt.NDArray[np.int64]
 ENDED = 10
 """Status of a run that an event ended."""
+NOW = tuple(name for name in Progress._fields if name != "y")
+"""What is known of where a run stands besides its state."""
+
+
+class Method(NamedTuple):
+    """How steps are taken, as `integration.advance` has it."""
+
+    implicit: bool
+    dense: bool
+    coupled: int
 
 
 class Steps(NamedTuple):
@@ -45,12 +56,15 @@ class Steps(NamedTuple):
         run: (K,) numbers of their runs.
         start: (K,) times at which they begin [s].
         end: (K,) times at which they end [s].
-        rows: (K, 2 + 8 N) as `integration.advance` keeps them, of what is integrated.
+        row: (K,) numbers of their rows.
+        rows: (R, 2 + 8 N) as `integration.advance` keeps them, of what is integrated; written anew
+            when the runs go on.
     """
 
     run: Whole
     start: Array
     end: Array
+    row: Whole
     rows: Array
 
 
@@ -58,73 +72,79 @@ class Steps(NamedTuple):
 def integrated(setup: equations.Setup, n: int, mode: BaseMode) -> tuple[int, ...]:
     """Return which components of the state change at all; the works are the last."""
     at = equations.parts(n, len(setup.wheels))
-    found = [*_numbers(at.q), *_numbers(at.dq)]
-    if mode == "free-floating":
-        found += _numbers(at.attitude)
-    if mode != "fixed":
-        found += _numbers(at.com)
-    if setup.pushed:
-        found += _numbers(at.momentum)
-    turned = setup.holds or setup.motors is not None
-    if setup.wheels and turned:
-        found += _numbers(at.wheels)
-    wanted = (True, bool(setup.passive), bool(setup.pushed), bool(setup.wheels and turned))
-    return (*found, *(i for i, used in zip(_numbers(at.works), wanted, strict=True) if used))
-
-
-def _numbers(of: slice) -> list[int]:
-    return list(range(of.start, of.stop))
+    turned = bool(setup.wheels) and (setup.holds or setup.motors is not None)
+    changes = (
+        (at.q, True), (at.dq, True), (at.attitude, mode == "free-floating"),
+        (at.com, mode != "fixed"), (at.momentum, bool(setup.pushed)), (at.wheels, turned),
+    )  # fmt: skip
+    found = [i for part, used in changes if used for i in range(part.start, part.stop)]
+    works = (True, setup.passive, bool(setup.pushed), turned)
+    return (*found, *(at.works.start + i for i, used in enumerate(works) if used))
 
 
 def advanced(
-    xp: Any, tree: Any, p: Any, *, t: Any, y: Any, h: Any, end: Any, stiff: Any, calm: Any,
-    eigenvalue: Any, laws: Any, plant: Any, tolerances: Any, setup: equations.Setup, most: int,
-    implicit: bool, dense: bool, coupled: int, held: Any = None, **calls: Any,
+    xp: Any, tree: Any, p: Any, *, now: Any, y: Any, laws: Any, plant: Any, limits: Any,
+    setup: equations.Setup, method: Method, held: Any = None, **calls: Any,
 ) -> Any:  # fmt: skip
-    """Take steps of runs; see `integration.advance`. Compiled for the lanes."""
-    moving = integrated(setup, tree.n, tree.mode)
-    place = {i: k for k, i in enumerate(moving)}
+    """Take steps of runs; see `integration.advance`. Compiled for the lanes.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        p: Its numbers.
+        now: (7,) where the run stands, see `NOW`.
+        y: (states,) its state.
+        laws: The numbers of the laws.
+        plant: The other numbers.
+        limits: (4,) relative and absolute tolerance, 1 if the method may change, the end.
+        setup: What else is known.
+        method: How steps are taken.
+        held: As in `equations.plant.state_rate`.
+        calls: The functions outside.
+
+    Returns:
+        (7 + N,) where the run stands, and what is integrated; the rows of the steps.
+    """
+    moving = np.array(integrated(setup, tree.n, tree.mode))
+    rtol, atol, switches, end = limits
 
     def rate(t: Any, z: Any) -> Any:
-        whole = xp.stack([z[place[i]] if i in place else y[i] for i in range(len(y))])
-        given = {} if held is None else {"held": held}
+        whole = _whole(xp, z, y, moving)
         dy = equations.state_rate(
-            xp, tree, p, t, whole, laws, plant, setup=setup, calls=calls, **given
+            xp, tree, p, t, whole, laws, plant, setup=setup, held=held, **calls
         )
-        return dy[np.array(moving)]
+        return dy[moving]
 
-    problem = integration.Problem(
-        tolerances[0], tolerances[1], 2 * tree.n + 5, tree.n, min(coupled, len(moving))
-    )
-    start = integration.Progress(t, y[np.array(moving)], h, 0.0, stiff, calm, eigenvalue)
-    now, rows = integration.advance(
-        xp, rate, problem, start, end, most=most, implicit=implicit, switches=tolerances[2],
-        dense=dense,
+    counted, N = 2 * tree.n + 5, len(moving)
+    problem = integration.Problem(rtol, atol, counted, tree.n, min(method.coupled, N))
+    start = Progress(y=y[moving], **dict(zip(NOW, now, strict=True)))
+    found, rows = integration.advance(
+        xp, rate, problem, start, end, most=STEPS, implicit=method.implicit, switches=switches,
+        dense=method.dense,
     )  # fmt: skip
-    return *now, rows
+    reached = xp.stack([getattr(found, name) for name in NOW])
+    return xp.concatenate([reached, found.y]), rows
 
 
-def torqued(xp: Any, tree: Any, p: Any, *, t: Any, y: Any, laws: Any, plant: Any,
-            setup: equations.Setup, **calls: Any) -> Any:  # fmt: skip
-    """Compute the torques (n,) that controllers ask for."""
-    return equations.torques(xp, tree, p, t, y, laws, plant, setup=setup, calls=calls)
-
-
-def observed(xp: Any, tree: Any, p: Any, *, t: Any, y: Any, laws: Any, plant: Any,
-             setup: equations.Setup, **calls: Any) -> Any:  # fmt: skip
-    """Compute what is reported of a state; see `equations.plant.observe`."""
-    return equations.observe(xp, tree, p, t, y, laws, plant, setup=setup, calls=calls)
-
-
-def event_values(xp: Any, tree: Any, p: Any, *, t: Any, y: Any, laws: Any, plant: Any,
-                 setup: equations.Setup, **calls: Any) -> Any:  # fmt: skip
-    """Compute the event functions (e,) in a state."""
-    return equations.event_values(xp, tree, p, t, y, laws, plant, setup=setup, calls=calls)
-
-
-def within(xp: Any, _tree: Any, _p: Any, *, i: Any, t: Any, rows: Any) -> Any:
+def states_within(xp: Any, _tree: Any, _p: Any, *, i: Any, t: Any, rows: Any) -> Any:
     """Compute what is integrated at a time in step i of rows."""
     return integration.state_of(xp.row(rows, i), t)
+
+
+def events_within(
+    xp: Any, tree: Any, p: Any, *, i: Any, t: Any, y: Any, laws: Any, plant: Any, rows: Any,
+    setup: equations.Setup, **calls: Any,
+) -> Any:  # fmt: skip
+    """Compute the event functions (e,) at a time in step i of rows."""
+    moving = np.array(integrated(setup, tree.n, tree.mode))
+    whole = _whole(xp, integration.state_of(xp.row(rows, i), t), y, moving)
+    return equations.event_values(xp, tree, p, t, whole, laws, plant, setup=setup, **calls)
+
+
+def _whole(xp: Any, z: Any, y: Any, moving: Any) -> Any:
+    """Return a state (states,) from what is integrated, and what stays."""
+    place = {int(i): k for k, i in enumerate(moving)}
+    return xp.stack([z[place[i]] if i in place else y[i] for i in range(len(y))])
 
 
 class Batch:
@@ -136,8 +156,7 @@ class Batch:
         prepared: The numbers and functions of each run; all of one setup.
         y: (m, states) the states at the start.
         coupled: How many leading components of the state rates depend on.
-        rtol: Relative tolerance of each step.
-        atol: Absolute one.
+        tolerances: Relative and absolute tolerance of each step.
         method: "auto", "DOP853" or "Rodas5P".
 
     Attributes:
@@ -157,27 +176,25 @@ class Batch:
         m = len(y)
         self.arms, self.mode, self.setup = arms, mode, prepared[0].setup
         self.n = arms[0].n
-        self.laws = np.array([p.laws for p in prepared]).reshape(m, -1)
-        self.plant = np.array([p.plant for p in prepared]).reshape(m, -1)
-        self.outside = Outside([p.outside for p in prepared])
         self.moving = np.array(integrated(self.setup, self.n, mode))
         at = equations.parts(self.n, len(self.setup.wheels))
-        self.coupled = int(((self.moving < coupled) & ~_within(self.moving, at.works)).sum())
-        self.works = at.works
-        self.tolerances = np.array([*tolerances, float(method == "auto")])
-        self.t, self.y = np.zeros(m), y.copy()
-        self.h, self.stiff, self.calm, self.eigenvalue = np.zeros((4, m))
-        self.status = np.full(m, RUNNING)
+        works = int((self.moving < at.works.stop).sum() - (self.moving < at.works.start).sum())
+        self.coupled = int((self.moving[: len(self.moving) - works] < coupled).sum())
+        self._works = slice(len(self.moving) - works, len(self.moving))
+        self.tolerances = (*tolerances, float(method == "auto"))
+        self.now, self.y = np.zeros((m, len(NOW))), y.copy()
+        self.t, self.h, self.status, self.stiff, self.calm, self.eigenvalue, _ = self.now.T
         self.implicit = np.full(m, method == "Rodas5P")
         self.patience = np.full(m, float(PATIENCE))
         self.steps, self.exchanged = np.zeros(m, np.int64), np.zeros(m)
         self._marks = np.zeros((2, m))
         self.held: Array | None = None
         self.dense = True
-        whole = {f"law{i}" for i, law in enumerate(self.setup.laws) if law.kind == "own"}
-        whole |= {f"event{i}" for i in range(len(self.setup.events))}
-        states = y.shape[1]
-        self._given = {name: 1 + states * (name in whole) for name, _ in self.setup.called(self.n)}
+        self.outside = Outside(prepared, y.shape[1])
+        self._compiled: dict[Any, _Compiled] = {}
+        self._rows = np.empty((m, STEPS, 2 + 8 * len(self.moving)))
+        self._laws = np.array([p.laws for p in prepared]).reshape(m, -1)
+        self._plant = np.array([p.plant for p in prepared]).reshape(m, -1)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -187,45 +204,72 @@ class Batch:
         function: Callable[..., Any],
         runs: Whole,
         inputs: Mapping[str, Array],
-        numbers: Mapping[str, Array] | None = None,
+        numbers: Mapping[str, Array | float] | None = None,
+        rows: Array | None = None,
         *,
+        out: Sequence[Array | None] = (),
         lanes: int | None = None,
-        outside: bool = True,
+        acts: bool = True,
         **options: Any,
     ) -> Any:
-        """Compute a function of this module for lanes of some runs; compiled when first needed.
+        """Compute a function for lanes of some runs; compiled when first needed.
 
         Args:
-            function: The function.
+            function: The function, of the arm and what follows.
             runs: (lanes,) numbers of the runs.
-            inputs: What it takes besides the numbers of the laws and of the plant, by name.
+            inputs: What it takes of each lane besides the numbers of laws and plant, by name.
             numbers: What all lanes share.
+            rows: A table of that name, if it takes one.
+            out: Where to write what it returns.
             lanes: Number of lanes side by side; one if functions outside are called.
-            outside: Whether it takes numbers and functions of laws and plant.
+            acts: Whether it takes numbers and functions of laws and plant.
             options: What is known while tracing.
         """
-        inputs, shared = dict(inputs), dict(numbers or {})
+        key = function, *options.values()
+        tables = {} if rows is None else {"rows": rows}
+        if (found := self._compiled.get(key)) is None:
+            given = dict(inputs), dict(numbers or {}), tables
+            found = self._compiled[key] = self._compile(function, given, lanes, acts, options)
+        inputs = {**inputs, **{name: values[runs] for name, values in found.each.items()}}
+        called = self.outside.called(runs, found.calls) if found.calls else None
+        shared = {**found.shared, **(numbers or {})}
+        return found.kernel(inputs, shared, tables, called, out=out, lanes_of=runs)
+
+    def _compile(
+        self, function: Callable[..., Any], given: Any, lanes: int | None, acts: bool,
+        options: dict[str, Any],
+    ) -> _Compiled:  # fmt: skip
+        """Return a function compiled, with the numbers of laws and plant that it takes."""
+        inputs, numbers, tables = given
+        shared: dict[str, Array] = {}
+        each: dict[str, Array] = {}
         calls: dict[str, int] = {}
-        if outside:
-            setup = self.setup if function is event_values else self.setup._replace(events=())
-            left_out = len(self.setup.events) - len(setup.events)
-            plant = self.plant[:, : self.plant.shape[1] - left_out]
-            for name, values in (("laws", self.laws), ("plant", plant)):
+        if acts:
+            setup = self.setup if function is events_within else self.setup._replace(events=())
+            bounds = len(self.setup.events) - len(setup.events)
+            plant = self._plant[:, : self._plant.shape[1] - bounds]
+            for name, values in (("laws", self._laws), ("plant", plant)):
                 if (values == values[0]).all():
                     shared[name] = values[0]
                 else:
-                    inputs[name] = values[runs]
-            calls = dict(setup.called(self.n))
-            options = {"setup": setup, **options}
+                    each[name] = values
+            calls, options = dict(setup.called(self.n)), {"setup": setup, **options}
+        arms = self.arms[:1] if function is states_within else self.arms
         kernel = arms_kernel(
-            self.arms, self.mode, function,
-            tuple((name, values.shape[1:]) for name, values in inputs.items()),
-            tuple((name, np.shape(values)) for name, values in shared.items()),
-            outside=tuple(calls.items()), options=tuple(options.items()),
-            lanes=1 if calls else lanes,
+            arms, self.mode, function,
+            tuple((name, values.shape[1:]) for name, values in (inputs | each).items()),
+            tuple((name, np.shape(values)) for name, values in (numbers | shared).items()),
+            tuple((name, table.shape[1]) for name, table in tables.items()),
+            tuple(calls.items()), options=tuple(options.items()), lanes=1 if calls else lanes,
         )  # fmt: skip
-        called = self.outside.called(runs, calls, self._given)
-        return kernel(inputs, shared, {}, called, lanes_of=runs)
+        return _Compiled(kernel, calls, shared, each)
+
+    def standing(self) -> Steps:
+        """Return steps in which the runs stay where they are."""
+        every, z = np.arange(len(self)), self.y[:, self.moving]
+        rows = np.zeros((len(self), self._rows.shape[2]))
+        rows[:, 1], rows[:, 2 : 2 + z.shape[1]] = 1.0, z
+        return Steps(every, self.t.copy(), self.t.copy(), every, rows)
 
     def advance(self, end: float) -> Iterator[Steps]:
         """Go on to a time, or to what ends the runs before; yield the steps in turn.
@@ -245,33 +289,28 @@ class Batch:
 
     def _advance(self, runs: Whole, end: float, implicit: bool) -> Steps:
         """Take steps of some runs that go on."""
-        inputs = {
-            "t": self.t[runs], "y": self.y[runs], "h": self.h[runs],
-            "end": np.full(len(runs), end), "stiff": self.stiff[runs], "calm": self.calm[runs],
-            "eigenvalue": self.eigenvalue[runs],
-        }  # fmt: skip
+        inputs = {"now": self.now[runs], "y": self.y[runs]}
         if self.held is not None:
             inputs["held"] = self.held[runs]
-        t, z, h, status, stiff, calm, eigenvalue, turns, rows = self.compute(
-            advanced, runs, inputs, {"tolerances": self.tolerances}, most=STEPS, implicit=implicit,
-            dense=implicit or self.dense, coupled=self.coupled, lanes=1 if len(self) == 1 else None,
+        written = self._rows[: len(runs)]
+        found, _ = self.compute(
+            advanced, runs, inputs, {"limits": np.array([*self.tolerances, end])},
+            out=(None, written), lanes=1 if len(self) == 1 else None,
+            method=Method(implicit, implicit or self.dense, self.coupled),
         )  # fmt: skip
-        self.t[runs], self.h[runs], self.status[runs] = t, h, status
-        self.y[np.ix_(runs, self.moving)] = z
-        self.stiff[runs], self.calm[runs], self.eigenvalue[runs] = stiff, calm, eigenvalue
-        self._change(runs[status == CHANGES])
-        written = np.arange(STEPS) < turns[:, None]
-        lane, turn = np.nonzero(written & (rows[:, :, 1] > 0.0))
-        kept = rows[lane, turn]
-        last = np.append(lane[1:] != lane[:-1], True)[: len(lane)]
-        ends = np.where(last, t[lane], np.append(kept[1:, 0], 0.0)[: len(lane)])
-        found = Steps(runs[lane], kept[:, 0].copy(), ends, kept)
-        np.add.at(self.steps, found.run, 1)
-        first = 2 + len(self.moving)
-        works = int((~_within(self.moving, self.works)).sum())
-        gone = np.abs(kept[:, first + works : first + len(self.moving)]).sum(axis=1)
-        np.add.at(self.exchanged, found.run, gone)
-        return found
+        self.now[runs], self.y[np.ix_(runs, self.moving)] = np.split(found, [len(NOW)], axis=1)
+        turns = found[:, len(NOW) - 1]
+        self._change(runs[self.status[runs] == CHANGES])
+        lane, turn = np.nonzero((np.arange(STEPS) < turns[:, None]) & (written[:, :, 1] > 0.0))
+        run, row, rows = runs[lane], lane * STEPS + turn, written.reshape(len(runs) * STEPS, -1)
+        start = rows[row, 0]
+        last = np.append(run[1:] != run[:-1], True)[: len(run)]
+        ends = np.where(last, self.t[run], np.append(start[1:], 0.0)[: len(run)])
+        steps = Steps(run, start, ends, row, rows)
+        self.steps += np.bincount(run, minlength=len(self))
+        gone = np.abs(self.changes(steps, self._works)).sum(axis=1)
+        self.exchanged += np.bincount(run, gone, minlength=len(self))
+        return steps
 
     def _change(self, runs: Whole) -> None:
         """Go over to the other method: from stiff steps, and back, each time for longer."""
@@ -291,37 +330,112 @@ class Batch:
         self.status[slow[self.status[slow] == RUNNING]] = COLLAPSED
         self._marks[0, due], self._marks[1, due] = self.steps[due], self.t[due]
 
-    def whole(self, runs: Whole, z: Array) -> Array:
-        """Return the states (L, states) of some runs from what is integrated."""
-        y = self.y[runs]
-        y[:, self.moving] = z
-        return y
+    def begins(self, steps: Steps, of: slice) -> Array:
+        """Return some components (K, ...) of what is integrated at the beginnings of steps."""
+        return steps.rows[:, 2 + of.start : 2 + of.stop][steps.row]
+
+    def changes(self, steps: Steps, of: slice) -> Array:
+        """Return by how much they change in the steps."""
+        first = 2 + len(self.moving)
+        return steps.rows[:, first + of.start : first + of.stop][steps.row]
 
     def states(self, steps: Steps, i: Whole, t: Array) -> Array:
         """Return the states (L, states) at times t (L,) within steps i (L,)."""
-        if not len(i):
-            return self.y[:0]
-        kernel = arms_kernel(
-            self.arms[:1], self.mode, within, (("i", ()), ("t", ())),
-            tables=(("rows", steps.rows.shape[1]),),
-        )  # fmt: skip
-        z = kernel({"i": i.astype(float), "t": t}, {}, {"rows": steps.rows})
-        return self.whole(steps.run[i], z)
+        y = self.y[steps.run[i]]
+        if len(i):
+            at = {"i": steps.row[i].astype(float), "t": t}
+            y[:, self.moving] = self.compute(
+                states_within, steps.run[i], at, rows=steps.rows, acts=False
+            )
+        return y
+
+    def event_values(self, steps: Steps, i: Whole, t: Array) -> Array:
+        """Return the event functions (L, e) at times t (L,) within steps i (L,)."""
+        runs = steps.run[i]
+        at = {"i": steps.row[i].astype(float), "t": t, "y": self.y[runs]}
+        found: Array = self.compute(events_within, runs, at, rows=steps.rows)
+        return found
 
     def stop(self, run: int, t: float, y: Array, steps: Steps | None) -> None:
         """End a run at an event in one of these steps, or at the start, where its state is y."""
         if steps is not None:
-            mine = np.flatnonzero((steps.run == run) & (steps.end >= t))
-            works, nz = _within(self.moving, self.works), len(self.moving)
-            for k in mine:
-                begun = steps.rows[k, 2 : 2 + nz][works]
-                whole = np.abs(steps.rows[k, 2 + nz : 2 + 2 * nz][works]).sum()
-                part = np.abs(y[self.moving][works] - begun).sum() if steps.start[k] <= t else 0.0
-                self.exchanged[run] += part - whole
-            self.steps[run] -= int((steps.start[mine] > t).sum())
+            mine = (steps.run == run) & (steps.end >= t)
+            whole = np.abs(self.changes(steps, self._works)[mine]).sum(axis=1)
+            begun = self.begins(steps, self._works)[mine]
+            part = np.abs(y[self.moving][self._works] - begun).sum(axis=1)
+            begins = steps.start[mine] <= t
+            self.exchanged[run] += np.where(begins, part, 0.0).sum() - whole.sum()
+            self.steps[run] -= int((~begins).sum())
         self.t[run], self.y[run], self.status[run] = t, y, ENDED
 
 
-def _within(numbers: Array, of: slice) -> npt.NDArray[np.bool_]:
-    found: npt.NDArray[np.bool_] = (numbers >= of.start) & (numbers < of.stop)
-    return found
+class _Compiled(NamedTuple):
+    """A compiled function of runs.
+
+    Attributes:
+        kernel: The machine code.
+        calls: The functions outside that it calls, and how many numbers each gives.
+        shared: The numbers of laws and plant that all runs share.
+        each: Those that each run has its own of.
+    """
+
+    kernel: ArmKernel
+    calls: Mapping[str, int]
+    shared: Mapping[str, Array]
+    each: Mapping[str, Array]
+
+
+class Outside:
+    """The functions outside that runs call, and the error that the last call of each run raised.
+
+    After an error the integrator tries shorter steps, so that the run gets as near to it as it can;
+    an interrupt ends all runs at once.
+
+    Args:
+        prepared: The runs.
+        states: Length of a state, which users' laws and events are given.
+    """
+
+    def __init__(self, prepared: Sequence[Prepared], states: int) -> None:
+        setup, self.functions = prepared[0].setup, [one.outside for one in prepared]
+        whole = {law.name(i) for i, law in enumerate(setup.laws) if law.kind == "own"}
+        whole |= {f"event{i}" for i in range(len(setup.events))}
+        self.given = {name: 1 + states * (name in whole) for name in self.functions[0]}
+        self.errors: list[BaseException | None] = [None] * len(prepared)
+        self.interrupted = False
+        self._views: dict[tuple[int, int], Array] = {}
+
+    def called(self, runs: Whole, counts: Mapping[str, int]) -> dict[str, Callable[..., None]]:
+        """Return the functions as a kernel calls them whose lanes are of these runs.
+
+        Args:
+            runs: (lanes,) numbers of the runs.
+            counts: How many numbers each gives.
+        """
+        return {name: self._of(name, runs, count) for name, count in counts.items()}
+
+    def _of(self, name: str, runs: Whole, count: int) -> Callable[..., None]:
+
+        def call(lane: int, values: Any, results: Any) -> None:
+            given, out = self._view(values, self.given[name]), self._view(results, 1 + count)
+            run = int(runs[lane])
+            out[0] = 1.0
+            if self.interrupted:
+                return
+            try:
+                out[1:] = np.ravel(self.functions[run][name](float(given[0]), given[1:]))
+            except BaseException as error:
+                self.errors[run] = error
+                self.interrupted = not isinstance(error, Exception)
+                return
+            self.errors[run] = None
+            out[0] = 0.0
+
+        return call
+
+    def _view(self, pointer: Any, size: int) -> Array:
+        """Return numbers at an address as an array."""
+        key = ctypes.addressof(pointer.contents), size
+        if key not in self._views:
+            self._views[key] = np.ctypeslib.as_array(pointer, (size,))
+        return self._views[key]

@@ -1,4 +1,4 @@
-"""Many motions along paths of the tip at once; their equations stand in `equations.lines`."""
+"""Motions along paths of the tip, one or many; their equations stand in `equations.lines`."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.compiler.machine import processors
 from spacearm.equations import lines
+from spacearm.errors import NoSolutionError
 from spacearm.mechanics.many import ArmKernel, arms_kernel
 from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import Configuration
 from spacearm.model.scale import radians
-from spacearm.motion.events import NEAR
-from spacearm.motion.tip_path import Segment
+from spacearm.motion.events import CLOSE, NEAR, Event
+from spacearm.motion.goal import Goal
+from spacearm.motion.tip_path import Segment, segments
 
 ENDS = ("arrived", "singularity", "joint limit", "tilt", "margin", "gave up")
 """How a motion ends, in the order of the numbers of `equations.lines`."""
@@ -28,6 +31,9 @@ KEPT_STEPS = 5_000
 """Most steps of a motion whose steps are kept."""
 PIECES = 16
 """Number of pieces of work between which progress is told."""
+
+POINTS = 128
+"""Points of a straight line."""
 
 Integers = npt.NDArray[np.int64]
 
@@ -256,3 +262,59 @@ def _interval(a: pin.SE3, b: pin.SE3, da: Array, db: Array, ds: float) -> Array:
         at_end = ds * da[3:]
     place = a.translation, b.translation, ds * da[:3], ds * db[:3]
     return np.concatenate((*place, a.rotation.ravel(), turn, ds * da[3:], at_end))
+
+
+class Line(NamedTuple):
+    """What came of leading the tip along a straight line.
+
+    Attributes:
+        q: (m, n) joint positions at the points that were reached, the start first, and at the end.
+        end: How it ended: "arrived", "singularity" or "joint limit"; its time is the length of the
+            line behind the tip, in the unit of `length`.
+        length: Length of the line [m], or [rad] of a mere turn.
+        tip: (3,) position of the tip at the end [m].
+    """
+
+    q: Array
+    end: Event
+    length: float
+    tip: Array
+
+
+def straight_line(start: Configuration, goal: Goal, limits: bool) -> Line:
+    """Lead the tip of a floating arm straight to a goal, until it arrives or cannot go on.
+
+    Args:
+        start: The configuration; its arm's task singles out no direction that turns.
+        goal: A pose, or a point in the task's rows [m].
+        limits: Whether joint limits end the motion.
+
+    Raises:
+        NoSolutionError: The integrator gives up.
+    """
+    arm, to_cm = start.arm, -start.com
+    (whole,) = segments(start, [goal], None)
+    table = table_of([[_shifted(whole, to_cm)]])
+    attitude = pin.SE3ToXYZQUAT(start.base)[3:]
+    led, reached = lead_with_stops(arm, start.q, attitude, table, POINTS, Settings(limits=limits))
+    kind, s, there = ENDS[led.ended[0]], float(led.s[0]), led.q[0]
+    if kind == "gave up":
+        raise NoSolutionError(f"{arm.name}: the line cannot be followed beyond {s:.4g}")
+    rows = np.vstack((start.q, reached if kind == "arrived" else [*reached, there]))
+    detail = f", {CLOSE}" if kind == "singularity" and arm.n > arm.task.k else ""
+    if kind == "joint limit":  # the last step went beyond it
+        j, before = int(np.maximum(arm.lower - there, there - arm.upper).argmax()), rows[-2]
+        share = (np.clip(there, arm.lower, arm.upper) - before)[j] / (there - before)[j]
+        rows[-1] = np.clip(before + share * (there - before), arm.lower, arm.upper)
+        detail = arm.joint_names[j]
+    return Line(rows, Event(s, kind, rows[-1], detail), whole.length, whole.pose(s).translation)
+
+
+def _shifted(whole: Segment, shift: Array) -> Segment:
+    """Return a segment shifted."""
+
+    def pose(s: float) -> pin.SE3:
+        at = whole.pose(s)
+        return pin.SE3(at.rotation, at.translation + shift)
+
+    return whole._replace(pose=pose)

@@ -10,7 +10,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.equations.integration import COLLAPSED, FAILED
 from spacearm.equations.jacobian import task_jacobian
-from spacearm.equations.plant import parts
+from spacearm.equations.plant import observe, parts, torques
 from spacearm.equations.singular_values import bidiagonal, least_eigenvalue
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import nearness
@@ -19,10 +19,9 @@ from spacearm.model.mode import free_components
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS, Event, is_exact, with_nearest
 from spacearm.motion.plant import Plant
-from spacearm.motion.runs.batch import Batch, Steps, observed, torqued
+from spacearm.motion.runs.batch import Batch, Steps
 from spacearm.motion.runs.crossings import Crossings, Found
-from spacearm.motion.runs.setup import Prepared
-from spacearm.motion.runs.wanted import WantedEvent
+from spacearm.motion.runs.setup import Prepared, WantedEvent
 from spacearm.motion.trajectory import Trajectory
 
 REPORT = 50
@@ -114,7 +113,7 @@ class Runs:
         batch, k, every = self.batch, 0, np.zeros(1, np.int64)
         batch.held = np.zeros((1, batch.n))
         while self.ended[0] == "duration" and k * period < end:
-            tau = batch.compute(torqued, every, {"t": batch.t, "y": batch.y})
+            tau = batch.compute(torques, every, {"t": batch.t, "y": batch.y})
             if not np.isfinite(tau).all():
                 self._fail(0)
                 return
@@ -212,7 +211,7 @@ class Runs:
         self.finish()
         batch, plant, n, at = self.batch, self.plants[0], self.batch.n, self.at
         t, Y = self._times(0), self.outputs[0, : self.written[0]]
-        seen = batch.compute(observed, np.zeros(len(t), np.int64), {"t": t, "y": Y})
+        seen = batch.compute(observe, np.zeros(len(t), np.int64), {"t": t, "y": Y})
         torque, seen = seen[:, :n].copy(), seen[:, n:]
         if self.torques:
             times = np.array([time for time, _ in self.torques])
@@ -253,7 +252,7 @@ class Runs:
         used = number <= last[:, None]
         runs = np.nonzero(used)[0]
         sigma, turn = np.full(used.shape, np.inf), np.zeros(used.shape)
-        sigma[used] = batch.compute(least, runs, {"q": self.outputs[used][:, :n]}, outside=False)
+        sigma[used] = batch.compute(least, runs, {"q": self.outputs[used][:, :n]}, acts=False)
         attitude = self.outputs[:, :, at.attitude]
         unit = attitude / np.linalg.norm(attitude, axis=2, keepdims=True)
         cosine = np.abs((unit * unit[:, :1]).sum(axis=2))
@@ -261,7 +260,7 @@ class Runs:
         ends = np.stack((self.outputs[:, 0], self.outputs[every, last]), axis=1)
         t = np.stack((np.zeros(m), batch.t), axis=1)
         given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
-        seen = batch.compute(observed, np.repeat(every, 2), given)[:, n:].reshape(m, 2, -1)
+        seen = batch.compute(observe, np.repeat(every, 2), given)[:, n:].reshape(m, 2, -1)
         energy, works = seen[:, :, 19], ends[:, 1, at.works].sum(axis=1)
         turnover = energy.max(axis=1) + batch.exchanged
         off = np.abs(energy[:, 1] - energy[:, 0] - works)

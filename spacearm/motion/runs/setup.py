@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,12 +16,13 @@ from spacearm.compiler.expressions import asarray
 from spacearm.compiler.users import over_symbols
 from spacearm.equations.laws import Law, Source, State
 from spacearm.equations.plant import Event, Pushed, Setup, moving, parts
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
+from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import (
     Controller,
     DampedLeastSquares,
@@ -34,6 +35,7 @@ from spacearm.motion.controllers import (
     gains,
     rank_of_turns,
 )
+from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
 from spacearm.motion.plant import PassiveJoint, Plant, checked_wrench, wheel_torques
 from spacearm.motion.runs.users import Example, TracedConfiguration, not_traced, values_of
@@ -53,18 +55,29 @@ Outside = Callable[[float, Array], Array]
 """A function called outside: of time and the state, which only laws and events get."""
 
 
-class RunEvent(NamedTuple):
-    """An event function of a run.
+class WantedEvent(NamedTuple):
+    """An event that runs look for.
 
     Attributes:
-        event: What it is.
-        bound: Its bound.
-        function: Of an event of kind "own" its value before the bound is taken off.
+        root: Its function; None for the distance to the singular set.
+        bound: What is taken off its value, or what it is taken off.
+        value: Of a function "own" that of time and configuration, in Python.
+        kind: The kind of event, as `motion.events.Event` has it.
+        detail: What to say about it.
+        stops: Whether it ends the run.
     """
 
-    event: Event
+    root: Event | None
     bound: float = 0.0
-    function: Callable[[float, Configuration], float] | None = None
+    value: Callable[[float, Configuration], float] | None = None
+    kind: str = ""
+    detail: str = ""
+    stops: bool = False
+
+    @property
+    def falling(self) -> bool:
+        """Whether only a fall through zero counts."""
+        return self.root is None or self.root.kind != "determinant"
 
 
 class Prepared(NamedTuple):
@@ -166,7 +179,7 @@ class Preparation:
 def prepared(
     plant: Plant,
     controllers: Mapping[int, Controller],
-    events: Sequence[RunEvent] = (),
+    wanted: Sequence[WantedEvent] = (),
     *,
     trace: bool = True,
 ) -> Prepared:
@@ -176,10 +189,11 @@ def prepared(
         plant: The plant.
         controllers: The controllers by the number of the tip that they lead; -1 for one that acts
             on all joints.
-        events: The event functions.
+        wanted: The events that are looked for.
         trace: Whether users' functions are traced where that can be done.
     """
     todo = Preparation(plant, trace)
+    events = [(event, event.root) for event in wanted if event.root is not None]
     laws, numbers = [], []
     for i, (tip, controller) in enumerate(controllers.items()):
         law, values = _law(todo, i, tip, controller)
@@ -194,17 +208,76 @@ def prepared(
         passive=bool(plant.passive),
         effort="effort" in plant.limits,
         speed="velocity" in plant.limits,
-        events=tuple(event.event for event in events),
+        events=tuple(root for _, root in events),
     )
-    for i, event in enumerate(events):
-        if event.function is not None:
-            todo.outside[f"event{i}"] = _event(plant, event.function)
-    known = _plant_numbers(plant, setup, [event.bound for event in events])
+    for i, (event, _) in enumerate(events):
+        if event.value is not None:
+            todo.outside[f"event{i}"] = _event(plant, event.value)
+    known = _plant_numbers(plant, setup, [event.bound for event, _ in events])
     flat = [np.ravel(known[name]) for name, _ in setup.plant_shapes(plant.arm.n)]
     return Prepared(
         setup, np.concatenate([np.zeros(0), *numbers]), np.concatenate(flat), todo.outside,
         tuple(todo.notes),
     )  # fmt: skip
+
+
+def wanted_events(
+    arm: SpaceArm,
+    mode: BaseMode,
+    kinds: Collection[str],
+    stop: Collection[str],
+    reach: float,
+    controllers: Mapping[int, Any],
+    capacity: float | None,
+) -> list[WantedEvent]:
+    """Return the events of some kinds.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        kinds: Names in `EVENTS`.
+        stop: Those that end the run.
+        reach: The distance at which a target counts as reached.
+        controllers: The controllers by the number of their tip.
+        capacity: Largest momentum of a wheel; None if they cannot be full [N m s].
+
+    Raises:
+        ConfigurationError: A kind does not exist.
+    """
+    for kind in kinds:
+        if kind not in EVENTS:
+            raise ConfigurationError(unknown("event", kind, EVENTS))
+    found: list[WantedEvent] = []
+
+    def add(
+        kind: str, detail: str, root: Event | None, bound: float = 0.0, value: Any = None
+    ) -> None:
+        found.append(WantedEvent(root, bound, value, kind, detail, kind in stop))
+
+    if "singularity" in kinds and has_determinant(arm, mode):
+        add("singularity", "S = 0", Event("determinant"))
+    elif "singularity" in kinds:
+        add("singularity", CLOSE, None)
+    if "joint limit" in kinds:
+        for j, name in enumerate(arm.joint_names):
+            for which, limit in (("upper", arm.upper[j]), ("lower", arm.lower[j])):
+                if np.isfinite(limit):
+                    add("joint limit", name, Event(which, j), float(limit))
+    if "target" in kinds:
+        for i, (tip, law) in enumerate(controllers.items()):
+            detail = f"error {reach:g}" + (f", {arm.tips[tip]}" if tip >= 0 else "")
+            if type(law) in KINDS:
+                add("target", detail, Event("target", i), reach)
+            elif (error := getattr(law, "error", None)) is not None:
+
+                def miss(t: float, cfg: Configuration, error: Any = error) -> float:
+                    return float(np.linalg.norm(error(t, cfg)))
+
+                add("target", detail, Event("own", i), reach, miss)
+    if "wheel full" in kinds and capacity is not None:
+        for i, wheel in enumerate(arm.wheels):
+            add("wheel full", wheel.name, Event("wheel", i), capacity)
+    return found
 
 
 def start_state(plant: Plant, dq: Array, momentum: Array) -> Array:
