@@ -16,7 +16,6 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.motion.goal import steady
-from spacearm.singularities.closest import settled_each
 from spacearm.singularities.polynomial import NEVER
 from spacearm.singularities.rank_loss import nearest_about
 
@@ -110,19 +109,6 @@ def exact_distance(cfg: Configuration, mode: BaseMode, otherwise: float = 1.0) -
     """Return the distance to the part of the singular set that lies about [rad]."""
     found = nearest_about(cfg.arm, mode, cfg.q)
     return otherwise if found is None else found[1]
-
-
-def exact_distances(arm: SpaceArm, mode: BaseMode, Q: Array, otherwise: Array) -> Array:
-    """Return the distances (m,) of Q (m, n) to the part of the singular set that lies about [rad].
-
-    Args:
-        arm: The arm.
-        mode: What the spacecraft does.
-        Q: The configurations.
-        otherwise: (m,) what is returned where no part lies about.
-    """
-    found = np.linalg.norm(settled_each(arm, mode, Q), axis=1)
-    return np.where(np.isnan(found), otherwise, found)
 
 
 def with_nearest(event: Event, arm: SpaceArm, mode: BaseMode) -> Event:

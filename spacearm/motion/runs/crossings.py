@@ -15,9 +15,10 @@ from spacearm.equations.measures import distance
 from spacearm.mechanics.many import WIDE
 from spacearm.mechanics.nearness import FADING, Tangent, foot
 from spacearm.model.scale import radians
-from spacearm.motion.events import DOUBTFUL, LOOK, NEAR, ROUNDING, SHARPNESS, exact_distances
+from spacearm.motion.events import DOUBTFUL, LOOK, NEAR, ROUNDING, SHARPNESS
 from spacearm.motion.runs.batch import Batch, Steps, Whole
 from spacearm.motion.runs.setup import WantedEvent
+from spacearm.singularities.closest import settled_each
 
 SHARE = 0.2
 """Share of the distance to the singular set that the joints may move until it is computed anew."""
@@ -27,8 +28,8 @@ MOST = 1.0
 """Distances to the singular set from this on are not told apart [rad]."""
 ROUNDS = 400
 """Most evaluations of a search for a root."""
-LOOKS, AT_REST = 12, 1e-13
-"""Most looks at the singular set until its nearest point rests, which moves by less than this."""
+LOOKS, AT_REST = 20, 1e-13
+"""Most looks at the singular set until its nearest point rests, and how it then moves [rad]."""
 
 
 class Found(NamedTuple):
@@ -144,7 +145,8 @@ class Crossings:
         far = self._seen(runs, q).distance
         if self.exact:
             doubtful = np.flatnonzero((far > NEAR / DOUBTFUL) & (far < DOUBTFUL * NEAR))
-            far[doubtful] = self._exact(runs[doubtful], q[doubtful])
+            near = np.linalg.norm(self.nearest(runs[doubtful], q[doubtful]), axis=1)
+            far[doubtful] = np.where(np.isnan(near), MOST, near)
         found: Array = np.minimum(far, MOST) - NEAR
         return found
 
@@ -157,21 +159,29 @@ class Crossings:
         found = self.batch.compute(distance, runs, {"q": q}, numbers, lanes=WIDE, acts=False)
         return Tangent(*found)
 
-    def _exact(self, runs: Whole, q: Array) -> Array:
-        """Compute the exact distance (L,): the point nearest on the set as it looks from itself."""
-        X, left = np.zeros_like(q), np.arange(len(q))
+    def nearest(self, runs: Whole, q: Array) -> Array:
+        """Compute the offsets (L, n) of the nearest points of the singular set, NaN if there is none.
+
+        Each is the point nearest on the set as it looks from itself, T(X) = X: fixed points by
+        secants, Anderson, J. ACM 12, 547 (1965), DOI 10.1145/321296.321305, of depth one.
+        """
+        X, left, arms = np.zeros_like(q), np.arange(len(q)), self.batch.arms
+        before = way = np.full_like(q, np.nan)
         for _ in range(LOOKS):
             if not len(left):
                 break
             there = foot(self._seen(runs[left], q[left] + self.radian * X[left]), X[left])
-            moved = np.linalg.norm(there - X[left], axis=1)
-            X[left], left = there, left[~(moved <= AT_REST)]
-        found: Array = np.linalg.norm(X, axis=1)
-        arms = self.batch.arms
+            last, way = way, there - X[left]
+            turn = way - last
+            with np.errstate(all="ignore"):
+                share = (turn * way).sum(axis=1) / (turn * turn).sum(axis=1)
+            X[left] = there - np.nan_to_num(share[:, None] * (there - before))
+            goes = ~(np.linalg.norm(way, axis=1) <= AT_REST)
+            left, before, way = left[goes], there[goes], way[goes]
         for arm in {arms[run]: None for run in runs[left]}:
             mine = left[[arms[run] is arm for run in runs[left]]]
-            found[mine] = exact_distances(arm, self.batch.mode, q[mine], np.ones(len(mine)))
-        return found
+            X[mine] = settled_each(arm, self.batch.mode, q[mine])
+        return X
 
     def _looked(self, steps: Steps) -> Brackets:
         """Return where plain functions cross zero."""

@@ -17,7 +17,7 @@ from spacearm.mechanics import nearness
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.model.mode import free_components
 from spacearm.motion.controllers import Controller
-from spacearm.motion.events import EVENTS, Event, is_exact, with_nearest
+from spacearm.motion.events import EVENTS, Event, is_exact
 from spacearm.motion.plant import Plant
 from spacearm.motion.runs.batch import Batch, Steps
 from spacearm.motion.runs.crossings import Crossings, Found
@@ -131,10 +131,14 @@ class Runs:
         for run, which, t, y in zip(*found, strict=True):
             if self.ended[run] != "duration":
                 continue
-            wanted, plant = self.wanted[which], self.plants[run]
-            event = Event(float(t), wanted.kind, y[: self.batch.n].copy(), wanted.detail)
-            one = len(self.plants) == 1
-            self.events[run].append(with_nearest(event, plant.arm, plant.mode) if one else event)
+            wanted = self.wanted[which]
+            q = y[: self.batch.n].copy()
+            if len(self.plants) == 1 and wanted.root is None and self.crossings.exact:
+                offset = self.crossings.nearest(np.array([run]), q[None])[0]
+                near = None if np.isnan(offset).any() else q + self.crossings.radian * offset
+            else:
+                near = None
+            self.events[run].append(Event(float(t), wanted.kind, q, wanted.detail, near))
             if wanted.stops:
                 self.ended[run] = wanted.kind
                 self.batch.stop(int(run), float(t), y, steps)
