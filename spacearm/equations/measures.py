@@ -205,6 +205,53 @@ def distance(
     return way_out(xp, slopes, norm, least.sigma, fading)
 
 
+def nearest(
+    xp: Any, tree: Structure, p: Parameters, *, q: Any, fading: Any, radians: Any, between: Any,
+    rest: Any, most: int,
+) -> Any:  # fmt: skip
+    """Compute the distance to the singular set to first order, and the point nearest on it.
+
+    That is the point nearest on the set as it looks from itself, T(X) = X: a fixed point by
+    secants, Anderson, J. ACM 12, 547 (1965), DOI 10.1145/321296.321305, of depth one.
+
+    Args:
+        xp: The array library.
+        tree: As of `distance`.
+        p: Its numbers.
+        q: (n,) joint positions.
+        fading: As of `distance`.
+        radians: (n,) what counts as a radian of each joint.
+        between: (2,) distances to first order between which the point is wanted [rad].
+        rest: It is found where the last step is no longer than this [rad].
+        most: Most steps.
+
+    Returns:
+        (2 + n,) the distance to first order; the length of the last step; the offset X of the
+            point from q in radians, after one step alone where it is not wanted.
+    """
+
+    def step(X: Any, before: Any, last: Any, turns: Any, far: Any, _: Any) -> Any:
+        seen, _, rows = distance(xp, tree, p, q + radians * X, fading, radians)
+        along = rows @ X - xp.where(seen < np.inf, seen, 0.0) * np.eye(len(rows))[0]
+        there = along @ rows
+        way = there - X
+        turn = way - last
+        square = (turn * turn).sum()
+        known = xp.logical_and(turns > 0.0, square > 0.0)
+        share = xp.where(known, (turn * way).sum() / xp.where(known, square, 1.0), 0.0)
+        far = xp.where(turns > 0.0, far, seen)
+        moved = xp.sqrt((way * way).sum())
+        wanted = xp.logical_and(far > between[0], far < between[1])
+        goes = xp.logical_and(wanted, xp.logical_not(moved <= rest))
+        return there - share * (there - before), there, way, turns + 1.0, far, moved, goes
+
+    zero = 0.0 * q
+    X, _, _, _, far, moved = xp.while_any(
+        step, zero, zero, zero, zero[0], zero[0], zero[0], most=most
+    )
+    return xp.concatenate([xp.stack([far, moved]), X])
+
+
 def way_out(xp: Any, slopes: list[Any], norm: Any, sigma: Any, fading: Any) -> tuple[Any, Any, Any]:
     """Compute what `distance` returns, by Gram and Schmidt's method.
 

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.equations.measures import distance
+from spacearm.equations.measures import nearest
 from spacearm.mechanics.many import WIDE
-from spacearm.mechanics.nearness import FADING, Tangent, foot
+from spacearm.mechanics.nearness import FADING
 from spacearm.model.scale import radians
 from spacearm.motion.events import DOUBTFUL, LOOK, NEAR, ROUNDING, SHARPNESS
 from spacearm.motion.runs.batch import Batch, Steps, Whole
@@ -28,7 +28,7 @@ MOST = 1.0
 """Distances to the singular set from this on are not told apart [rad]."""
 ROUNDS = 400
 """Most evaluations of a search for a root."""
-LOOKS, AT_REST = 20, 1e-13
+LOOKS, AT_REST = 40, 1e-13
 """Most looks at the singular set until its nearest point rests, and how it then moves [rad]."""
 
 
@@ -103,7 +103,8 @@ class Crossings:
     """
 
     def __init__(self, batch: Batch, wanted: list[WantedEvent], exact: bool) -> None:
-        self.batch, self.exact = batch, exact
+        self.batch = batch
+        self.between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
         self.distance = np.array([event.root is None for event in wanted], dtype=bool)
         self.plain, self.near = (np.flatnonzero(self.distance == near) for near in (False, True))
         self.falling = np.array([wanted[i].falling for i in self.plain], dtype=bool)
@@ -142,46 +143,41 @@ class Crossings:
             runs: (L,) numbers of the runs.
             q: (L, n) joint positions.
         """
-        far = self._seen(runs, q).distance
-        if self.exact:
-            doubtful = np.flatnonzero((far > NEAR / DOUBTFUL) & (far < DOUBTFUL * NEAR))
-            near = np.linalg.norm(self.nearest(runs[doubtful], q[doubtful]), axis=1)
-            far[doubtful] = np.where(np.isnan(near), MOST, near)
+        far, offset = self.nearest(runs, q)
+        exact = np.linalg.norm(offset, axis=1)
+        far = np.where(self._doubtful(far), np.where(np.isnan(exact), MOST, exact), far)
         found: Array = np.minimum(far, MOST) - NEAR
         return found
 
-    def _seen(self, runs: Whole, q: Array) -> Tangent:
-        """Compute how the singular set looks from joint positions (L, n)."""
-        arm = self.batch.arms[0]
-        if arm.task.k > arm.n:
-            return Tangent(np.zeros(len(q)), np.zeros(len(q)), np.zeros((len(q), 1, arm.n)))
-        numbers: dict[str, Array | float] = {"fading": FADING, "radians": self.radian}
-        found = self.batch.compute(distance, runs, {"q": q}, numbers, lanes=WIDE, acts=False)
-        return Tangent(*found)
+    def nearest(self, runs: Whole, q: Array) -> tuple[Array, Array]:
+        """Compute the distance (L,) to the singular set to first order, and where it is nearest.
 
-    def nearest(self, runs: Whole, q: Array) -> Array:
-        """Compute the offsets (L, n) of the nearest points of the singular set, NaN if there is none.
+        Args:
+            runs: (L,) numbers of the runs.
+            q: (L, n) joint positions.
 
-        Each is the point nearest on the set as it looks from itself, T(X) = X: fixed points by
-        secants, Anderson, J. ACM 12, 547 (1965), DOI 10.1145/321296.321305, of depth one.
+        Returns:
+            The distance, and where that is in doubt the offsets (L, n) of the nearest points in
+            radians; NaN if there is none.
         """
-        X, left, arms = np.zeros_like(q), np.arange(len(q)), self.batch.arms
-        before = way = np.full_like(q, np.nan)
-        for _ in range(LOOKS):
-            if not len(left):
-                break
-            there = foot(self._seen(runs[left], q[left] + self.radian * X[left]), X[left])
-            last, way = way, there - X[left]
-            turn = way - last
-            with np.errstate(all="ignore"):
-                share = (turn * way).sum(axis=1) / (turn * turn).sum(axis=1)
-            X[left] = there - np.nan_to_num(share[:, None] * (there - before))
-            goes = ~(np.linalg.norm(way, axis=1) <= AT_REST)
-            left, before, way = left[goes], there[goes], way[goes]
+        batch, arms = self.batch, self.batch.arms
+        if arms[0].task.k > batch.n:
+            return np.zeros(len(q)), np.zeros_like(q)
+        numbers: dict[str, Array | float] = {
+            "fading": FADING, "radians": self.radian, "between": np.array(self.between),
+            "rest": AT_REST,
+        }  # fmt: skip
+        found = batch.compute(nearest, runs, {"q": q}, numbers, lanes=WIDE, acts=False, most=LOOKS)
+        far, offset = found[:, 0], found[:, 2:]
+        left = np.flatnonzero(self._doubtful(far) & ~(found[:, 1] <= AT_REST))
         for arm in {arms[run]: None for run in runs[left]}:
             mine = left[[arms[run] is arm for run in runs[left]]]
-            X[mine] = settled_each(arm, self.batch.mode, q[mine])
-        return X
+            offset[mine] = settled_each(arm, batch.mode, q[mine])
+        return far, offset
+
+    def _doubtful(self, far: Array) -> Any:
+        """Tell where the exact distance decides, not that to first order."""
+        return (far > self.between[0]) & (far < self.between[1])
 
     def _looked(self, steps: Steps) -> Brackets:
         """Return where plain functions cross zero."""

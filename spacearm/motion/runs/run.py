@@ -68,7 +68,8 @@ class Runs:
         self.batch = Batch(arms, first.mode, prepared, y, coupled, tolerances, method)
         self.wanted, self.times, self.called = list(wanted), t, prepared[0].notes
         self.batch.dense = bool(self.wanted) or len(t) > 1
-        self.crossings = Crossings(self.batch, self.wanted, is_exact(first.arm))
+        self.exact = is_exact(first.arm)
+        self.crossings = Crossings(self.batch, self.wanted, self.exact)
         self.outputs = np.repeat(y[:, None], len(t) + 1, axis=1)
         self.written = np.zeros(m, np.int64)
         self.at = parts(first.arm.n, len(first.arm.wheels))
@@ -133,11 +134,10 @@ class Runs:
                 continue
             wanted = self.wanted[which]
             q = y[: self.batch.n].copy()
-            if len(self.plants) == 1 and wanted.root is None and self.crossings.exact:
-                offset = self.crossings.nearest(np.array([run]), q[None])[0]
+            near = None
+            if len(self.plants) == 1 and wanted.root is None and self.exact:
+                offset = self.crossings.nearest(np.array([run]), q[None])[1][0]
                 near = None if np.isnan(offset).any() else q + self.crossings.radian * offset
-            else:
-                near = None
             self.events[run].append(Event(float(t), wanted.kind, q, wanted.detail, near))
             if wanted.stops:
                 self.ended[run] = wanted.kind
