@@ -345,9 +345,18 @@ def of_a_wrong_shape(_, cfg, __):
     return np.append(cfg.q, 0.0)
 
 
+SEEN = np.zeros(1)
+
+
 def into_an_array(t, cfg, _):
-    cfg.seen[0] = t
+    seen = SEEN
+    seen[0] = t
     return -cfg.q
+
+
+def into_its_arguments(_, cfg, dq):
+    dq[1] = cfg.q[1]
+    return -cfg.q - dq
 
 
 @pytest.mark.parametrize(
@@ -358,7 +367,7 @@ def into_an_array(t, cfg, _):
         (by_mechanics, "ConfigurationError"),
         (by_numbers, "no number"),
         (of_a_wrong_shape, "has shape"),
-        (into_an_array, "it may write into an array of others"),
+        (into_an_array, "it changes what it is made of"),
     ],
 )
 def test_other_laws_are_called_and_the_run_says_why(law, why):
@@ -369,6 +378,18 @@ def test_other_laws_are_called_and_the_run_says_why(law, why):
     assert known.notes[0].startswith("the controller")
     if isinstance(law, Counter):
         assert law.calls == 0
+
+
+def test_a_law_may_write_into_its_arguments():
+    """They are its own: the state stays what it is."""
+    arm = sa.load("planar2")
+    cfg, dq = arm.at([0.3, 1.1]), np.array([0.3, -0.05])
+    run = Run(cfg, dq, np.zeros(6), "free-floating", into_its_arguments)
+    assert not run.prepared.outside
+    np.testing.assert_allclose(run.torques(), [-0.6, -2.2], rtol=1e-12)
+    np.testing.assert_allclose(run.rate()[:2], dq, rtol=1e-12)
+    called = Run(cfg, dq, np.zeros(6), "free-floating", into_its_arguments, trace=False)
+    np.testing.assert_allclose(called.rate(), run.rate(), rtol=1e-12, atol=1e-14)
 
 
 def test_a_law_that_has_changed_is_another_one():

@@ -120,8 +120,8 @@ def advanced(
     problem = integration.Problem(rtol, atol, counted, tree.n, min(method.coupled, N))
     start = Progress(y=y[moving], **dict(zip(NOW, now, strict=True)))
     found, rows = integration.advance(
-        xp, rate, problem, start, end, most=method.most, implicit=method.implicit, switches=switches,
-        dense=method.dense,
+        xp, rate, problem, start, end, most=method.most, implicit=method.implicit,
+        switches=switches, dense=method.dense,
     )  # fmt: skip
     reached = xp.stack([getattr(found, name) for name in NOW])
     return xp.concatenate([reached, found.y]), rows

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,7 +38,7 @@ from spacearm.motion.controllers import (
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
 from spacearm.motion.plant import PassiveJoint, Plant, checked_wrench, wheel_torques
-from spacearm.motion.runs.users import Example, TracedConfiguration, not_traced, values_of
+from spacearm.motion.runs.users import Example, TracedConfiguration, copied, not_traced, values_of
 from spacearm.singularities.report import NO_INVERSE
 
 KINDS: dict[type, str] = {
@@ -98,7 +98,7 @@ class Prepared(NamedTuple):
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Traced:
     """A user's function as it is traced: equal to others that are made of the same.
 
@@ -109,18 +109,12 @@ class Traced:
     """
 
     values: tuple[Any, ...]
-    traced: Callable[..., Any]
-    function: Callable[..., Any]
+    traced: Callable[..., Any] = field(compare=False)
+    function: Callable[..., Any] = field(compare=False)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it over arrays."""
         return self.traced(*arguments)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Traced) and self.values == other.values
-
-    def __hash__(self) -> int:
-        return hash(self.values)
 
 
 class Preparation:
@@ -138,7 +132,7 @@ class Preparation:
 
     def source(
         self, name: str, what: str, function: Callable[..., Any], traced: Callable[..., Any],
-        examples: Callable[[], Sequence[Example]], outside: Outside,
+        examples: Callable[[], Iterator[Example]], outside: Outside,
         used: Callable[..., Any] | None = None,
     ) -> Source:  # fmt: skip
         """Return a user's function as a source, traced or called outside.
@@ -164,16 +158,27 @@ class Preparation:
     ) -> Source:
         """Return a user's function of time as a source; `read` checks what it gives."""
 
-        def examples() -> list[Example]:
-            times = np.random.default_rng(0).uniform(0.0, 100.0, EXAMPLES)
-            return [((t,), _sound(function(float(t)), read)) for t in times]
+        def examples() -> Iterator[Example]:
+            for t in np.random.default_rng(0).uniform(0.0, 100.0, EXAMPLES):
+                value = function(float(t))
+                read(value)
+                yield (t,), value.homogeneous if isinstance(value, pin.SE3) else value
 
         seen = over_symbols(function)
+        return self.source(
+            name,
+            what,
+            function,
+            lambda t: _array(seen(t)),
+            examples,
+            lambda t, _: read(function(t)),
+        )
 
-        def traced(t: Any) -> Any:
-            return _array(seen(t))
-
-        return self.source(name, what, function, traced, examples, lambda t, _: read(function(t)))
+    def target(
+        self, i: int, function: Callable[[float], Any], read: Callable[[Any], Array]
+    ) -> Source:
+        """Return the moving target of law i as a source."""
+        return self.over_time(f"target{i}", "the target", function, read)
 
 
 def prepared(
@@ -194,6 +199,7 @@ def prepared(
     """
     todo = Preparation(plant, trace)
     events = [(event, event.root) for event in wanted if event.root is not None]
+    motors, count = plant.motors, len(plant.arm.wheels)
     laws, numbers = [], []
     for i, (tip, controller) in enumerate(controllers.items()):
         law, values = _law(todo, i, tip, controller)
@@ -203,7 +209,14 @@ def prepared(
         laws=tuple(laws),
         wheels=tuple(_body(plant.arm, wheel.frame) for wheel in plant.arm.wheels),
         holds=plant.hold is not None,
-        motors=_motors(todo),
+        motors=None
+        if motors is None
+        else todo.over_time(
+            "motors",
+            "the torque of the wheels",
+            motors,
+            lambda values: wheel_torques(values, count),
+        ),
         pushed=tuple(_pushed(todo, i) for i in range(len(plant.pushed))),
         passive=bool(plant.passive),
         effort="effort" in plant.limits,
@@ -211,8 +224,8 @@ def prepared(
         events=tuple(root for _, root in events),
     )
     for i, (event, _) in enumerate(events):
-        if event.value is not None:
-            todo.outside[f"event{i}"] = _event(plant, event.value)
+        if (value := event.value) is not None:
+            todo.outside[f"event{i}"] = lambda t, y, value=value: value(t, plant.configuration(y))
     known = _plant_numbers(plant, setup, [event.bound for event, _ in events])
     flat = [np.ravel(known[name]) for name, _ in setup.plant_shapes(plant.arm.n)]
     return Prepared(
@@ -331,7 +344,7 @@ def _law(
             return joint_vector(arm, values, "target")
 
         if callable(controller.target):
-            return law._replace(source=_target(todo, i, controller.target, positions)), numbers
+            return law._replace(source=todo.target(i, controller.target, positions)), numbers
         return law, numbers | {"target": positions(controller.target)}
     assert isinstance(controller, TipLaw)
     return _tip_law(todo, i, controller, law)
@@ -357,7 +370,7 @@ def _tip_law(
     read = goal_reader(arm, pose)
     numbers["target"] = read(first)
     if callable(controller.target):
-        law = law._replace(source=_target(todo, i, controller.target, read))
+        law = law._replace(source=todo.target(i, controller.target, read))
     for name in ("kp", "kd", "gain"):
         if hasattr(controller, name):
             numbers[name] = np.broadcast_to(gains(getattr(controller, name), k, name), k)
@@ -402,13 +415,6 @@ def joints_of(arm: SpaceArm, tip: int) -> Array:
     return 1.0 * (np.abs(tree.reaches[tip] @ np.abs(tree.gains)) > 0.0)
 
 
-def _target(
-    todo: Preparation, i: int, target: Callable[[float], Any], read: Callable[[Any], Array]
-) -> Source:
-    """Return a moving target."""
-    return todo.over_time(f"target{i}", "the target", target, read)
-
-
 def _own_law(todo: Preparation, i: int, controller: Controller) -> Source:
     """Return a user's law."""
     plant = todo.plant
@@ -418,27 +424,24 @@ def _own_law(todo: Preparation, i: int, controller: Controller) -> Source:
         return joint_vector(arm, values, "the controller's torque")
 
     def outside(t: float, y: Array) -> Array:
-        return torque(controller(t, plant.configuration(y), y[n : 2 * n]))
+        return torque(controller(t, plant.configuration(y), y[n : 2 * n].copy()))
 
     law = over_symbols(controller)
 
     def of_state(xp: Any, state: State) -> Any:
         cfg: Any = TracedConfiguration(arm, xp, state)
-        return _array(law(state.t, cfg, state.dq))
+        return _array(law(state.t, cfg, copied(state.dq)))
 
     def traced(t: Any, y: Any) -> Any:
         return of_state(symbols, _placed(plant, t, y))
 
-    def examples() -> list[Example]:
+    def examples() -> Iterator[Example]:
         rng = np.random.default_rng(0)
-        found: list[Example] = []
-        y = start_state(plant, np.zeros(n), np.zeros(6))
         for _ in range(EXAMPLES):
-            y = y.copy()
-            y[:n], y[n : 2 * n] = rng.uniform(-1.0, 1.0, n), rng.normal(size=n)
+            y = start_state(plant, rng.normal(size=n), np.zeros(6))
+            y[:n] = rng.uniform(-1.0, 1.0, n)
             t = float(rng.uniform(0.0, 100.0))
-            found.append(((t, y), outside(t, y)))
-        return found
+            yield (t, y), outside(t, y)
 
     what = f"the controller {type(controller).__name__}"
     return todo.source(f"law{i}", what, controller, traced, examples, outside, of_state)
@@ -453,15 +456,6 @@ def _placed(plant: Plant, t: Any, y: Any) -> State:
     return moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup).state
 
 
-def _motors(todo: Preparation) -> Source | None:
-    """Return the torques of the wheels over time."""
-    motors, count = todo.plant.motors, len(todo.plant.arm.wheels)
-    if motors is None:
-        return None
-    return todo.over_time("motors", "the torque of the wheels", motors,
-                          lambda values: wheel_torques(values, count))  # fmt: skip
-
-
 def _pushed(todo: Preparation, i: int) -> Pushed:
     """Return what is pushed by wrench i."""
     arm = todo.plant.arm
@@ -473,23 +467,12 @@ def _pushed(todo: Preparation, i: int) -> Pushed:
     return Pushed(_body(arm, arm.model.getFrameId(link, pin.BODY)), own, source)
 
 
-def _event(plant: Plant, value: Callable[[float, Configuration], float]) -> Outside:
-    """Return an event function that is called outside."""
-    return lambda t, y: np.array([value(t, plant.configuration(y))])
-
-
 def _array(values: Any) -> Any:
     """Return values as an array of numbers, or of symbols."""
     try:
         return np.asarray(values, dtype=float)
     except TypeError:
         return asarray(values)
-
-
-def _sound(value: Any, read: Callable[[Any], Array]) -> Any:
-    """Return what a function gives, checked; a pose of Pinocchio as (4, 4) numbers."""
-    read(value)
-    return value.homogeneous if isinstance(value, pin.SE3) else value
 
 
 def _plant_numbers(plant: Plant, setup: Setup, bounds: list[float]) -> dict[str, Array]:

@@ -1,7 +1,7 @@
 """Users' functions: those that are plain array code are traced, others are called as runs go.
 
-A function is traced that keeps nothing between calls, as far as its code tells, and that gives, run
-over symbols, what it gives over numbers.
+A function is traced that keeps nothing between calls, as far as its code and what it is made of
+tell, and that gives, run over symbols, what it gives over numbers.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ Example = tuple[Sequence[Any], Any]
 def not_traced(
     function: Callable[..., Any],
     traced: Callable[..., Any],
-    examples: Callable[[], Sequence[Example]],
+    examples: Callable[[], Iterator[Example]],
 ) -> str:
     """Say why a user's function cannot be traced; "" if it can.
 
@@ -69,8 +69,12 @@ def not_traced(
 
     if why := keeps(function):
         return why
+    known, made_of = [], values_of(function)
     try:
-        known = examples()
+        for example in examples():
+            known.append(example)
+            if values_of(function) != made_of:
+                return "it changes what it is made of"
     except Exception as error:  # again as it runs, where it is reported
         return f"{type(error).__name__}: {error}"
     names = [f"a{i}" for i in range(len(known[0][0]))]
@@ -173,23 +177,12 @@ def _kept_by_code(code: CodeType) -> Iterator[str]:
         name, value, before = step.opname, step.argval, steps[max(i - 1, 0)]
         if name in STORES or (name == "STORE_DEREF" and value in code.co_freevars):
             yield f"it sets {value}"
-        if name == "STORE_SUBSCR" and not _loaded(steps[:i]).opname.startswith("LOAD_FAST"):
-            yield "it may write into an array of others"
         of_numpy = before.argval in ("np", "numpy") and value not in UNEVEN
         if name.startswith("LOAD_") and value in CHANGES | UNEVEN and not of_numpy:
             yield f"it calls {value}"
     for inside in code.co_consts:
         if isinstance(inside, CodeType):
             yield from _kept_by_code(inside)
-
-
-def _loaded(steps: list[dis.Instruction]) -> dis.Instruction:
-    """Return the instruction before those that compute the uppermost value of the stack."""
-    missing, i = 1, len(steps)
-    while missing > 0 and i > 1:
-        i -= 1
-        missing -= dis.stack_effect(steps[i].opcode, steps[i].arg, jump=False)
-    return steps[i - 1]
 
 
 class TracedConfiguration(NamedTuple):
@@ -207,36 +200,14 @@ class TracedConfiguration(NamedTuple):
     xp: Any
     state: State
 
-    @property
-    def q(self) -> Any:
-        """(n,) joint positions."""
-        return self.state.q
-
-    @property
-    def base(self) -> Pose:
-        """The spacecraft."""
-        return self.state.base
-
-    @property
-    def com(self) -> Any:
-        """(3,) the system CM [m]."""
-        return self.state.com
-
-    @property
-    def tip(self) -> Pose:
-        """The tip."""
-        self.arm.require_one_tip()
-        return self.state.tips[0]
-
-    @property
-    def tips(self) -> tuple[Pose, ...]:
-        """The tips."""
-        return self.state.tips
-
-    @property
-    def wheels(self) -> Any:
-        """(w,) what each wheel holds [N m s]."""
-        return self.state.wheels
+    def __getattr__(self, name: str) -> Any:
+        """Return what a configuration has by that name, as far as it is traced."""
+        if name == "tip":
+            self.arm.require_one_tip()
+            return self.tips[0]
+        if name not in ("q", "base", "com", "tips", "wheels"):
+            raise AttributeError(f"{name} of a configuration is not traced")
+        return copied(getattr(self.state, name))
 
     @property
     def equations(self) -> dict[str, Callable[..., Any]]:
@@ -264,3 +235,11 @@ class TracedConfiguration(NamedTuple):
         dq, ddq = self.xp.asarray(dq), self.xp.asarray(ddq)
         tau = inverse_dynamics(self.xp, self._tree(mode), self.state.at, dq, ddq)
         return SimpleNamespace(tau=tau)
+
+
+def copied(value: Any) -> Any:
+    """Return an array, or a tuple of them, that a law may write into."""
+    if not isinstance(value, tuple):
+        return value.copy()
+    parts = [copied(part) for part in value]
+    return Pose(*parts) if isinstance(value, Pose) else tuple(parts)
