@@ -38,7 +38,7 @@ FAILURES = ("controller failed", "equations failed", "step collapsed")
 """Ends of runs that are no results."""
 LOOKS = 200
 """Outputs of a run over which the least sigma_min and the largest turn are taken."""
-PIECE = 512
+PIECE = 256
 """Runs side by side, between two reports."""
 KINDS = 8
 """So many functions of users are compiled; of more, all are called in Python."""

@@ -30,8 +30,8 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.motion.runs.setup import Prepared
 
-STEPS, ALONE = 64, 256
-"""Steps of a call of the integrator, of many runs and of one whose functions are all compiled."""
+STEPS = 128
+"""Steps of a call of the integrator."""
 SLOW, PACE = 1e-5, 1000
 """The step has collapsed when `PACE` of them are shorter than `SLOW` in the mean [s]."""
 Whole = npt.NDArray[np.int64]
@@ -47,7 +47,6 @@ class Method(NamedTuple):
     implicit: bool
     dense: bool
     coupled: int
-    most: int
 
 
 class Steps(NamedTuple):
@@ -120,7 +119,7 @@ def advanced(
     problem = integration.Problem(rtol, atol, counted, tree.n, min(method.coupled, N))
     start = Progress(y=y[moving], **dict(zip(NOW, now, strict=True)))
     found, rows = integration.advance(
-        xp, rate, problem, start, end, most=method.most, implicit=method.implicit,
+        xp, rate, problem, start, end, most=STEPS, implicit=method.implicit,
         switches=switches, dense=method.dense,
     )  # fmt: skip
     reached = xp.stack([getattr(found, name) for name in NOW])
@@ -193,8 +192,7 @@ class Batch:
         self.dense = True
         self.outside = Outside(prepared, y.shape[1])
         self._compiled: dict[Any, _Compiled] = {}
-        self._most = ALONE if m == 1 and not prepared[0].outside else STEPS
-        self._rows = np.empty((m, self._most, 2 + 8 * len(self.moving)))
+        self._rows = np.empty((m, STEPS, 2 + 8 * len(self.moving)))
         self._laws = np.array([p.laws for p in prepared]).reshape(m, -1)
         self._plant = np.array([p.plant for p in prepared]).reshape(m, -1)
 
@@ -298,13 +296,13 @@ class Batch:
         found, _ = self.compute(
             advanced, runs, inputs, {"limits": np.array([*self.tolerances, end])},
             out=(None, written), lanes=1 if len(self) == 1 else None,
-            method=Method(implicit, implicit or self.dense, self.coupled, self._most),
+            method=Method(implicit, implicit or self.dense, self.coupled),
         )  # fmt: skip
         self.now[runs], self.y[np.ix_(runs, self.moving)] = np.split(found, [len(NOW)], axis=1)
         turns = found[:, len(NOW) - 1]
         self._change(runs[self.status[runs] == CHANGES])
-        lane, turn = np.nonzero((np.arange(self._most) < turns[:, None]) & (written[:, :, 1] > 0.0))
-        run, row, rows = runs[lane], lane * self._most + turn, written.reshape(-1, written.shape[2])
+        lane, turn = np.nonzero((np.arange(STEPS) < turns[:, None]) & (written[:, :, 1] > 0.0))
+        run, row, rows = runs[lane], lane * STEPS + turn, written.reshape(-1, written.shape[2])
         start = rows[row, 0]
         last = np.append(run[1:] != run[:-1], True)[: len(run)]
         ends = np.where(last, self.t[run], np.append(start[1:], 0.0)[: len(run)])

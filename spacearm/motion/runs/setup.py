@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -209,23 +210,20 @@ def prepared(
         laws=tuple(laws),
         wheels=tuple(_body(plant.arm, wheel.frame) for wheel in plant.arm.wheels),
         holds=plant.hold is not None,
-        motors=None
-        if motors is None
-        else todo.over_time(
-            "motors",
-            "the torque of the wheels",
-            motors,
-            lambda values: wheel_torques(values, count),
+        motors=None if motors is None else todo.over_time(
+            "motors", "the torque of the wheels", motors, lambda tau: wheel_torques(tau, count)
         ),
         pushed=tuple(_pushed(todo, i) for i in range(len(plant.pushed))),
         passive=bool(plant.passive),
         effort="effort" in plant.limits,
         speed="velocity" in plant.limits,
         events=tuple(root for _, root in events),
-    )
-    for i, (event, _) in enumerate(events):
-        if (value := event.value) is not None:
-            todo.outside[f"event{i}"] = lambda t, y, value=value: value(t, plant.configuration(y))
+    )  # fmt: skip
+    todo.outside |= {
+        f"event{i}": partial(_value, plant, event.value)
+        for i, (event, _) in enumerate(events)
+        if event.value is not None
+    }
     known = _plant_numbers(plant, setup, [event.bound for event, _ in events])
     flat = [np.ravel(known[name]) for name, _ in setup.plant_shapes(plant.arm.n)]
     return Prepared(
@@ -465,6 +463,13 @@ def _pushed(todo: Preparation, i: int) -> Pushed:
         source = todo.over_time(f"wrench{i}", f"the wrench on {link!r}", wrench,
                                 lambda values: checked_wrench(link, values))  # fmt: skip
     return Pushed(_body(arm, arm.model.getFrameId(link, pin.BODY)), own, source)
+
+
+def _value(
+    plant: Plant, value: Callable[[float, Configuration], float], t: float, y: Array
+) -> Array:
+    """Return the value of an event function that is called outside."""
+    return np.array([value(t, plant.configuration(y))])
 
 
 def _array(values: Any) -> Any:
