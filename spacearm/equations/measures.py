@@ -226,8 +226,8 @@ def nearest(
         most: Most steps.
 
     Returns:
-        (2 + n,) the distance to first order; the length of the last step; the offset X of the
-            point from q in radians, after one step alone where it is not wanted.
+        (2 + n,) the distance, that to first order where the point is not wanted; the length of the
+            last step, 0 there; the offset X of the point from q in radians, after one step there.
     """
 
     def step(X: Any, before: Any, last: Any, turns: Any, far: Any, _: Any) -> Any:
@@ -240,15 +240,17 @@ def nearest(
         known = xp.logical_and(turns > 0.0, square > 0.0)
         share = xp.where(known, (turn * way).sum() / xp.where(known, square, 1.0), 0.0)
         far = xp.where(turns > 0.0, far, seen)
-        moved = xp.sqrt((way * way).sum())
         wanted = xp.logical_and(far > between[0], far < between[1])
-        goes = xp.logical_and(wanted, xp.logical_not(moved <= rest))
+        moved = xp.where(wanted, xp.sqrt((way * way).sum()), 0.0)
+        goes = xp.logical_not(moved <= rest)
         return there - share * (there - before), there, way, turns + 1.0, far, moved, goes
 
     zero = 0.0 * q
     X, _, _, _, far, moved = xp.while_any(
         step, zero, zero, zero, zero[0], zero[0], zero[0], most=most
     )
+    wanted = xp.logical_and(far > between[0], far < between[1])
+    far = xp.where(wanted, xp.sqrt((X * X).sum()), far)
     return xp.concatenate([xp.stack([far, moved]), X])
 
 

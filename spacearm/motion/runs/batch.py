@@ -25,9 +25,11 @@ from spacearm.equations.integration import (
     STABLE,
     Progress,
 )
+from spacearm.equations.roots import crossing
 from spacearm.mechanics.many import ArmKernel, arms_kernel
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
+from spacearm.motion.events import SHARPNESS
 from spacearm.motion.runs.setup import Prepared
 
 STEPS = 128
@@ -141,6 +143,36 @@ def events_within(
     return equations.event_values(xp, tree, p, t, whole, laws, plant, setup=setup, **calls)
 
 
+def roots_within(
+    xp: Any, tree: Any, p: Any, *, i: Any, which: Any, bracket: Any, y: Any, laws: Any, plant: Any,
+    rows: Any, setup: equations.Setup, **calls: Any,
+) -> Any:  # fmt: skip
+    """Compute when one event function crosses zero in step i of rows.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        p: Its numbers.
+        i: The number of the row.
+        which: The number of the function.
+        bracket: (4,) times before and after, and the values there.
+        y: (states,) the state, as far as it stays.
+        laws: The numbers of the laws.
+        plant: The other numbers.
+        rows: The rows.
+        setup: What else is known.
+        calls: The functions outside.
+    """
+
+    def value(t: Any) -> Any:
+        found = events_within(
+            xp, tree, p, i=i, t=t, y=y, laws=laws, plant=plant, rows=rows, setup=setup, **calls
+        )
+        return sum(xp.where(xp.absolute(which - k) < 0.5, found[k], 0.0) for k in range(len(found)))
+
+    return crossing(xp, value, bracket, SHARPNESS)
+
+
 def _whole(xp: Any, z: Any, y: Any, moving: Any) -> Any:
     """Return a state (states,) from what is integrated, and what stays."""
     place = {int(i): k for k, i in enumerate(moving)}
@@ -245,7 +277,11 @@ class Batch:
         each: dict[str, Array] = {}
         calls: dict[str, int] = {}
         if acts:
-            setup = self.setup if function is events_within else self.setup._replace(events=())
+            setup = (
+                self.setup
+                if function in (events_within, roots_within)
+                else self.setup._replace(events=())
+            )
             bounds = len(self.setup.events) - len(setup.events)
             plant = self._plant[:, : self._plant.shape[1] - bounds]
             for name, values in (("laws", self._laws), ("plant", plant)):
@@ -351,9 +387,19 @@ class Batch:
 
     def event_values(self, steps: Steps, i: Whole, t: Array) -> Array:
         """Return the event functions (L, e) at times t (L,) within steps i (L,)."""
+        return self._of_events(events_within, steps, i, t=t)
+
+    def roots(self, steps: Steps, i: Whole, which: Whole, bracket: Array) -> Array:
+        """Return the times (L,) at which event functions cross zero; see `roots_within`."""
+        return self._of_events(roots_within, steps, i, which=which.astype(float), bracket=bracket)
+
+    def _of_events(
+        self, function: Callable[..., Any], steps: Steps, i: Whole, **given: Array
+    ) -> Array:
+        """Compute a function of events within steps i (L,)."""
         runs = steps.run[i]
-        at = {"i": steps.row[i].astype(float), "t": t, "y": self.y[runs]}
-        found: Array = self.compute(events_within, runs, at, rows=steps.rows)
+        inputs = {"i": steps.row[i].astype(float), "y": self.y[runs], **given}
+        found: Array = self.compute(function, runs, inputs, rows=steps.rows)
         return found
 
     def stop(self, run: int, t: float, y: Array, steps: Steps | None) -> None:

@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.equations.integration import state_of
 from spacearm.equations.measures import nearest
+from spacearm.equations.roots import crossing
 from spacearm.mechanics.many import WIDE
 from spacearm.mechanics.nearness import FADING
 from spacearm.model.scale import radians
@@ -26,8 +28,6 @@ FINE = 0.5
 """Motion between two looks near the singular set, as a share of `NEAR`: a passage is 2 wide."""
 MOST = 1.0
 """Distances to the singular set from this on are not told apart [rad]."""
-ROUNDS = 400
-"""Most evaluations of a search for a root."""
 LOOKS, AT_REST = 40, 1e-13
 """Most looks at the singular set until its nearest point rests, and how it then moves [rad]."""
 
@@ -104,11 +104,14 @@ class Crossings:
 
     def __init__(self, batch: Batch, wanted: list[WantedEvent], exact: bool) -> None:
         self.batch = batch
-        self.between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
         self.distance = np.array([event.root is None for event in wanted], dtype=bool)
         self.plain, self.near = (np.flatnonzero(self.distance == near) for near in (False, True))
         self.falling = np.array([wanted[i].falling for i in self.plain], dtype=bool)
         self.radian = radians(batch.arms[0])
+        between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
+        self.numbers: dict[str, Array | float] = {
+            "fading": FADING, "radians": self.radian, "between": np.array(between), "rest": AT_REST,
+        }  # fmt: skip
         self.last: Array = np.zeros((len(batch), len(self.plain)))
         self.clear: Array = np.zeros(len(batch))
 
@@ -143,41 +146,34 @@ class Crossings:
             runs: (L,) numbers of the runs.
             q: (L, n) joint positions.
         """
-        far, offset = self.nearest(runs, q)
-        exact = np.linalg.norm(offset, axis=1)
-        far = np.where(self._doubtful(far), np.where(np.isnan(exact), MOST, exact), far)
-        found: Array = np.minimum(far, MOST) - NEAR
+        found: Array = np.minimum(self.nearest(runs, q)[0], MOST) - NEAR
         return found
 
     def nearest(self, runs: Whole, q: Array) -> tuple[Array, Array]:
-        """Compute the distance (L,) to the singular set to first order, and where it is nearest.
+        """Compute the distance (L,) to the singular set, and where it is nearest.
 
         Args:
             runs: (L,) numbers of the runs.
             q: (L, n) joint positions.
 
         Returns:
-            The distance, and where that is in doubt the offsets (L, n) of the nearest points in
-            radians; NaN if there is none.
+            The distance, to first order where that decides; elsewhere the offsets (L, n) of the
+            nearest points in radians, NaN if there is none.
         """
         batch, arms = self.batch, self.batch.arms
         if arms[0].task.k > batch.n:
             return np.zeros(len(q)), np.zeros_like(q)
-        numbers: dict[str, Array | float] = {
-            "fading": FADING, "radians": self.radian, "between": np.array(self.between),
-            "rest": AT_REST,
-        }  # fmt: skip
-        found = batch.compute(nearest, runs, {"q": q}, numbers, lanes=WIDE, acts=False, most=LOOKS)
-        far, offset = found[:, 0], found[:, 2:]
-        left = np.flatnonzero(self._doubtful(far) & ~(found[:, 1] <= AT_REST))
+        found = batch.compute(
+            nearest, runs, {"q": q}, self.numbers, lanes=WIDE, acts=False, most=LOOKS
+        )
+        far, moved, offset = found[:, 0], found[:, 1], found[:, 2:]
+        left = np.flatnonzero(~(moved <= AT_REST))
         for arm in {arms[run]: None for run in runs[left]}:
             mine = left[[arms[run] is arm for run in runs[left]]]
             offset[mine] = settled_each(arm, batch.mode, q[mine])
+            exact = np.linalg.norm(offset[mine], axis=1)
+            far[mine] = np.where(np.isnan(exact), MOST, exact)
         return far, offset
-
-    def _doubtful(self, far: Array) -> Any:
-        """Tell where the exact distance decides, not that to first order."""
-        return (far > self.between[0]) & (far < self.between[1])
 
     def _looked(self, steps: Steps) -> Brackets:
         """Return where plain functions cross zero."""
@@ -224,47 +220,41 @@ class Crossings:
             q_a, q_b = np.concatenate((q_a[open_], q)), np.concatenate((q, q_b[open_]))
             doubtful = _joined([left._replace(b=mid, at_b=at), left._replace(a=mid, at_a=at)])
 
-    def _value(self, steps: Steps, step: Whole, which: Whole, t: Array) -> Array:
-        """Compute single event functions in steps."""
-        near, found = self.distance[which], np.empty(len(t))
-        if near.any():
-            q = self.batch.states(steps, step[near], t[near])[:, : self.batch.n]
-            found[near] = self.away(steps.run[step[near]], q)
-        if not near.all():
-            values = self.batch.event_values(steps, step[~near], t[~near])
-            columns = np.searchsorted(self.plain, which[~near])
-            found[~near] = values[np.arange(len(values)), columns]
-        return found
-
     def _roots(self, steps: Steps, of: Brackets) -> Array:
-        """Return the times (B,) at which functions cross zero, by Chandrupatla's method.
-
-        Inverse quadratic interpolation where that is safe, else bisection: Chandrupatla, Adv. Eng.
-        Softw. 28, 145 (1997), DOI 10.1016/S0965-9978(96)00051-8.
-        """
-        start, end, at_a, at_b = of[2:]
-        side = np.where((at_a > 0.0) | ((at_a == 0.0) & (at_b < 0.0)), 1.0, -1.0)
-        x, f = np.stack((end, start, start)), np.stack((at_b, at_a, at_a))
-        with np.errstate(all="ignore"):
-            share = np.nan_to_num(at_b / (at_b - at_a), nan=0.5)
-        for _ in range(ROUNDS):
-            tolerance = SHARPNESS * np.abs(x[0]) / np.maximum(np.abs(x[1] - x[0]), 1e-300)
-            i = np.flatnonzero((tolerance < 1.0) & (f[0] != 0.0))
-            if not len(i):
-                break
-            least = np.minimum(0.5 * tolerance[i], 0.5)
-            t = x[0, i] + np.clip(share[i], least, 1.0 - least) * (x[1, i] - x[0, i])
-            at = self._value(steps, of.step[i], of.which[i], t)
-            same = (at * side[i] > 0.0) == (f[0, i] * side[i] > 0.0)
-            for values, new in ((x, t), (f, at)):
-                before, other, _ = values[:, i]
-                values[:, i] = new, np.where(same, other, before), np.where(same, before, other)
-            (x1, x2, x3), (f1, f2, f3) = x[:, i], f[:, i]
-            with np.errstate(all="ignore"):
-                xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
-                curved = f1 / (f2 - f1) * f3 / (f2 - f3)
-                curved += (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
-            safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(curved)
-            share[i] = np.where(safe, curved, 0.5)
-        found: Array = np.where(f[0] == 0.0, x[0], np.maximum(x[0], x[1]))
+        """Return the times (B,) at which functions cross zero."""
+        near, found = self.distance[of.which], of.b.copy()
+        bracket = np.column_stack(of[2:])
+        if not near.all():
+            which = np.searchsorted(self.plain, of.which[~near])
+            found[~near] = self.batch.roots(steps, of.step[~near], which, bracket[~near])
+        if near.any():
+            step = of.step[near]
+            inputs = {"i": steps.row[step].astype(float), "bracket": bracket[near]}
+            found[near] = self.batch.compute(
+                nearing, steps.run[step], inputs, self.numbers, steps.rows, lanes=WIDE, acts=False,
+                most=LOOKS,
+            )  # fmt: skip
         return found
+
+
+def nearing(
+    xp: Any, tree: Any, p: Any, *, i: Any, bracket: Any, rows: Any, most: int, **numbers: Any
+) -> Any:
+    """Compute when the distance to the singular set falls to `NEAR` in step i of rows.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        p: Its numbers.
+        i: The number of the row.
+        bracket: (4,) times before and after, and the values there.
+        rows: The rows.
+        most: As of `nearest`.
+        numbers: As of `nearest`.
+    """
+
+    def value(t: Any) -> Any:
+        q = state_of(xp.row(rows, i), t)[: tree.n]
+        return nearest(xp, tree, p, q=q, most=most, **numbers)[0] - NEAR
+
+    return crossing(xp, value, bracket, SHARPNESS)
