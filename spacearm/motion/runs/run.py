@@ -9,9 +9,8 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.equations.integration import COLLAPSED, FAILED
-from spacearm.equations.jacobian import task_jacobian
+from spacearm.equations.measures import measures
 from spacearm.equations.plant import observe, parts, torques
-from spacearm.equations.singular_values import bidiagonal, least_eigenvalue
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import nearness
 from spacearm.mechanics.dynamics import forward_dynamics
@@ -256,7 +255,8 @@ class Runs:
         used = number <= last[:, None]
         runs = np.nonzero(used)[0]
         sigma, turn = np.full(used.shape, np.inf), np.zeros(used.shape)
-        sigma[used] = batch.compute(least, runs, {"q": self.outputs[used][:, :n]}, acts=False)
+        q = {"q": self.outputs[used][:, :n]}
+        (sigma[used],) = batch.compute(measures, runs, q, acts=False, names=("sigma_min",))
         attitude = self.outputs[:, :, at.attitude]
         unit = attitude / np.linalg.norm(attitude, axis=2, keepdims=True)
         cosine = np.abs((unit * unit[:, :1]).sum(axis=2))
@@ -294,14 +294,6 @@ class Runs:
             Q = self.outputs[mine][:, : arm.n]
             found[mine] = nearness.distances(arm, Q, self.plants[0].mode)[0]
         return found.min(axis=1)
-
-
-def least(xp: Any, tree: Any, p: Any, *, q: Any) -> Any:
-    """Compute sigma_min of the task Jacobian; zero with more rows than joints."""
-    if len(tree.rows) > tree.n:
-        return 0.0 * q.sum()
-    form = bidiagonal(xp, task_jacobian(xp, tree, p, q))
-    return xp.sqrt(least_eigenvalue(xp, form.q * form.q, form.e * form.e))
 
 
 def drift_of(momentum: Array, impulse: Array, brought: Array, f: int) -> float:

@@ -481,8 +481,13 @@ def _array(values: Any) -> Any:
 
 
 def _plant_numbers(plant: Plant, setup: Setup, bounds: list[float]) -> dict[str, Array]:
-    """Return the numbers of a plant by name."""
+    """Return the numbers of a plant by name; (n,) each of springs, friction and joint limits."""
     arm, hold = plant.arm, plant.hold
+    still = PassiveJoint(slip=1.0)
+    passive = [plant.passive.get(name, plant.passive.get(f"q{j + 1}", still))
+               for j, name in enumerate(arm.joint_names)]  # fmt: skip
+    names = ("stiffness", "relaxed", "damping", "friction", "slip")
+    described = [arm.tree.joints[name] for name in arm.joint_names]
     frames = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement
               for link, *_ in plant.pushed]  # fmt: skip
     wrenches = [np.zeros(6) if callable(wrench) else checked_wrench(link, wrench)
@@ -495,7 +500,9 @@ def _plant_numbers(plant: Plant, setup: Setup, bounds: list[float]) -> dict[str,
         "turns": np.array([frame.rotation for frame in frames]),
         "wrenches": np.array(wrenches),
         "bounds": np.array(bounds),
-        **_joint_numbers(plant),
+        "effort": np.array([joint.effort for joint in described]),
+        "speed": np.array([joint.velocity for joint in described]),
+        **dict(zip(names, np.array(passive, dtype=float).T, strict=True)),
     }
     if hold is not None:
         on_bus = np.where(np.array(setup.wheels) == 0, 1.0, 0.0)[:, None]
@@ -508,17 +515,3 @@ def _plant_numbers(plant: Plant, setup: Setup, bounds: list[float]) -> dict[str,
             "level": plant.start.base.rotation,
         }
     return known
-
-
-def _joint_numbers(plant: Plant) -> dict[str, Array]:
-    """Return springs, friction and limits of the joints by name, (n,) each."""
-    arm = plant.arm
-    still = PassiveJoint(slip=1.0)
-    joints = [plant.passive.get(name, plant.passive.get(f"q{j + 1}", still))
-              for j, name in enumerate(arm.joint_names)]  # fmt: skip
-    names = ("stiffness", "relaxed", "damping", "friction", "slip")
-    found = dict(zip(names, np.array(joints, dtype=float).T, strict=True))
-    described = [arm.tree.joints[name] for name in arm.joint_names]
-    found["effort"] = np.array([joint.effort for joint in described])
-    found["speed"] = np.array([joint.velocity for joint in described])
-    return found

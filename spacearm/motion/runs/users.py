@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dis
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from types import (
     BuiltinFunctionType,
@@ -156,18 +157,13 @@ def _walk(value: Any, seen: set[int]) -> Iterator[tuple[str, Any]]:
 
 def _referred(function: FunctionType) -> list[Any]:
     """Return the values outside that a function refers to."""
-    found = [cell.cell_contents for cell in function.__closure__ or () if _filled(cell)]
+    found = []
+    for cell in function.__closure__ or ():
+        with suppress(ValueError):  # nothing in it yet
+            found.append(cell.cell_contents)
     names = names_in(function.__code__)
     found += [function.__globals__[name] for name in names if name in function.__globals__]
     return [*found, *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
-
-
-def _filled(cell: Any) -> bool:
-    try:
-        cell.cell_contents  # noqa: B018
-    except ValueError:
-        return False
-    return True
 
 
 def _kept_by_code(code: CodeType) -> Iterator[str]:
