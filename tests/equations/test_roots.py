@@ -5,7 +5,7 @@ import pytest
 
 from spacearm.compiler import numbers, symbols
 from spacearm.compiler.kernel import compiled
-from spacearm.equations.roots import crossing
+from spacearm.equations.plant import crossing
 
 SHARP = 1e-14
 

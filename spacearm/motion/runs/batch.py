@@ -16,16 +16,6 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.equations import integration
 from spacearm.equations import plant as equations
-from spacearm.equations.integration import (
-    CHANGES,
-    COLLAPSED,
-    FINISHED,
-    PATIENCE,
-    RUNNING,
-    STABLE,
-    Progress,
-)
-from spacearm.equations.roots import crossing
 from spacearm.mechanics.many import ArmKernel, arms_kernel
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
@@ -39,7 +29,7 @@ SLOW, PACE = 1e-5, 1000
 Whole = npt.NDArray[np.int64]
 ENDED = 10
 """Status of a run that an event ended."""
-NOW = tuple(name for name in Progress._fields if name != "y")
+NOW = tuple(name for name in integration.Progress._fields if name != "y")
 """What is known of where a run stands besides its state."""
 
 
@@ -119,7 +109,7 @@ def advanced(
 
     counted, N = 2 * tree.n + 5, len(moving)
     problem = integration.Problem(rtol, atol, counted, tree.n, min(method.coupled, N))
-    start = Progress(y=y[moving], **dict(zip(NOW, now, strict=True)))
+    start = integration.Progress(y=y[moving], **dict(zip(NOW, now, strict=True)))
     found, rows = integration.advance(
         xp, rate, problem, start, end, most=STEPS, implicit=method.implicit,
         switches=switches, dense=method.dense,
@@ -170,7 +160,7 @@ def roots_within(
         )
         return sum(xp.where(xp.absolute(which - k) < 0.5, found[k], 0.0) for k in range(len(found)))
 
-    return crossing(xp, value, bracket, SHARPNESS)
+    return equations.crossing(xp, value, bracket, SHARPNESS)
 
 
 def _whole(xp: Any, z: Any, y: Any, moving: Any) -> Any:
@@ -217,7 +207,7 @@ class Batch:
         self.now, self.y = np.zeros((m, len(NOW))), y.copy()
         self.t, self.h, self.status, self.stiff, self.calm, self.eigenvalue, _ = self.now.T
         self.implicit = np.full(m, method == "Rodas5P")
-        self.patience = np.full(m, float(PATIENCE))
+        self.patience = np.full(m, float(integration.PATIENCE))
         self.steps, self.exchanged = np.zeros(m, np.int64), np.zeros(m)
         self._marks = np.zeros((2, m))
         self.held: Array | None = None
@@ -312,15 +302,17 @@ class Batch:
 
         Between two of them runs may be ended by setting their status.
         """
-        self.status[(self.status == FINISHED) & (self.t < end)] = RUNNING
+        self.status[(self.status == integration.FINISHED) & (self.t < end)] = integration.RUNNING
         while True:
             for implicit in (False, True):
-                runs = np.flatnonzero((self.status == RUNNING) & (self.implicit == implicit))
+                runs = np.flatnonzero(
+                    (self.status == integration.RUNNING) & (self.implicit == implicit)
+                )
                 if len(runs):
                     steps = self._advance(runs, end, implicit)
                     yield steps
                     self._check_pace(runs)
-            if self.outside.interrupted or not (self.status == RUNNING).any():
+            if self.outside.interrupted or not (self.status == integration.RUNNING).any():
                 return
 
     def _advance(self, runs: Whole, end: float, implicit: bool) -> Steps:
@@ -336,7 +328,7 @@ class Batch:
         )  # fmt: skip
         self.now[runs], self.y[np.ix_(runs, self.moving)] = np.split(found, [len(NOW)], axis=1)
         turns = found[:, len(NOW) - 1]
-        self._change(runs[self.status[runs] == CHANGES])
+        self._change(runs[self.status[runs] == integration.CHANGES])
         lane, turn = np.nonzero((np.arange(STEPS) < turns[:, None]) & (written[:, :, 1] > 0.0))
         run, row, rows = runs[lane], lane * STEPS + turn, written.reshape(-1, written.shape[2])
         start = rows[row, 0]
@@ -350,20 +342,20 @@ class Batch:
 
     def _change(self, runs: Whole) -> None:
         """Go over to the other method: from stiff steps, and back, each time for longer."""
-        self.status[runs] = RUNNING
+        self.status[runs] = integration.RUNNING
         self.stiff[runs] = 0.0
         back = runs[self.implicit[runs]]
         self.calm[back] = self.patience[back]
-        self.patience[back] = np.minimum(2.0 * self.patience[back], 100.0 * PATIENCE)
+        self.patience[back] = np.minimum(2.0 * self.patience[back], 100.0 * integration.PATIENCE)
         limited = back[self.eigenvalue[back] > 0.0]
-        self.h[limited] = np.minimum(self.h[limited], STABLE / self.eigenvalue[limited])
+        self.h[limited] = np.minimum(self.h[limited], integration.STABLE / self.eigenvalue[limited])
         self.implicit[runs] = ~self.implicit[runs]
 
     def _check_pace(self, runs: Whole) -> None:
         """Stop runs whose steps have become too short."""
         due = runs[self.steps[runs] - self._marks[0, runs] >= PACE]
         slow = due[self.t[due] - self._marks[1, due] < PACE * SLOW]
-        self.status[slow[self.status[slow] == RUNNING]] = COLLAPSED
+        self.status[slow[self.status[slow] == integration.RUNNING]] = integration.COLLAPSED
         self._marks[0, due], self._marks[1, due] = self.steps[due], self.t[due]
 
     def begins(self, steps: Steps, of: slice) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.equations.integration import state_of
 from spacearm.equations.measures import nearest
-from spacearm.equations.roots import crossing
+from spacearm.equations.plant import crossing
 from spacearm.mechanics.many import WIDE
 from spacearm.mechanics.nearness import FADING
 from spacearm.model.scale import radians

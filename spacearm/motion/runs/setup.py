@@ -24,18 +24,8 @@ from spacearm.model.configuration import Configuration
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode
-from spacearm.motion.controllers import (
-    Controller,
-    DampedLeastSquares,
-    JointPD,
-    RateLaw,
-    Reactionless,
-    ResolvedRate,
-    TipLaw,
-    TransposedJacobian,
-    gains,
-    rank_of_turns,
-)
+from spacearm.motion import controllers as law_types
+from spacearm.motion.controllers import Controller, JointPD, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
 from spacearm.motion.plant import PassiveJoint, Plant, checked_wrench, wheel_torques
@@ -44,10 +34,10 @@ from spacearm.singularities.report import NO_INVERSE
 
 KINDS: dict[type, str] = {
     JointPD: "joints",
-    TransposedJacobian: "transposed",
-    ResolvedRate: "resolved",
-    DampedLeastSquares: "damped",
-    Reactionless: "reactionless",
+    law_types.TransposedJacobian: "transposed",
+    law_types.ResolvedRate: "resolved",
+    law_types.DampedLeastSquares: "damped",
+    law_types.Reactionless: "reactionless",
 }
 """The laws that are equations; laws derived from them are users' laws."""
 EXAMPLES = 3
@@ -224,8 +214,8 @@ def prepared(
         for i, (event, _) in enumerate(events)
         if event.value is not None
     }
-    known = _plant_numbers(plant, setup, [event.bound for event, _ in events])
-    flat = [np.ravel(known[name]) for name, _ in setup.plant_shapes(plant.arm.n)]
+    given = _plant_numbers(plant, setup, [event.bound for event, _ in events])
+    flat = [np.ravel(given[name]) for name, _ in setup.plant_shapes(plant.arm.n)]
     return Prepared(
         setup, np.concatenate([np.zeros(0), *numbers]), np.concatenate(flat), todo.outside,
         tuple(todo.notes),
@@ -344,12 +334,12 @@ def _law(
         if callable(controller.target):
             return law._replace(source=todo.target(i, controller.target, positions)), numbers
         return law, numbers | {"target": positions(controller.target)}
-    assert isinstance(controller, TipLaw)
+    assert isinstance(controller, law_types.TipLaw)
     return _tip_law(todo, i, controller, law)
 
 
 def _tip_law(
-    todo: Preparation, i: int, controller: TipLaw, law: Law
+    todo: Preparation, i: int, controller: law_types.TipLaw, law: Law
 ) -> tuple[Law, dict[str, npt.ArrayLike]]:
     """Return a law that leads a tip, with its numbers."""
     arm, task = todo.plant.arm, todo.plant.arm.task
@@ -372,15 +362,15 @@ def _tip_law(
     for name in ("kp", "kd", "gain"):
         if hasattr(controller, name):
             numbers[name] = np.broadcast_to(gains(getattr(controller, name), k, name), k)
-    if isinstance(controller, TransposedJacobian):
+    if isinstance(controller, law_types.TransposedJacobian):
         return law, numbers
-    assert isinstance(controller, RateLaw)
+    assert isinstance(controller, law_types.RateLaw)
     numbers["servo"] = controller.servo
-    if isinstance(controller, DampedLeastSquares):
+    if isinstance(controller, law_types.DampedLeastSquares):
         numbers |= {"damping": controller.damping, "threshold": controller.threshold}
-    if isinstance(controller, Reactionless):
-        law = law._replace(rank=rank_of_turns(arm))
-    if isinstance(controller, ResolvedRate) and controller.rest is not None:
+    if isinstance(controller, law_types.Reactionless):
+        law = law._replace(rank=law_types.rank_of_turns(arm))
+    if isinstance(controller, law_types.ResolvedRate) and controller.rest is not None:
         law, numbers["rest"] = law._replace(rests=True), joint_vector(arm, controller.rest, "rest")
     return law, numbers
 
