@@ -50,9 +50,7 @@ class Turns(NamedTuple):
 
 def reactions(arm: SpaceArm, Q: Array) -> Reactions:
     """Compute J*, the connection and the pose of the first tip at Q (m, n)."""
-    kernel = arms_kernel(
-        [arm], "free-floating", turns.reactions, (("q", (arm.n,)),), rows=len(Q)
-    )
+    kernel = arms_kernel([arm], "free-floating", turns.reactions, (("q", (arm.n,)),), rows=len(Q))
     return Reactions(*kernel({"q": Q}))
 
 
