@@ -7,7 +7,7 @@ expression together take a few times as many operations as the expression itself
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -74,7 +74,7 @@ def gradient(of: Operand, by: Any) -> Any:
     return found.view(Symbols)
 
 
-def _of(o: Operand, tape: Tape) -> bool:
+def _of(o: Operand, tape: Tape) -> TypeGuard[Expression]:
     """Tell whether an operand is an expression of a tape."""
     return type(o) is Expression and o.tape is tape
 

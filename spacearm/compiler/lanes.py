@@ -227,7 +227,9 @@ class _Body:
         for e in needed:
             if e.operation in ("add", "sub"):
                 for o in reversed(e.operands):
-                    if uses[id(o)] == 1 and _is_product(o, e.tape):
+                    if not isinstance(o, Expression) or uses[id(o)] > 1:
+                        continue
+                    if o.operation == "mul" and o.tape is e.tape:
                         self._inside.add(o.number)
                         self._products[e.number] = o
                         break
@@ -394,8 +396,3 @@ class _Body:
             for i in range(count):
                 lines.store_one(lines.load_one(results, i), found, i * W + lane)
         self.place[e.number] = (found, 0)
-
-
-def _is_product(o: Operand, tape: Tape) -> bool:
-    """Tell whether an operand is a product on a tape."""
-    return isinstance(o, Expression) and o.operation == "mul" and o.tape is tape
