@@ -227,9 +227,9 @@ class _Body:
         for e in needed:
             if e.operation in ("add", "sub"):
                 for o in reversed(e.operands):
-                    if not isinstance(o, Expression) or uses[id(o)] > 1:
+                    if not isinstance(o, Expression) or o.operation != "mul":
                         continue
-                    if o.operation == "mul" and o.tape is e.tape:
+                    if o.tape is e.tape and uses[id(o)] == 1:
                         self._inside.add(o.number)
                         self._products[e.number] = o
                         break
