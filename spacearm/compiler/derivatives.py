@@ -7,7 +7,7 @@ expression together take a few times as many operations as the expression itself
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from spacearm.compiler.expressions import (
     Expression,
     Operand,
     Symbols,
+    Tape,
     TracingError,
     add,
     asarray,
@@ -57,14 +58,15 @@ def gradient(of: Operand, by: Any) -> Any:
     for e in needed:
         if e.number in numbers or (
             e.operation not in CONSTANT
-            and any(o.number in depends for o in e.expressions() if o.tape is of.tape)
+            and any(_of(o, of.tape) and o.number in depends for o in e.operands)
         ):
             depends.add(e.number)
     slopes: dict[int, Operand] = {of.number: 1.0}
     for e in reversed(needed):
         if e.number in depends and e.operation != "var" and e.number in slopes:
-            for o, share in zip(e.operands, _shares(e, slopes[e.number]), strict=True):
-                if isinstance(o, Expression) and o.tape is of.tape and o.number in depends:
+            for i, o in enumerate(e.operands):
+                if _of(o, of.tape) and o.number in depends:
+                    share = _share(e, slopes[e.number], i)
                     slopes[o.number] = add(slopes.get(o.number, 0.0), share)
     found.ravel()[:] = [
         slopes.get(o.number, 0.0) if isinstance(o, Expression) else 0.0 for o in by.ravel()
@@ -72,27 +74,32 @@ def gradient(of: Operand, by: Any) -> Any:
     return found.view(Symbols)
 
 
-def _shares(e: Expression, slope: Operand) -> tuple[Any, ...]:
-    """Return a derivative by an operation times those of the operation by its operands."""
+def _of(o: Operand, tape: Tape) -> TypeGuard[Expression]:
+    """Tell whether an operand is an expression of a tape."""
+    return type(o) is Expression and o.tape is tape
+
+
+def _share(e: Expression, slope: Operand, i: int) -> Any:
+    """Return a derivative by an operation times that of the operation by its operand i."""
     a, b = (*e.operands, 0.0)[:2]
     match e.operation:
         case "add":
-            return slope, slope
+            return slope
         case "sub":
-            return slope, negative(slope)
+            return negative(slope) if i else slope
         case "mul":
-            return multiply(slope, b), multiply(slope, a)
+            return multiply(slope, e.operands[1 - i])
         case "neg":
-            return (negative(slope),)
+            return negative(slope)
         case "div":
             share = multiply(slope, divide(1.0, b))
-            return share, negative(multiply(e, share))
+            return negative(multiply(e, share)) if i else share
         case "select":
-            return 0.0, select(a, slope, 0.0), select(a, 0.0, slope)
+            return select(a, slope, 0.0) if i == 1 else select(a, 0.0, slope)
         case "min" | "max":
             first = operation("lt", a, b) if e.operation == "min" else operation("lt", b, a)
-            return select(first, slope, 0.0), select(first, 0.0, slope)
+            return select(first, 0.0, slope) if i else select(first, slope, 0.0)
     function = FUNCTIONS.get(e.operation)
     if function is None or function.slopes is None:
         raise TracingError(f"no derivative is taken through a {e.operation}")
-    return tuple(multiply(slope, factor) for factor in function.slopes(operation, e, *e.operands))
+    return multiply(slope, function.slopes(operation, e, *e.operands)[i])

@@ -218,10 +218,7 @@ class Tape:
         key = (
             operation,
             detail,
-            *[
-                (o.tape.depth, o.number, None) if type(o) is Expression else (o, copysign(1.0, o))
-                for o in operands
-            ],
+            *[id(o) if type(o) is Expression else (o, copysign(1.0, o)) for o in operands],
         )
         found = self._known.get(key)
         if found is None:
@@ -254,19 +251,19 @@ class Tape:
         waiting = [e for e in outputs if isinstance(e, Expression) and e.tape is self]
         found = {e.number for e in waiting}
         while waiting:
-            for operand in waiting.pop().expressions():
-                if operand.tape is self and operand.number not in found:
-                    found.add(operand.number)
-                    waiting.append(operand)
+            for o in waiting.pop().operands:
+                if type(o) is Expression and o.tape is self and o.number not in found:
+                    found.add(o.number)
+                    waiting.append(o)
         return [self.written[number] for number in sorted(found)]
 
 
 def tape_of(operands: Iterable[Any]) -> Tape | None:
     """Return the innermost tape of the operands that are expressions; None if none is."""
     found: Tape | None = None
-    for operand in operands:
-        if type(operand) is Expression and (found is None or operand.tape.depth > found.depth):
-            found = operand.tape
+    for o in operands:
+        if type(o) is Expression and o.tape is not found:
+            found = o.tape if found is None or o.tape.depth > found.depth else found
     return found
 
 
@@ -276,7 +273,12 @@ def written(name: str, operands: Sequence[Operand], detail: Any = None) -> Expre
     if tape is None:
         raise TracingError(f"{name} of numbers alone is no expression")
     masks = LOGIC.get(name, 0)
-    owned = [_operand(tape, o, i < masks) for i, o in enumerate(operands)]
+    owned = [
+        o
+        if type(o) is Expression and o.tape is tape and (o.operation in MASKS) is (i < masks)
+        else _operand(tape, o, i < masks)
+        for i, o in enumerate(operands)
+    ]
     return tape.keep(name, tuple(owned), detail)
 
 
@@ -314,7 +316,7 @@ def _binary(name: str, a: Any, b: Any) -> Any:
     """Return an operation of an expression with another, a number or an array."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return _applied(OPERATIONS[name], a, b)
-    return operation(name, a, b)
+    return SIMPLE[name](a, b) if name in SIMPLE else operation(name, a, b)
 
 
 def operation(name: str, *operands: Any) -> Any:

@@ -24,6 +24,7 @@ class Instructions:
     def __init__(self, width: int, fused: bool, declared: set[str]) -> None:
         self.width, self.fused, self.declared = width, fused, declared
         self.V, self.M = _vector("double", width), _vector("i1", width)
+        self._code = "f64" if width == 1 else f"v{width}f64"
         self.block = "entry"
         self._lines: list[str] = []
         self._memory: list[str] = []
@@ -50,7 +51,8 @@ class Instructions:
 
     def new(self, text: str) -> str:
         """Write an instruction that gives a value, and return its name."""
-        name = self.name("%v")
+        self._count += 1
+        name = f"%v{self._count}"
         self._lines.append(f"{name} = {text}")
         return name
 
@@ -74,11 +76,9 @@ class Instructions:
 
     def intrinsic(self, name: str, *operands: str) -> str:
         """Call a function of numbers that LLVM knows, in all lanes at once."""
-        code = "f64" if self.width == 1 else f"v{self.width}f64"
-        types = ", ".join([self.V] * len(operands))
-        self.declared.add(f"declare {self.V} @llvm.{name}.{code}({types})")
-        given = ", ".join(f"{self.V} {o}" for o in operands)
-        return self.new(f"call {self.V} @llvm.{name}.{code}({given})")
+        V, function = self.V, f"{self.V} @llvm.{name}.{self._code}"
+        self.declared.add(f"declare {function}({', '.join([V] * len(operands))})")
+        return self.new(f"call {function}({V} {f', {V} '.join(operands)})")
 
     def library(self, name: str, *operands: str) -> str:
         """Call a function of the system's library, lane by lane."""

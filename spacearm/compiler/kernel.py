@@ -177,9 +177,9 @@ class Kernel:
         if last[0] != given:  # otherwise it is as it was when this was called last
             shared = np.zeros(self._prepared)
             shared[: len(given) // 8] = np.frombuffer(given)
-            last = given, shared, _address(shared)
-            self._prepare(last[2])
-            self._last = last
+            self._prepare(_address(shared))
+            lanes = np.repeat(shared, self.lanes)
+            last = self._last = given, lanes, _address(lanes)
         return last
 
     def _in_shares(self, arguments: int, shared: int, rows: int, threads: int) -> None:

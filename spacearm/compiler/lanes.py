@@ -3,8 +3,9 @@
 Lanes are configurations computed side by side. Every region is a function of memory: it loads its
 variables from `%in` and writes what it computes to `%out`, both vectors of lanes. What all lanes
 share is in `%u`: what is given, then what `prepare` computes of it, by the numbers of the
-expressions. `%a` has the addresses of the arguments of the kernel and then the numbers of their
-last rows; `%at` is the number of the first lane.
+expressions, there as single numbers and for all else as vectors. `%a` has the addresses of the
+arguments of the kernel and then the numbers of their last rows; `%at` is the number of the first
+lane.
 """
 
 from __future__ import annotations
@@ -166,6 +167,7 @@ class _Body:
         self.known: dict[int, str] = {}
         self.place: dict[int, tuple[str, int]] = {}
         self._taken: dict[int, str] = {}
+        self._negative: dict[str, str] = {}
         self._angles: dict[str, str] = {}
         self._looked: dict[tuple[str, str], list[str]] = {}
         self._inside: set[int] = set()
@@ -195,8 +197,7 @@ class _Body:
             return self.lines.number(float(o))
         if o.tape.depth == 0 and not self.shared:
             if o.number not in self._taken:
-                one = self.lines.load_one("%u", o.number)
-                self._taken[o.number] = self.lines.splat(one)
+                self._taken[o.number] = self.lines.load("%u", o.number)
             return self._taken[o.number]
         if o.number not in self.known:
             self.known[o.number] = self.lines.load(*self.place[o.number])
@@ -222,12 +223,13 @@ class _Body:
     def _fuse(self, needed: Sequence[Expression], outputs: Sequence[Any]) -> None:
         """Find the products that are computed together with the sum or difference they stand in."""
         uses = Counter(id(o) for o in outputs if isinstance(o, Expression))
-        for e in needed:
-            uses.update(map(id, e.operands))
+        uses.update(id(o) for e in needed for o in e.operands)
         for e in needed:
             if e.operation in ("add", "sub"):
-                for o in reversed(e.expressions()):
-                    if o.operation == "mul" and o.tape is e.tape and uses[id(o)] == 1:
+                for o in reversed(e.operands):
+                    if not isinstance(o, Expression) or o.operation != "mul":
+                        continue
+                    if o.tape is e.tape and uses[id(o)] == 1:
                         self._inside.add(o.number)
                         self._products[e.number] = o
                         break
@@ -235,6 +237,10 @@ class _Body:
     def operation(self, e: Expression) -> str:
         """Write an operation and return the name of its value; nothing for a loop or call."""
         lines, name, o = self.lines, e.operation, e.operands
+        if e.number in self._products:
+            return self._product(e, self._products[e.number])
+        if name in SIGNS:
+            return lines.arithmetic(f"f{name}", self.value(o[0]), self.value(o[1]))
         match name:
             case "and" | "or":
                 return lines.new(f"{name} {lines.M} {self.mask(o[0])}, {self.mask(o[1])}")
@@ -250,16 +256,12 @@ class _Body:
             case "call" | "loop" | "outside":
                 getattr(self, f"_{name}")(e, e.detail)
                 return ""
-        if e.number in self._products:
-            return self._product(e, self._products[e.number])
         values = [self.value(x) for x in o]
-        if name in SIGNS:
-            return lines.arithmetic(f"f{name}", *values)
         if name in INTRINSICS:
             return lines.intrinsic(INTRINSICS[name], *values)
         match name:
             case "neg":
-                return lines.arithmetic("fneg", *values)
+                return self._minus(values[0])
             case "hold":
                 return values[0]
             case "lt":
@@ -284,7 +286,9 @@ class _Body:
         return self.lines.product(a, b, c)
 
     def _minus(self, value: str) -> str:
-        return self.lines.arithmetic("fneg", value)
+        if value not in self._negative:
+            self._negative[value] = self.lines.arithmetic("fneg", value)
+        return self._negative[value]
 
     def _angle(self, name: str, x: str) -> str:
         """Return the sine or cosine of an angle, for which the function is called once."""

@@ -95,7 +95,7 @@ def evaluate(
     arm.require_one_tip()
     own = tuple(name for name in QUANTITIES if name in results)
     near = [name for name in NEARNESS if name in results]
-    kernel = _measures(arm, own) if own and worth_compiling(m, SINGLY) else None
+    kernel = _measures(arm, own, m) if own and worth_compiling(m, SINGLY) else None
 
     def compute(rows: dict[str, Array], places: dict[str, Array | None]) -> dict[str, Array]:
         if kernel:
@@ -114,16 +114,19 @@ def evaluate(
 def conditions(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the condition numbers (m,) of the task Jacobian at Q (m, n) in a mode."""
     if worth_compiling(len(Q), SINGLY):
-        (found,) = _measures(arm, ("condition",), mode)({"q": Q})
+        (found,) = _measures(arm, ("condition",), len(Q), mode)({"q": Q})
         return np.asarray(found)
     sigma = [singular_values_of(task_jacobian(arm.at(q), mode=mode)) for q in Q]
     return np.array([s[0] / s[-1] if s[-1] > 0.0 else np.inf for s in sigma])
 
 
-def _measures(arm: SpaceArm, names: tuple[str, ...], mode: BaseMode = "free-floating") -> ArmKernel:
-    """Return the compiled measures."""
-    options = (("names", names),)
-    return arms_kernel([arm], mode, measures, (("q", (arm.n,)),), options=options, lanes=WIDE)
+def _measures(
+    arm: SpaceArm, names: tuple[str, ...], m: int, mode: BaseMode = "free-floating"
+) -> ArmKernel:
+    """Return the compiled measures of m configurations."""
+    return arms_kernel(
+        [arm], mode, measures, (("q", (arm.n,)),), options=(("names", names),), lanes=WIDE, rows=m
+    )
 
 
 @of_arm
@@ -163,7 +166,9 @@ def generalized_jacobians(
     J = np.empty((m, 6, arm.n)) if out is None else checked_output(out, (m, 6, arm.n), "out")
     shape = (("q", (arm.n,)),)
     kernel = (
-        arms_kernel([arm], "free-floating", jacobian, shape) if worth_compiling(m, SINGLY) else None
+        arms_kernel([arm], "free-floating", jacobian, shape, rows=m)
+        if worth_compiling(m, SINGLY)
+        else None
     )
 
     def compute(rows: dict[str, Array], places: dict[str, Array | None]) -> dict[str, Array]:

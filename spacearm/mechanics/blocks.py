@@ -17,6 +17,8 @@ from spacearm.model.arm import SpaceArm
 
 BLOCK = 16384
 """Configurations per thread and block: their data fit the processor cache."""
+LEAST = 1024
+"""So many are not divided between threads: to start one takes as long."""
 
 BLOCKS_MAPPED = 32
 """Number of blocks after which pages of memory maps are released."""
@@ -118,7 +120,7 @@ def run_blocks(
 ) -> None:
     """Do all blocks of m configurations on several threads, with little memory."""
     threads = processors() if threads is None else whole(threads, "threads", 1)
-    size = min(largest, -(-m // threads) or 1)
+    size = min(largest, max(-(-m // threads), LEAST))
     blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
     maps = [found for array in arrays if (found := _memory_map(array)) is not None]
     with ThreadPoolExecutor(threads) as pool:

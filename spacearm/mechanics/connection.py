@@ -50,7 +50,7 @@ class Turns(NamedTuple):
 
 def reactions(arm: SpaceArm, Q: Array) -> Reactions:
     """Compute J*, the connection and the pose of the first tip at Q (m, n)."""
-    kernel = arms_kernel([arm], "free-floating", turns.reactions, (("q", (arm.n,)),))
+    kernel = arms_kernel([arm], "free-floating", turns.reactions, (("q", (arm.n,)),), rows=len(Q))
     return Reactions(*kernel({"q": Q}))
 
 
@@ -63,19 +63,20 @@ def turns_of_spacecraft(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Arra
         rates: (m, 2, n) their derivatives by the curve's parameter.
         h: (m,) lengths of the intervals.
     """
-    found: Array = _in_intervals(arm, turns.turn)({"q": Q, "dq": rates, "h": h})
+    found: Array = _in_intervals(arm, turns.turn, len(h))({"q": Q, "dq": rates, "h": h})
     return found
 
 
 def turns_and_effects(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Turns:
     """Compute `turns_of_spacecraft`, and how they depend on the curve."""
-    return Turns(*_in_intervals(arm, turns.turn_and_effects)({"q": Q, "dq": rates, "h": h}))
+    kernel = _in_intervals(arm, turns.turn_and_effects, len(h))
+    return Turns(*kernel({"q": Q, "dq": rates, "h": h}))
 
 
-def _in_intervals(arm: SpaceArm, function: Callable[..., Any]) -> ArmKernel:
-    """Return a function of the Gauss points of intervals."""
-    two = (2, arm.n)
-    return arms_kernel([arm], "free-floating", function, (("q", two), ("dq", two), ("h", ())))
+def _in_intervals(arm: SpaceArm, function: Callable[..., Any], m: int) -> ArmKernel:
+    """Return a function of the Gauss points of m intervals."""
+    shapes = (("q", (2, arm.n)), ("dq", (2, arm.n)), ("h", ()))
+    return arms_kernel([arm], "free-floating", function, shapes, rows=m)
 
 
 def chained(T: Array) -> Array:

@@ -4,8 +4,9 @@ Few configurations are answered by the reference, or by the equations run over n
 takes some tenths of a second. The choice depends on the amount of work alone, so that the same
 call gives the same digits.
 
-The numbers of an arm that are zero or one by its build are compiled in, the others are arguments,
-so that arms that differ in masses and lengths only run the same machine code.
+For many configurations the numbers of an arm that are zero or one by its build are compiled in and
+the others are arguments, so that arms that differ in masses and lengths only run the same machine
+code. For fewer all numbers are arguments, so that all arms whose joints follow each other alike do.
 """
 
 from __future__ import annotations
@@ -38,6 +39,9 @@ WORTH_ONCE = 0.1
 """The same where nobody asks again [s]."""
 BY_NUMBERS = 1e-3
 """Time that the equations take by numbers, for one configuration [s]."""
+MANY = 10_000
+"""For so many configurations the zeros and ones of an arm are compiled in, which saves a third of
+the time that they take."""
 WIDE = 8
 """Lanes of functions that wait for divisions in loops, more than fit a register."""
 
@@ -86,7 +90,9 @@ def evaluated(
             tuple((name, np.shape(array)[skip:]) for name, array in arrays.items())
             for arrays, skip in ((inputs, 1), (numbers, 0))
         )
-        kernel = arms_kernel([arm], mode, function, shapes, shared, options=options, lanes=lanes)
+        kernel = arms_kernel(
+            [arm], mode, function, shapes, shared, options=options, lanes=lanes, rows=m
+        )
         return kernel(inputs, numbers)
     from spacearm.compiler import numbers as by_numbers
 
@@ -202,6 +208,7 @@ def arms_kernel(
     *,
     options: tuple[tuple[str, Any], ...] = (),
     lanes: int | None = None,
+    rows: float = MANY,
 ) -> ArmKernel:
     """Return a function of arms in a mode as machine code, compiled when it is first needed.
 
@@ -219,10 +226,12 @@ def arms_kernel(
         outside: Names and numbers of results of functions that are called as it runs.
         options: Names and values, which can be hashed, of what is known while tracing.
         lanes: Number of lanes side by side; what suits the processor if None.
+        rows: For about how many configurations it is called. For few the frames of the bodies are
+            not those of the arm: z is the axis of their joint.
     """
     different = tuple(dict.fromkeys(arms))
     wanted = _Wanted(function, inputs, numbers, tables, outside, options, lanes)
-    found = _kernel(different, mode, wanted)
+    found = _kernel(different, mode, wanted, rows >= MANY)
     if len(different) == 1:
         return found
     number = {arm: i for i, arm in enumerate(different)}
@@ -242,12 +251,17 @@ class _Wanted(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def _kernel(arms: tuple[SpaceArm, ...], mode: BaseMode, wanted: _Wanted) -> ArmKernel:
-    """Return a function of different arms, with the numbers of each."""
-    flat = np.array([_numbers(arm) for arm in arms])
-    vary = ~(np.isin(flat[0], (0.0, 1.0, -1.0)) & (flat == flat[0]).all(axis=0))
+def _kernel(
+    arms: tuple[SpaceArm, ...], mode: BaseMode, wanted: _Wanted, special: bool
+) -> ArmKernel:
+    """Return a function of different arms, with the numbers of each; zeros and ones compiled in."""
+    flat = np.array([_numbers(arm, special) for arm in arms])
+    shapes = tuple(np.shape(values) for values in _arrays(arms[0], special))
+    if special:
+        vary = ~(np.isin(flat[0], (0.0, 1.0, -1.0)) & (flat == flat[0]).all(axis=0))
+    else:
+        vary = np.repeat(np.arange(len(shapes)) != TURNS, [np.prod(shape) for shape in shapes])
     pattern = np.where(vary, 2.0, flat[0]).tobytes()
-    shapes = tuple(np.shape(values) for values in _arrays(arms[0]))
     structure = structure_of(arms[0], mode)
     bare = replace(
         structure, turns=np.zeros_like(structure.turns), scale=np.zeros_like(structure.scale)
@@ -257,16 +271,41 @@ def _kernel(arms: tuple[SpaceArm, ...], mode: BaseMode, wanted: _Wanted) -> ArmK
     return ArmKernel(kernel, flat[:, vary], len(arms) > 1)
 
 
-def _arrays(arm: SpaceArm) -> tuple[Array, ...]:
-    """Return the numbers of an arm: its parameters, the turns of its joints, the task's scale."""
-    structure = structure_of(arm)
-    return (*parameters_of(arm), structure.turns, structure.scale)
+TURNS = len(Parameters._fields)
+"""Place of the turns among the arrays of an arm."""
+
+
+def _arrays(arm: SpaceArm, own: bool) -> tuple[Array, ...]:
+    """Return the numbers of an arm: its parameters, the turns of its joints, the task's scale.
+
+    They are in its own frames, or in those without turns: z is the axis of each joint.
+    """
+    tree, p = structure_of(arm), parameters_of(arm)
+    if own:
+        return (*p, tree.turns, tree.scale)
+    S = tree.turns
+    back, inner, body = S.swapaxes(1, 2), list(tree.parents[1:]), list(tree.tips)
+    turned = Parameters(
+        masses=p.masses,
+        centres=_times(back, p.centres),
+        inertias=back @ p.inertias @ S,
+        joint_positions=_times(back[inner], p.joint_positions),
+        joint_rotations=back[inner] @ p.joint_rotations @ S[1:],
+        tip_positions=_times(back[body], p.tip_positions),
+        tip_rotations=back[body] @ p.tip_rotations,
+    )
+    return (*turned, np.broadcast_to(np.eye(3), S.shape), tree.scale)
+
+
+def _times(rotations: Array, vectors: Array) -> Array:
+    """Return rotations (m, 3, 3) times vectors (m, 3)."""
+    return np.asarray((rotations @ vectors[..., None])[..., 0])
 
 
 @lru_cache(maxsize=4096)
-def _numbers(arm: SpaceArm) -> Array:
+def _numbers(arm: SpaceArm, own: bool) -> Array:
     """Return the numbers of an arm as one vector."""
-    return np.concatenate([np.ravel(values) for values in _arrays(arm)])
+    return np.concatenate([np.ravel(values) for values in _arrays(arm, own)])
 
 
 @lru_cache(maxsize=256)

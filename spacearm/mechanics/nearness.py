@@ -29,6 +29,7 @@ which measures the distance to a failure set alike: Hasofer & Lind, J. Eng. Mech
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -276,8 +277,10 @@ def tangent(
         fading: As in `nearness.nearness`.
         expected: How many configurations it is computed for in all, if that is more.
     """
-    compiled = arm.n >= arm.task.k and worth_compiling(max(len(Q), expected), SINGLY)
-    return (_tangent if compiled else tangent_singly)(arm, Q, mode, fading)
+    rows = max(len(Q), expected)
+    if arm.n >= arm.task.k and worth_compiling(rows, SINGLY):
+        return _tangent(arm, Q, mode, fading, rows)
+    return tangent_singly(arm, Q, mode, fading)
 
 
 def distances(
@@ -293,19 +296,19 @@ def distances(
     """
     if arm.n < arm.task.k:  # singular everywhere
         return np.zeros(len(Q)), np.zeros(Q.shape)
-    compiled = worth_compiling(len(Q) if many is None else many, SINGLY)
-    look = _tangent if compiled else tangent_singly
+    rows = len(Q) if many is None else many
+    look = partial(_tangent, rows=rows) if worth_compiling(rows, SINGLY) else tangent_singly
     return refined(arm, Q, look(arm, Q, mode, FADING), lambda Q, fading: look(arm, Q, mode, fading))
 
 
-def _tangent(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float) -> Tangent:
-    """Compute `tangent` by compiled code."""
+def _tangent(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float, rows: int) -> Tangent:
+    """Compute `tangent` by compiled code; rows as in `arms_kernel`."""
     kernel = arms_kernel(
         [arm], mode, distance, (("q", (arm.n,)),), (("fading", ()), ("radians", (arm.n,))),
-        lanes=WIDE,
+        lanes=WIDE, rows=rows,
     )  # fmt: skip
-    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": radians(arm)})
+    far, sigma, normal = kernel({"q": Q}, {"fading": fading, "radians": radians(arm)})
     on_it = far == 0.0
     if on_it.any():  # singular all around, it has no normal
-        rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
-    return Tangent(far, sigma, rows)
+        normal[on_it] = np.where(np.isnan(normal[on_it]), 0.0, normal[on_it])
+    return Tangent(far, sigma, normal)

@@ -21,7 +21,7 @@ BEYOND, ACROSS = -2.0, -1.0
 """In place of the distance, for curves beyond the limits or on the other side of a singularity."""
 NEARBY, TURNS_ROUND = 0.5, -0.8
 """Up to which distance [rad] the way out tells sides apart; cosine of the angle between two."""
-BLOCK = 16_000
+BLOCK = 8_000
 """Configurations that are evaluated between two looks at the clock."""
 
 

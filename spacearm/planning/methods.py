@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.mechanics.floating import attitudes, placed
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.configuration import Configuration
 from spacearm.motion.following import check_start, how_it_ended, lead
@@ -259,13 +260,14 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
     Q = _line(problem, start, as_goal(start, tip), bool(np.isfinite(limits).any()))
     ramp = np.linspace(0.0, 1.0, len(Q))[:, None]
     for _ in range(NEWTON_STEPS):
-        rows = problem.walk(start, Q)
-        left = miss(rows[-1], tip)
+        problem.search.check_time()
+        end = placed(start, Q[-1], attitudes(start, Q)[-1])
+        left = miss(end, tip)
         if np.linalg.norm(left) <= ARRIVED:
-            return rows
-        J = goal_rows(rows[-1], generalized_jacobian(rows[-1]))
+            return problem.walk(start, Q)
+        J = goal_rows(end, generalized_jacobian(end))
         Q = Q + ramp * np.linalg.lstsq(J, left, rcond=None)[0]
-    raise NoSolutionError("the end of the line cannot be made exact", rows)
+    raise NoSolutionError("the end of the line cannot be made exact", problem.walk(start, Q))
 
 
 def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> Array:

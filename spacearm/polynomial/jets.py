@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,6 +122,10 @@ class Jets:
         kept = np.ascontiguousarray(C.real.transpose(*self._axes, *self._idle))
         return kept.reshape([kept.shape[i] for i in range(len(self._axes))])
 
+    @cached_property
+    def _sizes(self) -> Array:
+        return np.abs(self.polynomial.coefficients)
+
     @property
     def _idle(self) -> list[int]:
         return [j for j, d in enumerate(self.polynomial.degrees) if not d]
@@ -198,10 +201,18 @@ class Jets:
             else:
                 weights.append(k[:, None].astype(np.float64) ** np.arange(3))
         n = len(weights)
+        sums: dict[tuple[int, ...], Array] = {(): self._sizes}
+        with np.errstate(over="ignore"):
+            for j in reversed(range(n)):  # the axes that are left come first
+                sums = {
+                    (*(j,) * e, *of): values @ weights[j][:, e]
+                    for of, values in sums.items()
+                    for e in range(3 - len(of))
+                }
         bounds = np.zeros((n, n))
-        for i, j in combinations_with_replacement(range(n), 2):
-            columns = [w[:, (axis == i) + (axis == j)] for axis, w in enumerate(weights)]
-            bounds[i, j] = bounds[j, i] = self._weighted(columns)
+        for of, value in sums.items():
+            if len(of) == 2:
+                bounds[of] = bounds[of[::-1]] = value
         return bounds
 
     def bound(self, reach: Array, half_step: Array, rho: float) -> float:
@@ -228,7 +239,7 @@ class Jets:
 
     def _weighted(self, weights: Sequence[Array]) -> float:
         """Sum |c_k| times a weight for each order in each coordinate."""
-        total: Any = np.abs(self.polynomial.coefficients)
+        total: Any = self._sizes
         with np.errstate(over="ignore"):
             for weight in reversed(weights):
                 total = total @ weight

@@ -227,8 +227,8 @@ COMPILER = [
             ("masks are selected", "both(opposite(mask), b)", "both(mask, b)"),
         )),
         ("derivatives", "compiler/test_derivatives", (
-            ("derivative of a quotient", "return share, negative(multiply(e, share))", "return share, multiply(e, share)"),
-            ("derivative of a difference", "return slope, negative(slope)", "return slope, slope"),
+            ("derivative of a quotient", "return negative(multiply(e, share)) if i", "return multiply(e, share) if i"),
+            ("derivative of a difference", "return negative(slope) if i", "return slope if i"),
             ("derivative of a smallest number", 'if e.operation == "min" else', 'if e.operation == "max" else'),
             ("derivatives add up", "add(slopes.get(o.number, 0.0), share)", "share"),
         )),

@@ -29,6 +29,8 @@ KNOTS = 400
 MOST_STEPS = 200_000
 KEPT_STEPS = 5_000
 """Most steps of a motion whose steps are kept."""
+STEPS = 500
+"""About so many configurations are computed for each motion."""
 PIECES = 16
 """Number of pieces of work between which progress is told."""
 
@@ -138,7 +140,7 @@ def lead_all(
     }  # fmt: skip
     how, (m, n) = settings or Settings(), q.shape
     ends = np.empty((m, n)), np.empty((m, 4)), np.empty((m, 7))
-    kernel, numbers = _kernel(arm, False), _numbers(arm, how, np.inf)
+    kernel, numbers = _kernel(arm, False, m), _numbers(arm, how, np.inf)
     tables = {"pieces": paths.pieces, "intervals": paths.intervals}
     cuts = np.linspace(0, m, 1 + (PIECES if progress else 1)).astype(int).tolist()
     for begin, end in pairwise(cuts):
@@ -174,7 +176,7 @@ def lead_with_stops(
         "q": q[None], "attitude": attitude[None], "home": attitude[None],
         "path": np.array([[0.0, last, total]]),
     }  # fmt: skip
-    *ends, rows = _kernel(arm, True)(
+    *ends, rows = _kernel(arm, True, 1)(
         given, _numbers(arm, settings, total / stops),
         {"pieces": paths.pieces, "intervals": paths.intervals},
     )  # fmt: skip
@@ -182,8 +184,8 @@ def lead_with_stops(
     return _led(arm, settings, *ends), rows[rows[:, 0] > 0.0, 1:]
 
 
-def _kernel(arm: SpaceArm, keep: bool) -> ArmKernel:
-    """Return `equations.lines.lead` of an arm."""
+def _kernel(arm: SpaceArm, keep: bool, m: int) -> ArmKernel:
+    """Return `equations.lines.lead` of an arm for m motions."""
     n = arm.n
     vectors = {"h": (3,), "radians": (n,), "lower": (n,), "upper": (n,)}
     return arms_kernel(
@@ -194,6 +196,7 @@ def _kernel(arm: SpaceArm, keep: bool) -> ArmKernel:
         tuple((name, vectors.get(name, ())) for name in lines.How._fields),
         (("pieces", lines.PIECE), ("intervals", lines.INTERVAL)),
         options=(("most", KEPT_STEPS if keep else MOST_STEPS), ("keep", keep)),
+        rows=STEPS * m,
     )  # fmt: skip
 
 
