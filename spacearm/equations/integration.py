@@ -51,6 +51,7 @@ class Problem(NamedTuple):
         counted: Number of components that errors are averaged over.
         pairs: Number n of leading components whose rates are the n components after them.
         coupled: Number of leading components that rates depend on; N if None.
+        plain: The rate as it is traced again to share its parts; as it is called if None.
     """
 
     rtol: Any
@@ -58,6 +59,7 @@ class Problem(NamedTuple):
     counted: int
     pairs: int = 0
     coupled: int | None = None
+    plain: Any = None
 
 
 class Step(NamedTuple):
@@ -145,6 +147,31 @@ def explicit_step(
     return Step(end, K[12], error, xp.stack(curves), eigenvalue)
 
 
+def _derivatives(xp: Any, rate: Rate, problem: Problem, t: Any, y: Any, dy: Any) -> tuple[Any, Any]:
+    """Compute the Jacobian (N - n, m), without pairs, and the slope (N,) by time, by differences.
+
+    What depends on the first n components alone is computed once for all columns after theirs.
+    """
+    n, m = problem.pairs, len(y) if problem.coupled is None else problem.coupled
+    x = xp.concatenate([xp.stack([t]), y[:m]])
+    size = np.sqrt(ROUNDING) * xp.maximum(xp.absolute(x), np.array([1.0] + m * [SMALL]))
+
+    def column(of: Rate, move: Any) -> Any:
+        there = x + move
+        found = of(there[0], xp.concatenate([there[1:], y[m:]]))
+        return (found - dy) / (there - x).sum()  # as it was rounded
+
+    def turn(_: Any, direction: Any, columns: Any) -> Any:
+        move = size * xp.concatenate([direction[:1], np.zeros(n), direction[1:]])
+        following = xp.concatenate([direction[-1:], direction[:-1]])
+        return following, xp.concatenate([columns[1:], column(problem.plain or rate, move)[None]])
+
+    count = 1 + m - n
+    _, rest = xp.repeat(count, turn, np.eye(count)[0], np.zeros((count, len(y))))
+    first = [column(rate, size * np.eye(1 + m)[1 + j])[n:] for j in range(n)]
+    return xp.stack([*first, *rest[1:, n:]]).T, rest[0]
+
+
 def implicit_step(
     xp: Any, rate: Rate, problem: Problem, t: Any, y: Any, dy: Any, h: Any, _: bool = True
 ) -> Step:
@@ -155,14 +182,7 @@ def implicit_step(
     N, n = len(y), problem.pairs
     m = N if problem.coupled is None else problem.coupled
     shift = 1.0 / (of.GAMMA * h)
-    columns = []
-    for j in range(m):
-        move = np.sqrt(ROUNDING) * xp.maximum(xp.absolute(y[j]), SMALL)
-        there = y + move * np.eye(N)[j]
-        columns.append((rate(t, there) - dy)[n:] / (there[j] - y[j]))  # as it was rounded
-    J = xp.stack(columns).T  # (N - n, m), without the rates of the pairs
-    soon = t + np.sqrt(ROUNDING) * xp.maximum(xp.absolute(t), 1.0)
-    slope = (rate(soon, y) - dy) / (soon - t)
+    J, slope = _derivatives(xp, rate, problem, t, y, dy)
     A = shift * np.eye(m - n) - J[: m - n, n:]
     if n:
         A = A - xp.concatenate([J[: m - n, :n] / shift, np.zeros((m - n, m - 2 * n))], axis=1)
@@ -257,6 +277,7 @@ def advance(
     Returns:
         Where the run stands now, and (most, 2 + 8 N) rows of the steps, as many as it has turns.
     """
+    problem = problem._replace(plain=rate)
     rate = xp.procedure(rate)
     take, order = (implicit_step, 5.0) if implicit else (explicit_step, 8.0)
     m = len(start.y) if problem.coupled is None else problem.coupled
