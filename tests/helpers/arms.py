@@ -181,6 +181,16 @@ def moved(cfg: sa.Configuration, dq, v_b, h: float) -> sa.Configuration:
     return cfg.arm.at(cfg.q + h * dq, base=pin.SE3(turned, shifted))
 
 
+def same_accelerations(cfg: sa.Configuration, found, known, tau, mode="free-floating") -> None:
+    """Compare joint accelerations (n,) by H* ddq, to 1e-12 of the torques that are added in it.
+
+    The accelerations themselves differ by that times the condition number of H*.
+    """
+    H = sa.generalized_inertia(cfg, mode=mode)
+    size = np.abs(H) @ np.abs(known) + np.abs(tau) + np.abs(tau - H @ known)
+    np.testing.assert_allclose(H @ (found - known), 0.0, atol=1e-12 * size.max())
+
+
 def planar_pair(tip=("left", "right"), joints="tip") -> sa.SpaceArm:
     """Two planar arms of two links on one spacecraft, without shapes."""
     return load_text(planar_pair_text(), tip=tip, joints=joints)
