@@ -30,6 +30,8 @@ import spacearm as sa
 
 DURATION = 60.0
 ROUNDS = 5
+WARM = 4.0
+"""For so long spacearm runs first, until its code is compiled for speed [s]."""
 SLOW = 3.0
 """A run that takes longer ends the search [s]."""
 WANTED = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
@@ -184,6 +186,11 @@ def compare(name: str) -> None:
         exact = sa.simulate(
             arm, q0, law, DURATION, rtol=1e-13, atol=1e-15, dt=DURATION, method="DOP853", events=()
         ).q[-1]
+
+        begun = time.perf_counter()
+        while time.perf_counter() - begun < WARM:
+            for _, run in ours(arm, q0, law):
+                run()
 
         def in_python(*state: object, law: object = law) -> np.ndarray:
             return law(*state)
