@@ -1,10 +1,10 @@
-"""Sine and cosine over lanes, in LLVM's language."""
+"""Sine and cosine as array code, within 1.1 units in the last place."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from spacearm.compiler.instructions import Instructions
+import numpy as np
 
 LARGE = 1e5
 """Larger angles [rad], infinity and NaN are left to the system's library."""
@@ -23,71 +23,24 @@ COSINE = (
 """(cos y - 1 + y^2/2) / y^4 by y^2 (fdlibm, k_cos.c)."""
 
 
-def sine_cosine(code: Instructions, name: str) -> str:
-    """Return the function `name` of an angle in all lanes, which gives sine and cosine.
+def sine_cosine(x: Any) -> tuple[Any, Any, Any]:
+    """Return sine and cosine of an angle, and whether it is too large for this.
 
-    They are within 1.1 units in the last place, and no lane depends on the others.
+    The angle is y + k pi/2, |y| <= pi/4; each half turn changes both signs.
     """
-    V, pair = code.V, f"{{{code.V}, {code.V}}}"
-    sine, cosine = _reduced(code)
-    large = code.compare("ugt", code.intrinsic("fabs", "%x"), code.number(LARGE))
-    code.line(f"br i1 {code.any(large)}, label %far, label %near")
-    code.label("near")
-    _return(code, sine, cosine)
-    code.label("far")
-    sine, cosine = (code.select(large, code.library(function, "%x"), near)
-                    for function, near in (("sin", sine), ("cos", cosine)))  # fmt: skip
-    _return(code, sine, cosine)
-    return f"define internal {pair} {name}({V} %x) {{\n{code}\n}}"
-
-
-def _return(code: Instructions, sine: str, cosine: str) -> None:
-    pair = f"{{{code.V}, {code.V}}}"
-    one = code.new(f"insertvalue {pair} poison, {code.V} {sine}, 0")
-    code.line(f"ret {pair} {code.new(f'insertvalue {pair} {one}, {code.V} {cosine}, 1')}")
-
-
-def _reduced(code: Instructions) -> tuple[str, str]:
-    """Return sine and cosine of x = y + k pi/2, |y| <= pi/4."""
-    k = code.intrinsic("rint", code.arithmetic("fmul", "%x", code.number(2.0 / np.pi)))
-    y = "%x"
+    k = np.rint(x * (2.0 / np.pi))
+    y = x
     for part in HALF_PI:
-        y = code.product(k, code.number(-part), y)
-    z = code.arithmetic("fmul", y, y)
-    cubed = code.arithmetic("fmul", y, z)
-    s = code.product(cubed, _polynomial(code, z, SINE), y)
-    c = _cosine(code, z)
-    turns = code.intrinsic("rint", code.arithmetic("fmul", k, code.number(0.25)))
-    quarter = code.arithmetic(
-        "fsub", k, code.arithmetic("fmul", turns, code.number(4.0))
-    )  # -2 to 2
-    size = code.intrinsic("fabs", quarter)
-    odd = code.compare("oeq", size, code.number(1.0))
-    opposite = code.compare("oeq", size, code.number(2.0))
-    below = code.compare("oeq", quarter, code.number(-1.0))
-    above = code.compare("oeq", quarter, code.number(1.0))
-    sine, cosine = code.select(odd, c, s), code.select(odd, s, c)
-    return _negated(code, sine, opposite, below), _negated(code, cosine, opposite, above)
-
-
-def _cosine(code: Instructions, z: str) -> str:
-    """Return 1 - z/2 + z^2 p(z), with what the first difference loses (k_cos.c)."""
-    one, half = code.number(1.0), code.arithmetic("fmul", z, code.number(0.5))
-    near = code.arithmetic("fsub", one, half)
-    lost = code.arithmetic("fsub", code.arithmetic("fsub", one, near), half)
-    rest = code.product(code.arithmetic("fmul", z, z), _polynomial(code, z, COSINE), lost)
-    return code.arithmetic("fadd", near, rest)
-
-
-def _polynomial(code: Instructions, z: str, coefficients: tuple[float, ...]) -> str:
-    """Return a polynomial by Horner's scheme."""
-    found = code.number(coefficients[0])
-    for c in coefficients[1:]:
-        found = code.product(z, found, code.number(c))
-    return found
-
-
-def _negated(code: Instructions, value: str, first: str, second: str) -> str:
-    """Return -value where one of two masks is true."""
-    either = code.new(f"or {code.M} {first}, {second}")
-    return code.select(either, code.arithmetic("fneg", value), value)
+        y = y - k * part
+    z = y * y
+    s = y + y * z * np.polyval(SINE, z)
+    half = 0.5 * z
+    near = 1.0 - half
+    lost = (1.0 - near) - half  # by rounding
+    c = near + (lost + z * z * np.polyval(COSINE, z))
+    half_turns = np.floor(0.5 * k)
+    odd = 2.0 * half_turns < k
+    sign = 1.0 - 2.0 * (half_turns - 2.0 * np.floor(0.5 * half_turns))
+    sine, cosine = np.where(odd, c, s) * sign, np.where(odd, -s, c) * sign
+    size = np.abs(x)
+    return np.where(size <= 0.0, x, sine), cosine, ~(size <= LARGE)

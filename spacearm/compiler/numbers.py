@@ -1,30 +1,19 @@
 """The array library of numbers: NumPy, with the loops of `symbols` for one lane."""
 
-# isort: skip_file
-
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy import (
-    absolute, arange, arccos, arcsin, arctan, arctan2, array, asarray, ceil, concatenate, cos,
-    cosh, cross, exp, eye, floor, hypot, less, less_equal, log, logical_and, logical_not,
-    logical_or, maximum, minimum, ones, power, rint, sign, sin, sinh, sqrt, stack, tan, tanh,
-    where, zeros, zeros_like,
-)  # fmt: skip
-
-__all__ = [
-    "absolute", "arange", "arccos", "arcsin", "arctan", "arctan2", "array", "asarray", "ceil",
-    "concatenate", "cos", "cosh", "cross", "exp", "eye", "floor", "gradient", "hold", "hypot",
-    "less", "less_equal", "log", "logical_and", "logical_not", "logical_or", "maximum",
-    "minimum", "ones", "power", "procedure", "repeat", "rint", "row", "sign", "sin", "sinh",
-    "sqrt", "stack", "tan", "tanh", "where", "while_any", "zeros", "zeros_like",
-]  # fmt: skip
 
 STEP = 1e-30
 """Steps of `gradient`."""
+
+
+def __getattr__(name: str) -> Any:
+    """Return a function of NumPy."""
+    return getattr(np, name)
 
 
 def hold(values: Any) -> Any:
