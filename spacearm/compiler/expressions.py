@@ -61,10 +61,7 @@ class Tape:
 
         The operands are numbers of Python, and expressions of this tape or the shared one.
         """
-        key = (operation, detail, *[
-            o.hex() if type(o) is float else o.number if o.tape is self else ~o.number  # type: ignore[union-attr]
-            for o in operands
-        ])  # fmt: skip
+        key = (operation, detail, *[o.key if type(o) is Expression else o.hex() for o in operands])
         found = self._known.get(key)
         if found is None:
             found = self._known[key] = Expression(self, operation, operands, detail)
@@ -112,10 +109,15 @@ def written(name: str, *operands: Operand) -> Expression:
         if type(o) is Expression and (tape is None or o.tape.depth > tape.depth):
             tape = o.tape
     masks = OPERATIONS[name].masks
-    return tape.keep(name, tuple([_operand(tape, o, i < masks) for i, o in enumerate(operands)]))
+    if masks:
+        owned = [_operand(tape, o, i < masks) for i, o in enumerate(operands)]
+    else:
+        owned = [o if type(o) is Expression and o.tape is tape and not o.is_mask
+                 else _operand(tape, o) for o in operands]  # fmt: skip
+    return tape.keep(name, tuple(owned))
 
 
-def _operand(tape: Tape, o: Any, mask: bool) -> Operand:
+def _operand(tape: Tape, o: Any, mask: bool = False) -> Operand:
     """Return what an operation on a tape takes for an operand, a mask or a number."""
     if type(o) is Expression:
         if o.is_mask is not mask:
@@ -203,7 +205,7 @@ def multiply(a: Any, b: Any) -> Any:
 
 def _ordered(a: Expression, b: Expression) -> tuple[Expression, Expression]:
     """Return the operands of a commutative operation in one order."""
-    return (a, b) if (a.tape.depth, a.number) <= (b.tape.depth, b.number) else (b, a)
+    return (a, b) if a.key <= b.key else (b, a)
 
 
 def divide(a: Any, b: Any) -> Any:
@@ -320,19 +322,21 @@ class Expression:
     Attributes:
         tape: The tape that it stands on.
         number: Its place there; operands come first.
+        key: What it alone has of all that stands on its tape and on those around.
         operation: "var", or one of `operations`, or "call", "loop", "result", "load", "outside".
         operands: What it is made of.
         detail: What else it depends on: the name of a variable, the number of a result.
         is_mask: Whether its values are true or false.
     """
 
-    __slots__ = ("detail", "is_mask", "number", "operands", "operation", "tape")
+    __slots__ = ("detail", "is_mask", "key", "number", "operands", "operation", "tape")
 
     def __init__(
         self, tape: Tape, operation: str, operands: tuple[Operand, ...], detail: Any = None
     ) -> None:
         self.tape = tape
         self.number = len(tape.written)
+        self.key = (tape.depth << 32) + self.number
         self.operation = operation
         self.operands = operands
         self.detail = detail

@@ -16,13 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.compiler.angles import sine_cosine
 from spacearm.compiler.expressions import Expression, Operand, Tape
 from spacearm.compiler.instructions import FMA, IS_NOT_ZERO, Instructions
-from spacearm.compiler.operations import OPERATIONS
+from spacearm.compiler.operations import OPERATIONS, sine_cosine
 from spacearm.compiler.symbols import Outside, Region, Rows
 from spacearm.compiler.trace import Traced, trace
 
+DECLARED = [f"declare double @{name}({', '.join(['double'] * operation.numpy.nin)})"
+            for name, operation in OPERATIONS.items() if not operation.llvm]  # fmt: skip
+"""Functions of the system's library."""
 NEGATIVE, SELECT = OPERATIONS["neg"].llvm, OPERATIONS["select"].llvm
 
 
@@ -60,45 +62,25 @@ class Lanes:
     def text(self) -> str:
         """Return the whole module, whose entries are `prepare` and `run`."""
         run, prepare = self._run(), self._prepare()
-        return "\n".join((*self._functions.values(), prepare, run, ""))
+        return "\n".join((*DECLARED, *self._functions.values(), prepare, run, ""))
 
     def angles(self, width: int) -> str:
         """Return the name of the function of an angle in all lanes, which gives sine and cosine."""
         name, traced = f"@sine_cosine{width}", _angles()
         if name not in self._functions:
             code = _Body(self, width)
-            V, pair = code.V, f"{{{code.V}, {code.V}}}"
             code.known[traced.tape.written[0].number] = "%x"
             code.compute(traced.tape, traced.outputs)
-            sine, cosine, large = map(code.value, traced.outputs)
+            *near, large = map(code.value, traced.outputs)
             code.line(f"br i1 {code.any(large)}, label %far, label %near")
-            for label in ("near", "far"):
-                code.label(label)
-                if label == "far":
-                    sine, cosine = (
-                        code.operate(SELECT, large, code.library(function, "%x"), near)
-                        for function, near in (("sin", sine), ("cos", cosine))
-                    )
-                one = code.new(f"insertvalue {pair} poison, {V} {sine}, 0")
-                both = code.new(f"insertvalue {pair} {one}, {V} {cosine}, 1")
-                code.line(f"ret {pair} {both}")
-            self._functions[name] = f"define internal {pair} {name}({V} %x) {{\n{code}\n}}"
+            code.label("near")
+            code.give(near)
+            code.label("far")
+            code.give([code.operate(SELECT, large, code.library(function, "%x"), value)
+                       for function, value in zip(("sin", "cos"), near, strict=True)])  # fmt: skip
+            head = f"define internal {code.pair} {name}({code.V} %x)"
+            self._functions[name] = f"{head} {{\n{code}\n}}"
         return name
-
-    def library(self, function: str, operands: int, width: int) -> str:
-        """Return the name of a function of lanes that calls one of the system's library."""
-        name, given = f"@{function}_{width}", ["%x", "%y"][:operands]
-        if name not in self._functions:
-            code = _Body(self, width)
-            code.line(f"ret {code.V} {code.library(function, *given)}")
-            types = ", ".join(f"{code.V} {x}" for x in given)
-            self._functions[name] = f"define internal {code.V} {name}({types}) {{\n{code}\n}}"
-        return name
-
-    def declare(self, function: str, operands: int) -> None:
-        """Declare a function of the system's library."""
-        types = ", ".join(["double"] * operands)
-        self._functions[f"@{function}"] = f"declare double @{function}({types})"
 
     def region(self, region: Region) -> str:
         """Return the name of the function of a region, written once."""
@@ -169,6 +151,7 @@ class _Body(Instructions):
     """The expressions of one tape as instructions.
 
     Attributes:
+        pair: The type of two numbers in all lanes.
         shared: Whether the tape is the shared one.
         known: Names of the values of expressions of the tape, by number.
         place: Where variables and results lie: memory and index.
@@ -177,6 +160,7 @@ class _Body(Instructions):
     def __init__(self, lanes: Lanes, width: int, shared: bool = False) -> None:
         super().__init__(width)
         self.lanes, self.shared = lanes, shared
+        self.pair = f"{{{self.V}, {self.V}}}"
         self.known: dict[int, str] = {}
         self.place: dict[int, tuple[str, int]] = {}
         self._taken: dict[int, str] = {}
@@ -186,7 +170,6 @@ class _Body(Instructions):
 
     def library(self, name: str, *operands: str) -> str:
         """Call a function of the system's library, lane by lane."""
-        self.lanes.declare(name, len(operands))
         found = []
         for lane in range(self.width):
             given = ", ".join(f"double {self.lane(o, lane)}" for o in operands)
@@ -283,17 +266,21 @@ class _Body(Instructions):
             return self.operate(operation.llvm, *values)
         if e.operation in ("sin", "cos"):
             return self._angle(e.operation, values[0])
-        function = self.lanes.library(operation.c.partition("(")[0], len(values), self.width)
-        types = ", ".join(f"{self.V} {x}" for x in values)
-        return self.new(f"call {self.V} {function}({types})")
+        return self.library(e.operation, *values)
 
     def _angle(self, name: str, x: str) -> str:
         """Return the sine or cosine of an angle, for which the function is called once."""
-        pair = f"{{{self.V}, {self.V}}}"
         if x not in self._angles:
             function = self.lanes.angles(self.width)
-            self._angles[x] = self.new(f"call {pair} {function}({self.V} {x})")
-        return self.new(f"extractvalue {pair} {self._angles[x]}, {int(name == 'cos')}")
+            self._angles[x] = self.new(f"call {self.pair} {function}({self.V} {x})")
+        return self.new(f"extractvalue {self.pair} {self._angles[x]}, {int(name == 'cos')}")
+
+    def give(self, values: Sequence[str]) -> None:
+        """Return two numbers from a function."""
+        found = "poison"
+        for i, value in enumerate(values):
+            found = self.new(f"insertvalue {self.pair} {found}, {self.V} {value}, {i}")
+        self.line(f"ret {self.pair} {found}")
 
     def _load(self, e: Expression) -> str:
         """Load a number of a table."""

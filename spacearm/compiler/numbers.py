@@ -43,13 +43,11 @@ def row(table: Any, index: Any) -> Any:
 
 def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = False) -> Any:
     """Repeat a step while it goes on; see `symbols.while_any`."""
-    rows = []
+    rows: list[Any] = []
     for _ in range(most):
-        *found, goes_on = step(*state)
-        if keep:
-            rows.append(goes_on)
-            *found, goes_on = found
-        state = tuple(found)
+        found = step(*state)
+        state, (goes_on, *row) = found[: len(state)], found[len(state) :]
+        rows += row
         if not goes_on:
             break
     return (*state, np.array(rows)) if keep else state
@@ -57,11 +55,10 @@ def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = Fal
 
 def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False) -> Any:
     """Repeat a step a number of times; see `symbols.repeat`."""
-    rows = []
-    for turn in range(count):
-        found = step(turn, *state)
-        if keep:
-            *found, kept = found
-            rows.append(kept)
-        state = tuple(found)
-    return (*state, np.array(rows)) if keep else state
+    turns = iter(range(count))
+
+    def counted(*state: Any) -> Any:
+        found = step(next(turns), *state)
+        return (*found[: len(state)], True, *found[len(state) :])
+
+    return while_any(counted, *state, most=count, keep=keep)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from itertools import count, islice
+from itertools import count as counter, islice
 from typing import Any
 
 import numpy as np
@@ -185,12 +185,7 @@ def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = Fal
         The state at the end, and with `keep` the `Rows`. Rows after the last turn of a lane have
         no meaning, and those after the last turn of all that run side by side are not written.
     """
-    region, arrays = _region([np.shape(s) for s in state])
-    with tracing(region.tape):
-        found = list(step(*arrays))
-    kept = found.pop() if keep else None
-    goes_on = found.pop()
-    return _loop(region, state, found, goes_on, kept, most)
+    return _loop(step, state, most, keep, counted=False)
 
 
 def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False) -> Any:
@@ -206,21 +201,24 @@ def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False
     Returns:
         The state at the end, and with `keep` the `Rows`.
     """
-    region, arrays = _region([np.shape(s) for s in state])
-    region.turn = region.tape.variable(("turn",))
-    with tracing(region.tape):
-        found = list(step(region.turn, *arrays))
-    kept = found.pop() if keep else None
-    return _loop(region, state, found, None, kept, count)
+    return _loop(step, state, count, keep, counted=True)
 
 
 def _loop(
-    region: Region, state: Sequence[Any], found: Sequence[Any], goes_on: Any, kept: Any, most: int
+    step: Callable[..., Any], state: Sequence[Any], most: int, keep: bool, counted: bool
 ) -> Any:
-    """Write a loop on the current tape and return its results."""
+    """Write a loop on the current tape, over counted turns or until no lane wants another."""
     if most < 1:
         raise TracingError(f"a loop of {most} turns")
-    if (there := [np.shape(s) for s in state]) != (now := [np.shape(o) for o in found]):
+    region, arrays = _region(there := [np.shape(s) for s in state])
+    if counted:
+        region.turn = region.tape.variable("turn")
+        arrays = [region.turn, *arrays]
+    with tracing(region.tape):
+        found = list(step(*arrays))
+    kept = found.pop() if keep else None
+    goes_on = None if counted else found.pop()
+    if there != (now := [np.shape(o) for o in found]):
         raise TracingError(f"a step returns arrays of shapes {now} for a state of shapes {there}")
     region.most, region.outputs = most, flat(region.tape, found)
     if goes_on is not None:
@@ -242,7 +240,7 @@ def _region(shapes: Sequence[tuple[int, ...]]) -> tuple[Region, list[Any]]:
 
 def variables(tape: Tape, kind: str, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return arrays of new variables; they are named (kind, 0), (kind, 1), ... throughout."""
-    return _arrays((tape.variable((kind, i)) for i in count()), shapes)
+    return _arrays((tape.variable((kind, i)) for i in counter()), shapes)
 
 
 @contextmanager
@@ -266,7 +264,7 @@ def flat(tape: Tape, arrays: Iterable[Any]) -> list[Operand]:
 
 def _results(call: Expression, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return the results of a call or loop as arrays."""
-    return _arrays((call.tape.keep("result", (call,), i) for i in count()), shapes)
+    return _arrays((call.tape.keep("result", (call,), i) for i in counter()), shapes)
 
 
 def _arrays(values: Iterator[Expression], shapes: Sequence[tuple[int, ...]]) -> list[Any]:

@@ -12,14 +12,6 @@ import numpy as np
 
 from spacearm.compiler.expressions import Expression, asarray, plain
 
-MATH = {
-    "acos": np.arccos, "asin": np.arcsin, "atan": np.arctan, "atan2": np.arctan2, "ceil": np.ceil,
-    "cos": np.cos, "cosh": np.cosh, "degrees": np.degrees, "exp": np.exp, "fabs": np.abs,
-    "floor": np.floor, "fmod": np.fmod, "hypot": np.hypot, "log": np.log, "pow": np.power,
-    "radians": np.radians, "sin": np.sin, "sinh": np.sinh, "sqrt": np.sqrt, "tan": np.tan,
-    "tanh": np.tanh,
-}  # fmt: skip
-"""Functions of the module math in NumPy."""
 MADE = ("zeros", "ones", "empty", "full", "zeros_like", "ones_like", "empty_like", "full_like")
 """Functions of NumPy that make arrays, which may be filled with symbols."""
 LIBRARIES = ("numpy", "math", "scipy", "pinocchio", "spacearm")
@@ -56,16 +48,16 @@ class _Numpy:
 
 
 class _Math:
-    """The module math, of symbols too."""
+    """The module math, of symbols too: NumPy has its functions by the same names."""
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(math, name)
-        if name not in MATH:
+        found, over = getattr(math, name), getattr(np, name, None)
+        if not callable(over):
             return found
 
         def function(*arguments: Any) -> Any:
             symbolic = any(isinstance(a, (Expression, np.ndarray)) for a in arguments)
-            return (MATH[name] if symbolic else found)(*arguments)
+            return (over if symbolic else found)(*arguments)
 
         return function
 
