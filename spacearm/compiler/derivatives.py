@@ -53,7 +53,5 @@ def gradient(of: Operand, by: Any) -> Any:
             for o, share in zip(e.operands, shares, strict=True):
                 if isinstance(o, Expression) and o.tape is of.tape and o.number in depends:
                     slopes[o.number] = share + slopes.get(o.number, 0.0)
-    found.flat = [
-        slopes.get(o.number, 0.0) if isinstance(o, Expression) else 0.0 for o in by.flat
-    ]
+    found.ravel()[:] = [slopes.get(getattr(o, "number", -1), 0.0) for o in by.flat]
     return found

@@ -61,7 +61,11 @@ class Tape:
 
         The operands are numbers of Python, and expressions of this tape or the shared one.
         """
-        key = (operation, detail, *[o.key if type(o) is Expression else o.hex() for o in operands])
+        key = (
+            operation,
+            detail,
+            *[o.key if isinstance(o, Expression) else o.hex() for o in operands],
+        )
         found = self._known.get(key)
         if found is None:
             found = self._known[key] = Expression(self, operation, operands, detail)
@@ -397,8 +401,8 @@ class Expression:
 class Symbols(np.ndarray[Any, Any]):
     """An array of expressions and numbers."""
 
-    __array_ufunc__ = Expression.__array_ufunc__
-    __array_function__ = Expression.__array_function__
+    __array_ufunc__: Any = Expression.__array_ufunc__
+    __array_function__: Any = Expression.__array_function__
 
 
 def plain(value: Any) -> Any:

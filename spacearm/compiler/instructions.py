@@ -7,11 +7,12 @@ from functools import cache
 from struct import pack
 
 FMA = "call {V} @llvm.fma.{S}({V} {0}, {V} {1}, {V} {2})"
+DECLARE_FMA = "declare {V} @llvm.fma.{S}({V}, {V}, {V})"
 IS_NOT_ZERO = "fcmp une {V} {0}, {zero}"
 
 
 @cache
-def _template(text: str, width: int) -> str:
+def template(text: str, width: int) -> str:
     """Return an instruction as written in `operations` for so many lanes, with %s for operands."""
     V, M = _vector("double", width), _vector("i1", width)
     S = "f64" if width == 1 else f"v{width}f64"
@@ -80,7 +81,7 @@ class Instructions:
 
     def operate(self, text: str, *operands: str) -> str:
         """Write an operation, as `operations` has it, and return the name of its value."""
-        return self.new(_template(text, self.width) % operands)
+        return self.new(template(text, self.width) % operands)
 
     def any(self, mask: str) -> str:
         """Tell whether a mask is true in any lane."""

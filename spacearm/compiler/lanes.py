@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from spacearm.compiler.expressions import Expression, Operand, Tape
-from spacearm.compiler.instructions import FMA, IS_NOT_ZERO, Instructions
+from spacearm.compiler.instructions import DECLARE_FMA, FMA, IS_NOT_ZERO, Instructions, template
 from spacearm.compiler.operations import OPERATIONS, sine_cosine
 from spacearm.compiler.symbols import Outside, Region, Rows
 from spacearm.compiler.trace import Traced, trace
@@ -62,7 +62,8 @@ class Lanes:
     def text(self) -> str:
         """Return the whole module, whose entries are `prepare` and `run`."""
         run, prepare = self._run(), self._prepare()
-        return "\n".join((*DECLARED, *self._functions.values(), prepare, run, ""))
+        often = template(DECLARE_FMA, self.width)  # LLVM declares its own functions, but slowly
+        return "\n".join((*DECLARED, often, *self._functions.values(), prepare, run, ""))
 
     def angles(self, width: int) -> str:
         """Return the name of the function of an angle in all lanes, which gives sine and cosine."""
@@ -130,10 +131,11 @@ class Lanes:
             found = code.gather(code.rows(code.argument(name), size), size)
             for value, e in zip(found, variables, strict=False):
                 code.known[e.number] = value
-        flat = [[o.loop] if isinstance(o, Rows) else traced.flat(o) for o in traced.outputs]
-        code.compute(traced.tape, [o for values in flat for o in values])
-        for i, values in enumerate(flat):
-            if values and not isinstance(traced.outputs[i], Rows):
+        loops = [o.loop for o in traced.outputs if isinstance(o, Rows)]
+        flat = {i: traced.flat(o) for i, o in enumerate(traced.outputs) if not isinstance(o, Rows)}
+        code.compute(traced.tape, [*loops, *(o for values in flat.values() for o in values)])
+        for i, values in flat.items():
+            if values:
                 code.write(values, code.argument(i))
         code.line("br label %done")
         code.label("done")

@@ -25,7 +25,7 @@ class Operation(NamedTuple):
         is_mask: Whether its values are true or false.
     """
 
-    numpy: Callable[..., Any]
+    numpy: Any
     c: str
     llvm: str = ""
     pullback: Callable[..., tuple[Any, ...]] | None = None
@@ -111,6 +111,7 @@ def folded(name: str, *operands: Any) -> Any:
     """Return an operation on numbers, as a number of Python."""
     with np.errstate(all="ignore"):
         return (bool if name in MASKS else float)(OPERATIONS[name].numpy(*operands))
+
 
 LARGE = 1e5
 """Larger angles [rad], infinity and NaN are left to the system's library."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from itertools import count as counter, islice
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -240,7 +240,7 @@ def _region(shapes: Sequence[tuple[int, ...]]) -> tuple[Region, list[Any]]:
 
 def variables(tape: Tape, kind: str, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return arrays of new variables; they are named (kind, 0), (kind, 1), ... throughout."""
-    return _arrays((tape.variable((kind, i)) for i in counter()), shapes)
+    return _arrays((tape.variable((kind, i)) for i in count()), shapes)
 
 
 @contextmanager
@@ -264,7 +264,7 @@ def flat(tape: Tape, arrays: Iterable[Any]) -> list[Operand]:
 
 def _results(call: Expression, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return the results of a call or loop as arrays."""
-    return _arrays((call.tape.keep("result", (call,), i) for i in counter()), shapes)
+    return _arrays((call.tape.keep("result", (call,), i) for i in count()), shapes)
 
 
 def _arrays(values: Iterator[Expression], shapes: Sequence[tuple[int, ...]]) -> list[Any]:
