@@ -407,11 +407,9 @@ class Symbols(np.ndarray[Any, Any]):
 
 def plain(value: Any) -> Any:
     """Return an expression or an array of them as a plain array of objects."""
-    if type(value) is Expression:
-        array = np.empty((), dtype=object)
-        array[()] = value
-        return array
-    return value.view(np.ndarray) if isinstance(value, Symbols) else value
+    if isinstance(value, Symbols):
+        return value.view(np.ndarray)
+    return np.array(value, dtype=object) if isinstance(value, Expression) else value
 
 
 def symbols(value: Any) -> Any:
@@ -460,10 +458,10 @@ def _all_plain(arguments: Any) -> Any:
 
 
 def is_symbolic(values: Any) -> bool:
-    """Tell whether there is a symbol in lists."""
+    """Tell whether values, or lists of them, have symbols."""
     if isinstance(values, (list, tuple)):
         return any(is_symbolic(v) for v in values)
-    return isinstance(values, (Expression, Symbols))
+    return isinstance(values, (Expression, np.ndarray)) and plain(values).dtype == object
 
 
 def where(mask: Any, a: Any, b: Any) -> Any:

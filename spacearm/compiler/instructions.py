@@ -6,18 +6,21 @@ from collections.abc import Sequence
 from functools import cache
 from struct import pack
 
-FMA = "call {V} @llvm.fma.{S}({V} {0}, {V} {1}, {V} {2})"
 DECLARE_FMA = "declare {V} @llvm.fma.{S}({V}, {V}, {V})"
 IS_NOT_ZERO = "fcmp une {V} {0}, {zero}"
 
 
 @cache
-def template(text: str, width: int) -> str:
-    """Return an instruction as written in `operations` for so many lanes, with %s for operands."""
-    V, M = _vector("double", width), _vector("i1", width)
-    S = "f64" if width == 1 else f"v{width}f64"
-    words = {"V": V, "M": M, "S": S, "true": _same("i1 true", width), "zero": _number(0.0, width)}
-    return text.format("%s", "%s", "%s", **words)
+def template(text: str, operands: int, width: int) -> str:
+    """Return an instruction as `operations` has it for so many lanes, with %s for operands."""
+    if text.startswith("@"):
+        given = ", ".join(f"{{V}} {{{i}}}" for i in range(operands))
+        text = f"call {{V}} {text}.{{S}}({given})"
+    words = {
+        "V": _vector("double", width), "S": "f64" if width == 1 else f"v{width}f64",
+        "M": _vector("i1", width), "true": _same("i1 true", width), "zero": _number(0.0, width),
+    }  # fmt: skip
+    return text.format(*["%s"] * operands, **words)
 
 
 def _vector(kind: str, width: int) -> str:
@@ -81,7 +84,7 @@ class Instructions:
 
     def operate(self, text: str, *operands: str) -> str:
         """Write an operation, as `operations` has it, and return the name of its value."""
-        return self.new(template(text, self.width) % operands)
+        return self.new(template(text, len(operands), self.width) % operands)
 
     def any(self, mask: str) -> str:
         """Tell whether a mask is true in any lane."""

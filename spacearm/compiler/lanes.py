@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from spacearm.compiler.expressions import Expression, Operand, Tape
-from spacearm.compiler.instructions import DECLARE_FMA, FMA, IS_NOT_ZERO, Instructions, template
+from spacearm.compiler.instructions import DECLARE_FMA, IS_NOT_ZERO, Instructions, template
 from spacearm.compiler.operations import OPERATIONS, sine_cosine
 from spacearm.compiler.symbols import Outside, Region, Rows
 from spacearm.compiler.trace import Traced, trace
@@ -62,7 +62,7 @@ class Lanes:
     def text(self) -> str:
         """Return the whole module, whose entries are `prepare` and `run`."""
         run, prepare = self._run(), self._prepare()
-        often = template(DECLARE_FMA, self.width)  # LLVM declares its own functions, but slowly
+        often = template(DECLARE_FMA, 0, self.width)  # LLVM declares its own functions, but slowly
         return "\n".join((*DECLARED, often, *self._functions.values(), prepare, run, ""))
 
     def angles(self, width: int) -> str:
@@ -259,7 +259,7 @@ class _Body(Instructions):
         if e.operation == "sub":
             minus = self.operate(NEGATIVE, c if first else a)
             a, c = (a, minus) if first else (minus, c)
-        return self.operate(FMA, a, b, c)
+        return self.operate("@llvm.fma", a, b, c)
 
     def operation(self, e: Expression) -> str:
         """Write an operation and return the name of its value."""

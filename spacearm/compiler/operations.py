@@ -17,8 +17,8 @@ class Operation(NamedTuple):
     Attributes:
         numpy: The function of NumPy.
         c: Its text in C99, with {0}, {1}, ... for the operands.
-        llvm: Its LLVM instruction: {V} is the type of a number in all lanes, {S} its suffix in
-            names of intrinsics, {M} the type of a mask; empty for a function of <math.h>.
+        llvm: Its LLVM instruction, where {V} is the type of a number in all lanes and {M} that of
+            a mask, or the name of a function of LLVM; empty for a function of <math.h>.
         pullback: Derivatives of something by the operands, of (its derivative by the value, value,
             *operands); None where they are zero wherever they exist.
         masks: How many of its operands, the first ones, are masks; all others are numbers.
@@ -50,12 +50,12 @@ OPERATIONS = {
     ),
     "neg": Operation(np.negative, "-{0}", "fneg {V} {0}", lambda s, *_: (-s,)),
     "min": Operation(
-        np.minimum, "{0} < {1} || {0} != {0} ? {0} : {1}",
-        "call {V} @llvm.minimum.{S}({V} {0}, {V} {1})", lambda s, _, a, b: _chosen(a < b, s),
+        np.minimum, "{0} < {1} || {0} != {0} ? {0} : {1}", "@llvm.minimum",
+        lambda s, _, a, b: _chosen(a < b, s),
     ),
     "max": Operation(
-        np.maximum, "{0} > {1} || {0} != {0} ? {0} : {1}",
-        "call {V} @llvm.maximum.{S}({V} {0}, {V} {1})", lambda s, _, a, b: _chosen(b < a, s),
+        np.maximum, "{0} > {1} || {0} != {0} ? {0} : {1}", "@llvm.maximum",
+        lambda s, _, a, b: _chosen(b < a, s),
     ),
     "select": Operation(
         np.where, "{0} ? {1} : {2}", "select {M} {0}, {V} {1}, {V} {2}",
@@ -67,30 +67,22 @@ OPERATIONS = {
     "and": Operation(np.logical_and, "{0} && {1}", "and {M} {0}, {1}", masks=2, is_mask=True),
     "or": Operation(np.logical_or, "{0} || {1}", "or {M} {0}, {1}", masks=2, is_mask=True),
     "not": Operation(np.logical_not, "!{0}", "xor {M} {0}, {true}", masks=1, is_mask=True),
-    "sqrt": Operation(
-        np.sqrt, "sqrt({0})", "call {V} @llvm.sqrt.{S}({V} {0})", lambda s, v, _: (s * (0.5 / v),)
-    ),
-    "abs": Operation(
-        np.abs, "fabs({0})", "call {V} @llvm.fabs.{S}({V} {0})", lambda s, _, a: (s * np.sign(a),)
-    ),
-    "rint": Operation(np.rint, "rint({0})", "call {V} @llvm.rint.{S}({V} {0})"),
-    "floor": Operation(np.floor, "floor({0})", "call {V} @llvm.floor.{S}({V} {0})"),
-    "ceil": Operation(np.ceil, "ceil({0})", "call {V} @llvm.ceil.{S}({V} {0})"),
+    "sqrt": Operation(np.sqrt, "sqrt({0})", "@llvm.sqrt", lambda s, v, _: (s * (0.5 / v),)),
+    "abs": Operation(np.abs, "fabs({0})", "@llvm.fabs", lambda s, _, a: (s * np.sign(a),)),
+    "rint": Operation(np.rint, "rint({0})", "@llvm.rint"),
+    "floor": Operation(np.floor, "floor({0})", "@llvm.floor"),
+    "ceil": Operation(np.ceil, "ceil({0})", "@llvm.ceil"),
     "sin": Operation(np.sin, "sin({0})", "", lambda s, _, a: (s * np.cos(a),)),
     "cos": Operation(np.cos, "cos({0})", "", lambda s, _, a: (s * -np.sin(a),)),
     "tan": Operation(np.tan, "tan({0})", "", lambda s, v, _: (s * (1.0 + v * v),)),
-    "asin": Operation(
-        np.arcsin, "asin({0})", "", lambda s, _, a: (s * (1.0 / np.sqrt(1.0 - a * a)),)
-    ),
-    "acos": Operation(
-        np.arccos, "acos({0})", "", lambda s, _, a: (s * (-1.0 / np.sqrt(1.0 - a * a)),)
-    ),
-    "atan": Operation(np.arctan, "atan({0})", "", lambda s, _, a: (s * (1.0 / (1.0 + a * a)),)),
+    "asin": Operation(np.arcsin, "asin({0})", "", lambda s, _, a: (s / np.sqrt(1.0 - a * a),)),
+    "acos": Operation(np.arccos, "acos({0})", "", lambda s, _, a: (-s / np.sqrt(1.0 - a * a),)),
+    "atan": Operation(np.arctan, "atan({0})", "", lambda s, _, a: (s / (1.0 + a * a),)),
     "sinh": Operation(np.sinh, "sinh({0})", "", lambda s, _, a: (s * np.cosh(a),)),
     "cosh": Operation(np.cosh, "cosh({0})", "", lambda s, _, a: (s * np.sinh(a),)),
     "tanh": Operation(np.tanh, "tanh({0})", "", lambda s, v, _: (s * (1.0 - v * v),)),
     "exp": Operation(np.exp, "exp({0})", "", lambda s, v, _: (s * v,)),
-    "log": Operation(np.log, "log({0})", "", lambda s, _, a: (s * (1.0 / a),)),
+    "log": Operation(np.log, "log({0})", "", lambda s, _, a: (s / a,)),
     "atan2": Operation(
         np.arctan2, "atan2({0}, {1})", "",
         lambda s, _, a, b: (s * (b / (a * a + b * b)), s * (-a / (a * a + b * b))),

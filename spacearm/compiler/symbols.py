@@ -19,7 +19,6 @@ from spacearm.compiler import derivatives
 from spacearm.compiler.expressions import (
     Expression,
     Operand,
-    Symbols,
     Tape,
     TracingError,
     as_mask,
@@ -139,7 +138,7 @@ def row(table: Table, index: Any) -> Any:
     if isinstance(index, Expression) and index.tape.depth > 0:
         tape = index.tape
     operands = tuple(flat(tape, [index]))
-    return _array([tape.keep("load", operands, (table.name, c)) for c in range(table.columns)])
+    return asarray([tape.keep("load", operands, (table.name, c)) for c in range(table.columns)])
 
 
 def procedure(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -269,11 +268,4 @@ def _results(call: Expression, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
 
 def _arrays(values: Iterator[Expression], shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return expressions, as many as are needed, as arrays of shapes."""
-    return [symbols(_array(list(islice(values, int(np.prod(s))))).reshape(s)) for s in shapes]
-
-
-def _array(values: Sequence[Expression]) -> Any:
-    """Return expressions as an array."""
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found.view(Symbols)
+    return [symbols(asarray([*islice(values, int(np.prod(s)))]).reshape(s)) for s in shapes]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.compiler.expressions import Expression, asarray, plain
+from spacearm.compiler.expressions import Expression, asarray, is_symbolic, plain
 
 MADE = ("zeros", "ones", "empty", "full", "zeros_like", "ones_like", "empty_like", "full_like")
 """Functions of NumPy that make arrays, which may be filled with symbols."""
@@ -39,12 +39,12 @@ class _Numpy:
 
     def array(self, values: Any, *arguments: Any, **options: Any) -> Any:
         """Return an array of numbers or symbols; a type is that of numbers only."""
-        found = np.array(values, *arguments, **options) if _plain(values) else asarray(values)
+        found = asarray(values) if is_symbolic(values) else np.array(values, *arguments, **options)
         return found.copy()
 
     def asarray(self, values: Any, *arguments: Any, **options: Any) -> Any:
         """Return values as an array of numbers or symbols."""
-        return np.asarray(values, *arguments, **options) if _plain(values) else asarray(values)
+        return asarray(values) if is_symbolic(values) else np.asarray(values, *arguments, **options)
 
 
 class _Math:
@@ -62,7 +62,7 @@ class _Math:
         return function
 
 
-NUMPY, MATHEMATICS, OBJECTS = _Numpy(), _Math(), np.dtype(object)
+NUMPY, MATHEMATICS = _Numpy(), _Math()
 
 
 def _made(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
@@ -71,13 +71,6 @@ def _made(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         arguments = (np.zeros(np.shape(plain(arguments[0]))), *arguments[1:])
     found = function(*arguments, **options)
     return asarray(found) if found.dtype == np.float64 else found
-
-
-def _plain(values: Any) -> bool:
-    """Tell whether there is no symbol in values."""
-    if isinstance(values, (list, tuple)):
-        return all(_plain(v) for v in values)
-    return not isinstance(values, Expression) and getattr(values, "dtype", None) is not OBJECTS
 
 
 def _seen(value: Any, seen: dict[int, Any]) -> Any:
