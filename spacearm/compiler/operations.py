@@ -138,8 +138,8 @@ def sine_cosine(x: Any) -> tuple[Any, Any, Any]:
     lost = (1.0 - near) - half  # by rounding
     c = near + (lost + z * z * np.polyval(COSINE, z))
     half_turns = np.floor(0.5 * k)
-    odd = 2.0 * half_turns < k
-    sign = 1.0 - 2.0 * (half_turns - 2.0 * np.floor(0.5 * half_turns))
+    odd = half_turns < 0.5 * k
+    sign = np.where(np.floor(0.5 * half_turns) < 0.5 * half_turns, -1.0, 1.0)
     sine, cosine = np.where(odd, c, s) * sign, np.where(odd, -s, c) * sign
     size = np.abs(x)
     return np.where(size <= 0.0, x, sine), cosine, ~(size <= LARGE)

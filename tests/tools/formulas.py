@@ -238,7 +238,7 @@ COMPILER = [
         )),
         ("operations", "compiler/test_angles", (
             ("angles: the third part of pi/2", "2.02226624879595063154e-21", "0.0"),
-            ("angles: half turns", "np.floor(0.5 * half_turns))", "np.rint(0.5 * half_turns))"),
+            ("angles: half turns", "np.floor(0.5 * half_turns)", "np.rint(0.5 * half_turns)"),
             ("angles: what 1 - z/2 loses", "near + (lost + ", "near + ("),
             ("angles: zero keeps its sign", "np.where(size <= 0.0, x, sine)", "sine"),
         )),
