@@ -7,7 +7,7 @@ expression together take a few times as many operations as the expression itself
 
 from __future__ import annotations
 
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 

@@ -50,7 +50,6 @@ class Instructions:
     def __init__(self, width: int) -> None:
         self.width = width
         self.V, self.M = _vector("double", width), _vector("i1", width)
-        self._code = "f64" if width == 1 else f"v{width}f64"
         self.block = "entry"
         self._lines: list[str] = []
         self._memory: list[str] = []

@@ -206,7 +206,7 @@ class _Body(Instructions):
         if o.tape.depth == 0 and not self.shared:
             if o.number not in self._taken:
                 self.lanes.taken.add(o)
-                one = self.splat(self.load_one("%u", o.number))
+                one = self.load("%u", o.number)
                 self._taken[o.number] = self.operate(IS_NOT_ZERO, one) if o.is_mask else one
             return self._taken[o.number]
         if o.number not in self.known:
@@ -257,9 +257,14 @@ class _Body(Instructions):
         first = e.operands[0] is product
         c = self.value(e.operands[1 if first else 0])
         if e.operation == "sub":
-            minus = self.operate(NEGATIVE, c if first else a)
+            minus = self._minus(c if first else a)
             a, c = (a, minus) if first else (minus, c)
         return self.operate("@llvm.fma", a, b, c)
+
+    def _minus(self, value: str) -> str:
+        if value not in self._negative:
+            self._negative[value] = self.operate(NEGATIVE, value)
+        return self._negative[value]
 
     def operation(self, e: Expression) -> str:
         """Write an operation and return the name of its value."""
