@@ -10,20 +10,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import copysign, isinf, isnan
 
 from spacearm.compiler.expressions import Expression, Operand, Tape, TracingError
-from spacearm.compiler.operations import FUNCTIONS, SIGNS
+from spacearm.compiler.operations import OPERATIONS
 from spacearm.compiler.symbols import Region
 from spacearm.compiler.trace import Traced
 
-PATTERNS = {
-    **{name: f"{f.c}({{0}})" for name, f in FUNCTIONS.items()},
-    **{name: f"{name}({{0}}, {{1}})" for name in ("atan2", "hypot", "pow")},
-    **{name: f"{{0}} {sign} {{1}}" for name, sign in SIGNS.items()},
-    "neg": "-{0}", "lt": "{0} < {1}", "le": "{0} <= {1}", "and": "{0} && {1}",
-    "or": "{0} || {1}", "not": "!{0}", "select": "{0} ? {1} : {2}", "hold": "{0}", "number": "{0}",
-    "sign": "{0} > 0.0 ? 1.0 : {0} < 0.0 ? -1.0 : {0}",
-    "min": "{0} < {1} || {0} != {0} ? {0} : {1}", "max": "{0} > {1} || {0} != {0} ? {0} : {1}",
-}  # fmt: skip
-"""Operations in C."""
 LOOP = """\
     for (k = 0; k < {most}; k++) {{
         {state}[{turn}] = k;
@@ -78,8 +68,7 @@ class Code:
         if id(region) not in self._regions:
             if region.kept is not None:
                 raise TracingError("C code keeps no turns of a loop")
-            inner = [*region.inputs, *(e for e, _ in region.tape.captured.values())]
-            inner += [region.turn] if region.turn is not None else []
+            inner = [*region.variables, *([] if region.turn is None else [region.turn])]
             outputs = [*region.outputs, *([] if region.goes_on is None else [region.goes_on])]
             body = self._straight(
                 region.tape,
@@ -118,18 +107,18 @@ class Code:
                 place[e.number] = self._called(e, given, arrays, lines)
             elif e.operation == "result":
                 place[e.number] = f"{given[0]}[{e.detail}]"
-            elif e.operation not in PATTERNS:
+            elif e.operation not in OPERATIONS:
                 raise TracingError(f"C code has no {e.operation}")
             for number in sorted({o.number for o in e.expressions() if last[o.number] == step}):
                 if number in held:
                     free[held[number][0]].append(held[number])
-            if e.operation in PATTERNS:
+            if e.operation in OPERATIONS:
                 kind = "m" if e.is_mask else "w"
                 if not free[kind]:
                     free[kind].append(f"{kind}{count[kind]}")
                     count[kind] += 1
                 place[e.number] = held[e.number] = free[kind].pop()
-                lines.append(f"    {held[e.number]} = {PATTERNS[e.operation].format(*given)};")
+                lines.append(f"    {held[e.number]} = {OPERATIONS[e.operation].c.format(*given)};")
         lines += [f"    {left} = {_text(o, place)};" for left, o in outputs]
         declared = [f"    {kind} {', '.join(names[i : i + DECLARED])};"
                     for kind, names in (("double", [f"w{i}" for i in range(count["w"])]),

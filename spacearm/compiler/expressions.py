@@ -19,12 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from math import copysign, frexp
+from math import frexp
 from typing import Any, Union
 
 import numpy as np
 
-from spacearm.compiler.operations import FUNCTIONS, LOGIC, MASKS, NUMBERS, OPERATIONS, folded
+from spacearm.compiler.operations import MASKS, OPERATIONS, folded
 
 Operand = Union["Expression", float]
 """An expression, or a number that is known while tracing."""
@@ -32,163 +32,6 @@ Operand = Union["Expression", float]
 
 class TracingError(TypeError):
     """A function did with symbols what cannot be traced, such as branching on their values."""
-
-
-class Expression:
-    """A variable, or an operation on expressions and numbers.
-
-    Attributes:
-        tape: The tape that it stands on.
-        number: Its place there; operands come first.
-        operation: "var", or one of `operations`, or "call", "loop", "result", "load", "outside".
-        operands: What it is made of.
-        detail: What else it depends on: the name of a variable, the number of a result.
-    """
-
-    __slots__ = ("detail", "number", "operands", "operation", "tape")
-
-    def __init__(
-        self, tape: Tape, operation: str, operands: tuple[Operand, ...], detail: Any = None
-    ) -> None:
-        self.tape = tape
-        self.number = len(tape.written)
-        self.operation = operation
-        self.operands = operands
-        self.detail = detail
-        tape.written.append(self)
-
-    def __repr__(self) -> str:
-        return f"<{self.operation} {self.number}>"
-
-    def __add__(self, other: Any) -> Any:
-        return _binary("add", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return _binary("add", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return _binary("sub", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return _binary("sub", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return _binary("mul", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return _binary("mul", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return _binary("div", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return _binary("div", other, self)
-
-    def __pow__(self, other: Any) -> Any:
-        return _binary("pow", self, other)
-
-    def __rpow__(self, other: Any) -> Any:
-        return _binary("pow", other, self)
-
-    def __mod__(self, other: Any) -> Any:
-        return _remainder(self, other)
-
-    def __rmod__(self, other: Any) -> Any:
-        return _remainder(other, self)
-
-    def __neg__(self) -> Any:
-        return negative(self)
-
-    def __pos__(self) -> Any:
-        return self
-
-    def __abs__(self) -> Any:
-        return operation("abs", self)
-
-    def __lt__(self, other: Any) -> Any:
-        return _binary("lt", self, other)
-
-    def __gt__(self, other: Any) -> Any:
-        return _binary("lt", other, self)
-
-    def __le__(self, other: Any) -> Any:
-        return _binary("le", self, other)
-
-    def __ge__(self, other: Any) -> Any:
-        return _binary("le", other, self)
-
-    def __eq__(self, other: object) -> Any:
-        return _applied(np.equal, self, other)
-
-    def __ne__(self, other: object) -> Any:
-        return _applied(np.not_equal, self, other)
-
-    __hash__ = object.__hash__
-
-    def __and__(self, other: Any) -> Any:
-        return _binary("and", self, other)
-
-    __rand__ = __and__
-
-    def __or__(self, other: Any) -> Any:
-        return _binary("or", self, other)
-
-    __ror__ = __or__
-
-    def __invert__(self) -> Any:
-        return operation("not", self)
-
-    def __bool__(self) -> bool:
-        raise TracingError(
-            "the value of a symbol is not known while a function is traced; use numpy.where in "
-            "place of a branch"
-        )
-
-    def __float__(self) -> float:
-        raise TracingError("a symbol is no number while a function is traced")
-
-    __int__ = __index__ = __float__
-
-    def conjugate(self) -> Expression:
-        """Return itself; for `numpy.linalg.norm` and `numpy.vdot`."""
-        return self
-
-    @property
-    def is_mask(self) -> bool:
-        """Whether its values are true or false."""
-        return self.operation in MASKS
-
-    def expressions(self) -> list[Expression]:
-        """Return the operands that are no numbers."""
-        return [operand for operand in self.operands if isinstance(operand, Expression)]
-
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        return applied(ufunc, method, *inputs, **options)
-
-    def __array_function__(self, function: Any, _: Any, arguments: Any, options: Any) -> Any:
-        return called(function, arguments, options)
-
-
-def _applied(function: Any, *operands: Any) -> Any:
-    """Return a function of NumPy of operands one of which is an expression."""
-    return applied(function, "__call__", *operands)
-
-
-def _remainder(a: Any, b: Any) -> Any:
-    """Return the remainder of a division, with the sign of the divisor."""
-    return a - _applied(np.floor, a / b) * b
-
-
-def _method(name: str) -> Any:
-    def method(self: Expression, *others: Operand) -> Operand:
-        return operation(name, self, *others)
-
-    method.__doc__ = f"Return {name} of it; what the function of NumPy calls."
-    return method
-
-
-for _name, _function in FUNCTIONS.items():  # numpy.sin of an array of objects calls their .sin()
-    setattr(Expression, _function.ufunc or _name, _method(_name))
 
 
 class Tape:
@@ -214,11 +57,14 @@ class Tape:
         return Expression(self, "var", (), name)
 
     def keep(self, operation: str, operands: tuple[Operand, ...], detail: Any = None) -> Expression:
-        """Return an operation, the one that stands here already if there is one."""
+        """Return an operation, the one that stands here already if there is one.
+
+        The operands are numbers of Python, and expressions of this tape or the shared one.
+        """
         key = (
             operation,
             detail,
-            *[id(o) if type(o) is Expression else (o, copysign(1.0, o)) for o in operands],
+            *[o.key if isinstance(o, Expression) else o.hex() for o in operands],
         )
         found = self._known.get(key)
         if found is None:
@@ -248,75 +94,53 @@ class Tape:
 
     def needed(self, outputs: Iterable[Any]) -> list[Expression]:
         """Return what of this tape must be computed for the outputs, in order."""
-        waiting = [e for e in outputs if isinstance(e, Expression) and e.tape is self]
-        found = {e.number for e in waiting}
-        while waiting:
-            for o in waiting.pop().operands:
-                if type(o) is Expression and o.tape is self and o.number not in found:
-                    found.add(o.number)
-                    waiting.append(o)
-        return [self.written[number] for number in sorted(found)]
+        marked = bytearray(len(self.written))
+        for e in outputs:
+            if type(e) is Expression and e.tape is self:
+                marked[e.number] = True
+        for e in reversed(self.written):
+            if marked[e.number]:
+                for o in e.operands:
+                    if type(o) is Expression and o.tape is self:
+                        marked[o.number] = True
+        return [e for e in self.written if marked[e.number]]
 
 
-def tape_of(operands: Iterable[Any]) -> Tape | None:
-    """Return the innermost tape of the operands that are expressions; None if none is."""
-    found: Tape | None = None
-    for o in operands:
-        if type(o) is Expression and o.tape is not found:
-            found = o.tape if found is None or o.tape.depth > found.depth else found
-    return found
-
-
-def written(name: str, operands: Sequence[Operand], detail: Any = None) -> Expression:
+def written(name: str, *operands: Operand) -> Expression:
     """Write an operation on the innermost tape of its operands, as it is."""
-    tape = tape_of(operands)
-    if tape is None:
-        raise TracingError(f"{name} of numbers alone is no expression")
-    masks = LOGIC.get(name, 0)
-    owned = [
-        o
-        if type(o) is Expression and o.tape is tape and (o.operation in MASKS) is (i < masks)
-        else _operand(tape, o, i < masks)
-        for i, o in enumerate(operands)
-    ]
-    return tape.keep(name, tuple(owned), detail)
+    tape: Any = None
+    for o in operands:
+        if type(o) is Expression and (tape is None or o.tape.depth > tape.depth):
+            tape = o.tape
+    masks = OPERATIONS[name].masks
+    if masks:
+        owned = [_operand(tape, o, i < masks) for i, o in enumerate(operands)]
+    else:
+        owned = [o if type(o) is Expression and o.tape is tape and not o.is_mask
+                 else _operand(tape, o) for o in operands]  # fmt: skip
+    return tape.keep(name, tuple(owned))
 
 
-def _operand(tape: Tape, o: Any, mask: bool) -> Operand:
+def _operand(tape: Tape, o: Any, mask: bool = False) -> Operand:
     """Return what an operation on a tape takes for an operand, a mask or a number."""
     if type(o) is Expression:
-        if (o.operation in MASKS) is not mask:
+        if o.is_mask is not mask:
             o = as_mask(o) if mask else as_number(o)
         return o if o.tape is tape else tape.own(o)
     try:
-        return bool(o) if mask else float(o)
+        return float(o)
     except (TypeError, ValueError):
         raise TracingError(f"{type(o).__name__} is no number that can be traced") from None
 
 
 def as_number(o: Any) -> Any:
     """Return a mask as 1 where it is true and 0 elsewhere, a number as it is."""
-    is_mask = isinstance(o, Expression) and o.is_mask
-    return o.tape.keep("select", (o, 1.0, 0.0)) if is_mask else o
+    return o.tape.keep("select", (o, 1.0, 0.0)) if type(o) is Expression and o.is_mask else o
 
 
 def as_mask(o: Any) -> Any:
     """Return whether a number is not zero, a mask as it is."""
-    if _known(o) or o.is_mask:
-        return o
-    zero = (o.tape.keep("le", (o, 0.0)), o.tape.keep("le", (0.0, o)))
-    return o.tape.keep("not", (o.tape.keep("and", zero),))
-
-
-def _known(o: Any) -> bool:
-    return type(o) is not Expression
-
-
-def _binary(name: str, a: Any, b: Any) -> Any:
-    """Return an operation of an expression with another, a number or an array."""
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return _applied(OPERATIONS[name], a, b)
-    return SIMPLE[name](a, b) if name in SIMPLE else operation(name, a, b)
+    return o if type(o) is not Expression or o.is_mask else differ(o, 0.0)
 
 
 def operation(name: str, *operands: Any) -> Any:
@@ -325,7 +149,7 @@ def operation(name: str, *operands: Any) -> Any:
         return SIMPLE[name](*operands)
     for o in operands:
         if type(o) is Expression:
-            return written(name, operands)
+            return written(name, *operands)
     return folded(name, *operands)
 
 
@@ -336,12 +160,12 @@ def add(a: Any, b: Any) -> Any:
     if type(a) is not Expression:
         return a + b
     if type(b) is not Expression:
-        return a if b == 0.0 else written("add", (a, b))
+        return a if b == 0.0 else written("add", a, b)
     if b.operation == "neg":
         return subtract(a, b.operands[0])
     if a.operation == "neg":
         return subtract(b, a.operands[0])
-    return written("add", _ordered(a, b))
+    return written("add", *_ordered(a, b))
 
 
 def subtract(a: Any, b: Any) -> Any:
@@ -356,14 +180,14 @@ def subtract(a: Any, b: Any) -> Any:
         return add(a, b.operands[0])
     if type(a) is Expression and a.operation == "neg":
         return negative(add(a.operands[0], b))
-    return written("sub", (a, b))
+    return written("sub", a, b)
 
 
 def negative(a: Any) -> Any:
     """Return -a."""
     if type(a) is not Expression:
         return -a
-    return a.operands[0] if a.operation == "neg" else written("neg", (a,))
+    return a.operands[0] if a.operation == "neg" else written("neg", a)
 
 
 def multiply(a: Any, b: Any) -> Any:
@@ -375,99 +199,197 @@ def multiply(a: Any, b: Any) -> Any:
     if type(b) is not Expression:
         if b == 0.0:
             return 0.0
-        return a if b == 1.0 else negative(a) if b == -1.0 else written("mul", (a, b))
+        return a if b == 1.0 else negative(a) if b == -1.0 else written("mul", a, b)
     if a.operation == "neg":
         return negative(multiply(a.operands[0], b))
     if b.operation == "neg":
         return negative(multiply(a, b.operands[0]))
-    return written("mul", _ordered(a, b))
+    return written("mul", *_ordered(a, b))
 
 
 def _ordered(a: Expression, b: Expression) -> tuple[Expression, Expression]:
     """Return the operands of a commutative operation in one order."""
-    return (a, b) if (a.tape.depth, a.number) <= (b.tape.depth, b.number) else (b, a)
+    return (a, b) if a.key <= b.key else (b, a)
 
 
 def divide(a: Any, b: Any) -> Any:
     """Return a / b; a division by a power of two is a product."""
-    if type(a) is not Expression and type(b) is not Expression:
-        return folded("div", a, b)
-    if type(b) is not Expression and abs(frexp(b)[0]) == 0.5 and 1e-300 < abs(b) < 1e300:
-        return multiply(a, 1.0 / b)
-    return 0.0 if type(a) is not Expression and a == 0.0 else written("div", (a, b))
+    if type(b) is not Expression:
+        if type(a) is not Expression:
+            return folded("div", a, b)
+        if abs(frexp(b)[0]) == 0.5 and 1e-300 < abs(b) < 1e300:
+            return multiply(a, 1.0 / b)
+    return 0.0 if type(a) is not Expression and a == 0.0 else written("div", a, b)
 
 
 def power(a: Any, b: Any) -> Any:
     """Return a to the power b; whole powers up to 16 are products, 1/2 is a square root."""
-    if type(b) is not Expression and type(a) is Expression:
-        if b == 0.5:
-            return operation("sqrt", a)
-        if float(b).is_integer() and abs(b) <= 16:
-            found, square, rest = 1.0, a, abs(int(b))
-            while rest:
-                found = multiply(found, square) if rest % 2 else found
-                square, rest = multiply(square, square) if rest > 1 else square, rest // 2
-            return found if b >= 0 else divide(1.0, found)
-    return (
-        folded("pow", a, b)
-        if type(a) is not Expression and type(b) is not Expression
-        else written("pow", (a, b))
-    )
+    if type(b) is Expression:
+        return written("pow", a, b)
+    if type(a) is not Expression:
+        return folded("pow", a, b)
+    if b == 0.5:
+        return written("sqrt", a)
+    if not float(b).is_integer() or abs(b) > 16:
+        return written("pow", a, b)
+    found, square, rest = 1.0, a, abs(int(b))
+    while rest:
+        found = multiply(found, square) if rest % 2 else found
+        square, rest = multiply(square, square) if rest > 1 else square, rest // 2
+    return found if b >= 0 else divide(1.0, found)
+
+
+def remainder(a: Any, b: Any) -> Any:
+    """Return the remainder of a division, with the sign of the divisor."""
+    return subtract(a, multiply(operation("floor", divide(a, b)), b))
+
+
+def sign(a: Any) -> Any:
+    """Return -1, 0 or 1, and NaN of NaN."""
+    negative_or_zero = select(operation("lt", a, 0.0), -1.0, a)
+    return held(select(operation("lt", 0.0, a), 1.0, negative_or_zero))
+
+
+def held(a: Any) -> Any:
+    """Return a, of which no derivative is taken."""
+    return written("hold", a) if type(a) is Expression and not a.is_mask else a
 
 
 def select(mask: Any, a: Any, b: Any) -> Any:
     """Return a where the mask is true, else b."""
-    if _known(mask):
+    if type(mask) is not Expression:
         return a if mask else b
     if a is b or (type(a) is not Expression and type(b) is not Expression and a == b):
         return a
     if all(o.is_mask if type(o) is Expression else isinstance(o, (bool, np.bool_)) for o in (a, b)):
         return either(both(mask, a), both(opposite(mask), b))
-    return written("select", (mask, a, b))
+    return written("select", mask, a, b)
 
 
 def both(a: Any, b: Any) -> Any:
     """Return whether a and b are true."""
-    if _known(a):
+    if type(a) is not Expression:
         a, b = b, a
-    if _known(b):
+    if type(b) is not Expression:
         return as_mask(a) if b else False
-    return written("and", _ordered(a, b))
+    return written("and", *_ordered(a, b))
 
 
 def either(a: Any, b: Any) -> Any:
     """Return whether a or b is true."""
-    if _known(a):
+    if type(a) is not Expression:
         a, b = b, a
-    if _known(b):
+    if type(b) is not Expression:
         return True if b else as_mask(a)
-    return written("or", _ordered(a, b))
+    return written("or", *_ordered(a, b))
 
 
 def opposite(a: Any) -> Any:
     """Return whether a is false."""
-    if _known(a):
+    if type(a) is not Expression:
         return not a
-    return a.operands[0] if a.operation == "not" else written("not", (a,))
+    return a.operands[0] if a.operation == "not" else written("not", a)
+
+
+def equal(a: Any, b: Any) -> Any:
+    """Return whether a and b are equal."""
+    return both(operation("le", a, b), operation("le", b, a))
+
+
+def differ(a: Any, b: Any) -> Any:
+    """Return whether a and b are not equal."""
+    return opposite(equal(a, b))
 
 
 SIMPLE: dict[str, Callable[..., Any]] = {
-    "add": add,
-    "sub": subtract,
-    "mul": multiply,
-    "div": divide,
-    "neg": negative,
-    "pow": power,
-    "select": select,
-    "and": both,
-    "or": either,
-    "not": opposite,
-}
+    "add": add, "sub": subtract, "mul": multiply, "div": divide, "neg": negative, "pow": power,
+    "select": select, "and": both, "or": either, "not": opposite,
+}  # fmt: skip
 """The operations that are simplified where an operand is zero or one."""
 
 
-class Symbols(np.ndarray[Any, Any]):
-    """An array of expressions and numbers."""
+def _operators(function: Callable[[Any, Any], Any]) -> tuple[Any, Any]:
+    """Return the methods of an operator of Python, for the left and the right operand."""
+
+    def left(self: Expression, other: Any) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else function(self, other)
+
+    def right(self: Expression, other: Any) -> Any:
+        return function(other, self)
+
+    return left, right
+
+
+class Expression:
+    """A variable, or an operation on expressions and numbers.
+
+    Attributes:
+        tape: The tape that it stands on.
+        number: Its place there; operands come first.
+        key: What it alone has of all that stands on its tape and on those around.
+        operation: "var", or one of `operations`, or "call", "loop", "result", "load", "outside".
+        operands: What it is made of.
+        detail: What else it depends on: the name of a variable, the number of a result.
+        is_mask: Whether its values are true or false.
+    """
+
+    __slots__ = ("detail", "is_mask", "key", "number", "operands", "operation", "tape")
+
+    def __init__(
+        self, tape: Tape, operation: str, operands: tuple[Operand, ...], detail: Any = None
+    ) -> None:
+        self.tape = tape
+        self.number = len(tape.written)
+        self.key = (tape.depth << 32) + self.number
+        self.operation = operation
+        self.operands = operands
+        self.detail = detail
+        self.is_mask = operation in MASKS
+        tape.written.append(self)
+
+    def __repr__(self) -> str:
+        return f"<{self.operation} {self.number}>"
+
+    __add__, __radd__ = _operators(add)
+    __sub__, __rsub__ = _operators(subtract)
+    __mul__, __rmul__ = _operators(multiply)
+    __truediv__, __rtruediv__ = _operators(divide)
+    __pow__, __rpow__ = _operators(power)
+    __mod__, __rmod__ = _operators(remainder)
+    __and__, __rand__ = _operators(both)
+    __or__, __ror__ = _operators(either)
+    __lt__, __gt__ = _operators(partial(operation, "lt"))
+    __le__, __ge__ = _operators(partial(operation, "le"))
+    __eq__ = _operators(equal)[0]
+    __ne__ = _operators(differ)[0]
+    __hash__ = object.__hash__
+
+    def __neg__(self) -> Any:
+        return negative(self)
+
+    def __pos__(self) -> Any:
+        return self
+
+    def __abs__(self) -> Any:
+        return operation("abs", self)
+
+    def __invert__(self) -> Any:
+        return opposite(self)
+
+    def __bool__(self) -> bool:
+        raise TracingError(
+            "the value of a symbol is not known while a function is traced; use numpy.where in "
+            "place of a branch"
+        )
+
+    def __float__(self) -> float:
+        raise TracingError("a symbol is no number while a function is traced")
+
+    __int__ = __index__ = __float__
+
+    def expressions(self) -> list[Expression]:
+        """Return the operands that are no numbers."""
+        return [operand for operand in self.operands if type(operand) is Expression]
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         return applied(ufunc, method, *inputs, **options)
@@ -476,13 +398,18 @@ class Symbols(np.ndarray[Any, Any]):
         return called(function, arguments, options)
 
 
+class Symbols(np.ndarray[Any, Any]):
+    """An array of expressions and numbers."""
+
+    __array_ufunc__: Any = Expression.__array_ufunc__
+    __array_function__: Any = Expression.__array_function__
+
+
 def plain(value: Any) -> Any:
     """Return an expression or an array of them as a plain array of objects."""
-    if isinstance(value, Expression):
-        array = np.empty((), dtype=object)
-        array[()] = value
-        return array
-    return value.view(np.ndarray) if isinstance(value, Symbols) else value
+    if isinstance(value, Symbols):
+        return value.view(np.ndarray)
+    return np.array(value, dtype=object) if isinstance(value, Expression) else value
 
 
 def symbols(value: Any) -> Any:
@@ -494,21 +421,27 @@ def symbols(value: Any) -> Any:
 
 def asarray(values: Any) -> Any:
     """Return values as an array of objects."""
-    if isinstance(values, Expression):
-        return plain(values).view(Symbols)
-    return np.asarray(values, dtype=object).view(Symbols)
+    return np.asarray(plain(values), dtype=object).view(Symbols)
 
 
 def applied(ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
     """Apply a function of NumPy that works element by element."""
-    function = EACH.get(ufunc)
-    if function is None or (method != "__call__" and ufunc in NATIVE):
-        function = ufunc
-    if function is ufunc and ufunc not in NATIVE:
+    if ufunc not in EACH and ufunc is not np.matmul:
         raise TracingError(f"numpy.{ufunc.__name__} of symbols cannot be traced")
     if options.get("out"):
         raise TracingError("arrays of symbols are not written to in place")
-    return symbols(getattr(function, method)(*(plain(i) for i in inputs), **options))
+    if ufunc is np.matmul or (method != "__call__" and ufunc in NATIVE):
+        return symbols(getattr(ufunc, method)(*map(plain, inputs), **options))
+    if method != "__call__":
+        return symbols(getattr(OVER[ufunc], method)(*map(plain, inputs), **options))
+    return _over(EACH[ufunc], OVER[ufunc], inputs)
+
+
+def _over(function: Callable[..., Any], arrays: Any, operands: Sequence[Any]) -> Any:
+    """Apply a function of expressions, or the one of arrays that does it element by element."""
+    if any(isinstance(o, (np.ndarray, list, tuple)) for o in operands):
+        return symbols(arrays(*map(plain, operands)))
+    return function(*operands)
 
 
 def called(function: Any, arguments: Any, options: Any) -> Any:
@@ -520,20 +453,25 @@ def called(function: Any, arguments: Any, options: Any) -> Any:
 
 def _all_plain(arguments: Any) -> Any:
     """Return arguments, and those in lists of arrays, as plain arrays of objects."""
-    return [[plain(asarray(v)) for v in a] if isinstance(a, (list, tuple)) and _symbolic(a)
+    return [[plain(asarray(v)) for v in a] if isinstance(a, (list, tuple)) and is_symbolic(a)
             else plain(a) for a in arguments]  # fmt: skip
 
 
-def _symbolic(values: Any) -> bool:
-    """Tell whether there is a symbol in lists."""
+def is_symbolic(values: Any) -> bool:
+    """Tell whether values, or lists of them, have symbols."""
     if isinstance(values, (list, tuple)):
-        return any(_symbolic(v) for v in values)
-    return isinstance(values, (Expression, Symbols))
+        return any(is_symbolic(v) for v in values)
+    return isinstance(values, (Expression, np.ndarray)) and plain(values).dtype == object
 
 
 def where(mask: Any, a: Any, b: Any) -> Any:
     """Return a where the mask is true, else b, element by element."""
-    return symbols(SELECT(plain(mask), plain(a), plain(b)))
+    return _over(select, SELECT, (mask, a, b))
+
+
+def hold(values: Any) -> Any:
+    """Return values whose derivatives are taken as zero."""
+    return _over(held, HOLD, (values,))
 
 
 def interpolated(x: Any, places: Any, values: Any) -> Any:
@@ -567,42 +505,35 @@ def _reduced(ufunc: np.ufunc) -> Callable[..., Any]:
     return function
 
 
-EACH_BY_NAME = {
-    name: np.frompyfunc(SIMPLE.get(name) or partial(operation, name), function.nin, 1)
-    for name, function in {**NUMBERS, **MASKS}.items()
-    if isinstance(function, np.ufunc)
-}
-"""Operations on arrays of objects, element by element."""
-SELECT = np.frompyfunc(select, 3, 1)
-
-
-def _both_ways(a: Any, b: Any) -> Any:
-    return operation("and", operation("le", a, b), operation("le", b, a))
-
-
-EACH: dict[Any, Any] = {
-    **{function: EACH_BY_NAME[name]
-       for name, function in {**NUMBERS, **MASKS}.items() if isinstance(function, np.ufunc)},
-    np.greater: np.frompyfunc(lambda a, b: operation("lt", b, a), 2, 1),
-    np.greater_equal: np.frompyfunc(lambda a, b: operation("le", b, a), 2, 1),
-    np.equal: np.frompyfunc(_both_ways, 2, 1),
-    np.not_equal: np.frompyfunc(lambda a, b: operation("not", _both_ways(a, b)), 2, 1),
-    np.isnan: np.frompyfunc(lambda a: operation("not", operation("le", a, a)), 1, 1),
-    np.fabs: EACH_BY_NAME["abs"],
-    np.bitwise_and: EACH_BY_NAME["and"],
-    np.bitwise_or: EACH_BY_NAME["or"],
-    np.invert: EACH_BY_NAME["not"],
-    np.square: np.frompyfunc(lambda a: operation("mul", a, a), 1, 1),
-    np.reciprocal: np.frompyfunc(lambda a: operation("div", 1.0, a), 1, 1),
-    np.remainder: np.frompyfunc(lambda a, b: a % b, 2, 1),
-    np.deg2rad: np.frompyfunc(lambda a: operation("mul", a, np.pi / 180.0), 1, 1),
-    np.radians: np.frompyfunc(lambda a: operation("mul", a, np.pi / 180.0), 1, 1),
-    np.rad2deg: np.frompyfunc(lambda a: operation("mul", a, 180.0 / np.pi), 1, 1),
-    np.degrees: np.frompyfunc(lambda a: operation("mul", a, 180.0 / np.pi), 1, 1),
+EACH: dict[Any, Callable[..., Any]] = {
+    **{each.numpy: SIMPLE.get(name) or partial(operation, name)
+       for name, each in OPERATIONS.items() if isinstance(each.numpy, np.ufunc)},
+    np.positive: lambda a: a,
+    np.conjugate: lambda a: a,
+    np.greater: lambda a, b: operation("lt", b, a),
+    np.greater_equal: lambda a, b: operation("le", b, a),
+    np.equal: equal,
+    np.not_equal: differ,
+    np.isnan: lambda a: opposite(operation("le", a, a)),
+    np.fabs: partial(operation, "abs"),
+    np.sign: sign,
+    np.bitwise_and: both,
+    np.bitwise_or: either,
+    np.invert: opposite,
+    np.square: lambda a: multiply(a, a),
+    np.reciprocal: lambda a: divide(1.0, a),
+    np.remainder: remainder,
+    np.deg2rad: lambda a: multiply(a, np.pi / 180.0),
+    np.radians: lambda a: multiply(a, np.pi / 180.0),
+    np.rad2deg: lambda a: multiply(a, 180.0 / np.pi),
+    np.degrees: lambda a: multiply(a, 180.0 / np.pi),
 }  # fmt: skip
-"""Functions of NumPy that work element by element."""
-NATIVE = {np.add, np.subtract, np.multiply, np.matmul, np.positive, np.conjugate}
-"""Those whose loops over objects call the operators of expressions, as reductions do."""
+"""Functions of NumPy that work element by element, for expressions."""
+OVER = {ufunc: np.frompyfunc(function, ufunc.nin, 1) for ufunc, function in EACH.items()}
+"""The same for arrays of objects."""
+SELECT, HOLD = np.frompyfunc(select, 3, 1), np.frompyfunc(held, 1, 1)
+NATIVE = {np.add, np.subtract, np.multiply}
+"""Those whose reductions of objects call the operators of expressions."""
 CALLED: dict[Any, Callable[..., Any]] = {
     np.where: where,
     np.clip: _clipped,
@@ -616,3 +547,12 @@ CALLED: dict[Any, Callable[..., Any]] = {
 """Other functions of NumPy that are replaced; the rest does with objects what it does."""
 MOST_PLACES = 64
 """Between more places `row` looks up numbers of a table."""
+
+
+def _method(ufunc: Any) -> Any:
+    return lambda self, *others: EACH[ufunc](self, *others)
+
+
+for _ufunc in EACH:  # numpy.sin of a plain array of objects calls their .sin()
+    if not hasattr(Expression, _ufunc.__name__):
+        setattr(Expression, _ufunc.__name__, _method(_ufunc))

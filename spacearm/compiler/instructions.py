@@ -3,8 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
+from struct import pack
 
-import numpy as np
+DECLARE_FMA = "declare {V} @llvm.fma.{S}({V}, {V}, {V})"
+IS_NOT_ZERO = "fcmp une {V} {0}, {zero}"
+
+
+@cache
+def template(text: str, operands: int, width: int) -> str:
+    """Return an instruction as `operations` has it for so many lanes, with %s for operands."""
+    if text.startswith("@"):
+        given = ", ".join(f"{{V}} {{{i}}}" for i in range(operands))
+        text = f"call {{V}} {text}.{{S}}({given})"
+    words = {
+        "V": _vector("double", width), "S": "f64" if width == 1 else f"v{width}f64",
+        "M": _vector("i1", width), "true": _same("i1 true", width), "zero": _number(0.0, width),
+    }  # fmt: skip
+    return text.format(*["%s"] * operands, **words)
+
+
+def _vector(kind: str, width: int) -> str:
+    return kind if width == 1 else f"<{width} x {kind}>"
+
+
+def _same(value: str, width: int) -> str:
+    return value.split()[1] if width == 1 else f"splat ({value})"
+
+
+def _number(value: float, width: int) -> str:
+    return _same(f"double 0x{pack('>d', value).hex()}", width)
 
 
 class Instructions:
@@ -12,8 +40,6 @@ class Instructions:
 
     Args:
         width: Number of lanes.
-        fused: Whether a b + c is rounded once.
-        declared: Declarations of functions outside the module, which are added to.
 
     Attributes:
         V: The type of a number in all lanes.
@@ -21,10 +47,9 @@ class Instructions:
         block: Name of the block that is being written.
     """
 
-    def __init__(self, width: int, fused: bool, declared: set[str]) -> None:
-        self.width, self.fused, self.declared = width, fused, declared
+    def __init__(self, width: int) -> None:
+        self.width = width
         self.V, self.M = _vector("double", width), _vector("i1", width)
-        self._code = "f64" if width == 1 else f"v{width}f64"
         self.block = "entry"
         self._lines: list[str] = []
         self._memory: list[str] = []
@@ -56,63 +81,19 @@ class Instructions:
         self._lines.append(f"{name} = {text}")
         return name
 
-    def arithmetic(self, name: str, *operands: str) -> str:
-        """Write an operation of arithmetic, fadd, fsub, fmul, fdiv or fneg."""
-        return self.new(f"{name} {self.V} {', '.join(operands)}")
-
-    def product(self, a: str, b: str, c: str) -> str:
-        """Compute a b + c, rounded once if that is wanted."""
-        if self.fused:
-            return self.intrinsic("fma", a, b, c)
-        return self.arithmetic("fadd", self.arithmetic("fmul", a, b), c)
-
-    def compare(self, how: str, a: str, b: str) -> str:
-        """Compare numbers; how is LLVM's, such as olt: ordered (not NaN), and less than."""
-        return self.new(f"fcmp {how} {self.V} {a}, {b}")
-
-    def select(self, mask: str, a: str, b: str) -> str:
-        """Select a where the mask is true, else b."""
-        return self.new(f"select {self.M} {mask}, {self.V} {a}, {self.V} {b}")
-
-    def intrinsic(self, name: str, *operands: str) -> str:
-        """Call a function of numbers that LLVM knows, in all lanes at once."""
-        V, function = self.V, f"{self.V} @llvm.{name}.{self._code}"
-        self.declared.add(f"declare {function}({', '.join([V] * len(operands))})")
-        return self.new(f"call {function}({V} {f', {V} '.join(operands)})")
-
-    def library(self, name: str, *operands: str) -> str:
-        """Call a function of the system's library, lane by lane."""
-        self.declared.add(f"declare double @{name}({', '.join(['double'] * len(operands))})")
-        found = []
-        for lane in range(self.width):
-            given = ", ".join(f"double {self.lane(o, lane)}" for o in operands)
-            found.append(self.new(f"call double @{name}({given})"))
-        return self.joined(found)
-
-    def integer(self, name: str, *operands: str) -> str:
-        """Call a function of whole numbers that LLVM knows: smin, smax."""
-        self.declared.add(f"declare i64 @llvm.{name}.i64({', '.join(['i64'] * len(operands))})")
-        given = ", ".join(f"i64 {o}" for o in operands)
-        return self.new(f"call i64 @llvm.{name}.i64({given})")
+    def operate(self, text: str, *operands: str) -> str:
+        """Write an operation, as `operations` has it, and return the name of its value."""
+        return self.new(template(text, len(operands), self.width) % operands)
 
     def any(self, mask: str) -> str:
         """Tell whether a mask is true in any lane."""
         if self.width == 1:
             return mask
-        self.declared.add(f"declare i1 @llvm.vector.reduce.or.v{self.width}i1({self.M})")
         return self.new(f"call i1 @llvm.vector.reduce.or.v{self.width}i1({self.M} {mask})")
 
     def number(self, value: float) -> str:
         """Return a number in all lanes."""
-        return self._same("double", f"0x{np.float64(value).view(np.uint64):016X}")
-
-    def truth(self, value: bool) -> str:
-        """Return a mask that is the same in all lanes."""
-        return self._same("i1", "true" if value else "false")
-
-    def _same(self, kind: str, text: str) -> str:
-        W = self.width
-        return text if W == 1 else "< " + ", ".join([f"{kind} {text}"] * W) + " >"
+        return _number(value, self.width)
 
     def splat(self, name: str) -> str:
         """Return a number of one lane in all."""
@@ -136,6 +117,8 @@ class Instructions:
 
     def at(self, kind: str, address: str, index: int | str) -> str:
         """Return the address of an element of an array."""
+        if index == 0:
+            return address
         return self.new(f"getelementptr {kind}, ptr {address}, i64 {index}")
 
     def memory(self, size: int) -> str:
@@ -170,13 +153,11 @@ class Instructions:
 
     def gather(self, rows: Sequence[str], size: int) -> list[str]:
         """Load rows of `size` numbers, one row a lane, and return the numbers in all lanes."""
-        W, found = self.width, []
-        whole = size - size % W
-        for k in range(0, whole, W):
+        found: list[str] = []
+        whole = size - size % self.width
+        for k in range(0, whole, self.width):
             at = [self.at("double", row, k) for row in rows]
-            found += self._transposed(
-                [self.new(f"load {self.V}, ptr {address}, align 8") for address in at]
-            )
+            found += self._transposed([self.load(address, 0) for address in at])
         for k in range(whole, size):
             found.append(self.joined([self.load_one(row, k) for row in rows]))
         return found
@@ -187,35 +168,25 @@ class Instructions:
         whole = len(values) - len(values) % W
         for k in range(0, whole, W):
             for row, numbers in zip(rows, self._transposed(values[k : k + W]), strict=True):
-                self.line(f"store {self.V} {numbers}, ptr {self.at('double', row, k)}, align 8")
+                self.store(numbers, self.at("double", row, k), 0)
         for k in range(whole, len(values)):
             for lane, row in enumerate(rows):
                 self.store_one(self.lane(values[k], lane), row, k)
 
     def _transposed(self, vectors: Sequence[str]) -> list[str]:
         """Return the transpose of a square of vectors, by halves that are exchanged."""
-        found, half = list(vectors), self.width // 2
+        found, half, lanes = list(vectors), self.width // 2, range(self.width)
         while half:
-            for i in range(self.width):
+            low = [j if not j & half else (j ^ half) + self.width for j in lanes]
+            high = [j | half if not j & half else j + self.width for j in lanes]
+            for i in lanes:
                 if not i & half:
                     a, b = found[i], found[i | half]
-                    lanes = range(self.width)
-                    low = [j if not j & half else (j ^ half) + self.width for j in lanes]
-                    high = [j | half if not j & half else j + self.width for j in lanes]
-                    found[i], found[i | half] = (
-                        self._shuffled(a, b, low),
-                        self._shuffled(a, b, high),
-                    )
+                    found[i], found[i | half] = (self._shuffled(a, b, c) for c in (low, high))
             half //= 2
         return found
 
     def _shuffled(self, a: str, b: str, lanes: Sequence[int]) -> str:
         """Return lanes of two vectors, which are numbered one after the other."""
-        chosen = ", ".join(f"i32 {lane}" for lane in lanes)
-        return self.new(
-            f"shufflevector {self.V} {a}, {self.V} {b}, <{len(lanes)} x i32> <{chosen}>"
-        )
-
-
-def _vector(kind: str, width: int) -> str:
-    return kind if width == 1 else f"<{width} x {kind}>"
+        V, chosen = self.V, ", ".join(f"i32 {lane}" for lane in lanes)
+        return self.new(f"shufflevector {V} {a}, {V} {b}, <{len(lanes)} x i32> <{chosen}>")

@@ -109,15 +109,12 @@ class Kernel:
         if m > 0:
             results = outputs
             if m < W:  # lanes that are left over repeat the last one
-                given = [_padded(a, W) for a in given]
+                given = [a.take(np.arange(W), axis=0, mode="clip") for a in given]
                 results = [np.empty((W, *o.shape[1:])) for o in outputs]
             calls = [_Call(_named(outside, name), m - 1) for name in self._outside]
-            places = [
-                *map(_address, given), *map(_address, results), *map(_address, looked),
-                *(call.address for call in calls),
-            ]  # fmt: skip
-            ends = [0] * (len(given) + len(results)) + [len(a) - 1 for a in looked]
-            arguments = array("q", [*places, *ends])
+            arrays = [*given, *results, *looked]
+            places = [*map(_address, arrays), *(call.address for call in calls)]
+            arguments = array("q", [*places, *(len(a) - 1 for a in arrays)])
             self._in_shares(arguments.buffer_info()[0], shared[2], max(m, W), threads)
             if m < W:
                 for place, result in zip(outputs, results, strict=True):
@@ -149,20 +146,18 @@ class Kernel:
 
     def _outputs(self, m: int, out: Sequence[Array | None]) -> list[Array]:
         """Return the arrays that are written to."""
-        if not out:
-            return [np.empty((m, *shape)) for shape in self._shapes]
         if len(out) > len(self._shapes):
             raise ValueError(f"out: {len(out)} arrays for {len(self._shapes)} outputs")
-        found = [np.empty((m, *shape)) if place is None else place
-                 for shape, place in zip_longest(self._shapes, out)]  # fmt: skip
-        for i, place in enumerate(out):
+        found = []
+        for i, (shape, place) in enumerate(zip_longest(self._shapes, out)):
+            shape = (m, *shape)
             if place is None:
-                continue
-            shape = (m, *self._shapes[i])
-            if place.shape != shape or place.dtype != np.float64:
+                place = np.empty(shape)
+            elif place.shape != shape or place.dtype != np.float64:
                 raise ValueError(f"out[{i}]: {place.dtype} {place.shape} is not float64 {shape}")
-            if not (place.flags.c_contiguous and place.flags.writeable):
+            elif not (place.flags.c_contiguous and place.flags.writeable):
                 raise ValueError(f"out[{i}] is not C-contiguous and writeable")
+            found.append(place)
         return found
 
     def _shared(self, numbers: Mapping[str, Any] | None) -> tuple[bytes | None, Array, int]:
@@ -244,14 +239,6 @@ def _array(arguments: Mapping[str, Any] | None, name: str, shape: tuple[int, ...
     found = np.ascontiguousarray(_named(arguments, name), dtype=np.float64)
     if found.shape[1:] != shape:
         raise ValueError(f"{name}: {found.shape} is not ({', '.join(('m', *map(str, shape)))})")
-    return found
-
-
-def _padded(values: Array, rows: int) -> Array:
-    """Return an array with its last row repeated."""
-    found = np.empty((rows, *values.shape[1:]))
-    found[: len(values)] = values
-    found[len(values) :] = values[-1]
     return found
 
 

@@ -10,24 +10,28 @@ lane.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from spacearm.compiler.angles import sine_cosine
 from spacearm.compiler.expressions import Expression, Operand, Tape
-from spacearm.compiler.instructions import Instructions
-from spacearm.compiler.operations import FUNCTIONS, SIGNS
+from spacearm.compiler.instructions import DECLARE_FMA, IS_NOT_ZERO, Instructions, template
+from spacearm.compiler.operations import OPERATIONS, sine_cosine
 from spacearm.compiler.symbols import Outside, Region, Rows
-from spacearm.compiler.trace import Traced
+from spacearm.compiler.trace import Traced, trace
 
-INTRINSICS = {
-    "sqrt": "sqrt", "abs": "fabs", "rint": "rint", "floor": "floor", "ceil": "ceil",
-    "min": "minimum", "max": "maximum",
-}  # fmt: skip
-"""Operations that LLVM knows."""
+DECLARED = [f"declare double @{name}({', '.join(['double'] * operation.numpy.nin)})"
+            for name, operation in OPERATIONS.items() if not operation.llvm]  # fmt: skip
+"""Functions of the system's library."""
+NEGATIVE, SELECT = OPERATIONS["neg"].llvm, OPERATIONS["select"].llvm
+
+
+@cache
+def _angles() -> Traced:
+    """Return the function of sine and cosine."""
+    return trace(sine_cosine, {"x": ()})
 
 
 class Lanes:
@@ -38,11 +42,16 @@ class Lanes:
         width: Number of lanes.
         fused: Whether a b + c is rounded once where a b is used nowhere else. The processor must
             know that operation.
+
+    Attributes:
+        taken: What the lanes take of what they share.
+        slot: Numbers of the arguments of the kernel.
+        rows: Those of the outputs that are rows of a loop, by its region.
     """
 
     def __init__(self, traced: Traced, width: int, fused: bool) -> None:
         self.traced, self.width, self.fused = traced, width, fused
-        self.declared: set[str] = set()
+        self.taken: set[Expression] = set()
         self._functions: dict[str, str] = {}
         self._regions: dict[int, str] = {}
         slots = [*traced.inputs, *range(len(traced.outputs)), *traced.tables, *traced.outside]
@@ -52,229 +61,195 @@ class Lanes:
 
     def text(self) -> str:
         """Return the whole module, whose entries are `prepare` and `run`."""
-        prepare, run = self._prepare(), self._run()
-        return "\n".join((*sorted(self.declared), *self._functions.values(), prepare, run, ""))
-
-    def code(self, width: int) -> Instructions:
-        """Return the lines of a new function."""
-        return Instructions(width, self.fused, self.declared)
+        run, prepare = self._run(), self._prepare()
+        often = template(DECLARE_FMA, 0, self.width)  # LLVM declares its own functions, but slowly
+        return "\n".join((*DECLARED, often, *self._functions.values(), prepare, run, ""))
 
     def angles(self, width: int) -> str:
-        """Return the name of the function of sine and cosine."""
-        name = f"@sine_cosine{width}"
+        """Return the name of the function of an angle in all lanes, which gives sine and cosine."""
+        name, traced = f"@sine_cosine{width}", _angles()
         if name not in self._functions:
-            self._functions[name] = sine_cosine(self.code(width), name)
-        return name
-
-    def library(self, function: str, operands: int, width: int) -> str:
-        """Return the name of a function of lanes that calls one of the system's library."""
-        name = f"@{function}_{width}"
-        if name not in self._functions:
-            code, given = self.code(width), ["%x", "%y"][:operands]
-            code.line(f"ret {code.V} {code.library(function, *given)}")
-            types = ", ".join(f"{code.V} {x}" for x in given)
-            self._functions[name] = f"define internal {code.V} {name}({types}) {{\n{code}\n}}"
+            code = _Body(self, width)
+            code.known[traced.tape.written[0].number] = "%x"
+            code.compute(traced.tape, traced.outputs)
+            *near, large = map(code.value, traced.outputs)
+            code.line(f"br i1 {code.any(large)}, label %far, label %near")
+            code.label("near")
+            code.give(near)
+            code.label("far")
+            code.give([code.operate(SELECT, large, code.library(function, "%x"), value)
+                       for function, value in zip(("sin", "cos"), near, strict=True)])  # fmt: skip
+            head = f"define internal {code.pair} {name}({code.V} %x)"
+            self._functions[name] = f"{head} {{\n{code}\n}}"
         return name
 
     def region(self, region: Region) -> str:
         """Return the name of the function of a region, written once."""
         if id(region) not in self._regions:
             name = self._regions[id(region)] = f"@region{len(self._regions)}"
-            code = _Body(self, self.code(self.width))
-            variables = [*region.inputs, *(inner for inner, _ in region.tape.captured.values())]
-            code.place = {e.number: ("%in", i) for i, e in enumerate(variables)}
+            code = _Body(self, self.width)
+            code.place = {e.number: ("%in", i) for i, e in enumerate(region.variables)}
             if region.turn is not None:
-                turn = code.lines.new("sitofp i64 %turn to double")
-                code.known[region.turn.number] = code.lines.splat(turn)
+                turn = code.new("sitofp i64 %turn to double")
+                code.known[region.turn.number] = code.splat(turn)
             kept = (region.kept or []) if id(region) in self.rows else []
-            code.compute(region.tape, [*region.outputs, *kept, region.goes_on])
-            for i, o in enumerate(region.outputs):
-                code.lines.store(code.value(o), "%out", i)
+            outputs = [*region.outputs, *([] if region.goes_on is None else [region.goes_on])]
+            code.compute(region.tape, [*outputs, *kept])
+            code.store_all(outputs, "%out")
             if kept:
                 code.write(kept, "%rows", region.most)
-            if region.goes_on is not None:
-                one, zero = code.lines.number(1.0), code.lines.number(0.0)
-                goes_on = code.lines.select(code.mask(region.goes_on), one, zero)
-                code.lines.store(goes_on, "%out", len(region.outputs))
-            code.lines.line("ret void")
             self._functions[name] = (
                 f"define internal void {name}(ptr noalias %in, ptr noalias %out, ptr noalias %u, "
-                f"ptr %a, i64 %at, i64 %turn, ptr %rows) {{\n{code.lines}\n}}"
+                f"ptr %a, i64 %at, i64 %turn, ptr %rows) {{\n{code}\nret void\n}}"
             )
         return self._regions[id(region)]
 
     def _prepare(self) -> str:
         """Return the function that computes what all lanes share."""
-        code = _Body(self, self.code(1), shared=True)
-        for e in self.traced.shared.written:
+        tape, code = self.traced.shared, _Body(self, 1, shared=True)
+        code.place = {e.number: ("%u", e.number) for e in tape.written if e.operation == "var"}
+        for e in tape.needed(self.taken):
             if e.operation == "var":
-                code.place[e.number] = ("%u", e.number)
                 continue
             value = code.known[e.number] = code.operation(e)
-            if e.is_mask:
-                value = code.lines.new(f"uitofp i1 {value} to double")
-            code.lines.store(value, "%u", e.number)
-        code.lines.line("ret void")
-        return f"define void @prepare(ptr noalias %u) {{\n{code.lines}\n}}"
+            if e in self.taken:
+                value = code.new(f"uitofp i1 {value} to double") if e.is_mask else value
+                code.store(value, "%u", e.number)
+        return f"define void @prepare(ptr noalias %u) {{\n{code}\nret void\n}}"
 
     def _run(self) -> str:
         """Return the function that computes blocks of lanes; the last ones at `%most`."""
-        traced, code = self.traced, _Body(self, self.code(self.width))
-        lines = code.lines
-        lines.line("br label %block")
-        lines.label("block")
-        lines.line("%i = phi i64 [%first, %entry], [%next, %done]")
-        self.declared.add("declare i64 @llvm.smin.i64(i64, i64)")
-        lines.line(f"%begin = mul i64 %i, {self.width}")
-        lines.line("%at = call i64 @llvm.smin.i64(i64 %begin, i64 %most)")
+        traced, code = self.traced, _Body(self, self.width)
+        code.line("br label %block")
+        code.label("block")
+        code.line("%i = phi i64 [%first, %entry], [%next, %done]")
+        code.line(f"%begin = mul i64 %i, {self.width}")
+        code.line("%at = call i64 @llvm.smin.i64(i64 %begin, i64 %most)")
         variables = (e for e in traced.tape.written if e.operation == "var")
         for name, shape in traced.inputs.items():
             size = int(np.prod(shape))
-            found = lines.gather(code.rows(code.argument(name), size), size)
+            found = code.gather(code.rows(code.argument(name), size), size)
             for value, e in zip(found, variables, strict=False):
                 code.known[e.number] = value
-        flat = [[] if isinstance(o, Rows) else traced.flat(o) for o in traced.outputs]
         loops = [o.loop for o in traced.outputs if isinstance(o, Rows)]
-        code.compute(traced.tape, [*(o for values in flat for o in values), *loops])
-        for i, values in enumerate(flat):
+        flat = {i: traced.flat(o) for i, o in enumerate(traced.outputs) if not isinstance(o, Rows)}
+        code.compute(traced.tape, [*loops, *(o for values in flat.values() for o in values)])
+        for i, values in flat.items():
             if values:
                 code.write(values, code.argument(i))
-        lines.line("br label %done")
-        lines.label("done")
-        lines.line("%next = add i64 %i, 1")
-        lines.line("%more = icmp slt i64 %next, %last")
-        lines.line("br i1 %more, label %block, label %end")
-        lines.label("end")
-        lines.line("ret void")
+        code.line("br label %done")
+        code.label("done")
+        code.line("%next = add i64 %i, 1")
+        code.line("%more = icmp slt i64 %next, %last")
+        code.line("br i1 %more, label %block, label %end")
+        code.label("end")
         return (
             f"define void @run(ptr noalias %a, ptr noalias %u, i64 %most, i64 %first, i64 %last) "
-            f"{{\n{lines}\n}}"
+            f"{{\n{code}\nret void\n}}"
         )
 
 
-class _Body:
+class _Body(Instructions):
     """The expressions of one tape as instructions.
 
     Attributes:
-        lines: The instructions.
+        pair: The type of two numbers in all lanes.
         shared: Whether the tape is the shared one.
         known: Names of the values of expressions of the tape, by number.
         place: Where variables and results lie: memory and index.
     """
 
-    def __init__(self, lanes: Lanes, lines: Instructions, shared: bool = False) -> None:
-        self.lanes, self.lines, self.shared = lanes, lines, shared
+    def __init__(self, lanes: Lanes, width: int, shared: bool = False) -> None:
+        super().__init__(width)
+        self.lanes, self.shared = lanes, shared
+        self.pair = f"{{{self.V}, {self.V}}}"
         self.known: dict[int, str] = {}
         self.place: dict[int, tuple[str, int]] = {}
         self._taken: dict[int, str] = {}
         self._negative: dict[str, str] = {}
         self._angles: dict[str, str] = {}
         self._looked: dict[tuple[str, str], list[str]] = {}
-        self._inside: set[int] = set()
-        self._products: dict[int, Expression] = {}
+
+    def library(self, name: str, *operands: str) -> str:
+        """Call a function of the system's library, lane by lane."""
+        found = []
+        for lane in range(self.width):
+            given = ", ".join(f"double {self.lane(o, lane)}" for o in operands)
+            found.append(self.new(f"call double @{name}({given})"))
+        return self.joined(found)
 
     def argument(self, slot: int | str) -> str:
         """Return the address of an argument of the kernel."""
-        address = self.lines.at("ptr", "%a", self.lanes.slot[slot])
-        return self.lines.new(f"load ptr, ptr {address}")
+        return self.new(f"load ptr, ptr {self.at('ptr', '%a', self.lanes.slot[slot])}")
 
     def rows(self, address: str, size: int, most: int = 1) -> list[str]:
         """Return the address of the row of each lane, of `size` numbers; `%turn` of `most`."""
-        first = self.lines.new(f"mul i64 %at, {size * most}")
+        first = self.new(f"mul i64 %at, {size * most}")
         if most > 1:
-            first = self.lines.new(f"add i64 {first}, {self.lines.new(f'mul i64 %turn, {size}')}")
-        base = self.lines.at("double", address, first)
-        return [self.lines.at("double", base, lane * size * most)
-                for lane in range(self.lines.width)]  # fmt: skip
+            first = self.new(f"add i64 {first}, {self.new(f'mul i64 %turn, {size}')}")
+        base = self.at("double", address, first)
+        return [self.at("double", base, lane * size * most) for lane in range(self.width)]
 
     def write(self, values: list[Operand], address: str, most: int = 1) -> None:
         """Write numbers to the rows of the lanes."""
-        self.lines.scatter([self.value(o) for o in values], self.rows(address, len(values), most))
+        self.scatter([self.value(o) for o in values], self.rows(address, len(values), most))
+
+    def store_all(self, operands: Iterable[Operand], memory: str) -> None:
+        """Store operands side by side."""
+        for i, o in enumerate(operands):
+            self.store(self.value(o), memory, i)
 
     def value(self, o: Operand) -> str:
-        """Return the name of a number in all lanes."""
-        if not isinstance(o, Expression):
-            return self.lines.number(float(o))
+        """Return the name of a number or mask in all lanes."""
+        if type(o) is not Expression:
+            return self.number(o)  # type: ignore[arg-type]
         if o.tape.depth == 0 and not self.shared:
             if o.number not in self._taken:
-                self._taken[o.number] = self.lines.load("%u", o.number)
+                self.lanes.taken.add(o)
+                one = self.load("%u", o.number)
+                self._taken[o.number] = self.operate(IS_NOT_ZERO, one) if o.is_mask else one
             return self._taken[o.number]
         if o.number not in self.known:
-            self.known[o.number] = self.lines.load(*self.place[o.number])
-        return self.known[o.number]
-
-    def mask(self, o: Operand) -> str:
-        """Return the name of a mask."""
-        if not isinstance(o, Expression):
-            return self.lines.truth(bool(o))
-        if o.tape.depth == 0 and not self.shared:  # kept as a number
-            return self.lines.compare("une", self.value(o), self.lines.number(0.0))
+            self.known[o.number] = self.load(*self.place[o.number])
         return self.known[o.number]
 
     def compute(self, tape: Tape, outputs: Sequence[Any]) -> None:
         """Write all that outputs on a tape need."""
         needed = tape.needed(outputs)
-        if self.lines.fused:
-            self._fuse(needed, outputs)
+        products = self._products(tape, needed, outputs) if self.lanes.fused else {}
+        inside = {product.number for product in products.values()}
         for e in needed:
-            if e.operation != "var" and e.number not in self._inside:
+            if e.operation == "var" or e.number in inside:
+                continue
+            if e.number in products:
+                self.known[e.number] = self._product(e, products[e.number])
+            elif e.operation in OPERATIONS:
                 self.known[e.number] = self.operation(e)
+            elif e.operation == "load":
+                self.known[e.number] = self._load(e)
+            elif e.operation == "result":
+                memory, first = self.place[e.expressions()[0].number]
+                self.place[e.number] = memory, first + e.detail
+            else:
+                getattr(self, f"_{e.operation}")(e, e.detail)
 
-    def _fuse(self, needed: Sequence[Expression], outputs: Sequence[Any]) -> None:
-        """Find the products that are computed together with the sum or difference they stand in."""
-        uses = Counter(id(o) for o in outputs if isinstance(o, Expression))
-        uses.update(id(o) for e in needed for o in e.operands)
+    def _products(
+        self, tape: Tape, needed: Sequence[Expression], outputs: Iterable[Any]
+    ) -> dict[int, Expression]:
+        """Return the products that are computed with the only sum or difference they stand in."""
+        uses = [0] * len(tape.written)
+        for operands in (outputs, *(e.operands for e in needed)):
+            for o in operands:
+                if type(o) is Expression and o.tape is tape:
+                    uses[o.number] += 1
+        found: dict[int, Expression] = {}
         for e in needed:
             if e.operation in ("add", "sub"):
-                for o in reversed(e.operands):
-                    if not isinstance(o, Expression) or o.operation != "mul":
-                        continue
-                    if o.tape is e.tape and uses[id(o)] == 1:
-                        self._inside.add(o.number)
-                        self._products[e.number] = o
+                for o in reversed(e.expressions()):
+                    if o.operation == "mul" and o.tape is tape and uses[o.number] == 1:
+                        found[e.number] = o
                         break
-
-    def operation(self, e: Expression) -> str:
-        """Write an operation and return the name of its value; nothing for a loop or call."""
-        lines, name, o = self.lines, e.operation, e.operands
-        if e.number in self._products:
-            return self._product(e, self._products[e.number])
-        if name in SIGNS:
-            return lines.arithmetic(f"f{name}", self.value(o[0]), self.value(o[1]))
-        match name:
-            case "and" | "or":
-                return lines.new(f"{name} {lines.M} {self.mask(o[0])}, {self.mask(o[1])}")
-            case "not":
-                return lines.new(f"xor {lines.M} {self.mask(o[0])}, {lines.truth(True)}")
-            case "select":
-                return lines.select(self.mask(o[0]), self.value(o[1]), self.value(o[2]))
-            case "load":
-                return self._load(e)
-            case "result":
-                memory, first = self.place[o[0].number]  # type: ignore[union-attr]
-                return lines.load(memory, first + e.detail)
-            case "call" | "loop" | "outside":
-                getattr(self, f"_{name}")(e, e.detail)
-                return ""
-        values = [self.value(x) for x in o]
-        if name in INTRINSICS:
-            return lines.intrinsic(INTRINSICS[name], *values)
-        match name:
-            case "neg":
-                return self._minus(values[0])
-            case "hold":
-                return values[0]
-            case "lt":
-                return lines.compare("olt", *values)
-            case "le":
-                return lines.compare("ole", *values)
-            case "sin" | "cos":
-                return self._angle(name, values[0])
-            case "sign":
-                return self._sign(values[0])
-        function, types = FUNCTIONS[name].c, ", ".join(f"{lines.V} {x}" for x in values)
-        own = self.lanes.library(function, len(values), lines.width)
-        return lines.new(f"call {lines.V} {own}({types})")
+        return found
 
     def _product(self, e: Expression, product: Expression) -> str:
         """Compute a b + c, a b - c or c - a b, rounded once."""
@@ -282,29 +257,37 @@ class _Body:
         first = e.operands[0] is product
         c = self.value(e.operands[1 if first else 0])
         if e.operation == "sub":
-            a, c = (a, self._minus(c)) if first else (self._minus(a), c)
-        return self.lines.product(a, b, c)
+            minus = self._minus(c if first else a)
+            a, c = (a, minus) if first else (minus, c)
+        return self.operate("@llvm.fma", a, b, c)
 
     def _minus(self, value: str) -> str:
         if value not in self._negative:
-            self._negative[value] = self.lines.arithmetic("fneg", value)
+            self._negative[value] = self.operate(NEGATIVE, value)
         return self._negative[value]
+
+    def operation(self, e: Expression) -> str:
+        """Write an operation and return the name of its value."""
+        values, operation = [self.value(o) for o in e.operands], OPERATIONS[e.operation]
+        if operation.llvm:
+            return self.operate(operation.llvm, *values)
+        if e.operation in ("sin", "cos"):
+            return self._angle(e.operation, values[0])
+        return self.library(e.operation, *values)
 
     def _angle(self, name: str, x: str) -> str:
         """Return the sine or cosine of an angle, for which the function is called once."""
-        V = self.lines.V
         if x not in self._angles:
-            function = self.lanes.angles(self.lines.width)
-            self._angles[x] = self.lines.new(f"call {{{V}, {V}}} {function}({V} {x})")
-        index = 0 if name == "sin" else 1
-        return self.lines.new(f"extractvalue {{{V}, {V}}} {self._angles[x]}, {index}")
+            function = self.lanes.angles(self.width)
+            self._angles[x] = self.new(f"call {self.pair} {function}({self.V} {x})")
+        return self.new(f"extractvalue {self.pair} {self._angles[x]}, {int(name == 'cos')}")
 
-    def _sign(self, x: str) -> str:
-        """Return the sign of a number: -1, 0, 1 or NaN."""
-        lines, zero = self.lines, self.lines.number(0.0)
-        rest = lines.arithmetic("fadd", x, zero)  # zero without a sign, or NaN
-        rest = lines.select(lines.compare("olt", x, zero), lines.number(-1.0), rest)
-        return lines.select(lines.compare("ogt", x, zero), lines.number(1.0), rest)
+    def give(self, values: Sequence[str]) -> None:
+        """Return two numbers from a function."""
+        found = "poison"
+        for i, value in enumerate(values):
+            found = self.new(f"insertvalue {self.pair} {found}, {self.V} {value}, {i}")
+        self.line(f"ret {self.pair} {found}")
 
     def _load(self, e: Expression) -> str:
         """Load a number of a table."""
@@ -312,87 +295,79 @@ class _Body:
         index = self.value(e.operands[0])
         if (table, index) not in self._looked:
             self._looked[table, index] = self._rows_of(table, index)
-        rows = self._looked[table, index]
-        return self.lines.joined([self.lines.load_one(row, column) for row in rows])
+        return self.joined([self.load_one(row, column) for row in self._looked[table, index]])
 
     def _rows_of(self, table: str, index: str) -> list[str]:
         """Return the addresses of rows of a table, one a lane."""
-        lines, lanes, address, found = self.lines, self.lanes, self.argument(table), []
-        last = lines.at("i64", "%a", len(lanes.slot) + lanes.slot[table])
-        last = lines.new(f"load i64, ptr {last}")
-        lines.declared.add("declare i64 @llvm.fptosi.sat.i64.f64(double)")
-        for lane in range(lines.width):
-            one = lines.lane(index, lane)
-            i = lines.new(f"call i64 @llvm.fptosi.sat.i64.f64(double {one})")  # NaN gives 0
-            i = lines.integer("smax", lines.integer("smin", i, last), "0")
-            i = lines.new(f"mul i64 {i}, {lanes.traced.tables[table].columns}")
-            found.append(lines.at("double", address, i))
+        lanes, address, found = self.lanes, self.argument(table), []
+        last = self.at("i64", "%a", len(lanes.slot) + lanes.slot[table])
+        last = self.new(f"load i64, ptr {last}")
+        for lane in range(self.width):
+            one = self.lane(index, lane)
+            i = self.new(f"call i64 @llvm.fptosi.sat.i64.f64(double {one})")  # NaN gives 0
+            i = self.new(f"call i64 @llvm.smin.i64(i64 {i}, i64 {last})")
+            i = self.new(f"call i64 @llvm.smax.i64(i64 {i}, i64 0)")
+            i = self.new(f"mul i64 {i}, {lanes.traced.tables[table].columns}")
+            found.append(self.at("double", address, i))
         return found
-
-    def _given(self, operands: Iterable[Operand], memory: str) -> None:
-        """Store operands side by side."""
-        for i, o in enumerate(operands):
-            self.lines.store(self.value(o), memory, i)
 
     def _call(self, e: Expression, region: Region) -> None:
         """Call a procedure."""
-        function = self.lanes.region(region)
-        given = self.lines.scratch("%given", len(e.operands))
-        found = self.lines.memory(len(region.outputs))
-        self._given(e.operands, given)
-        self.lines.line(
-            f"call void {function}(ptr {given}, ptr {found}, ptr %u, ptr %a, i64 %at, i64 0, "
-            "ptr null)"
-        )
+        given = self.scratch("%given", len(e.operands))
+        found = self.memory(len(region.outputs))
+        self.store_all(e.operands, given)
+        self._run_region(region, given, found)
         self.place[e.number] = (found, 0)
+
+    def _run_region(
+        self, region: Region, given: str, found: str, turn: str = "0", rows: str = "null"
+    ) -> None:
+        self.line(
+            f"call void {self.lanes.region(region)}(ptr {given}, ptr {found}, ptr %u, ptr %a, "
+            f"i64 %at, i64 {turn}, ptr {rows})"
+        )
 
     def _loop(self, e: Expression, region: Region) -> None:
         """Run a loop, in which lanes that have ended keep their state."""
-        lines, size, mask = self.lines, len(region.outputs), region.goes_on
-        function, slot = self.lanes.region(region), self.lanes.rows.get(id(region))
+        size, slot, stops = len(region.outputs), self.lanes.rows.get(id(region)), region.goes_on
         rows = "null" if slot is None else self.argument(slot)
-        state, after = lines.memory(len(e.operands)), lines.scratch("%after", size + 1)
-        self._given(e.operands, state)
-        before, loop = lines.block, lines.name("loop")
-        turn, turns, runs, goes = (lines.name(f"%{x}") for x in ("turn", "turns", "runs", "goes"))
-        lines.line(f"br label %{loop}")
-        lines.label(loop)
-        lines.line(f"{turn} = phi i64 [0, %{before}], [{turns}, %{loop}]")
-        if mask is not None:
-            lines.line(
-                f"{runs} = phi {lines.M} [{lines.truth(True)}, %{before}], [{goes}, %{loop}]"
-            )
-        lines.line(
-            f"call void {function}(ptr {state}, ptr {after}, ptr %u, ptr %a, i64 %at, i64 {turn}, "
-            f"ptr {rows})"
-        )
+        state, after = self.memory(len(e.operands)), self.scratch("%after", size + 1)
+        self.store_all(e.operands, state)
+        before, loop = self.block, self.name("loop")
+        turn, turns, runs, goes = (self.name(f"%{x}") for x in ("turn", "turns", "runs", "goes"))
+        self.line(f"br label %{loop}")
+        self.label(loop)
+        self.line(f"{turn} = phi i64 [0, %{before}], [{turns}, %{loop}]")
+        if stops is not None:
+            every = "true" if self.width == 1 else "splat (i1 true)"
+            self.line(f"{runs} = phi {self.M} [{every}, %{before}], [{goes}, %{loop}]")
+        self._run_region(region, state, after, turn, rows)
         for i in range(size):
-            found = lines.load(after, i)
-            if mask is not None:
-                found = lines.select(runs, found, lines.load(state, i))
-            lines.store(found, state, i)
-        lines.line(f"{turns} = add i64 {turn}, 1")
-        more = lines.new(f"icmp ult i64 {turns}, {region.most}")
-        if mask is not None:
-            wants = lines.compare("une", lines.load(after, size), lines.number(0.0))
-            lines.line(f"{goes} = and {lines.M} {runs}, {wants}")
-            more = lines.new(f"and i1 {more}, {lines.any(goes)}")
-        lines.line(f"br i1 {more}, label %{loop}, label %{loop}_end")
-        lines.label(f"{loop}_end")
+            found = self.load(after, i)
+            if stops is not None:
+                found = self.operate(SELECT, runs, found, self.load(state, i))
+            self.store(found, state, i)
+        self.line(f"{turns} = add i64 {turn}, 1")
+        more = self.new(f"icmp ult i64 {turns}, {region.most}")
+        if stops is not None:
+            wants = self.operate(IS_NOT_ZERO, self.load(after, size))
+            self.line(f"{goes} = and {self.M} {runs}, {wants}")
+            more = self.new(f"and i1 {more}, {self.any(goes)}")
+        self.line(f"br i1 {more}, label %{loop}, label %{loop}_end")
+        self.label(f"{loop}_end")
         self.place[e.number] = (state, 0)
 
     def _outside(self, e: Expression, outside: Outside) -> None:
         """Call a function outside, lane by lane."""
-        lines, count, W = self.lines, 1 + outside.count, self.lines.width
-        found = lines.memory(count)
-        given, results = lines.scratch("%given", len(e.operands)), lines.scratch("%after", count)
-        function = self.argument(outside.name)
+        count, W, function = 1 + outside.count, self.width, self.argument(outside.name)
+        found = self.memory(count)
+        given, results = self.scratch("%given", len(e.operands)), self.scratch("%after", count)
         values = [self.value(o) for o in e.operands]
         for lane in range(W):
             for i, value in enumerate(values):
-                lines.store_one(lines.lane(value, lane), given, i)
-            number = lines.new(f"add i64 %at, {lane}")
-            lines.line(f"call void {function}(i64 {number}, ptr {given}, ptr {results})")
+                self.store_one(self.lane(value, lane), given, i)
+            number = self.new(f"add i64 %at, {lane}")
+            self.line(f"call void {function}(i64 {number}, ptr {given}, ptr {results})")
             for i in range(count):
-                lines.store_one(lines.load_one(results, i), found, i * W + lane)
+                self.store_one(self.load_one(results, i), found, i * W + lane)
         self.place[e.number] = (found, 0)

@@ -32,6 +32,7 @@ def _llvm() -> Any:
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    llvm.set_option("", "-fast-isel=0")  # it gives up at most operations, which then cost twice
     return llvm
 
 

@@ -1,30 +1,19 @@
 """The array library of numbers: NumPy, with the loops of `symbols` for one lane."""
 
-# isort: skip_file
-
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy import (
-    absolute, arange, arccos, arcsin, arctan, arctan2, array, asarray, ceil, concatenate, cos,
-    cosh, cross, exp, eye, floor, hypot, less, less_equal, log, logical_and, logical_not,
-    logical_or, maximum, minimum, ones, power, rint, sign, sin, sinh, sqrt, stack, tan, tanh,
-    where, zeros, zeros_like,
-)  # fmt: skip
-
-__all__ = [
-    "absolute", "arange", "arccos", "arcsin", "arctan", "arctan2", "array", "asarray", "ceil",
-    "concatenate", "cos", "cosh", "cross", "exp", "eye", "floor", "gradient", "hold", "hypot",
-    "less", "less_equal", "log", "logical_and", "logical_not", "logical_or", "maximum",
-    "minimum", "ones", "power", "procedure", "repeat", "rint", "row", "sign", "sin", "sinh",
-    "sqrt", "stack", "tan", "tanh", "where", "while_any", "zeros", "zeros_like",
-]  # fmt: skip
 
 STEP = 1e-30
 """Steps of `gradient`."""
+
+
+def __getattr__(name: str) -> Any:
+    """Return a function of NumPy."""
+    return getattr(np, name)
 
 
 def hold(values: Any) -> Any:
@@ -54,13 +43,11 @@ def row(table: Any, index: Any) -> Any:
 
 def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = False) -> Any:
     """Repeat a step while it goes on; see `symbols.while_any`."""
-    rows = []
+    rows: list[Any] = []
     for _ in range(most):
-        *found, goes_on = step(*state)
-        if keep:
-            rows.append(goes_on)
-            *found, goes_on = found
-        state = tuple(found)
+        found = step(*state)
+        state, (goes_on, *row) = found[: len(state)], found[len(state) :]
+        rows += row
         if not goes_on:
             break
     return (*state, np.array(rows)) if keep else state
@@ -68,11 +55,10 @@ def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = Fal
 
 def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False) -> Any:
     """Repeat a step a number of times; see `symbols.repeat`."""
-    rows = []
-    for turn in range(count):
-        found = step(turn, *state)
-        if keep:
-            *found, kept = found
-            rows.append(kept)
-        state = tuple(found)
-    return (*state, np.array(rows)) if keep else state
+    turns = iter(range(count))
+
+    def counted(*state: Any) -> Any:
+        found = step(next(turns), *state)
+        return (*found[: len(state)], True, *found[len(state) :])
+
+    return while_any(counted, *state, most=count, keep=keep)

@@ -6,75 +6,45 @@ module, `spacearm.compiler.numbers`, or `jax.numpy` with the same loops.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
-from numpy import arange, array, concatenate, cross, eye, ones, stack, zeros, zeros_like
 
 from spacearm.compiler import derivatives
 from spacearm.compiler.expressions import (
-    EACH_BY_NAME,
     Expression,
     Operand,
-    Symbols,
     Tape,
     TracingError,
     as_mask,
     as_number,
     asarray,
-    plain,
+    hold,
     symbols,
     where,
 )
 
 __all__ = [
-    "Outside", "Region", "Rows", "Table", "absolute", "arange", "arccos", "arcsin", "arctan",
-    "arctan2", "array", "asarray", "ceil", "concatenate", "cos", "cosh", "cross", "exp", "eye",
-    "floor", "gradient", "hold", "hypot", "less", "less_equal", "log", "logical_and",
-    "logical_not", "logical_or", "maximum", "minimum", "ones", "power", "procedure", "repeat",
-    "rint", "row", "sign", "sin", "sinh", "sqrt", "stack", "tan", "tanh", "tracing",
-    "variables", "where", "while_any", "zeros", "zeros_like",
+    "Outside", "Region", "Rows", "Table", "asarray", "gradient", "hold", "procedure", "repeat",
+    "row", "where", "while_any",
 ]  # fmt: skip
 
 _current: ContextVar[Tape] = ContextVar("tape")
 
 
-def _each(name: str) -> Callable[..., Any]:
-    def function(*arrays: Any) -> Any:
-        return symbols(EACH_BY_NAME[name](*(plain(a) for a in arrays)))
-
-    function.__doc__ = f"Compute {name}, element by element."
-    return function
-
-
-sin, cos, tan = _each("sin"), _each("cos"), _each("tan")
-arcsin, arccos, arctan = _each("asin"), _each("acos"), _each("atan")
-sinh, cosh, tanh = _each("sinh"), _each("cosh"), _each("tanh")
-exp, log, sqrt, sign = _each("exp"), _each("log"), _each("sqrt"), _each("sign")
-absolute, rint, floor, ceil = _each("abs"), _each("rint"), _each("floor"), _each("ceil")
-arctan2, hypot, power = _each("atan2"), _each("hypot"), _each("pow")
-minimum, maximum = _each("min"), _each("max")
-less, less_equal = _each("lt"), _each("le")
-logical_and, logical_or, logical_not = _each("and"), _each("or"), _each("not")
-
-
-def hold(values: Any) -> Any:
-    """Return values whose derivatives are taken as zero."""
-    return symbols(np.frompyfunc(_held, 1, 1)(plain(values)))
-
-
-def _held(o: Operand) -> Operand:
-    """Return one held value."""
-    return o.tape.keep("hold", (o,)) if isinstance(o, Expression) and not o.is_mask else o
+def __getattr__(name: str) -> Any:
+    """Return a function of NumPy; it works on symbols."""
+    return getattr(np, name)
 
 
 def gradient(function: Callable[[Any], Any], at: Any) -> Any:
     """Return the derivatives (n,) of a function of n variables, which returns a number."""
-    return symbols(derivatives.gradient(_scalar(function(at)), at))
+    return symbols(derivatives.gradient(symbols(function(at)), at))
 
 
 @dataclass(eq=False)
@@ -86,7 +56,7 @@ class Region:
         inputs: Its variables, in order; those captured come after them.
         outputs: What it computes.
         most: How often it runs at most, of a loop; 0 for a procedure.
-        goes_on: The mask of the lanes that want another turn; None if it runs `most` times.
+        goes_on: Of a loop, not zero in lanes that want another turn; None if it runs `most` times.
         turn: The variable that counts the turns of a loop, if it is used.
         kept: What a loop writes to its rows in each turn.
     """
@@ -95,9 +65,14 @@ class Region:
     inputs: list[Expression]
     outputs: list[Operand] = field(default_factory=list)
     most: int = 0
-    goes_on: Any = None
+    goes_on: Operand | None = None
     turn: Expression | None = None
     kept: list[Operand] | None = None
+
+    @property
+    def variables(self) -> list[Expression]:
+        """Its inputs, and the variables that stand for what it captures."""
+        return [*self.inputs, *(inner for inner, _ in self.tape.captured.values())]
 
     @property
     def captures(self) -> list[Expression]:
@@ -150,7 +125,7 @@ class Outside:
         the same values in one turn are one.
         """
         tape = _current.get()
-        call = tape.keep("outside", tuple(_flat(tape, [values])), self)
+        call = tape.keep("outside", tuple(flat(tape, [values])), self)
         return _results(call, [(1 + self.count,)])[0]
 
 
@@ -159,11 +134,11 @@ def row(table: Table, index: Any) -> Any:
 
     Of indices that are beyond, the first or last row is taken, of those that are NaN the first.
     """
-    tape, index = _current.get(), _scalar(index)
+    tape, index = _current.get(), symbols(index)
     if isinstance(index, Expression) and index.tape.depth > 0:
         tape = index.tape
-    operand = (tape.own(index) if isinstance(index, Expression) else float(index),)
-    return _array([tape.keep("load", operand, (table.name, c)) for c in range(table.columns)])
+    operands = tuple(flat(tape, [index]))
+    return asarray([tape.keep("load", operands, (table.name, c)) for c in range(table.columns)])
 
 
 def procedure(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -184,11 +159,11 @@ def procedure(function: Callable[..., Any]) -> Callable[..., Any]:
                 found = function(*arrays)
             single = not isinstance(found, tuple)
             outputs = [found] if single else list(found)
-            region.outputs = _flat(region.tape, outputs)
+            region.outputs = flat(region.tape, outputs)
             seen = region, [np.shape(o) for o in outputs], single
             traced.append(seen)
         region, out, single = seen
-        operands = (*_flat(tape, arguments), *(tape.own(o) for o in region.captures))
+        operands = (*flat(tape, arguments), *(tape.own(o) for o in region.captures))
         results = _results(tape.keep("call", operands, region), out)
         return results[0] if single else tuple(results)
 
@@ -209,12 +184,7 @@ def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = Fal
         The state at the end, and with `keep` the `Rows`. Rows after the last turn of a lane have
         no meaning, and those after the last turn of all that run side by side are not written.
     """
-    region, arrays = _region([np.shape(s) for s in state])
-    with tracing(region.tape):
-        found = list(step(*arrays))
-    kept = found.pop() if keep else None
-    goes_on = found.pop()
-    return _loop(region, state, found, goes_on, kept, most)
+    return _loop(step, state, most, keep, counted=False)
 
 
 def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False) -> Any:
@@ -230,51 +200,46 @@ def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False
     Returns:
         The state at the end, and with `keep` the `Rows`.
     """
-    region, arrays = _region([np.shape(s) for s in state])
-    region.turn = region.tape.variable(("turn",))
-    with tracing(region.tape):
-        found = list(step(region.turn, *arrays))
-    kept = found.pop() if keep else None
-    return _loop(region, state, found, None, kept, count)
+    return _loop(step, state, count, keep, counted=True)
 
 
 def _loop(
-    region: Region, state: Sequence[Any], found: Sequence[Any], goes_on: Any, kept: Any, most: int
+    step: Callable[..., Any], state: Sequence[Any], most: int, keep: bool, counted: bool
 ) -> Any:
-    """Write a loop on the current tape and return its results."""
+    """Write a loop on the current tape, over counted turns or until no lane wants another."""
     if most < 1:
         raise TracingError(f"a loop of {most} turns")
-    if (there := [np.shape(s) for s in state]) != (now := [np.shape(o) for o in found]):
+    region, arrays = _region(there := [np.shape(s) for s in state])
+    if counted:
+        region.turn = region.tape.variable("turn")
+        arrays = [region.turn, *arrays]
+    with tracing(region.tape):
+        found = list(step(*arrays))
+    kept = found.pop() if keep else None
+    goes_on = None if counted else found.pop()
+    if there != (now := [np.shape(o) for o in found]):
         raise TracingError(f"a step returns arrays of shapes {now} for a state of shapes {there}")
-    region.most = most
-    region.outputs = _flat(region.tape, found)
-    goes_on = as_mask(_scalar(goes_on))
-    region.goes_on = region.tape.own(goes_on) if isinstance(goes_on, Expression) else goes_on
-    region.kept = None if kept is None else _flat(region.tape, [kept])
+    region.most, region.outputs = most, flat(region.tape, found)
+    if goes_on is not None:
+        (region.goes_on,) = flat(region.tape, [as_mask(symbols(goes_on))])
+    region.kept = None if kept is None else flat(region.tape, [kept])
     tape = _current.get()
-    operands = [*_flat(tape, state), *(tape.own(o) for o in region.captures)]
-    loop = tape.keep("loop", tuple(operands), region)
-    results = _results(loop, there)
-    if region.kept is not None:
-        return (*results, Rows(loop, (most, len(region.kept))))
-    return tuple(results)
+    operands = (*flat(tape, state), *(tape.own(o) for o in region.captures))
+    loop = tape.keep("loop", operands, region)
+    results = tuple(_results(loop, there))
+    return results if region.kept is None else (*results, Rows(loop, (most, len(region.kept))))
 
 
 def _region(shapes: Sequence[tuple[int, ...]]) -> tuple[Region, list[Any]]:
     """Return a region inside the current tape, and arrays of its variables."""
     tape = Tape(_current.get())
     arrays = variables(tape, "input", shapes)
-    return Region(tape, [o for a in arrays for o in asarray(a).ravel()]), arrays
+    return Region(tape, [o for a in arrays for o in asarray(a).flat]), arrays
 
 
 def variables(tape: Tape, kind: str, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return arrays of new variables; they are named (kind, 0), (kind, 1), ... throughout."""
-    arrays, count = [], 0
-    for shape in shapes:
-        size = int(np.prod(shape))
-        arrays.append(_array([tape.variable((kind, count + i)) for i in range(size)], shape))
-        count += size
-    return arrays
+    return _arrays((tape.variable((kind, i)) for i in count()), shapes)
 
 
 @contextmanager
@@ -287,35 +252,20 @@ def tracing(tape: Tape) -> Iterator[None]:
         _current.reset(token)
 
 
-def _scalar(o: Any) -> Any:
-    """Return the element of an array without axes."""
-    return o[()] if isinstance(o, np.ndarray) and o.ndim == 0 else o
-
-
-def _array(values: Sequence[Any], shape: tuple[int, ...] | None = None) -> Any:
-    """Return expressions as an array of a shape; one alone for the shape ()."""
-    if shape == ():
-        return values[0]
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return (found if shape is None else found.reshape(shape)).view(Symbols)
-
-
-def _flat(tape: Tape, arrays: Sequence[Any]) -> list[Operand]:
+def flat(tape: Tape, arrays: Iterable[Any]) -> list[Operand]:
     """Return the elements of arrays one after the other, as a tape has them; masks as 1 and 0."""
     return [
         tape.own(as_number(o)) if isinstance(o, Expression) else float(o)
         for a in arrays
-        for o in asarray(a).ravel()
+        for o in asarray(a).flat
     ]
 
 
 def _results(call: Expression, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return the results of a call or loop as arrays."""
-    arrays, count = [], 0
-    for shape in shapes:
-        size = int(np.prod(shape))
-        found = [call.tape.keep("result", (call,), count + i) for i in range(size)]
-        arrays.append(_array(found, shape))
-        count += size
-    return arrays
+    return _arrays((call.tape.keep("result", (call,), i) for i in count()), shapes)
+
+
+def _arrays(values: Iterator[Expression], shapes: Sequence[tuple[int, ...]]) -> list[Any]:
+    """Return expressions, as many as are needed, as arrays of shapes."""
+    return [symbols(asarray([*islice(values, int(np.prod(s)))]).reshape(s)) for s in shapes]

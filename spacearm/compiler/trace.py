@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.compiler.expressions import Expression, Operand, Tape, TracingError, as_number
+from spacearm.compiler.expressions import Expression, Operand, Tape, TracingError
 from spacearm.compiler.operations import OPERATIONS
-from spacearm.compiler.symbols import Outside, Rows, Table, asarray, tracing, variables
+from spacearm.compiler.symbols import Outside, Rows, Table, flat, tracing, variables
 
 Shape = tuple[int, ...]
 
@@ -42,8 +42,7 @@ class Traced:
 
     def flat(self, output: Any) -> list[Operand]:
         """Return the elements of an output that is no `Rows`; masks as 1 and 0."""
-        return [self.tape.own(as_number(o)) if isinstance(o, Expression) else float(o)
-                for o in asarray(output).ravel()]  # fmt: skip
+        return flat(self.tape, [output])
 
 
 def trace(
@@ -99,28 +98,24 @@ def interpreted(
         TracingError: It has a loop, a procedure or a table.
     """
     m = len(next(iter(inputs.values())))
-    given = [np.reshape(inputs[name], (m, -1)).T for name in traced.inputs]
-    shared = [np.ravel((numbers or {})[name]) for name in traced.numbers]
-    values: dict[tuple[int, int], Any] = {}
+    given = [column for name in traced.inputs for column in np.reshape(inputs[name], (m, -1)).T]
+    shared = [number for name in traced.numbers for number in np.ravel((numbers or {})[name])]
+    values: dict[Expression, Any] = {}
+
+    def value(o: Operand) -> Any:
+        return values[o] if isinstance(o, Expression) else o
+
     with np.errstate(all="ignore"):
-        for tape, arguments in ((traced.shared, shared), (traced.tape, given)):
-            known = iter([value for argument in arguments for value in argument])
+        for tape, arguments in ((traced.shared, iter(shared)), (traced.tape, iter(given))):
             for e in tape.written:
                 if e.operation == "var":
-                    found = next(known)
-                elif e.operation == "hold" or e.operation in OPERATIONS:
-                    operands = (_value(values, o) for o in e.operands)
-                    found = OPERATIONS.get(e.operation, np.positive)(*operands)
+                    values[e] = next(arguments)
+                elif e.operation in OPERATIONS:
+                    values[e] = OPERATIONS[e.operation].numpy(*map(value, e.operands))
                 else:
                     raise TracingError(f"a {e.operation} is not run by NumPy")
-                values[tape.depth, e.number] = found
     outputs = []
     for output in traced.outputs:
-        flat = [np.broadcast_to(_value(values, o), m) for o in traced.flat(output)]
-        outputs.append(np.array(flat, dtype=float).reshape(len(flat), m).T)
-    return [a.reshape(m, *np.shape(o)) for a, o in zip(outputs, traced.outputs, strict=True)]
-
-
-def _value(values: Mapping[tuple[int, int], Any], o: Any) -> Any:
-    """Return the value of an operand."""
-    return values[o.tape.depth, o.number] if isinstance(o, Expression) else o
+        columns = [np.broadcast_to(value(o), m) for o in traced.flat(output)]
+        outputs.append(np.array(columns, dtype=float).T.reshape(m, *np.shape(output)))
+    return outputs

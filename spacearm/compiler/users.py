@@ -10,16 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.compiler.expressions import Expression, asarray, plain
+from spacearm.compiler.expressions import Expression, asarray, is_symbolic, plain
 
-MATH = {
-    "acos": np.arccos, "asin": np.arcsin, "atan": np.arctan, "atan2": np.arctan2, "ceil": np.ceil,
-    "cos": np.cos, "cosh": np.cosh, "degrees": np.degrees, "exp": np.exp, "fabs": np.abs,
-    "floor": np.floor, "fmod": np.fmod, "hypot": np.hypot, "log": np.log, "pow": np.power,
-    "radians": np.radians, "sin": np.sin, "sinh": np.sinh, "sqrt": np.sqrt, "tan": np.tan,
-    "tanh": np.tanh,
-}  # fmt: skip
-"""Functions of the module math in NumPy."""
 MADE = ("zeros", "ones", "empty", "full", "zeros_like", "ones_like", "empty_like", "full_like")
 """Functions of NumPy that make arrays, which may be filled with symbols."""
 LIBRARIES = ("numpy", "math", "scipy", "pinocchio", "spacearm")
@@ -47,30 +39,30 @@ class _Numpy:
 
     def array(self, values: Any, *arguments: Any, **options: Any) -> Any:
         """Return an array of numbers or symbols; a type is that of numbers only."""
-        found = np.array(values, *arguments, **options) if _plain(values) else asarray(values)
+        found = asarray(values) if is_symbolic(values) else np.array(values, *arguments, **options)
         return found.copy()
 
     def asarray(self, values: Any, *arguments: Any, **options: Any) -> Any:
         """Return values as an array of numbers or symbols."""
-        return np.asarray(values, *arguments, **options) if _plain(values) else asarray(values)
+        return asarray(values) if is_symbolic(values) else np.asarray(values, *arguments, **options)
 
 
 class _Math:
-    """The module math, of symbols too."""
+    """The module math, of symbols too: NumPy has its functions by the same names."""
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(math, name)
-        if name not in MATH:
+        found, over = getattr(math, name), getattr(np, name, None)
+        if not callable(over):
             return found
 
         def function(*arguments: Any) -> Any:
             symbolic = any(isinstance(a, (Expression, np.ndarray)) for a in arguments)
-            return (MATH[name] if symbolic else found)(*arguments)
+            return (over if symbolic else found)(*arguments)
 
         return function
 
 
-NUMPY, MATHEMATICS, OBJECTS = _Numpy(), _Math(), np.dtype(object)
+NUMPY, MATHEMATICS = _Numpy(), _Math()
 
 
 def _made(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
@@ -79,13 +71,6 @@ def _made(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         arguments = (np.zeros(np.shape(plain(arguments[0]))), *arguments[1:])
     found = function(*arguments, **options)
     return asarray(found) if found.dtype == np.float64 else found
-
-
-def _plain(values: Any) -> bool:
-    """Tell whether there is no symbol in values."""
-    if isinstance(values, (list, tuple)):
-        return all(_plain(v) for v in values)
-    return not isinstance(values, Expression) and getattr(values, "dtype", None) is not OBJECTS
 
 
 def _seen(value: Any, seen: dict[int, Any]) -> Any:

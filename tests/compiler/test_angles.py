@@ -52,3 +52,13 @@ def test_infinity_and_nan_give_nan_and_leave_other_lanes(lanes):
     for found, function in zip(sine_cosine(x, lanes, True), (np.sin, np.cos), strict=True):
         with np.errstate(invalid="ignore"):
             np.testing.assert_array_max_ulp(found, function(x), 1)
+
+
+@pytest.mark.parametrize("lanes", [1, 2, 4, 8])
+@pytest.mark.parametrize("contract", [False, True])
+def test_the_sine_of_zero_has_its_sign(lanes, contract):
+    x = np.array([0.0, -0.0, 1e-310, -1e-310, 5e-324, -5e-324, 0.0, -0.0, 1.0])
+    sine, cosine = sine_cosine(x, lanes, contract)
+    np.testing.assert_array_equal(np.signbit(sine), np.signbit(x))
+    np.testing.assert_array_equal(sine[:-1], x[:-1])
+    np.testing.assert_array_equal(cosine[:-1], 1.0)
