@@ -80,9 +80,8 @@ _HOMES = {
     ),
     "export.robot_files": "to_mjcf to_sdf",
     "export.motion_files": "write_motion",
-    "mechanics.accelerations": "joint_accelerations",
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
-    "mechanics.batch": "evaluate generalized_jacobians",
+    "mechanics.batch": "evaluate generalized_jacobians joint_accelerations",
     "mechanics.dynamics": (
         "Dynamics forward_dynamics generalized_inertia inverse_dynamics kinetic_energy"
     ),

@@ -168,7 +168,7 @@ def to_casadi(
                [ 0.339, -0.042]])
     """
     casadi = _installed("casadi", "CasADi")
-    tree, numbers, functions = structure_in(arm, mode), parameters_of(arm), {}
+    tree, numbers, functions = structure_in(arm, mode), parameters_of(arm), dict[str, Function]()
     own = {name: np.asarray(getattr(numbers, name)) for name in chosen(parameters)}
     varied = {name: _flat(values) for name, values in own.items()}
     taken = {name: casadi.SX.sym(name, *values.shape) for name, values in varied.items()}

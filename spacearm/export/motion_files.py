@@ -179,7 +179,7 @@ WRITTEN = (
 
 
 def _definition(message: str) -> str:
-    """Return the definition of a message with those of all messages in it, as MCAP files hold it."""
+    """Return the definition of a message with those of all messages in it."""
     parts = [message]
     for part in parts:  # which grows
         words = re.split(r"[ \n\[]", MESSAGES[part])

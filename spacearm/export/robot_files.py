@@ -150,7 +150,7 @@ def _bodies(arm: SpaceArm) -> list[_Body]:
             [
                 shape._replace(pose=at * shape.pose)
                 for link, at in links.items() if link in tree.visuals
-                for shape in tree.visuals[link][kind]
+                for shape in tree.visuals[link][:2][kind]
             ]
             for kind in range(2)
         )  # fmt: skip

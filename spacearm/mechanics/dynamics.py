@@ -21,13 +21,13 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.mass_matrix import (
+from spacearm.mechanics.momentum import (
     mass_matrix,
+    momentum_vector,
     not_positive_definite,
     require_positive_definite,
     solve,
 )
-from spacearm.mechanics.momentum import momentum_vector
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
