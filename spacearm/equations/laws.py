@@ -20,14 +20,16 @@ from spacearm.equations.linear import reciprocal
 from spacearm.equations.posture import Posture
 from spacearm.equations.singular_values import (
     Bidiagonal,
-    Reflection,
     bidiagonal,
     largest_eigenvalue,
     least_eigenvalue,
+    reflected,
     reflector,
+    solution,
     unreflected,
 )
 from spacearm.equations.structure import Mode, Structure
+from spacearm.equations.turns import cross_matrix
 
 UPSIDE_DOWN = 1e-9 - 1.0
 """Cosine of the tilt below which the smallest rotation to upright is not unique."""
@@ -47,13 +49,8 @@ class Pose(NamedTuple):
 
 def attitude(xp: Any, quaternion: Any) -> Any:
     """Compute the rotation (3, 3) of a quaternion xyzw (4,) of any length, equation (27)."""
-    a, b, c, n = quaternion
-    g = 2.0 / (quaternion * quaternion).sum()
-    return xp.stack([
-        xp.stack([1.0 - g * (b * b + c * c), g * (a * b - c * n), g * (a * c + b * n)]),
-        xp.stack([g * (a * b + c * n), 1.0 - g * (a * a + c * c), g * (b * c - a * n)]),
-        xp.stack([g * (a * c - b * n), g * (b * c + a * n), 1.0 - g * (a * a + b * b)]),
-    ])  # fmt: skip
+    X, n = cross_matrix(xp, quaternion[:3]), quaternion[3]
+    return np.eye(3) + 2.0 / (quaternion * quaternion).sum() * (n * X + X @ X)
 
 
 def quaternion_rate(xp: Any, quaternion: Any, w: Any) -> Any:
@@ -74,16 +71,12 @@ def goal_axes(xp: Any, R: Any, normal: int | None) -> Any:
         return np.eye(3)
     sign = xp.where(R[normal, normal] < UPSIDE_DOWN, -1.0, 1.0)
     to = R[:, normal]
-    x, y, z = xp.cross(sign * np.eye(3)[normal], to)
+    v = xp.cross(sign * np.eye(3)[normal], to)
     cosine = sign * to[normal]
     ahead = cosine > 0.0
-    square = x * x + y * y + z * z
-    rest = xp.where(ahead, 1.0 + cosine, square / xp.where(ahead, 1.0, 1.0 - cosine))
-    T = xp.stack([
-        xp.stack([1.0 - (y * y + z * z) / rest, -z + x * y / rest, y + x * z / rest]),
-        xp.stack([z + x * y / rest, 1.0 - (x * x + z * z) / rest, -x + y * z / rest]),
-        xp.stack([-y + x * z / rest, x + y * z / rest, 1.0 - (x * x + y * y) / rest]),
-    ])  # fmt: skip
+    rest = xp.where(ahead, 1.0 + cosine, (v * v).sum() / xp.where(ahead, 1.0, 1.0 - cosine))
+    X = cross_matrix(xp, v)
+    T = np.eye(3) + X + X @ X / rest
     stays = 1.0 * (np.arange(3) == (normal + 1) % 3)
     return T * (stays + sign * (1.0 - stays))
 
@@ -387,12 +380,8 @@ def resolved_rates(
     if k > n:
         return np.full(n, np.nan)
     form = bidiagonal(xp, J)
-    q, e, asked = form.q, form.e, _forth(xp, form.right, wanted)
-    y = [asked[0] / q[0]]
-    for i in range(1, k):
-        y.append((asked[i] - e[i - 1] * y[i - 1]) / q[i])
-    within = np.zeros(n - k) if rest is None else gain * _forth(xp, form.left, rest)[k:]
-    found = unreflected(xp, form.left, xp.concatenate([xp.stack(y), within]))
+    within = np.zeros(n - k) if rest is None else gain * reflected(xp, form.left, rest)[k:]
+    found = solution(xp, form, wanted, within)
     small, large = _extremes(xp, form)
     return xp.where(small > least * least * large, found, np.nan)
 
@@ -414,10 +403,10 @@ def damped_rates(xp: Any, J: Any, wanted: Any, damping: Any, threshold: Any) -> 
     nearness = xp.minimum(xp.sqrt(_extremes(xp, form)[0]) / threshold, 1.0)
     square = damping * damping * (1.0 - nearness * nearness)
     if k > n:  # (J^T J + lambda^2 1)^-1 J^T xdot
-        seen = _forth(xp, form.left, wanted)[:n]
+        seen = reflected(xp, form.left, wanted)[:n]
         ends = [q[0] * seen[0], *(q[i] * seen[i] + e[i - 1] * seen[i - 1] for i in range(1, n))]
         return unreflected(xp, form.right, _damped(xp, q, e, xp.stack(ends), square))
-    z = _damped(xp, q, e, _forth(xp, form.right, wanted), square)
+    z = _damped(xp, q, e, reflected(xp, form.right, wanted), square)
     y = [*(q[i] * z[i] + e[i] * z[i + 1] for i in range(k - 1)), q[k - 1] * z[k - 1]]
     return unreflected(xp, form.left, xp.concatenate([xp.stack(y), np.zeros(n - k)]))
 
@@ -451,7 +440,7 @@ def reactionless_rates(
         longest = size if longest is None else longest
         reflections.append(reflector(xp, xp.where(size > least * least * longest, row, 0.0))[1])
         rows = reflections[-1].of(xp, rows.T).T
-    J_N = _forth(xp, reflections, J.T)[rank:].T
+    J_N = reflected(xp, reflections, J.T)[rank:].T
     rates = damped_rates(xp, J_N, wanted, damping, threshold)
     return unreflected(xp, reflections, xp.concatenate([np.zeros(rank), rates]))
 
@@ -477,10 +466,3 @@ def _extremes(xp: Any, form: Bidiagonal) -> tuple[Any, Any]:
     """Compute the squares of the least and the largest singular value."""
     q, e = form.q * form.q, form.e * form.e
     return least_eigenvalue(xp, q, e), largest_eigenvalue(xp, q, e)
-
-
-def _forth(xp: Any, reflections: list[Reflection], x: Any) -> Any:
-    """Return L^T x, L the product of reflections."""
-    for reflection in reflections:
-        x = reflection.of(xp, x)
-    return x

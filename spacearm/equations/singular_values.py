@@ -45,6 +45,13 @@ class Reflection(NamedTuple):
         return xp.concatenate([x[:before], found]) if before else found
 
 
+def reflected(xp: Any, reflections: list[Reflection], x: Any) -> Any:
+    """Return L^T x, L the product of reflections."""
+    for reflection in reflections:
+        x = reflection.of(xp, x)
+    return x
+
+
 def unreflected(xp: Any, reflections: list[Reflection], x: Any) -> Any:
     """Return L x, L the product of reflections."""
     for reflection in reversed(reflections):
@@ -108,6 +115,15 @@ def bidiagonal(xp: Any, J: Any) -> Bidiagonal:
             A = reflection.of(xp, A.T).T
         A = A[1:]
     return Bidiagonal(xp.stack(q), xp.stack(e) if e else np.zeros(0), sign, left, right)
+
+
+def solution(xp: Any, form: Bidiagonal, x: Any, within: Any) -> Any:
+    """Compute the dq (n,) with J dq = x whose part in the null space is `within` (n - k,)."""
+    asked = reflected(xp, form.right, x)
+    y = [asked[0] / form.q[0]]
+    for i in range(1, len(asked)):
+        y.append((asked[i] - form.e[i - 1] * y[i - 1]) / form.q[i])
+    return unreflected(xp, form.left, xp.concatenate([xp.stack(y), within]))
 
 
 def reflector(xp: Any, x: Any) -> tuple[Any, Reflection, Any]:
