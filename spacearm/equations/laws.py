@@ -106,33 +106,21 @@ def rotation_vector(xp: Any, start: Any, end: Any) -> Any:
     return e * (angle * reciprocal(xp, length))
 
 
-def task_rows(xp: Any, A: Any, J: Any, rows: tuple[int, ...]) -> Any:
-    """Return rows (k, n) of a Jacobian (6, n) along axes A, the columns of (3, 3)."""
-    return xp.concatenate([A.T @ J[:3], A.T @ J[3:]])[np.array(rows)]
-
-
-def goal_error(xp: Any, A: Any, rows: tuple[int, ...], tip: Pose, goal: Any) -> Any:
-    """Compute goal minus tip (k,) in the task's rows [m], [rad].
+def goal_step(xp: Any, A: Any, rows: tuple[int, ...], start: Any, end: Any) -> Any:
+    """Compute the rows (k,) of the twist that leads to a goal in unit time [m], [rad].
 
     Args:
         xp: The array library.
         A: (3, 3) the goal axes.
         rows: The task's rows of a twist [linear; angular].
-        tip: The tip.
-        goal: A `Pose`, or a point (k,) along the goal axes for linear rows only [m].
+        start: The tip, or another goal.
+        end: A `Pose`, or a point (k,) along the goal axes for linear rows only [m].
     """
-    if isinstance(goal, Pose):
-        return goal_step(xp, A, rows, tip, goal)
-    return goal - (A.T @ tip.translation)[np.array(rows)]
-
-
-def goal_step(xp: Any, A: Any, rows: tuple[int, ...], start: Any, end: Any) -> Any:
-    """Compute the rows (k,) of the twist that leads from one goal to another in unit time."""
-    if not isinstance(start, Pose):
-        return end - start
-    turn = rotation_vector(xp, start.rotation, end.rotation)
-    whole = [A.T @ (end.translation - start.translation), A.T @ turn]
-    return xp.concatenate(whole)[np.array(rows)]
+    if isinstance(end, Pose):
+        turn = rotation_vector(xp, start.rotation, end.rotation)
+        whole = [A.T @ (end.translation - start.translation), A.T @ turn]
+        return xp.concatenate(whole)[np.array(rows)]
+    return end - ((A.T @ start.translation)[np.array(rows)] if isinstance(start, Pose) else start)
 
 
 INSTANT = 1e-6
@@ -318,8 +306,8 @@ def transposed(J: Any, kp: Any, kd: Any, error: Any, feed: Any, dq: Any) -> Any:
 def law_jacobian(xp: Any, state: State, law: Law) -> Any:
     """Compute the task's rows (k, n) of J* along the goal axes, unscaled."""
     J = jacobian_at(xp, replace(state.tree, mode=law.mode), state.at)[6 * law.tip : 6 * law.tip + 6]
-    R = state.base.rotation
-    return task_rows(xp, R.T @ goal_axes(xp, R, law.normal), J, law.rows)
+    A = state.base.rotation.T @ goal_axes(xp, state.base.rotation, law.normal)
+    return xp.concatenate([A.T @ J[:3], A.T @ J[3:]])[np.array(law.rows)]
 
 
 def law_errors(
@@ -328,7 +316,7 @@ def law_errors(
     """Compute target minus tip (k,) in the task's rows, and the velocity of the target (k,)."""
     A = goal_axes(xp, state.base.rotation, law.normal)
     goal = _target(xp, law, numbers, call, state.t)
-    error = goal_error(xp, A, law.rows, state.tips[law.tip], goal)
+    error = goal_step(xp, A, law.rows, state.tips[law.tip], goal)
     if law.source is None:
         return error, np.zeros(len(law.rows))
     before, after = (_target(xp, law, numbers, call, state.t + s) for s in (-INSTANT, INSTANT))
