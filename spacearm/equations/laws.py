@@ -18,16 +18,7 @@ from spacearm.equations.dynamics import inverse_dynamics
 from spacearm.equations.jacobian import jacobian_at
 from spacearm.equations.linear import reciprocal
 from spacearm.equations.posture import Posture
-from spacearm.equations.singular_values import (
-    Bidiagonal,
-    bidiagonal,
-    largest_eigenvalue,
-    least_eigenvalue,
-    reflected,
-    reflector,
-    solution,
-    unreflected,
-)
+from spacearm.equations.singular_values import bidiagonal, reflected, reflector, unreflected
 from spacearm.equations.structure import Mode, Structure
 from spacearm.equations.turns import cross_matrix
 
@@ -88,19 +79,16 @@ def rotation_vector(xp: Any, start: Any, end: Any) -> Any:
     Control 1(3), 223-224 (1978), DOI 10.2514/3.55767b.
     """
     T = end @ start.T
-    d0, d1, d2 = T[0, 0], T[1, 1], T[2, 2]
-    x, y, z = T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]
-    xy, xz, yz = T[0, 1] + T[1, 0], T[0, 2] + T[2, 0], T[1, 2] + T[2, 1]
-    trace = d0 + d1 + d2
-    most = xp.maximum(xp.maximum(d0, d1), d2)
-    found: Any = (z, xz, yz, 1.0 - d0 - d1 + d2)
-    for largest, candidate in (
-        (xp.logical_and(d1 >= d0, d1 >= d2), (y, xy, 1.0 - d0 + d1 - d2, yz)),
-        (xp.logical_and(d0 >= d1, d0 >= d2), (x, 1.0 + d0 - d1 - d2, xy, xz)),
-        (trace >= most, (1.0 + trace, x, y, z)),
-    ):
-        found = [xp.where(largest, c, f) for c, f in zip(candidate, found, strict=True)]
-    n, e = found[0], xp.stack(found[1:])
+    trace, S = T[0, 0] + T[1, 1] + T[2, 2], T + T.T
+    v = xp.stack([T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]])
+    found = xp.concatenate([xp.stack([1.0 + trace]), v])
+    most = trace
+    for i in range(3):
+        larger = T[i, i] > most
+        along = S[i] + (1.0 - trace) * np.eye(3)[i]
+        found = xp.where(larger, xp.concatenate([v[i : i + 1], along]), found)
+        most = xp.where(larger, T[i, i], most)
+    n, e = found[0], found[1:]
     length = xp.sqrt((e * e).sum())
     angle = xp.where(n < 0.0, -2.0, 2.0) * xp.arctan2(length, xp.absolute(n))
     return e * (angle * reciprocal(xp, length))
@@ -369,9 +357,8 @@ def resolved_rates(
         return np.full(n, np.nan)
     form = bidiagonal(xp, J)
     within = np.zeros(n - k) if rest is None else gain * reflected(xp, form.left, rest)[k:]
-    found = solution(xp, form, wanted, within)
-    small, large = _extremes(xp, form)
-    return xp.where(small > least * least * large, found, np.nan)
+    regular = form.least(xp) > least * least * form.largest(xp)
+    return xp.where(regular, form.solution(xp, wanted, within), np.nan)
 
 
 def damped_rates(xp: Any, J: Any, wanted: Any, damping: Any, threshold: Any) -> Any:
@@ -388,7 +375,7 @@ def damped_rates(xp: Any, J: Any, wanted: Any, damping: Any, threshold: Any) -> 
     k, n = J.shape
     form = bidiagonal(xp, J if k <= n else J.T)
     q, e = form.q, form.e
-    nearness = xp.minimum(xp.sqrt(_extremes(xp, form)[0]) / threshold, 1.0)
+    nearness = xp.minimum(xp.sqrt(form.least(xp)) / threshold, 1.0)
     square = damping * damping * (1.0 - nearness * nearness)
     if k > n:  # (J^T J + lambda^2 1)^-1 J^T xdot
         seen = reflected(xp, form.left, wanted)[:n]
@@ -448,9 +435,3 @@ def _damped(xp: Any, q: Any, e: Any, x: Any, square: Any) -> Any:
     for i in range(k - 2, -1, -1):
         found = [z[i] * reciprocal(xp, d[i]) - factors[i] * found[0], *found]
     return xp.stack(found)
-
-
-def _extremes(xp: Any, form: Bidiagonal) -> tuple[Any, Any]:
-    """Compute the squares of the least and the largest singular value."""
-    q, e = form.q * form.q, form.e * form.e
-    return least_eigenvalue(xp, q, e), largest_eigenvalue(xp, q, e)

@@ -20,7 +20,7 @@ from spacearm.equations.laws import attitude, quaternion_rate
 from spacearm.equations.linear import solve
 from spacearm.equations.measures import distance
 from spacearm.equations.posture import posture
-from spacearm.equations.singular_values import bidiagonal, solution
+from spacearm.equations.singular_values import bidiagonal
 from spacearm.equations.structure import Parameters, Structure
 from spacearm.equations.turns import right_jacobian, rotation
 
@@ -240,7 +240,7 @@ def least_solution(xp: Any, J: Any, x: Any) -> tuple[Any, Any]:
     sign = form.sign
     for entry in form.q:
         sign = xp.where(entry < 0.0, -sign, sign)
-    return solution(xp, form, x, np.zeros(n - k)), sign
+    return form.solution(xp, x, np.zeros(n - k)), sign
 
 
 def at_length(

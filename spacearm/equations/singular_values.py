@@ -76,6 +76,22 @@ class Bidiagonal(NamedTuple):
     left: list[Reflection]
     right: list[Reflection]
 
+    def least(self, xp: Any) -> Any:
+        """Compute the square of the least singular value."""
+        return least_eigenvalue(xp, self.q * self.q, self.e * self.e)
+
+    def largest(self, xp: Any) -> Any:
+        """Compute the square of the largest singular value."""
+        return largest_eigenvalue(xp, self.q * self.q, self.e * self.e)
+
+    def solution(self, xp: Any, x: Any, within: Any) -> Any:
+        """Compute the dq (n,) with J dq = x whose part in the null space is `within` (n - k,)."""
+        asked = reflected(xp, self.right, x)
+        y = [asked[0] / self.q[0]]
+        for i in range(1, len(asked)):
+            y.append((asked[i] - self.e[i - 1] * y[i - 1]) / self.q[i])
+        return unreflected(xp, self.left, xp.concatenate([xp.stack(y), within]))
+
 
 class Least(NamedTuple):
     """The least singular value of J (k, n), k <= n, and what belongs to it.
@@ -115,15 +131,6 @@ def bidiagonal(xp: Any, J: Any) -> Bidiagonal:
             A = reflection.of(xp, A.T).T
         A = A[1:]
     return Bidiagonal(xp.stack(q), xp.stack(e) if e else np.zeros(0), sign, left, right)
-
-
-def solution(xp: Any, form: Bidiagonal, x: Any, within: Any) -> Any:
-    """Compute the dq (n,) with J dq = x whose part in the null space is `within` (n - k,)."""
-    asked = reflected(xp, form.right, x)
-    y = [asked[0] / form.q[0]]
-    for i in range(1, len(asked)):
-        y.append((asked[i] - form.e[i - 1] * y[i - 1]) / form.q[i])
-    return unreflected(xp, form.left, xp.concatenate([xp.stack(y), within]))
 
 
 def reflector(xp: Any, x: Any) -> tuple[Any, Reflection, Any]:
@@ -207,7 +214,7 @@ def least_with_vectors(xp: Any, J: Any) -> Least:
     """Compute the least singular value of J (k, n), k <= n, its vectors, and the null space."""
     k, n = J.shape
     form = bidiagonal(xp, J)
-    value = least_eigenvalue(xp, form.q * form.q, form.e * form.e)
+    value = form.least(xp)
     z, y = _twisted(xp, form.q, form.e, value)
     rows = [xp.concatenate([y, np.zeros(n - k)]) if n > k else y, *np.eye(n)[k:]]
     v, *null = (unreflected(xp, form.left, row) for row in rows)

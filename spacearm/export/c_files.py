@@ -18,7 +18,7 @@ from spacearm.compiler.c_code import Code, number
 from spacearm.compiler.derivatives import gradient
 from spacearm.compiler.trace import Shape, trace
 from spacearm.equations.measures import distance, singularity
-from spacearm.equations.singular_values import bidiagonal, least_eigenvalue
+from spacearm.equations.singular_values import bidiagonal
 from spacearm.equations.structure import Parameters, Structure
 from spacearm.export.functions import EQUATIONS, chosen, structure_in, symbolic
 from spacearm.files import name_part, write
@@ -65,7 +65,7 @@ def sigma_min(xp: Any, tree: Structure, _: Parameters, J: Any) -> Any:
         return 0.0, 0.0
     T = tree.scale * J[np.array(tree.rows)]
     form = bidiagonal(xp, T)
-    sigma = xp.sqrt(least_eigenvalue(xp, form.q * form.q, form.e * form.e))
+    sigma = xp.sqrt(form.least(xp))
     margin = ROUNDING * T.size * xp.sqrt((T * T).sum())
     return xp.maximum(sigma - margin, 0.0), sigma + margin
 
