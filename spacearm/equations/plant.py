@@ -306,10 +306,8 @@ def loaded_accelerations(
         spin: (w,) momentum that each wheel holds.
         wrenches: (k, 6) [force; torque].
     """
-    n, level = tree.n, np.array((0.0, 0.0, 0.0, 1.0))
-    y = xp.concatenate(
-        [q, dq, level, np.zeros(6), h, np.zeros(4), *([spin] if setup.wheels else [])]
-    )
+    n = tree.n
+    y = xp.concatenate([q, dq, LEVEL, np.zeros(6), h, np.zeros(4), xp.asarray(spin)])
     plant = xp.concatenate([placed, *wrenches])
     rate = state_rate(xp, tree, p, 0.0, y, np.zeros(0), plant, setup=setup, held=tau)
     return rate[n : 2 * n]
