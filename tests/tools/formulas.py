@@ -201,6 +201,9 @@ EQUATIONS = [
             ("motors react on bodies", "moments[body] - rate * axis", "moments[body] + rate * axis"),
             ("wrenches act at a point", "xp.cross(r - at.centres[body], force)", "xp.cross(r + at.centres[body], force)"),
         )),
+        ("laws", "equations/test_laws", (
+            ("rotation vectors of large turns", "S[i] + (1.0 - trace)", "S[i] + (1.0 + trace)"),
+        )),
         ("turns", "mechanics/test_connection", (
             ("(33c) the momentum stays zero as joints move", "w, -solve(xp, at.D, slopes)", "w, solve(xp, at.D, slopes)"),
             ("turns: (x - sin x) / x^3", "(x - sin) / (x * z)", "(x + sin) / (x * z)"),
