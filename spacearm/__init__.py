@@ -74,17 +74,14 @@ _HOMES = {
         "StoppedError StoreError SweepError UnsupportedError"
     ),
     "export.c_files": "to_c",
-    "export.casadi_functions": "to_casadi",
+    "export.functions": "to_casadi to_jax",
     "export.inverse_kinematics": (
         "GeneralizedJacobianTask MomentumConservation SingularityBarrier"
     ),
-    "export.jax_functions": "to_jax",
-    "export.mjcf_files": "to_mjcf",
+    "export.robot_files": "to_mjcf to_sdf",
     "export.motion_files": "write_motion",
-    "export.sdf_files": "to_sdf",
-    "mechanics.accelerations": "joint_accelerations",
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
-    "mechanics.batch": "evaluate generalized_jacobians",
+    "mechanics.batch": "evaluate generalized_jacobians joint_accelerations",
     "mechanics.dynamics": (
         "Dynamics forward_dynamics generalized_inertia inverse_dynamics kinetic_energy"
     ),

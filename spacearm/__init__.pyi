@@ -18,22 +18,22 @@ from spacearm.errors import StoreError as StoreError
 from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError
 from spacearm.export.c_files import to_c as to_c
-from spacearm.export.casadi_functions import to_casadi as to_casadi
+from spacearm.export.functions import to_casadi as to_casadi
+from spacearm.export.functions import to_jax as to_jax
 from spacearm.export.inverse_kinematics import (
     GeneralizedJacobianTask as GeneralizedJacobianTask,
 )
 from spacearm.export.inverse_kinematics import MomentumConservation as MomentumConservation
 from spacearm.export.inverse_kinematics import SingularityBarrier as SingularityBarrier
-from spacearm.export.jax_functions import to_jax as to_jax
-from spacearm.export.mjcf_files import to_mjcf as to_mjcf
 from spacearm.export.motion_files import write_motion as write_motion
-from spacearm.export.sdf_files import to_sdf as to_sdf
-from spacearm.mechanics.accelerations import joint_accelerations as joint_accelerations
+from spacearm.export.robot_files import to_mjcf as to_mjcf
+from spacearm.export.robot_files import to_sdf as to_sdf
 from spacearm.mechanics.barycentric_formulation import Barycentric as Barycentric
 from spacearm.mechanics.barycentric_formulation import VirtualManipulator as VirtualManipulator
 from spacearm.mechanics.barycentric_formulation import barycentric as barycentric
 from spacearm.mechanics.batch import evaluate as evaluate
 from spacearm.mechanics.batch import generalized_jacobians as generalized_jacobians
+from spacearm.mechanics.batch import joint_accelerations as joint_accelerations
 from spacearm.mechanics.dynamics import Dynamics as Dynamics
 from spacearm.mechanics.dynamics import forward_dynamics as forward_dynamics
 from spacearm.mechanics.dynamics import generalized_inertia as generalized_inertia

@@ -8,7 +8,6 @@ the bias forces from Pinocchio.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,35 +34,10 @@ class Loads(NamedTuple):
     wrenches: Any
 
 
-def loads_on(
-    xp: Any,
-    at: Posture,
-    h: Any,
-    held: Sequence[tuple[int, Any]] = (),
-    torques: Sequence[tuple[int, Any]] = (),
-    wrenches: Sequence[tuple[int, Any, Any, Any]] = (),
-) -> Loads:
-    """Return what acts on the bodies, spacecraft axes.
-
-    Args:
-        xp: The array library.
-        at: The posture.
-        h: (3,) angular momentum of the whole.
-        held: Body, and momentum (3,) of a wheel that it carries.
-        torques: Body, and torque (3,) on it.
-        wrenches: Body, point from the system CM, force and moment there, (3,) each.
-    """
-    rest = [np.zeros(3)] * len(at.masses)
-    momenta, forces, moments = [*rest], [*rest], [*rest]
-    for body, momentum in held:
-        momenta[body] = momenta[body] + momentum
-    for body, torque in torques:
-        moments[body] = moments[body] + torque
-    for body, r, force, moment in wrenches:
-        forces[body] = forces[body] + force
-        moments[body] = moments[body] + moment + xp.cross(r - at.centres[body], force)
-    pushed = xp.concatenate([xp.stack(forces), xp.stack(moments)], axis=1)
-    return Loads(h, xp.stack(momenta), pushed)
+def unloaded(at: Posture) -> Loads:
+    """Return that nothing acts on the bodies."""
+    count = len(at.masses)
+    return Loads(np.zeros(3), np.zeros((count, 3)), np.zeros((count, 6)))
 
 
 def generalized_inertia(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
@@ -105,13 +79,11 @@ def _of_base(tree: Structure, at: Posture) -> Any:
 def forward_dynamics(xp: Any, tree: Structure, p: Parameters, q: Any, dq: Any, tau: Any) -> Any:
     """Compute the joint accelerations (n,) at zero momentum: H* ddq + c* = tau."""
     at = posture(xp, tree, p, q)
-    c = bias(xp, tree, at, dq)
-    return solve(xp, inertia(xp, tree, at), (tau - c)[:, None])[:, 0]
+    free = (tau - bias(xp, tree, at, dq, unloaded(at)))[:, None]
+    return solve(xp, inertia(xp, tree, at), free)[:, 0]
 
 
-def accelerations(
-    xp: Any, tree: Structure, at: Posture, dq: Any, tau: Any, loads: Loads | None = None
-) -> Any:
+def accelerations(xp: Any, tree: Structure, at: Posture, dq: Any, tau: Any, loads: Loads) -> Any:
     """Compute ddq (n,) of H* ddq + c* = tau; NaN where H* or D is not positive definite."""
     H = inertia(xp, tree, at)
     free = (tau - bias(xp, tree, at, dq, loads))[:, None]
@@ -123,63 +95,17 @@ def accelerations(
     return xp.where(definite, found, np.nan)
 
 
-def loaded_accelerations(
-    xp: Any, tree: Structure, p: Parameters, *, q: Any, dq: Any, tau: Any, axes: Any, points: Any,
-    h: Any = None, spin: Any = (), wrenches: Any = (), wheels: tuple[int, ...] = (),
-    pushed: tuple[int, ...] = (),
-) -> Any:  # fmt: skip
-    """Compute the joint accelerations (n,) of a state; vectors in spacecraft axes.
-
-    Args:
-        xp: The array library.
-        tree: The structure of the arm.
-        p: Its numbers.
-        q: (n,) joint positions.
-        dq: (n,) joint rates.
-        tau: (n,) joint torques.
-        axes: (w, 3) axes of the wheels in the frames of the bodies that carry them.
-        points: (k, 3) points that wrenches act at, likewise [m].
-        h: (3,) angular momentum about the system CM; None for zero.
-        spin: (w,) momentum that each wheel holds.
-        wrenches: (k, 6) [force; torque].
-        wheels: The bodies that carry the wheels.
-        pushed: The bodies that the wrenches act on.
-    """
-    at = posture(xp, tree, p, q)
-    if h is None and not pushed:
-        return accelerations(xp, tree, at, dq, tau)
-    loads = loads_on(
-        xp,
-        at,
-        np.zeros(3) if h is None else h,
-        held=[(body, spin[i] * (at.rotations[body] @ axes[i])) for i, body in enumerate(wheels)],
-        wrenches=[
-            (
-                body,
-                at.origins[body] + at.rotations[body] @ points[i],
-                wrenches[i, :3],
-                wrenches[i, 3:],
-            )
-            for i, body in enumerate(pushed)
-        ],
-    )
-    return accelerations(xp, tree, at, dq, tau, loads)
-
-
 def inverse_dynamics(xp: Any, tree: Structure, at: Posture, dq: Any, ddq: Any) -> Any:
     """Compute the torques tau (n,) at zero momentum: H* ddq + c* = tau."""
-    return inertia(xp, tree, at) @ ddq + bias(xp, tree, at, dq)
+    return inertia(xp, tree, at) @ ddq + bias(xp, tree, at, dq, unloaded(at))
 
 
-def twists(
-    xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads | None = None
-) -> tuple[Any, Any]:
+def twists(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> tuple[Any, Any]:
     """Compute the twists (N + 1, 6) of the bodies, beside a system CM at rest, and s dq (N, 6)."""
     rates = tree.gains @ dq
     s = at.s * rates[:, None]
-    h = -(rates @ at.P)
-    if loads is not None:
-        h = h + xp.concatenate([np.zeros(3), loads.h - loads.held.sum(axis=0)], axis=0)
+    own = loads.h - loads.held.sum(axis=0)
+    h = xp.concatenate([np.zeros(3), own], axis=0) - rates @ at.P
     return _outwards(xp, tree, base_twist(xp, tree, at, h[:, None])[:, 0], s), s
 
 
@@ -191,7 +117,7 @@ def _outwards(xp: Any, tree: Structure, base: Any, s: Any) -> Any:
     return xp.stack(sums)
 
 
-def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads | None = None) -> Any:
+def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
     """Compute c* (n,), the torques that keep the joint rates constant.
 
     With nu_i the twists of the bodies, the sums a_i of nu_k x s_k dq_k over the joints k that carry
@@ -202,15 +128,10 @@ def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads | None = N
     nu, s = twists(xp, tree, at, dq, loads)
     a = _outwards(xp, tree, np.zeros(6), _crossed(xp, nu[1:], s))
     v, w, r = nu[:, :3], nu[:, 3:], at.centres
-    spin = (at.inertias @ w[..., None])[..., 0]
-    swing = v + xp.cross(w, r)
-    force = at.masses * (a[:, :3] + xp.cross(a[:, 3:], r) + xp.cross(w, swing))
-    torque = (at.inertias @ a[:, 3:, None])[..., 0]
-    if loads is not None:
-        spin = spin + loads.held
-        force = force - loads.wrenches[:, :3]
-        torque = torque - loads.wrenches[:, 3:]
-    torque = torque + xp.cross(w, spin)
+    spin = (at.inertias @ w[..., None])[..., 0] + loads.held
+    moved = a[:, :3] + xp.cross(a[:, 3:], r) + xp.cross(w, v + xp.cross(w, r))
+    force = at.masses * moved - loads.wrenches[:, :3]
+    torque = (at.inertias @ a[:, 3:, None])[..., 0] + xp.cross(w, spin) - loads.wrenches[:, 3:]
     F, N = [*force], [*(torque + xp.cross(r - at.origins, force))]
     for i in range(len(F) - 1, 0, -1):
         inner = tree.parents[i]

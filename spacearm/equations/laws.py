@@ -18,16 +18,9 @@ from spacearm.equations.dynamics import inverse_dynamics
 from spacearm.equations.jacobian import jacobian_at
 from spacearm.equations.linear import reciprocal
 from spacearm.equations.posture import Posture
-from spacearm.equations.singular_values import (
-    Bidiagonal,
-    Reflection,
-    bidiagonal,
-    largest_eigenvalue,
-    least_eigenvalue,
-    reflector,
-    unreflected,
-)
+from spacearm.equations.singular_values import bidiagonal, reflected, reflector, unreflected
 from spacearm.equations.structure import Mode, Structure
+from spacearm.equations.turns import cross_matrix
 
 UPSIDE_DOWN = 1e-9 - 1.0
 """Cosine of the tilt below which the smallest rotation to upright is not unique."""
@@ -47,13 +40,8 @@ class Pose(NamedTuple):
 
 def attitude(xp: Any, quaternion: Any) -> Any:
     """Compute the rotation (3, 3) of a quaternion xyzw (4,) of any length, equation (27)."""
-    a, b, c, n = quaternion
-    g = 2.0 / (quaternion * quaternion).sum()
-    return xp.stack([
-        xp.stack([1.0 - g * (b * b + c * c), g * (a * b - c * n), g * (a * c + b * n)]),
-        xp.stack([g * (a * b + c * n), 1.0 - g * (a * a + c * c), g * (b * c - a * n)]),
-        xp.stack([g * (a * c - b * n), g * (b * c + a * n), 1.0 - g * (a * a + b * b)]),
-    ])  # fmt: skip
+    X, n = cross_matrix(xp, quaternion[:3]), quaternion[3]
+    return np.eye(3) + 2.0 / (quaternion * quaternion).sum() * (n * X + X @ X)
 
 
 def quaternion_rate(xp: Any, quaternion: Any, w: Any) -> Any:
@@ -74,16 +62,12 @@ def goal_axes(xp: Any, R: Any, normal: int | None) -> Any:
         return np.eye(3)
     sign = xp.where(R[normal, normal] < UPSIDE_DOWN, -1.0, 1.0)
     to = R[:, normal]
-    x, y, z = xp.cross(sign * np.eye(3)[normal], to)
+    v = xp.cross(sign * np.eye(3)[normal], to)
     cosine = sign * to[normal]
     ahead = cosine > 0.0
-    square = x * x + y * y + z * z
-    rest = xp.where(ahead, 1.0 + cosine, square / xp.where(ahead, 1.0, 1.0 - cosine))
-    T = xp.stack([
-        xp.stack([1.0 - (y * y + z * z) / rest, -z + x * y / rest, y + x * z / rest]),
-        xp.stack([z + x * y / rest, 1.0 - (x * x + z * z) / rest, -x + y * z / rest]),
-        xp.stack([-y + x * z / rest, x + y * z / rest, 1.0 - (x * x + y * y) / rest]),
-    ])  # fmt: skip
+    rest = xp.where(ahead, 1.0 + cosine, (v * v).sum() / xp.where(ahead, 1.0, 1.0 - cosine))
+    X = cross_matrix(xp, v)
+    T = np.eye(3) + X + X @ X / rest
     stays = 1.0 * (np.arange(3) == (normal + 1) % 3)
     return T * (stays + sign * (1.0 - stays))
 
@@ -95,51 +79,36 @@ def rotation_vector(xp: Any, start: Any, end: Any) -> Any:
     Control 1(3), 223-224 (1978), DOI 10.2514/3.55767b.
     """
     T = end @ start.T
-    d0, d1, d2 = T[0, 0], T[1, 1], T[2, 2]
-    x, y, z = T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]
-    xy, xz, yz = T[0, 1] + T[1, 0], T[0, 2] + T[2, 0], T[1, 2] + T[2, 1]
-    trace = d0 + d1 + d2
-    most = xp.maximum(xp.maximum(d0, d1), d2)
-    found: Any = (z, xz, yz, 1.0 - d0 - d1 + d2)
-    for largest, candidate in (
-        (xp.logical_and(d1 >= d0, d1 >= d2), (y, xy, 1.0 - d0 + d1 - d2, yz)),
-        (xp.logical_and(d0 >= d1, d0 >= d2), (x, 1.0 + d0 - d1 - d2, xy, xz)),
-        (trace >= most, (1.0 + trace, x, y, z)),
-    ):
-        found = [xp.where(largest, c, f) for c, f in zip(candidate, found, strict=True)]
-    n, e = found[0], xp.stack(found[1:])
+    trace, S = T[0, 0] + T[1, 1] + T[2, 2], T + T.T
+    v = xp.stack([T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]])
+    found = xp.concatenate([xp.stack([1.0 + trace]), v])
+    most = trace
+    for i in range(3):
+        larger = T[i, i] > most
+        along = S[i] + (1.0 - trace) * np.eye(3)[i]
+        found = xp.where(larger, xp.concatenate([v[i : i + 1], along]), found)
+        most = xp.where(larger, T[i, i], most)
+    n, e = found[0], found[1:]
     length = xp.sqrt((e * e).sum())
     angle = xp.where(n < 0.0, -2.0, 2.0) * xp.arctan2(length, xp.absolute(n))
     return e * (angle * reciprocal(xp, length))
 
 
-def task_rows(xp: Any, A: Any, J: Any, rows: tuple[int, ...]) -> Any:
-    """Return rows (k, n) of a Jacobian (6, n) along axes A, the columns of (3, 3)."""
-    return xp.concatenate([A.T @ J[:3], A.T @ J[3:]])[np.array(rows)]
-
-
-def goal_error(xp: Any, A: Any, rows: tuple[int, ...], tip: Pose, goal: Any) -> Any:
-    """Compute goal minus tip (k,) in the task's rows [m], [rad].
+def goal_step(xp: Any, A: Any, rows: tuple[int, ...], start: Any, end: Any) -> Any:
+    """Compute the rows (k,) of the twist that leads to a goal in unit time [m], [rad].
 
     Args:
         xp: The array library.
         A: (3, 3) the goal axes.
         rows: The task's rows of a twist [linear; angular].
-        tip: The tip.
-        goal: A `Pose`, or a point (k,) along the goal axes for linear rows only [m].
+        start: The tip, or another goal.
+        end: A `Pose`, or a point (k,) along the goal axes for linear rows only [m].
     """
-    if isinstance(goal, Pose):
-        return goal_step(xp, A, rows, tip, goal)
-    return goal - (A.T @ tip.translation)[np.array(rows)]
-
-
-def goal_step(xp: Any, A: Any, rows: tuple[int, ...], start: Any, end: Any) -> Any:
-    """Compute the rows (k,) of the twist that leads from one goal to another in unit time."""
-    if not isinstance(start, Pose):
-        return end - start
-    turn = rotation_vector(xp, start.rotation, end.rotation)
-    whole = [A.T @ (end.translation - start.translation), A.T @ turn]
-    return xp.concatenate(whole)[np.array(rows)]
+    if isinstance(end, Pose):
+        turn = rotation_vector(xp, start.rotation, end.rotation)
+        whole = [A.T @ (end.translation - start.translation), A.T @ turn]
+        return xp.concatenate(whole)[np.array(rows)]
+    return end - ((A.T @ start.translation)[np.array(rows)] if isinstance(start, Pose) else start)
 
 
 INSTANT = 1e-6
@@ -325,8 +294,8 @@ def transposed(J: Any, kp: Any, kd: Any, error: Any, feed: Any, dq: Any) -> Any:
 def law_jacobian(xp: Any, state: State, law: Law) -> Any:
     """Compute the task's rows (k, n) of J* along the goal axes, unscaled."""
     J = jacobian_at(xp, replace(state.tree, mode=law.mode), state.at)[6 * law.tip : 6 * law.tip + 6]
-    R = state.base.rotation
-    return task_rows(xp, R.T @ goal_axes(xp, R, law.normal), J, law.rows)
+    A = state.base.rotation.T @ goal_axes(xp, state.base.rotation, law.normal)
+    return xp.concatenate([A.T @ J[:3], A.T @ J[3:]])[np.array(law.rows)]
 
 
 def law_errors(
@@ -335,7 +304,7 @@ def law_errors(
     """Compute target minus tip (k,) in the task's rows, and the velocity of the target (k,)."""
     A = goal_axes(xp, state.base.rotation, law.normal)
     goal = _target(xp, law, numbers, call, state.t)
-    error = goal_error(xp, A, law.rows, state.tips[law.tip], goal)
+    error = goal_step(xp, A, law.rows, state.tips[law.tip], goal)
     if law.source is None:
         return error, np.zeros(len(law.rows))
     before, after = (_target(xp, law, numbers, call, state.t + s) for s in (-INSTANT, INSTANT))
@@ -387,14 +356,9 @@ def resolved_rates(
     if k > n:
         return np.full(n, np.nan)
     form = bidiagonal(xp, J)
-    q, e, asked = form.q, form.e, _forth(xp, form.right, wanted)
-    y = [asked[0] / q[0]]
-    for i in range(1, k):
-        y.append((asked[i] - e[i - 1] * y[i - 1]) / q[i])
-    within = np.zeros(n - k) if rest is None else gain * _forth(xp, form.left, rest)[k:]
-    found = unreflected(xp, form.left, xp.concatenate([xp.stack(y), within]))
-    small, large = _extremes(xp, form)
-    return xp.where(small > least * least * large, found, np.nan)
+    within = np.zeros(n - k) if rest is None else gain * reflected(xp, form.left, rest)[k:]
+    regular = form.least(xp) > least * least * form.largest(xp)
+    return xp.where(regular, form.solution(xp, wanted, within), np.nan)
 
 
 def damped_rates(xp: Any, J: Any, wanted: Any, damping: Any, threshold: Any) -> Any:
@@ -411,13 +375,13 @@ def damped_rates(xp: Any, J: Any, wanted: Any, damping: Any, threshold: Any) -> 
     k, n = J.shape
     form = bidiagonal(xp, J if k <= n else J.T)
     q, e = form.q, form.e
-    nearness = xp.minimum(xp.sqrt(_extremes(xp, form)[0]) / threshold, 1.0)
+    nearness = xp.minimum(xp.sqrt(form.least(xp)) / threshold, 1.0)
     square = damping * damping * (1.0 - nearness * nearness)
     if k > n:  # (J^T J + lambda^2 1)^-1 J^T xdot
-        seen = _forth(xp, form.left, wanted)[:n]
+        seen = reflected(xp, form.left, wanted)[:n]
         ends = [q[0] * seen[0], *(q[i] * seen[i] + e[i - 1] * seen[i - 1] for i in range(1, n))]
         return unreflected(xp, form.right, _damped(xp, q, e, xp.stack(ends), square))
-    z = _damped(xp, q, e, _forth(xp, form.right, wanted), square)
+    z = _damped(xp, q, e, reflected(xp, form.right, wanted), square)
     y = [*(q[i] * z[i] + e[i] * z[i + 1] for i in range(k - 1)), q[k - 1] * z[k - 1]]
     return unreflected(xp, form.left, xp.concatenate([xp.stack(y), np.zeros(n - k)]))
 
@@ -451,7 +415,7 @@ def reactionless_rates(
         longest = size if longest is None else longest
         reflections.append(reflector(xp, xp.where(size > least * least * longest, row, 0.0))[1])
         rows = reflections[-1].of(xp, rows.T).T
-    J_N = _forth(xp, reflections, J.T)[rank:].T
+    J_N = reflected(xp, reflections, J.T)[rank:].T
     rates = damped_rates(xp, J_N, wanted, damping, threshold)
     return unreflected(xp, reflections, xp.concatenate([np.zeros(rank), rates]))
 
@@ -471,16 +435,3 @@ def _damped(xp: Any, q: Any, e: Any, x: Any, square: Any) -> Any:
     for i in range(k - 2, -1, -1):
         found = [z[i] * reciprocal(xp, d[i]) - factors[i] * found[0], *found]
     return xp.stack(found)
-
-
-def _extremes(xp: Any, form: Bidiagonal) -> tuple[Any, Any]:
-    """Compute the squares of the least and the largest singular value."""
-    q, e = form.q * form.q, form.e * form.e
-    return least_eigenvalue(xp, q, e), largest_eigenvalue(xp, q, e)
-
-
-def _forth(xp: Any, reflections: list[Reflection], x: Any) -> Any:
-    """Return L^T x, L the product of reflections."""
-    for reflection in reflections:
-        x = reflection.of(xp, x)
-    return x

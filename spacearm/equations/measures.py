@@ -23,12 +23,7 @@ import numpy as np
 from spacearm.equations.jacobian import jacobian, task_jacobian, task_jacobian_at, tip_twist
 from spacearm.equations.linear import minors, reciprocal
 from spacearm.equations.posture import COLUMNS, ROWS, SYMMETRIC, about, momenta, posture
-from spacearm.equations.singular_values import (
-    bidiagonal,
-    largest_eigenvalue,
-    least_eigenvalue,
-    least_with_vectors,
-)
+from spacearm.equations.singular_values import bidiagonal, least_with_vectors
 from spacearm.equations.structure import Parameters, Structure
 
 MOST_MINORS = 250
@@ -79,8 +74,7 @@ def measures(
         known |= {"sigma_min": 0.0, "manipulability": 0.0, "condition": np.inf}
         return tuple(known.get(name, np.nan) for name in names)
     form = bidiagonal(xp, task_jacobian_at(xp, tree, at))
-    squares = form.q * form.q, form.e * form.e
-    least = least_eigenvalue(xp, *squares)
+    least = form.least(xp)
     product = form.sign
     for entry in form.q:
         product = product * entry
@@ -88,7 +82,7 @@ def measures(
     known["manipulability"] = xp.absolute(product)
     known["determinant"] = product if k == n else np.nan
     if "condition" in names:
-        condition = xp.sqrt(largest_eigenvalue(xp, *squares) / least)
+        condition = xp.sqrt(form.largest(xp) / least)
         known["condition"] = xp.where(least > 0.0, condition, np.inf)
     return tuple(known[name] for name in names)
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacearm.equations.dynamics import Loads, accelerations, loads_on, twists
+from spacearm.equations.dynamics import Loads, accelerations, twists
 from spacearm.equations.jacobian import task_jacobian_at
 from spacearm.equations.laws import (
     Law,
@@ -35,6 +35,8 @@ from spacearm.equations.structure import Parameters, Structure
 
 SLOWING = 0.9
 """Share of its largest rate from which the torque that drives a joint falls, to zero there."""
+STILL, LEVEL = np.zeros(3), np.array((0.0, 0.0, 0.0, 1.0))
+"""No momentum, and the attitude along the inertial axes."""
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
 """Names and shapes of numbers that stand one after the other."""
 Calls = Mapping[str, Callable[..., Any]]
@@ -284,6 +286,33 @@ def state_rate(
     ])  # fmt: skip
 
 
+def loaded_accelerations(
+    xp: Any, tree: Structure, p: Parameters, q: Any, dq: Any, tau: Any, placed: Any, *,
+    setup: Setup, h: Any = STILL, spin: Any = (), wrenches: Any = (),
+) -> Any:  # fmt: skip
+    """Compute the joint accelerations (n,) of a state; vectors in spacecraft axes.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        p: Its numbers.
+        q: (n,) joint positions.
+        dq: (n,) joint rates.
+        tau: (n,) joint torques.
+        placed: The numbers of the plant but for the wrenches, as `Setup.plant_shapes` lays them
+            out.
+        setup: The wheels and what is pushed.
+        h: (3,) angular momentum about the system CM.
+        spin: (w,) momentum that each wheel holds.
+        wrenches: (k, 6) [force; torque].
+    """
+    n = tree.n
+    y = xp.concatenate([q, dq, LEVEL, np.zeros(6), h, np.zeros(4), xp.asarray(spin)])
+    plant = xp.concatenate([placed, *wrenches])
+    rate = state_rate(xp, tree, p, 0.0, y, np.zeros(0), plant, setup=setup, held=tau)
+    return rate[n : 2 * n]
+
+
 def _wheels(now: Moving, setup: Setup) -> Iterator[tuple[int, Any, Any]]:
     """Return body, axis (3,) and momentum [N m s] of each wheel, spacecraft axes."""
     for i, body in enumerate(setup.wheels):
@@ -316,15 +345,19 @@ def _over_time(xp: Any, source: Source | None, call: Any, t: Any) -> Any:
 
 
 def _loads(xp: Any, now: Moving, wheels: Any, pushes: Any, spin: Any = ()) -> Loads:
-    """Return what acts on the bodies."""
-    return loads_on(
-        xp,
-        now.state.at,
-        now.state.base.rotation.T @ now.momentum[3:],
-        held=[(body, momentum * axis) for body, axis, momentum in wheels],
-        torques=[(body, -rate * axis) for (body, axis, _), rate in zip(wheels, spin, strict=False)],
-        wrenches=pushes,
-    )
+    """Return what wheels, their motors, and wrenches from outside do to the bodies."""
+    at = now.state.at
+    rest = [np.zeros(3)] * len(at.masses)
+    held, forces, moments = [*rest], [*rest], [*rest]
+    for body, axis, momentum in wheels:
+        held[body] = held[body] + momentum * axis
+    for (body, axis, _), rate in zip(wheels, spin, strict=False):
+        moments[body] = moments[body] - rate * axis
+    for body, r, force, moment in pushes:
+        forces[body] = forces[body] + force
+        moments[body] = moments[body] + moment + xp.cross(r - at.centres[body], force)
+    wrenches = xp.concatenate([xp.stack(forces), xp.stack(moments)], axis=1)
+    return Loads(now.state.base.rotation.T @ now.momentum[3:], xp.stack(held), wrenches)
 
 
 def _motors(xp: Any, now: Moving, setup: Setup, calls: Calls, nu: Any) -> list[Any]:

@@ -82,15 +82,12 @@ def place(xp: Any, middle: int, E: Any, b: Any, rho: Any, q: Any, half: Any) -> 
         half: (n,) its half widths [rad].
     """
     n, m = len(q), middle
-    s, c = xp.sin(q), xp.cos(q)
+    Rz = [_about_z(xp, xp.sin(angle), xp.cos(angle)) for angle in q]
     R: list[Any] = [np.eye(3)] * (n + 1)
     for k in range(m + 1, n + 1):
-        x, y, z = (R[k - 1] @ E[k]).T
-        R[k] = xp.stack([x * c[k - 1] + y * s[k - 1], y * c[k - 1] - x * s[k - 1], z], axis=1)
+        R[k] = R[k - 1] @ E[k] @ Rz[k - 1]
     for k in range(m, 0, -1):
-        x, y, z = R[k].T
-        back = [x * c[k - 1] - y * s[k - 1], x * s[k - 1] + y * c[k - 1], z]
-        R[k - 1] = xp.stack(back, axis=1) @ E[k].T
+        R[k - 1] = R[k] @ Rz[k - 1].T @ E[k].T
     z = xp.stack([R[k][:, 2] for k in range(1, n + 1)])
     g: list[Any] = [None] * n
     beyond, before = np.zeros(3), np.zeros(3)
@@ -109,6 +106,13 @@ def place(xp: Any, middle: int, E: Any, b: Any, rho: Any, q: Any, half: Any) -> 
             third = third + rho[j] * (up_to**3 - inner**3)
             inner = up_to
     return Placed(beyond + before + b[m], z, xp.stack(g), (second / 2.0, third / 6.0))
+
+
+def _about_z(xp: Any, sin: Any, cos: Any) -> Any:
+    """Return the rotation (3, 3) about z."""
+    o = 0.0 * sin
+    rows = (cos, -sin, o), (sin, cos, o), (o, o, o + 1.0)
+    return xp.stack([xp.stack(row) for row in rows])
 
 
 def bound(

@@ -45,6 +45,13 @@ class Reflection(NamedTuple):
         return xp.concatenate([x[:before], found]) if before else found
 
 
+def reflected(xp: Any, reflections: list[Reflection], x: Any) -> Any:
+    """Return L^T x, L the product of reflections."""
+    for reflection in reflections:
+        x = reflection.of(xp, x)
+    return x
+
+
 def unreflected(xp: Any, reflections: list[Reflection], x: Any) -> Any:
     """Return L x, L the product of reflections."""
     for reflection in reversed(reflections):
@@ -68,6 +75,22 @@ class Bidiagonal(NamedTuple):
     sign: Any
     left: list[Reflection]
     right: list[Reflection]
+
+    def least(self, xp: Any) -> Any:
+        """Compute the square of the least singular value."""
+        return least_eigenvalue(xp, self.q * self.q, self.e * self.e)
+
+    def largest(self, xp: Any) -> Any:
+        """Compute the square of the largest singular value."""
+        return largest_eigenvalue(xp, self.q * self.q, self.e * self.e)
+
+    def solution(self, xp: Any, x: Any, within: Any) -> Any:
+        """Compute the dq (n,) with J dq = x whose part in the null space is `within` (n - k,)."""
+        asked = reflected(xp, self.right, x)
+        y = [asked[0] / self.q[0]]
+        for i in range(1, len(asked)):
+            y.append((asked[i] - self.e[i - 1] * y[i - 1]) / self.q[i])
+        return unreflected(xp, self.left, xp.concatenate([xp.stack(y), within]))
 
 
 class Least(NamedTuple):
@@ -191,7 +214,7 @@ def least_with_vectors(xp: Any, J: Any) -> Least:
     """Compute the least singular value of J (k, n), k <= n, its vectors, and the null space."""
     k, n = J.shape
     form = bidiagonal(xp, J)
-    value = least_eigenvalue(xp, form.q * form.q, form.e * form.e)
+    value = form.least(xp)
     z, y = _twisted(xp, form.q, form.e, value)
     rows = [xp.concatenate([y, np.zeros(n - k)]) if n > k else y, *np.eye(n)[k:]]
     v, *null = (unreflected(xp, form.left, row) for row in rows)

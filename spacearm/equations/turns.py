@@ -15,7 +15,7 @@ import numpy as np
 
 from spacearm.equations.jacobian import connection_at, jacobian_at
 from spacearm.equations.linear import solve
-from spacearm.equations.posture import Posture, posture
+from spacearm.equations.posture import posture
 from spacearm.equations.structure import Parameters, Structure
 
 GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
@@ -28,11 +28,7 @@ SMALL = 1e-4
 
 def reactions(xp: Any, tree: Structure, p: Parameters, q: Any) -> tuple[Any, Any, Any, Any]:
     """Compute J* (6 tips, n), the connection (3, n), and position and attitude of the first tip."""
-    return _reactions(xp, tree, posture(xp, tree, p, q))
-
-
-def _reactions(xp: Any, tree: Structure, at: Posture) -> tuple[Any, Any, Any, Any]:
-    """Compute the `reactions` of a posture."""
+    at = posture(xp, tree, p, q)
     J = jacobian_at(xp, tree, at)
     return J, connection_at(xp, tree, at), at.tip_positions[0], at.tip_rotations[0]
 
@@ -78,10 +74,8 @@ def turn_and_effects(
     phi = magnus(xp, w1, w2, h)
     bend, half = COMMUTATOR * h * h, 0.5 * h * np.eye(3)
     right = right_jacobian(xp, phi)
-    first, second = (
-        right @ (half - bend * cross_matrix(xp, w2)),
-        right @ (half + bend * cross_matrix(xp, w1)),
-    )
+    first = right @ (half - bend * cross_matrix(xp, w2))
+    second = right @ (half + bend * cross_matrix(xp, w1))
     effects = xp.stack([xp.stack([first @ G1, first @ A1]), xp.stack([second @ G2, second @ A2])])
     return rotation(xp, phi), effects, xp.stack([J1, J2]), A2, r, R
 
@@ -101,7 +95,7 @@ def _point(xp: Any, tree: Structure, p: Parameters, q: Any, dq: Any) -> tuple[An
         return at.D[axis] @ held + at.P[:, 3 + axis] @ (tree.gains @ dq)
 
     slopes = xp.stack([xp.gradient(partial(momentum, axis=axis), q) for axis in range(3)])
-    return *_reactions(xp, tree, at), w, -solve(xp, at.D, slopes)
+    return *reactions(xp, tree, p, q), w, -solve(xp, at.D, slopes)
 
 
 def magnus(xp: Any, w1: Any, w2: Any, h: Any) -> Any:

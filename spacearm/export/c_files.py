@@ -17,13 +17,10 @@ from spacearm.compiler import symbols
 from spacearm.compiler.c_code import Code, number
 from spacearm.compiler.derivatives import gradient
 from spacearm.compiler.trace import Shape, trace
-from spacearm.equations.dynamics import forward_dynamics
-from spacearm.equations.jacobian import connection, jacobian
 from spacearm.equations.measures import distance, singularity
-from spacearm.equations.posture import momentum
-from spacearm.equations.singular_values import bidiagonal, least_eigenvalue
+from spacearm.equations.singular_values import bidiagonal
 from spacearm.equations.structure import Parameters, Structure
-from spacearm.export.functions import chosen, structure_in, symbolic
+from spacearm.export.functions import EQUATIONS, chosen, structure_in, symbolic
 from spacearm.files import name_part, write
 from spacearm.mechanics.many import parameters_of
 from spacearm.mechanics.nearness import FADING
@@ -68,7 +65,7 @@ def sigma_min(xp: Any, tree: Structure, _: Parameters, J: Any) -> Any:
         return 0.0, 0.0
     T = tree.scale * J[np.array(tree.rows)]
     form = bidiagonal(xp, T)
-    sigma = xp.sqrt(least_eigenvalue(xp, form.q * form.q, form.e * form.e))
+    sigma = xp.sqrt(form.least(xp))
     margin = ROUNDING * T.size * xp.sqrt((T * T).sum())
     return xp.maximum(sigma - margin, 0.0), sigma + margin
 
@@ -84,22 +81,22 @@ def distance_to_set(xp: Any, tree: Structure, p: Parameters, q: Any, *, unit: Ar
 EXPORTED = {
     "jacobian": Exported(
         "J*, the motion of the tip per joint rate: rows [linear; angular], row by row.",
-        jacobian, ("q",), ("J",),
+        *EQUATIONS["jacobian"], ("J",),
     ),
     "connection": Exported(
         "-D^-1 D_q: the spacecraft turns with w_0 = connection dq at zero momentum, row by row.",
-        connection, ("q",), ("connection",),
+        *EQUATIONS["connection"], ("connection",),
     ),
     "momentum": Exported(
         "A_q, momentum [linear; angular about the system CM] per joint rate, row by row.",
-        momentum, ("q",), ("A",),
+        *EQUATIONS["momentum"], ("A",),
     ),
     "forward_dynamics": Exported(
         "Joint accelerations at zero momentum, without external wrenches.",
-        forward_dynamics, ("q", "dq", "tau"), ("ddq",),
+        *EQUATIONS["forward_dynamics"], ("ddq",),
     ),
     "singularity": Exported(
-        "S, zero exactly where the task Jacobian is singular.", singularity, ("q",), (), "S"
+        "S, zero exactly where the task Jacobian is singular.", *EQUATIONS["S"], (), "S"
     ),
     "singularity_gradient": Exported(
         "S, and its gradient by the joints.", singularity_gradient, ("q",), ("gradient",), "S"
@@ -175,14 +172,8 @@ def to_c(
         if ending == "distance":
             what = what._replace(function=partial(what.function, unit=radians(arm)))
         writer.write(ending, what)
-    words = {
-        "name": name,
-        "NAME": name.upper(),
-        "arm": _comment(arm),
-        "mode": mode,
-        "N": str(tree.n),
-        "K": str(len(tree.rows)),
-    }
+    words = {"name": name, "NAME": name.upper(), "arm": _comment(arm), "mode": mode}
+    words |= {"N": str(tree.n), "K": str(len(tree.rows))}
     if varied:
         writer.write_by_parameters()
         words["fields"] = "\n".join(

@@ -8,13 +8,13 @@ asks tasks, constraints and barriers for matrices, and these classes have them.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import generalized_jacobian
@@ -29,6 +29,9 @@ Matrices = tuple[Array, Array]
 class _OfArm:
     """What knows an arm, and pink's configurations of it."""
 
+    GIVEN: ClassVar[tuple[str, ...]] = ()
+    """Names of what else is given."""
+
     def __init__(self, arm: SpaceArm) -> None:
         if arm.coupling is not None:
             raise UnsupportedError(
@@ -37,6 +40,10 @@ class _OfArm:
             )
         arm.require_one_tip()
         self.arm = arm
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the arm's name and what else is given as plain data."""
+        return {"arm": self.arm.name, **{name: plain(getattr(self, name)) for name in self.GIVEN}}
 
     def configuration(self, configuration: Any) -> Configuration:
         """Return a configuration of pink as one of the arm.
@@ -79,6 +86,8 @@ class GeneralizedJacobianTask(_OfArm):
         array([1.5, 0.5, 0. ])
     """
 
+    GIVEN = ("target", "cost", "gain", "lm_damping")
+
     def __init__(
         self,
         arm: SpaceArm,
@@ -118,16 +127,6 @@ class GeneralizedJacobianTask(_OfArm):
         damping = self.lm_damping * float(error @ error)
         return J.T @ J + damping * np.eye(J.shape[1]), J.T @ error
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return arm, target and weights as plain data."""
-        return {
-            "arm": self.arm.name,
-            "target": pin.SE3ToXYZQUAT(self.target).tolist(),
-            "cost": self.cost.tolist(),
-            "gain": float(self.gain),
-            "lm_damping": float(self.lm_damping),
-        }
-
     def __repr__(self) -> str:
         return f"GeneralizedJacobianTask({self.arm.name}, task {self.arm.task.names!r})"
 
@@ -160,10 +159,6 @@ class MomentumConservation(_OfArm):
         A = self.configuration(configuration).A
         return np.hstack((np.eye(6), np.linalg.solve(A[:, :6], A[:, 6:])))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the arm's name as plain data."""
-        return {"arm": self.arm.name}
-
     def __repr__(self) -> str:
         return f"MomentumConservation({self.arm.name})"
 
@@ -190,6 +185,7 @@ class SingularityBarrier(_OfArm):
         SingularityBarrier(chaser7, margin 0.05 rad, gain 10 1/s)
     """
 
+    GIVEN = ("margin", "gain")
     dim = 1
 
     def __init__(self, arm: SpaceArm, margin: float, *, gain: float = 10.0) -> None:
@@ -226,10 +222,6 @@ class SingularityBarrier(_OfArm):
         if not np.isfinite(h).all():  # nothing near, to first order
             return np.zeros_like(slope), np.ones(1)
         return -slope / dt, self.gain * h
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return arm, margin and gain as plain data."""
-        return {"arm": self.arm.name, "margin": float(self.margin), "gain": float(self.gain)}
 
     def __repr__(self) -> str:
         return (

@@ -1,12 +1,13 @@
-"""A motion as a table, for MATLAB, for ROS, and as labelled arrays in NetCDF and Zarr."""
+"""A motion as a table, for MATLAB, for ROS 2, and as labelled arrays in NetCDF and Zarr."""
 
 from __future__ import annotations
 
 import io
 import json
-import math
 import os
+import re
 from collections.abc import Callable
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.export.rosbag_files import mcap
 from spacearm.files import write, write_folder
 from spacearm.motion.motion import Motion
 
@@ -125,7 +125,7 @@ def _joint_trajectory(motion: Motion) -> bytes:
         {
             "positions": q.tolist(),
             "velocities": dq.tolist(),
-            "time_from_start": _duration(float(time)),
+            "time_from_start": _stamp(round(1e9 * time)),
         }
         for time, q, dq in zip(t, motion.q, motion.dq, strict=True)
     ]
@@ -133,13 +133,9 @@ def _joint_trajectory(motion: Motion) -> bytes:
     return json.dumps(message, indent=1).encode() + b"\n"
 
 
-def _duration(time: float) -> dict[str, int]:
-    """Return a time [s] as seconds and nanoseconds."""
-    nanoseconds = round(1e9 * (time - math.floor(time)))
-    return {
-        "sec": math.floor(time) + nanoseconds // 10**9,
-        "nanosec": nanoseconds % 10**9,
-    }
+def _stamp(nanoseconds: int) -> dict[str, int]:
+    """Return a time [ns] as ROS has it."""
+    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
 
 
 def _netcdf(motion: Motion) -> bytes:
@@ -155,10 +151,114 @@ def _zarr(motion: Motion, path: Path) -> Path:
     return write_folder(path, lambda folder: data.to_zarr(folder, zarr_format=2), ".zgroup")
 
 
+WORLD = "world"
+"""ROS's name of the inertial frame."""
+JOINTS_AND_BASE = ("q", "dq", "torque", "base")
+"""Quantities that have messages of their own."""
+MESSAGES = {
+    "sensor_msgs/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
+    "float64[] velocity\nfloat64[] effort",
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
+    "geometry_msgs/Transform transform",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\n"
+    "geometry_msgs/Quaternion rotation",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "std_msgs/Float64": "float64 data",
+    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
+}
+"""Messages as ROS 2 has them."""
+WRITTEN = (
+    "sensor_msgs/JointState", "tf2_msgs/TFMessage", "std_msgs/Float64", "std_msgs/Float64MultiArray"
+)  # fmt: skip
+
+
+def _definition(message: str) -> str:
+    """Return the definition of a message with those of all messages in it."""
+    parts = [message]
+    for part in parts:  # which grows
+        words = re.split(r"[ \n\[]", MESSAGES[part])
+        parts += [word for word in words if word in MESSAGES and word not in parts]
+    inner = (f"\n{'=' * 80}\nMSG: {name}\n{MESSAGES[name]}" for name in parts[1:])
+    return MESSAGES[message] + "".join(inner) + "\n"
+
+
+def _mcap(motion: Motion) -> bytes:
+    """Write a motion: /joint_states, /tf of the spacecraft, and each other quantity by its name.
+
+    Raises:
+        UnsupportedError: The library is not installed (pip install 'spacearm[mcap]').
+    """
+    try:
+        library = import_module("mcap_ros2.writer")
+    except ImportError:
+        raise UnsupportedError(
+            "mcap-ros2-support is not installed: pip install 'spacearm[mcap]'"
+        ) from None
+    buffer = io.BytesIO()
+    writer = library.Writer(buffer)
+    schemas = {
+        name: writer.register_msgdef(name.replace("/", "/msg/"), _definition(name))
+        for name in WRITTEN
+    }
+    data = motion.to_xarray()
+    q, dq, base = (data[name].values for name in ("q", "dq", "base"))
+    effort = data["torque"].values if "torque" in data else np.empty((len(motion), 0))
+    others = {str(name): x for name, x in data.data_vars.items() if name not in JOINTS_AND_BASE}
+    names, root = list(motion.arm.joint_names), motion.arm.tree.root
+    for i, since in enumerate(np.asarray(motion.t) - motion.t[0]):
+        time = round(1e9 * since)
+        header = {"stamp": _stamp(time), "frame_id": WORLD}
+        joints = {
+            "header": header,
+            "name": names,
+            "position": q[i].tolist(),
+            "velocity": dq[i].tolist(),
+            "effort": effort[i].tolist(),
+        }
+        placed = {"header": header, "child_frame_id": root, "transform": _transform(base[i])}
+        messages = [
+            ("/joint_states", "sensor_msgs/JointState", joints),
+            ("/tf", "tf2_msgs/TFMessage", {"transforms": [placed]}),
+            *(_quantity(name, values, i) for name, values in others.items()),
+        ]
+        for topic, kind, message in messages:
+            writer.write_message(topic, schemas[kind], message, log_time=time, sequence=i)
+    writer.finish()
+    return buffer.getvalue()
+
+
+def _transform(pose: Any) -> dict[str, dict[str, float]]:
+    """Return a pose (7,) as a Transform."""
+    values = pose.tolist()
+    return {
+        "translation": dict(zip("xyz", values[:3], strict=True)),
+        "rotation": dict(zip("xyzw", values[3:], strict=True)),
+    }
+
+
+def _quantity(name: str, values: Any, i: int) -> tuple[str, str, dict[str, Any]]:
+    """Return topic, type and message of a row of numbers at a time."""
+    row = values.values[i]
+    if row.ndim == 0:
+        return f"/{name}", "std_msgs/Float64", {"data": float(row)}
+    dims = [
+        {"label": str(dim), "size": row.shape[j], "stride": int(np.prod(row.shape[j:]))}
+        for j, dim in enumerate(values.dims[1:])
+    ]
+    message = {"layout": {"dim": dims, "data_offset": 0}, "data": row.ravel().tolist()}
+    return f"/{name}", "std_msgs/Float64MultiArray", message
+
+
 WRITERS: dict[str, Callable[[Motion], bytes]] = {
     ".csv": _csv,
     ".mat": _mat,
     ".json": _joint_trajectory,
-    ".mcap": mcap,
+    ".mcap": _mcap,
     ".nc": _netcdf,
 }

@@ -181,26 +181,14 @@ def barycentric(cfg: Configuration) -> Barycentric:
         [np.where(np.arange(N) < j, chain.u.T, 0.0) @ chain.C for j in range(N + 1)]
     )  # (31)
     D_j = D_ij.sum(axis=0)  # (34b)
+    D, Dq = D_j.sum(axis=0), np.einsum("jab,jbn->an", D_j, F)
     cross = [_cross(v_iE) for v_iE in v_E]
+    J11, J22 = -sum(cross, np.zeros((3, 3))), F[tip]  # (34a)
+    J12 = -sum((cross[i] @ F[i] for i in range(1, N + 1)), np.zeros(F[0].shape))
+    r_cm = chain.T0 @ (chain.first_cm - rho[0]) + cfg.base.translation
+    inertias = D_ij, D_j, D, Dq
     return Barycentric(
-        M=M,
-        mu=mu,
-        r=r,
-        l=l,
-        c=c,
-        v=v,
-        rho=rho,
-        v_E=v_E,
-        D_ij=D_ij,
-        D_j=D_j,
-        D=D_j.sum(axis=0),
-        Dq=np.einsum("jab,jbn->an", D_j, F),
-        F=F,
-        J11=-sum(cross, np.zeros((3, 3))),  # (34a)
-        J12=-sum((cross[i] @ F[i] for i in range(1, N + 1)), np.zeros(F[0].shape)),
-        J22=F[tip],
-        T0=chain.T0,
-        r_cm=chain.T0 @ (chain.first_cm - rho[0]) + cfg.base.translation,
+        M, mu, r, l, c, v, rho, v_E, *inertias, F, J11, J12, J22, T0=chain.T0, r_cm=r_cm
     )
 
 

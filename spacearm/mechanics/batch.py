@@ -1,30 +1,45 @@
-"""Many configurations at once: measures of singularity and Jacobians."""
+"""Many configurations or states at once: measures, Jacobians, accelerations, determinants."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import NO_NUMBERS, Array
+from spacearm.equations import measures
 from spacearm.equations.jacobian import jacobian
-from spacearm.equations.measures import measures
-from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.blocks import Progress, checked_output, fill, joint_rows
+from spacearm.equations.plant import Pushed, Setup, loaded_accelerations
+from spacearm.errors import ConfigurationError, ModelError, unknown
+from spacearm.mechanics.blocks import Progress, fill, joint_rows, results_for
+from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
-from spacearm.mechanics.many import WIDE, ArmKernel, arms_kernel, worth_compiling
+from spacearm.mechanics.many import (
+    WIDE,
+    arms_kernel,
+    evaluated,
+    parameters_of,
+    structure_of,
+    worth_compiling,
+)
 from spacearm.mechanics.nearness import distances
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
+from spacearm.model.mode import BaseMode, free_components
 
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
 """The measures that take J* alone."""
 NEARNESS = ("distance", "away")
 """Those that take its derivative: a number, and a vector over the joints."""
 SINGLY = 1e-4
-"""Time that the measures of one configuration take without compiled code [s]."""
+"""Time that one configuration or state takes without compiled code [s]."""
+Rows = Mapping[str, Array]
+"""Rows of states by name."""
+Indices = npt.NDArray[np.int_]
 
 
 @of_arm
@@ -87,23 +102,15 @@ def evaluate(
     m = len(Q)
     shapes = {name: (m, arm.n) if name == "away" else (m,) for name in quantities}
     results = {
-        name: checked_output(out[name], shape, f"out[{name!r}]")
-        if name in (out or {})
-        else np.empty(shape)
-        for name, shape in shapes.items()
+        name: results_for(out.get(name), shape, f"out[{name!r}]") for name, shape in shapes.items()
     }
     arm.require_one_tip()
     own = tuple(name for name in QUANTITIES if name in results)
-    near = [name for name in NEARNESS if name in results]
-    kernel = _measures(arm, own, m) if own and worth_compiling(m, SINGLY) else None
 
-    def compute(rows: dict[str, Array], places: dict[str, Array | None]) -> dict[str, Array]:
-        if kernel:
-            written = kernel(rows, out=[places[name] for name in own])
-            found = dict(zip(own, written, strict=True))
-        else:
-            found = _measures_singly(arm, rows["q"], own)
-        if near:
+    def compute(rows: Rows, places: Mapping[str, Array | None]) -> dict[str, Array]:
+        written = [places[name] for name in own]
+        found = dict(zip(own, _measured(arm, rows["q"], own, many=m, out=written), strict=True))
+        if len(own) < len(results):
             found |= zip(NEARNESS, distances(arm, rows["q"], many=m), strict=True)
         return found
 
@@ -113,20 +120,39 @@ def evaluate(
 
 def conditions(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the condition numbers (m,) of the task Jacobian at Q (m, n) in a mode."""
-    if worth_compiling(len(Q), SINGLY):
-        (found,) = _measures(arm, ("condition",), len(Q), mode)({"q": Q})
-        return np.asarray(found)
-    sigma = [singular_values_of(task_jacobian(arm.at(q), mode=mode)) for q in Q]
-    return np.array([s[0] / s[-1] if s[-1] > 0.0 else np.inf for s in sigma])
+    return np.asarray(_measured(arm, Q, ("condition",), mode)[0])
 
 
-def _measures(
-    arm: SpaceArm, names: tuple[str, ...], m: int, mode: BaseMode = "free-floating"
-) -> ArmKernel:
-    """Return the compiled measures of m configurations."""
-    return arms_kernel(
-        [arm], mode, measures, (("q", (arm.n,)),), options=(("names", names),), lanes=WIDE, rows=m
-    )
+def _measured(
+    arm: SpaceArm,
+    Q: Array,
+    names: tuple[str, ...],
+    mode: BaseMode = "free-floating",
+    *,
+    many: int = 0,
+    out: Sequence[Array | None] = (),
+) -> Sequence[Array]:
+    """Compute measures (m,) at Q (m, n), a block of `many`, where compiled code may write."""
+    rows = max(len(Q), many)
+    if names and worth_compiling(rows, SINGLY):
+        options = {"names": names}
+        kernel = arms_kernel([arm], mode, measures.measures, options, lanes=WIDE, rows=rows)
+        found: Sequence[Array] = kernel({"q": Q}, out=out)
+        return found
+    columns = np.full((len(names), len(Q)), np.nan)
+    for i, q in enumerate(Q if names else ()):
+        cfg = arm.at(q)
+        J = task_jacobian(cfg, mode=mode)
+        sigma = singular_values_of(J)
+        own = {
+            "sigma_min": sigma[-1],
+            "manipulability": sigma.prod(),
+            "condition": sigma[0] / sigma[-1] if sigma[-1] > 0.0 else np.inf,
+            "determinant": np.linalg.det(J) if arm.task.k == arm.n else np.nan,
+            "radius": np.linalg.norm(cfg.tip.translation - cfg.com),
+        }
+        columns[:, i] = [own[name] for name in names]
+    return [*columns]
 
 
 @of_arm
@@ -162,43 +188,207 @@ def generalized_jacobians(
     """
     arm.require_one_tip()
     Q = joint_rows(arm, Q, "Q")
-    m = len(Q)
-    J = np.empty((m, 6, arm.n)) if out is None else checked_output(out, (m, 6, arm.n), "out")
-    shape = (("q", (arm.n,)),)
-    kernel = (
-        arms_kernel([arm], "free-floating", jacobian, shape, rows=m)
-        if worth_compiling(m, SINGLY)
-        else None
-    )
+    J = results_for(out, (len(Q), 6, arm.n), "out")
+    kernel = arms_kernel([arm], "free-floating", jacobian, rows=len(Q))
 
-    def compute(rows: dict[str, Array], places: dict[str, Array | None]) -> dict[str, Array]:
-        if kernel is None:
-            return {"J": _jacobians_singly(arm, rows["q"])}
-        return {"J": kernel(rows, out=[places["J"]])}
+    def compute(rows: Rows, places: Mapping[str, Array | None]) -> Rows:
+        if worth_compiling(len(Q), SINGLY):
+            return {"J": kernel(rows, out=[places["J"]])}
+        return {"J": np.array([generalized_jacobian(arm.at(q)) for q in rows["q"]])}
 
     fill({"J": J}, {"q": Q}, compute, threads, progress)
     return J
 
 
-def _measures_singly(arm: SpaceArm, Q: Array, names: tuple[str, ...]) -> dict[str, Array]:
-    """Compute measures at Q (m, n), (m,) each, without compiled code."""
-    found = {name: np.full(len(Q), np.nan) for name in names}
-    for i, q in enumerate(Q if names else ()):
-        cfg = arm.at(q)
-        J = task_jacobian(cfg)
-        sigma = singular_values_of(J)
-        own = {
-            "sigma_min": sigma[-1],
-            "manipulability": sigma.prod(),
-            "condition": sigma[0] / sigma[-1] if sigma[-1] > 0.0 else np.inf,
-            "determinant": np.linalg.det(J) if arm.task.k == arm.n else np.nan,
-            "radius": np.linalg.norm(cfg.tip.translation - cfg.com),
-        }
-        for name in names:
-            found[name][i] = own[name]
+@of_arm
+def joint_accelerations(
+    arm: SpaceArm,
+    Q: npt.ArrayLike,
+    dQ: npt.ArrayLike,
+    tau: npt.ArrayLike,
+    *,
+    mode: BaseMode = "free-floating",
+    momentum: npt.ArrayLike | None = None,
+    wheels: npt.ArrayLike | None = None,
+    wrenches: Mapping[str, npt.ArrayLike] | None = None,
+    out: Array | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Array:
+    """Compute the joint accelerations of many states, as `forward_dynamics` does of one.
+
+    Compiled code computes some states side by side on each thread. Vectors are in spacecraft axes,
+    in which the states need no attitude.
+
+    Args:
+        arm: The arm.
+        Q: (m, n) joint positions [rad] or [m], in any memory order, or a memory map; it is read
+            block by block, as all of these are.
+        dQ: (m, n) joint rates [rad/s] or [m/s].
+        tau: (m, n) joint torques [N m] or forces [N].
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        momentum: (6,) or (m, 6) [linear; angular about the system CM] in spacecraft axes, that of
+            the wheels included; zero if None. It counts for a free-floating spacecraft only, and
+            of it the angular part.
+        wheels: (w,) or (m, w) momentum that each wheel of the arm holds [N m s]; zeros if None.
+            Wheels keep their rates relative to the links that carry them.
+        wrenches: Link name -> (6,) or (m, 6) external [force [N]; torque [N m]] at the origin of
+            the link's frame, in spacecraft axes (`forward_dynamics` takes inertial axes).
+        out: (m, n) array to write to.
+        threads: Number of threads; one per available processor if None.
+        progress: Called as progress(done, m) after each block.
+
+    Returns:
+        (m, n) accelerations [rad/s^2] or [m/s^2]. Rows with numbers that are not finite give NaN,
+        and so do states whose mass matrix is not positive definite.
+
+    Raises:
+        ConfigurationError: An argument has the wrong shape, or there is no such mode or link.
+
+    Example:
+        >>> import spacearm as sa
+        >>> still = [[0, 0], [0, 0]]
+        >>> sa.joint_accelerations(
+        ...     sa.load("planar2"), [[0.3, 1.2], [0.0, 0.0]], still, [[1, 0], [1, 0]]
+        ... ).round(4)
+        array([[ 0.6307, -0.6049],
+               [ 0.9111, -1.4652]])
+    """
+    free_components(mode)
+    given = {"Q": Q, "dQ": dQ, "tau": tau}
+    arrays = {name: joint_rows(arm, values, name) for name, values in given.items()}
+    m = len(arrays["Q"])
+    if odd := [name for name, values in arrays.items() if len(values) != m]:
+        raise ConfigurationError(
+            f"{odd[0]} has {len(arrays[odd[0]])} rows and Q {m}; give one for each state"
+        )
+    h = _rows(momentum, m, 6, "momentum")
+    spin = _rows(wheels, m, len(arm.wheels), "wheels")
+    rows = dict(zip(("q", "dq", "tau"), arrays.values(), strict=True))
+    if momentum is not None or spin.any():
+        rows |= {"h": h[:, 3:], "spin": spin}
+    for link, values in (wrenches or {}).items():
+        if link not in arm.tree.links:
+            raise ConfigurationError(unknown("link", link, arm.tree.links))
+        rows[f"wrench on {link}"] = _rows(values, m, 6, f"the wrench on {link!r}")
+    result, links = results_for(out, (m, arm.n), "out"), tuple(wrenches or ())
+    run = _accelerated if worth_compiling(m, SINGLY) else _accelerated_singly
+
+    def compute(rows: Rows, places: Mapping[str, Array | None]) -> Rows:
+        return {"ddq": run(arm, mode, links, rows, places["ddq"])}
+
+    fill({"ddq": result}, rows, compute, threads, progress)
+    return result
+
+
+def _rows(values: npt.ArrayLike | None, m: int, width: int, what: str) -> Array:
+    """Return numbers as (m, width), a row for each state, zeros if None.
+
+    Raises:
+        ConfigurationError: They are no numbers, or have another shape than (width,) or (m, width).
+    """
+    try:
+        rows = np.zeros(width) if values is None else np.asarray(values, dtype=float)
+    except NO_NUMBERS as error:
+        raise ConfigurationError(f"{what} holds no numbers: {error}") from None
+    if rows.shape not in ((width,), (m, width)):
+        raise ConfigurationError(f"{what} has shape {rows.shape}, not ({width},) or ({m}, {width})")
+    return np.broadcast_to(rows, (m, width))
+
+
+def _accelerated(
+    arm: SpaceArm, mode: BaseMode, links: tuple[str, ...], rows: Rows, place: Array | None
+) -> Array:
+    """Compute accelerations (m, n) by compiled code."""
+    pushed = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)] for link in links]
+    wheels = [arm.model.frames[wheel.frame] for wheel in arm.wheels] if "spin" in rows else []
+    axes = [
+        wheel.placement.rotation @ own.axis for wheel, own in zip(wheels, arm.wheels, strict=False)
+    ]
+    setup = Setup(
+        wheels=tuple(int(wheel.parentJoint) - 1 for wheel in wheels),
+        pushed=tuple(Pushed(int(frame.parentJoint) - 1, False) for frame in pushed),
+    )
+    points = [frame.placement.translation for frame in pushed]
+    placed = np.concatenate([np.zeros(3), *axes, *points, np.zeros(9 * len(links))])
+    given = {name: values for name, values in rows.items() if not name.startswith("wrench")}
+    if links:
+        given["wrenches"] = np.stack([rows[f"wrench on {link}"] for link in links], axis=1)
+    kernel = arms_kernel([arm], mode, loaded_accelerations, {"setup": setup})
+    found: Array = kernel(given, {"placed": placed}, out=[place])
     return found
 
 
-def _jacobians_singly(arm: SpaceArm, Q: Array) -> Array:
-    """Compute the generalized Jacobians (m, 6, n) at Q (m, n) without compiled code."""
-    return np.array([generalized_jacobian(arm.at(q)) for q in Q]).reshape(len(Q), 6, arm.n)
+def _accelerated_singly(
+    arm: SpaceArm, mode: BaseMode, links: tuple[str, ...], rows: Rows, _: Array | None
+) -> Array:
+    """Compute accelerations (m, n) without compiled code."""
+    ddq, momentum = np.full(rows["q"].shape, np.nan), np.zeros(6)
+    for i in range(len(ddq)):
+        spin = rows["spin"][i] if "spin" in rows else None
+        momentum[3:] = rows["h"][i] if "h" in rows else 0.0
+        with suppress(ModelError):
+            ddq[i] = forward_dynamics(
+                arm.at(rows["q"][i], wheels=spin), rows["dq"][i], rows["tau"][i], mode=mode,
+                momentum=momentum, wrenches={link: rows[f"wrench on {link}"][i] for link in links},
+            ).ddq  # fmt: skip
+    return ddq
+
+
+def minors(arm: SpaceArm, Q: Array, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
+    """Compute determinants (m, c) at Q (m, n), up to one positive factor.
+
+    Args:
+        arm: The arm, with one tip.
+        Q: (m, n) joint positions.
+        mode: What the spacecraft does.
+        rows: (k,) rows of momentum, or of the twist of the tip if the spacecraft is held.
+        columns: (c, k) columns of each minor: 0 to 5 the tip's twist, 6 + j joint j.
+    """
+    row, column = _units(arm, mode == "free-floating")
+    options = {"rows": tuple(rows.tolist()), "chosen": tuple(map(tuple, columns.tolist()))}
+    units = {"row_unit": row, "column_unit": column}
+    found: Array = evaluated(arm, mode, measures.determinants, {"q": Q}, units, options=options)
+    return found
+
+
+def columns_seen(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
+    """Compute the columns (m, 6, 6 + n) of which `minors` takes determinants, for a check."""
+    row, column = _units(arm, mode == "free-floating")
+    found: Array = evaluated(arm, mode, measures.columns, {"q": Q}, once=True)
+    return row[:, None] * found * column
+
+
+def unit_of_minors(arm: SpaceArm, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
+    """Return the positive factors (c,) by which `minors` of an arm are scaled."""
+    row, column = _units(arm, mode == "free-floating")
+    return np.asarray(row[rows].prod() * column[columns].prod(axis=1))
+
+
+def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
+    """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at Q (m, n) [m]."""
+    found: Array = evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
+    return found
+
+
+@lru_cache(maxsize=64)
+def _units(arm: SpaceArm, floating: bool) -> tuple[Array, Array]:
+    """Return factors of rows (6,) and columns (6 + n,) that make them of order one.
+
+    They are made of the arm's size and of the mass that each joint moves, so that neither tiny nor
+    huge arms, nor very light spacecraft, leave the range of floating-point numbers.
+    """
+    tree, p = structure_of(arm), parameters_of(arm)
+    M = float(p.masses.sum())
+    reach = np.linalg.norm(p.joint_positions, axis=1).sum() + np.linalg.norm(p.tip_positions[0])
+    gyration = float(np.sqrt(np.trace(p.inertias, axis1=1, axis2=2).sum() / M))
+    L = float(reach + np.linalg.norm(p.centres, axis=1).max() + gyration) or 1.0
+    row = np.repeat((1.0 / M, 1.0 / (M * L)) if floating else (1.0, L), 3)
+    column = np.ones(6 + arm.n)
+    column[3:6] = 1.0 / L
+    share = measures.moved(tree) @ p.masses / M
+    for i, j in zip(*np.nonzero(tree.gains), strict=True):
+        column[6 + j] = 1.0 if tree.slides[i + 1] else 1.0 / L
+        if floating and share[i] > 0.0:
+            column[6 + j] /= share[i]
+    return row, column

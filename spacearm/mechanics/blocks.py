@@ -26,8 +26,10 @@ BLOCKS_MAPPED = 32
 Progress = Callable[[int, int], object]
 
 
-def checked_output(array: Array, shape: tuple[int, ...], what: str) -> Array:
-    """Check an array of floats that results are written to."""
+def results_for(array: Array | None, shape: tuple[int, ...], what: str) -> Array:
+    """Check an array of floats that results are written to, or make one if None."""
+    if array is None:
+        return np.empty(shape)
     if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
         raise ConfigurationError(
             f"{what} is {getattr(array, 'dtype', type(array).__name__)} of shape "

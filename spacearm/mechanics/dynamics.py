@@ -21,15 +21,14 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.mass_matrix import (
+from spacearm.mechanics.momentum import (
     mass_matrix,
+    momentum_vector,
     not_positive_definite,
     require_positive_definite,
     solve,
 )
-from spacearm.mechanics.momentum import momentum_vector
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
@@ -134,11 +133,8 @@ def forward_dynamics(
         >>> sa.forward_dynamics(cfg, dq=[0, 0], tau=[1, 0]).ddq.round(4)
         array([ 0.6307, -0.6049])
     """
-    f = free_components(mode)
-    tau = joint_vector(cfg.arm, tau, "tau")
-    v = generalized_velocity(cfg, dq, mode, momentum)
-    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
-    X = _base_response(cfg.arm, M, c, f)
+    f, tau = free_components(mode), joint_vector(cfg.arm, tau, "tau")
+    v, M, c, X = _state(cfg, generalized_velocity(cfg, dq, mode, momentum), wrenches, f)
     H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
     c_star = c[6:] - M[6:, :f] @ X[:, -1]
     return _dynamics(cfg, v, M, c, X, solve(cfg.arm, H, tau - c_star, H_STAR))
@@ -182,9 +178,7 @@ def inverse_dynamics(
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
     v = generalized_velocity(cfg, dq, mode, momentum)
-    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
-    X = _base_response(cfg.arm, M, c, free_components(mode))
-    return _dynamics(cfg, v, M, c, X, ddq)
+    return _dynamics(cfg, *_state(cfg, v, wrenches, free_components(mode)), ddq)
 
 
 @of_configuration
@@ -278,9 +272,12 @@ def _bias(cfg: Configuration, v: Array, wrenches: Wrenches | None) -> Array:
     return c
 
 
-def _base_response(arm: SpaceArm, M: Array, c: Array, f: int) -> Array:
-    """Compute X = M_bb^-1 [M_bq, c_b] (f, n + 1), with which dv_b = -X (ddq, 1)."""
-    return solve(arm, M[:f, :f], np.column_stack((M[:f, 6:], c[:f])), M_BB)
+def _state(
+    cfg: Configuration, v: Array, wrenches: Wrenches | None, f: int
+) -> tuple[Array, Array, Array, Array]:
+    """Return v, M, c and X = M_bb^-1 [M_bq, c_b] (f, n + 1), with which dv_b = -X (ddq, 1)."""
+    M, c = mass_matrix(cfg), _bias(cfg, v, wrenches)
+    return v, M, c, solve(cfg.arm, M[:f, :f], np.column_stack((M[:f, 6:], c[:f])), M_BB)
 
 
 def _dynamics(cfg: Configuration, v: Array, M: Array, c: Array, X: Array, ddq: Array) -> Dynamics:

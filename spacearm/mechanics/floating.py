@@ -8,14 +8,18 @@ attitude therefore obeys an ordinary differential equation in one variable, T' =
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS, magnus
+from spacearm.mechanics.many import arms_kernel
 from spacearm.model.arguments import of_configuration
+from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
 
@@ -73,8 +77,6 @@ def walk(start: Configuration, Q: Array) -> list[Configuration]:
 
 def attitudes(start: Configuration, Q: Array) -> Array:
     """Return the attitudes (m, 3, 3) of the spacecraft in `walk`."""
-    from spacearm.mechanics.connection import chained, turns_of_spacecraft
-
     still_wheels(start, "the spacecraft then turns with time, not with the joints alone")
     dq = np.diff(Q, axis=0)
     steps = np.maximum(1, np.ceil(np.abs(dq).max(axis=1) / STEP)).astype(int)
@@ -95,3 +97,74 @@ def placed(start: Configuration, q: Array, T: Array) -> Configuration:
 def _attitude_rate(cfg: Configuration, dq: Array) -> Array:
     """Compute w_0 = -D^-1 D_q dq in spacecraft axes, (3,); the lower left block of A is zero."""
     return -np.linalg.solve(cfg.A[3:, 3:6], cfg.A[3:, 6:] @ dq)
+
+
+class Reactions(NamedTuple):
+    """J*, the connection and the tip pose of m configurations, in spacecraft axes.
+
+    Attributes:
+        J: (m, 6, n) J* [m/rad], [1].
+        A: (m, 3, n) the connection -D^-1 D_q of (33c): w_0 = A dq.
+        r: (m, 3) the tip from the system CM [m].
+        R: (m, 3, 3) attitude of the tip.
+    """
+
+    J: Array
+    A: Array
+    r: Array
+    R: Array
+
+
+class Turns(NamedTuple):
+    """Turns of the spacecraft in m intervals, and how they depend on the curve of the joints.
+
+    Attributes:
+        T: (m, 3, 3) rotations from the axes at the end of each interval to those at its start.
+        effects: (m, 2, 2, 3, n) how the axes at the end turn with q and with dq at each of its two
+            Gauss points.
+        J: (m, 2, 6, n) J* at these.
+        A: (m, 3, n) the connection at the second.
+        r: (m, 3) the tip from the system CM there [m].
+        R: (m, 3, 3) attitude of the tip there.
+    """
+
+    T: Array
+    effects: Array
+    J: Array
+    A: Array
+    r: Array
+    R: Array
+
+
+def reactions(arm: SpaceArm, Q: Array) -> Reactions:
+    """Compute J*, the connection and the pose of the first tip at Q (m, n)."""
+    kernel = arms_kernel([arm], "free-floating", turns.reactions, rows=len(Q))
+    return Reactions(*kernel({"q": Q}))
+
+
+def turns_of_spacecraft(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Array:
+    """Compute the turns (m, 3, 3) of the spacecraft in intervals without momentum.
+
+    Args:
+        arm: The arm.
+        Q: (m, 2, n) joint positions at the Gauss points of each interval.
+        rates: (m, 2, n) their derivatives by the curve's parameter.
+        h: (m,) lengths of the intervals.
+    """
+    kernel = arms_kernel([arm], "free-floating", turns.turn, rows=len(h))
+    return np.asarray(kernel({"q": Q, "dq": rates, "h": h}))
+
+
+def turns_and_effects(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Turns:
+    """Compute `turns_of_spacecraft`, and how they depend on the curve."""
+    kernel = arms_kernel([arm], "free-floating", turns.turn_and_effects, rows=len(h))
+    return Turns(*kernel({"q": Q, "dq": rates, "h": h}))
+
+
+def chained(T: Array) -> Array:
+    """Return the products T_0 T_1 ... T_i of rotations (..., m, 3, 3), for each i."""
+    found, by = T.copy(), 1
+    while by < T.shape[-3]:
+        found[..., by:, :, :] = found[..., :-by, :, :] @ found[..., by:, :, :]
+        by *= 2
+    return found

@@ -24,7 +24,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, Result, finite
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.dynamics import generalized_velocity, in_inertial_axes
-from spacearm.mechanics.mass_matrix import mass_matrix, require_positive_definite
+from spacearm.mechanics.momentum import mass_matrix, require_positive_definite
 from spacearm.model.arguments import of_configuration
 from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.model.frames import LWA

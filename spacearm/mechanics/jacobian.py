@@ -6,8 +6,7 @@ The tip moves with J_b v_b + J_q dq = J* dq, hence
     J* = J_q - J_b A_b^-1 A_q        (equations (1) and (35) by another route).
 
 Only the free components of v_b count, the first f of six: all six if the spacecraft floats, the
-three linear ones if its attitude is controlled, none if it is fixed. The formulas for arrays stand
-in `reduction`.
+three linear ones if its attitude is controlled, none if it is fixed.
 """
 
 from __future__ import annotations
@@ -21,16 +20,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.momentum import (
-    base_response,
-    base_response_derivative,
-    base_velocity,
-    momentum_derivatives,
-    momentum_vector,
-    reduced_jacobian,
-    reduced_jacobian_derivative,
-    unit_rates,
-)
+from spacearm.mechanics.momentum import base_response, base_velocity, momentum_vector
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -68,7 +58,8 @@ def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating"
         array([[-0.698, -0.865],
                [ 0.339, -0.042]])
     """
-    return reduced_jacobian(cfg.J, base_response(cfg.A, free_components(mode)))
+    f = free_components(mode)
+    return cfg.J[:, 6:] - cfg.J[:, :f] @ base_response(cfg.A, f)
 
 
 @of_configuration
@@ -182,10 +173,10 @@ def generalized_jacobian_derivative(
         (2, 6, 2)
     """
     f = free_components(mode)
-    dA = momentum_derivatives(cfg.arm, cfg.full_at_origin)
-    dJ = tip_derivatives(cfg.arm, cfg.full_at_origin)
+    dA, dJ = matrix_derivatives(cfg.arm, cfg.full_at_origin)
     X = base_response(cfg.A, f)
-    return reduced_jacobian_derivative(cfg.J, dJ, X, base_response_derivative(cfg.A, dA, X))
+    dX = np.linalg.solve(cfg.A[:f, :f], dA[:, :f, 6:] - dA[:, :f, :f] @ X)
+    return np.asarray(dJ[..., 6:] - dJ[..., :f] @ X - cfg.J[:, :f] @ dX)
 
 
 @of_configuration
@@ -265,17 +256,24 @@ def singular_values_of(J: Array) -> Array:
     return np.append(sigma, np.zeros(len(J) - len(sigma)))
 
 
-def tip_derivatives(arm: SpaceArm, full: Array) -> Array:
-    """Compute dJ/dq_j (n, 6 tips, 6 + n), as `momentum_derivatives` does dA/dq_j."""
-    data, dJ = arm.borrow(), []
-    for v in unit_rates(arm):
-        pin.computeJointJacobiansTimeVariation(arm.model, data, full, v)
-        rates = [
-            pin.getFrameJacobianTimeVariation(arm.model, data, tip, LWA) for tip in arm.tip_frames
-        ]
+def matrix_derivatives(arm: SpaceArm, full: Array) -> tuple[Array, Array]:
+    """Compute dA/dq_j (n, 6, 6 + n) and dJ/dq_j (n, 6 tips, 6 + n).
+
+    These are their rates at dq = e_j with the spacecraft at rest.
+
+    Args:
+        arm: The arm.
+        full: (nq,) configuration of its Pinocchio model.
+    """
+    model, data, dA, dJ = arm.model, arm.borrow(), [], []
+    for dq in np.eye(arm.n):
+        v = np.concatenate((np.zeros(6), arm.all_rates(dq)))
+        dA.append(arm.project(pin.computeCentroidalMapTimeVariation(model, data, full, v)))
+        pin.computeJointJacobiansTimeVariation(model, data, full, v)
+        rates = [pin.getFrameJacobianTimeVariation(model, data, tip, LWA) for tip in arm.tip_frames]
         dJ.append(arm.project(np.vstack(rates)))
     arm.give_back(data)
-    return np.array(dJ)
+    return np.array(dA), np.array(dJ)
 
 
 def _task_rows(cfg: Configuration, J: Array, axes: Array | None) -> Array:

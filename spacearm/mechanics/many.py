@@ -12,7 +12,7 @@ code. For fewer all numbers are arguments, so that all arms whose joints follow 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from threading import RLock
 from typing import Any, NamedTuple
@@ -64,7 +64,7 @@ def evaluated(
     inputs: Mapping[str, Array],
     numbers: Mapping[str, Any] | None = None,
     *,
-    options: tuple[tuple[str, Any], ...] = (),
+    options: Mapping[str, Any] | None = None,
     lanes: int | None = None,
     once: bool = False,
 ) -> Any:
@@ -83,28 +83,20 @@ def evaluated(
     Returns:
         (m, ...) what the function returns, an array or a tuple.
     """
-    numbers = {name: np.asarray(value, dtype=float) for name, value in (numbers or {}).items()}
     m = len(next(iter(inputs.values())))
     if m == 0 or worth_compiling(m, once=once):
-        shapes, shared = (
-            tuple((name, np.shape(array)[skip:]) for name, array in arrays.items())
-            for arrays, skip in ((inputs, 1), (numbers, 0))
-        )
-        kernel = arms_kernel(
-            [arm], mode, function, shapes, shared, options=options, lanes=lanes, rows=m
-        )
+        kernel = arms_kernel([arm], mode, function, options, lanes=lanes, rows=m)
         return kernel(inputs, numbers)
     from spacearm.compiler import numbers as by_numbers
 
-    tree, p = structure_of(arm, mode), parameters_of(arm)
+    tree, p, shared = structure_of(arm, mode), parameters_of(arm), {**(options or {})}
+    shared |= {name: np.asarray(value, dtype=float) for name, value in (numbers or {}).items()}
+    arrays = {name: np.asarray(values, dtype=float) for name, values in inputs.items()}
     with np.errstate(all="ignore"):
         found = [
-            function(
-                by_numbers, tree, p, **dict(options), **numbers,
-                **{name: np.asarray(array[i], dtype=float) for name, array in inputs.items()},
-            )
+            function(by_numbers, tree, p, **shared, **{name: x[i] for name, x in arrays.items()})
             for i in range(m)
-        ]  # fmt: skip
+        ]
     if isinstance(found[0], tuple):
         return tuple(np.array(values) for values in zip(*found, strict=True))
     return np.array(found)
@@ -165,52 +157,60 @@ def _whole(rotations: Array) -> npt.NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class ArmKernel:
-    """A compiled function of an arm, called as a `Kernel` is.
+    """A function of arms in a mode, called as a `Kernel` is; see `arms_kernel`.
 
-    Attributes:
-        kernel: The machine code.
-        own: (arms, p) the numbers of the arms that are its arguments.
-        each: Whether each lane has its own of them.
+    It is compiled when it is first called with arguments of some names and shapes.
     """
 
-    kernel: Any
-    own: Array
-    each: bool = False
+    arms: tuple[SpaceArm, ...]
+    mode: BaseMode
+    function: Callable[..., Any]
+    options: tuple[tuple[str, Any], ...]
+    outside: tuple[tuple[str, int], ...]
+    lanes: int | None
+    special: bool
+    found: dict[Any, tuple[Any, Array]] = field(default_factory=dict)
 
     def __call__(
         self,
         inputs: Mapping[str, Array],
         numbers: Mapping[str, Any] | None = None,
         tables: Mapping[str, Array] | None = None,
-        outside: Mapping[str, Callable[..., None]] | None = None,
-        *,
-        out: Sequence[Array | None] = (),
-        threads: int = 1,
         lanes_of: Any = None,
+        **how: Any,
     ) -> Any:
         """Compute all lanes; see `Kernel`. `lanes_of` numbers the arm of each lane."""
-        given = dict(numbers or {})
-        if self.each:
-            inputs = {"own": self.own[lanes_of], **inputs}
+        given, looked = dict(numbers or {}), dict(tables or {})
+        shapes = (
+            tuple((name, np.shape(values)[1:]) for name, values in inputs.items()),
+            tuple((name, np.shape(values)) for name, values in given.items()),
+            tuple((name, np.shape(table)[1]) for name, table in looked.items()),
+        )
+        if shapes not in self.found:
+            different = {arm: i for i, arm in enumerate(dict.fromkeys(self.arms))}
+            wanted = _Wanted(self.function, *shapes, self.outside, self.options, self.lanes)
+            kernel, own = _kernel(tuple(different), self.mode, wanted, self.special)
+            each = [different[arm] for arm in self.arms] if len(different) > 1 else [0]
+            self.found[shapes] = kernel, own[each]
+        kernel, own = self.found[shapes]
+        if len(own) > 1:
+            inputs = {"own": own[lanes_of], **inputs}
         else:
-            given["own"] = self.own[0]
-        return self.kernel(inputs, given, tables, outside, out=out, threads=threads)
+            given["own"] = own[0]
+        return kernel(inputs, given, looked, **how)
 
 
 def arms_kernel(
     arms: Sequence[SpaceArm],
     mode: BaseMode,
     function: Callable[..., Any],
-    inputs: Shapes,
-    numbers: Shapes = (),
-    tables: tuple[tuple[str, int], ...] = (),
-    outside: tuple[tuple[str, int], ...] = (),
+    options: Mapping[str, Any] | None = None,
     *,
-    options: tuple[tuple[str, Any], ...] = (),
+    outside: Mapping[str, int] | None = None,
     lanes: int | None = None,
     rows: float = MANY,
 ) -> ArmKernel:
-    """Return a function of arms in a mode as machine code, compiled when it is first needed.
+    """Return a function of arms in a mode as machine code.
 
     Where the arms differ their numbers are arguments of each lane: the kernel is called with
     `lanes_of`, the number of the arm of each lane.
@@ -220,26 +220,18 @@ def arms_kernel(
         mode: What the spacecraft does.
         function: Called as function(xp, structure, parameters, **options, **arguments), a function
             of a module; it is traced.
-        inputs: Names and shapes of its arguments that each lane has its own of.
-        numbers: Those that all lanes share.
-        tables: Names and columns of tables.
+        options: What is known while tracing, by name; can be hashed.
         outside: Names and numbers of results of functions that are called as it runs.
-        options: Names and values, which can be hashed, of what is known while tracing.
         lanes: Number of lanes side by side; what suits the processor if None.
         rows: For about how many configurations it is called. For few the frames of the bodies are
             not those of the arm: z is the axis of their joint.
     """
-    different = tuple(dict.fromkeys(arms))
-    wanted = _Wanted(function, inputs, numbers, tables, outside, options, lanes)
-    found = _kernel(different, mode, wanted, rows >= MANY)
-    if len(different) == 1:
-        return found
-    number = {arm: i for i, arm in enumerate(different)}
-    return replace(found, own=found.own[[number[arm] for arm in arms]])
+    known, calls = tuple((options or {}).items()), tuple((outside or {}).items())
+    return ArmKernel(tuple(arms), mode, function, known, calls, lanes, rows >= MANY)
 
 
 class _Wanted(NamedTuple):
-    """What is compiled; see `arms_kernel`."""
+    """What is compiled: a function for arguments of some names and shapes."""
 
     function: Callable[..., Any]
     inputs: Shapes
@@ -253,8 +245,11 @@ class _Wanted(NamedTuple):
 @lru_cache(maxsize=256)
 def _kernel(
     arms: tuple[SpaceArm, ...], mode: BaseMode, wanted: _Wanted, special: bool
-) -> ArmKernel:
-    """Return a function of different arms, with the numbers of each; zeros and ones compiled in."""
+) -> tuple[Any, Array]:
+    """Return a function of different arms, and the numbers (arms, p) that are its arguments.
+
+    Where it is special, zeros and ones of the arms are compiled in.
+    """
     flat = np.array([_numbers(arm, special) for arm in arms])
     shapes = tuple(np.shape(values) for values in _arrays(arms[0], special))
     if special:
@@ -268,7 +263,7 @@ def _kernel(
     )
     with COMPILING:
         kernel = _compiled(bare, pattern, shapes, wanted, len(arms) > 1)
-    return ArmKernel(kernel, flat[:, vary], len(arms) > 1)
+    return kernel, flat[:, vary]
 
 
 TURNS = len(Parameters._fields)

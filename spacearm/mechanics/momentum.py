@@ -1,8 +1,7 @@
-"""The centroidal momentum matrix, and the spacecraft's motion that follows from its conservation.
+"""The centroidal momentum matrix, the spacecraft's motion that follows from it, the mass matrix.
 
-Zero momentum, A_b v_b + A_q dq = 0, gives the spacecraft's twist v_b = -X dq, X = A_b^-1 A_q, and
-the tip moves with J* dq, J* = J_q - J_b X. Only the free components of v_b count, the first f of
-six. What eliminates the spacecraft takes one configuration or stacks of them.
+Zero momentum, A_b v_b + A_q dq = 0, gives the spacecraft's twist v_b = -X dq, X = A_b^-1 A_q. Only
+the free components of v_b count, the first f of six.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named
+from spacearm.errors import ModelError
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
@@ -109,79 +109,60 @@ def momentum_vector(momentum: npt.ArrayLike | None) -> Array:
     return np.zeros(6) if momentum is None else finite(momentum, (6,), "momentum", meaning)
 
 
-def momentum_derivatives(arm: SpaceArm, full: Array) -> Array:
-    """Compute dA/dq_j (n, 6, 6 + n): the rates of A at dq = e_j with the spacecraft at rest.
-
-    Args:
-        arm: The arm.
-        full: (nq,) configuration of its Pinocchio model.
-    """
-    data = arm.borrow()
-    dA = [
-        arm.project(pin.computeCentroidalMapTimeVariation(arm.model, data, full, v))
-        for v in unit_rates(arm)
-    ]
-    arm.give_back(data)
-    return np.array(dA)
-
-
-def unit_rates(arm: SpaceArm) -> list[Array]:
-    """Return the rates (nv,) at which one joint turns at a time, the spacecraft at rest."""
-    return [np.concatenate((np.zeros(6), arm.all_rates(dq))) for dq in np.eye(arm.n)]
-
-
 def base_response(A: Array, f: int = 6) -> Array:
     """Compute X = A_b^-1 A_q: the spacecraft moves with v_b = -X dq at zero momentum.
 
     Args:
-        A: (..., 6, 6 + n) momentum matrices [A_b A_q].
+        A: (6, 6 + n) the momentum matrix [A_b A_q].
         f: Number of free components of v_b.
 
     Returns:
-        (..., f, n) X.
+        (f, n) X.
     """
-    return np.linalg.solve(A[..., :f, :f], A[..., :f, 6:])
+    return np.linalg.solve(A[:f, :f], A[:f, 6:])
 
 
-def base_response_derivative(A: Array, dA: Array, X: Array) -> Array:
-    """Compute dX/dq_j from A_b X = A_q: dX = A_b^-1 (dA_q - dA_b X).
+def mass_matrix(cfg: Configuration) -> Array:
+    """Compute the mass matrix M (6 + n, 6 + n), the spacecraft's twist in its own axes."""
+    arm = cfg.arm
+    data = arm.borrow()
+    upper = np.triu(pin.crba(arm.model, data, cfg.full_at_origin))
+    arm.give_back(data)
+    M = upper + upper.T
+    np.fill_diagonal(M, upper.diagonal())
+    return M if arm.coupling is None else arm.project(arm.project(M).T)
 
-    Args:
-        A: (..., 6, 6 + n) momentum matrices.
-        dA: (..., n, 6, 6 + n) their derivatives with respect to each joint.
-        X: (..., f, n) `base_response`.
 
-    Returns:
-        (..., n, f, n) its derivatives.
+def require_positive_definite(arm: SpaceArm, M: Array, name: str) -> None:
+    """Refuse a matrix of inertias that is not positive definite; M may be (0, 0).
+
+    Raises:
+        ModelError: It is not; says so of `name`, with its least eigenvalue.
     """
-    f, X = X.shape[-2], X[..., None, :, :]
-    return np.linalg.solve(A[..., None, :f, :f], dA[..., :f, 6:] - dA[..., :f, :f] @ X)
+    solve(arm, M, np.zeros(len(M)), name)
 
 
-def reduced_jacobian(J: Array, X: Array) -> Array:
-    """Compute J* = J_q - J_b X, the spacecraft's motion eliminated.
+def solve(arm: SpaceArm, M: Array, b: Array, name: str) -> Array:
+    """Compute M^-1 b of a symmetric positive definite M by Cholesky factors.
 
-    Args:
-        J: (..., 6, 6 + n) Jacobians [J_b J_q].
-        X: (..., f, n) `base_response`.
-
-    Returns:
-        (..., 6, n) J*.
+    Raises:
+        ModelError: M, which is called `name`, is not positive definite.
     """
-    return J[..., 6:] - J[..., : X.shape[-2]] @ X
+    from scipy.linalg.lapack import dposv  # imports half of scipy
+
+    if not len(M):
+        return b
+    _, x, info = dposv(M, b)
+    if info:
+        raise not_positive_definite(arm, M, name)
+    return x
 
 
-def reduced_jacobian_derivative(J: Array, dJ: Array, X: Array, dX: Array) -> Array:
-    """Compute dJ*/dq_j = dJ_q - dJ_b X - J_b dX.
-
-    Args:
-        J: (..., 6, 6 + n) Jacobians.
-        dJ: (..., n, 6, 6 + n) their derivatives with respect to each joint.
-        X: (..., f, n) `base_response`.
-        dX: (..., n, f, n) its derivatives.
-
-    Returns:
-        (..., n, 6, n) derivatives of J*.
-    """
-    f = X.shape[-2]
-    return dJ[..., 6:] - dJ[..., :f] @ X[..., None, :, :] - J[..., None, :, :f] @ dX
+def not_positive_definite(arm: SpaceArm, M: Array, name: str) -> ModelError:
+    """Return the error for a matrix of inertias that no rigid bodies can have."""
+    least = np.linalg.eigvalsh(0.5 * (M + M.T))[0]
+    return ModelError(
+        f"{arm.name}: {name} is not positive definite (least eigenvalue {least:.3g}): no rigid "
+        "bodies have such masses and inertias; correct those that loading with check='error' "
+        "names, or replace them"
+    )

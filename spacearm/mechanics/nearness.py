@@ -29,7 +29,6 @@ which measures the distance to a failure set alike: Hasofer & Lind, J. Eng. Mech
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +52,8 @@ NEAR = np.radians(4.0)
 """Distances below this take the second step: from half of this down all of it [rad]."""
 FINE = 1e-5
 """Distances up to this take none: there is nothing left to correct [rad]."""
+SINGLY = 1e-3
+"""Time that the derivative of J* takes without compiled code, for one configuration [s]."""
 CONTRACTING = 0.5
 """The second step counts only if the first one came this much nearer, less and less up to that."""
 
@@ -256,10 +257,6 @@ def _several(A: Array, b: Array, least: float) -> float:
     return float(np.linalg.norm((U.T @ b) / size))
 
 
-SINGLY = 1e-3
-"""Time that the derivative of J* takes without compiled code, for one configuration [s]."""
-
-
 def tangent(
     arm: SpaceArm,
     Q: Array,
@@ -277,14 +274,19 @@ def tangent(
         fading: As in `nearness.nearness`.
         expected: How many configurations it is computed for in all, if that is more.
     """
-    rows = max(len(Q), expected)
-    if arm.n >= arm.task.k and worth_compiling(rows, SINGLY):
-        return _tangent(arm, Q, mode, fading, rows)
-    return tangent_singly(arm, Q, mode, fading)
+    many = max(len(Q), expected)
+    if arm.n < arm.task.k or not worth_compiling(many, SINGLY):
+        return tangent_singly(arm, Q, mode, fading)
+    kernel = arms_kernel([arm], mode, distance, lanes=WIDE, rows=many)
+    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": radians(arm)})
+    on_it = far == 0.0
+    if on_it.any():  # singular all around, it has no normal
+        rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
+    return Tangent(far, sigma, rows)
 
 
 def distances(
-    arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating", many: int | None = None
+    arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating", many: int = 0
 ) -> tuple[Array, Array]:
     """Compute the distances (m,) from Q (m, n), and the ways out (m, n), with the second step.
 
@@ -296,19 +298,8 @@ def distances(
     """
     if arm.n < arm.task.k:  # singular everywhere
         return np.zeros(len(Q)), np.zeros(Q.shape)
-    rows = len(Q) if many is None else many
-    look = partial(_tangent, rows=rows) if worth_compiling(rows, SINGLY) else tangent_singly
-    return refined(arm, Q, look(arm, Q, mode, FADING), lambda Q, fading: look(arm, Q, mode, fading))
 
+    def look(there: Array, fading: float) -> Tangent:
+        return tangent(arm, there, mode, fading, expected=many or len(Q))
 
-def _tangent(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float, rows: int) -> Tangent:
-    """Compute `tangent` by compiled code; rows as in `arms_kernel`."""
-    kernel = arms_kernel(
-        [arm], mode, distance, (("q", (arm.n,)),), (("fading", ()), ("radians", (arm.n,))),
-        lanes=WIDE, rows=rows,
-    )  # fmt: skip
-    far, sigma, normal = kernel({"q": Q}, {"fading": fading, "radians": radians(arm)})
-    on_it = far == 0.0
-    if on_it.any():  # singular all around, it has no normal
-        normal[on_it] = np.where(np.isnan(normal[on_it]), 0.0, normal[on_it])
-    return Tangent(far, sigma, normal)
+    return refined(arm, Q, look(Q, FADING), look)

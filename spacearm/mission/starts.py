@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.connection import reactions
+from spacearm.mechanics.floating import reactions
 from spacearm.mission.rotations import Neighbours, angle_between
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.many_curves import held_jacobian, inverse_kinematics

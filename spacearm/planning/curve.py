@@ -19,7 +19,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.equations.turns import GAUSS
-from spacearm.mechanics.connection import chained, turns_and_effects
+from spacearm.mechanics.floating import chained, turns_and_effects
 from spacearm.model.arm import SpaceArm
 
 

@@ -14,7 +14,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
-from spacearm.mechanics.connection import Reactions, reactions, turns_of_spacecraft
+from spacearm.mechanics.floating import Reactions, reactions, turns_of_spacecraft
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.loops import Indices
 from spacearm.singularities.polynomial import plane_of_motion

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
-from spacearm.mechanics import determinants
+from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
@@ -125,14 +125,14 @@ def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampl
     vanish = np.abs(np.linalg.det(chosen)) <= ROUNDING_OF_MINORS * sizes
     if (idle[minors].any(axis=1) | vanish).all():
         raise _impossible(arm)
-    return lambda Q: determinants.minors(arm, Q, mode, rows, columns)
+    return lambda Q: batch.minors(arm, Q, mode, rows, columns)
 
 
 @lru_cache(maxsize=16)
 def _columns_at_random(arm: SpaceArm, mode: BaseMode) -> Array:
     """Return the columns that minors take determinants of, at some random positions."""
     Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
-    return determinants.columns_seen(arm, Q, mode)
+    return batch.columns_seen(arm, Q, mode)
 
 
 def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
@@ -142,10 +142,8 @@ def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
     """
     rows, free = _rows_and_free_directions(like, "free-floating")
     columns = np.array([[*free, *range(6, 6 + like.n)]])
-    mine, its = (
-        determinants.unit_of_minors(one, "free-floating", rows, columns) for one in (arm, like)
-    )
-    return lambda Q: determinants.minors(arm, Q, "free-floating", rows, columns) * (its / mine)
+    mine, its = (batch.unit_of_minors(one, "free-floating", rows, columns) for one in (arm, like))
+    return lambda Q: batch.minors(arm, Q, "free-floating", rows, columns) * (its / mine)
 
 
 def _impossible(arm: SpaceArm) -> UnsupportedError:
@@ -228,7 +226,7 @@ def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     In spacecraft axes [m]; relative to the spacecraft's own CM if it is fixed.
     """
     arm.require_one_tip()
-    return determinants.tips_from_centre(arm, np.asarray(Q, dtype=np.float64), mode)
+    return batch.tips_from_centre(arm, np.asarray(Q, dtype=np.float64), mode)
 
 
 def check_square(arm: SpaceArm, so: str = "") -> None:

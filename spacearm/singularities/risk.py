@@ -228,7 +228,7 @@ def pose_risk(
     """
     from scipy.spatial import KDTree  # slow to import
 
-    from spacearm.mechanics.connection import reactions
+    from spacearm.mechanics.floating import reactions
 
     poses, neighbours = whole(poses, "poses", 1), whole(neighbours, "neighbours", 1)
     if whole(samples, "samples", 1) < max(poses, neighbours):

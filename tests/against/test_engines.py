@@ -6,7 +6,7 @@ from comparison import UNLIKE, compared, differences, main, relative, states, su
 from conventions import ENGINES, MODULES, Spacearm
 
 import spacearm as sa
-from spacearm.mechanics.accelerations import SINGLY
+from spacearm.mechanics.batch import SINGLY
 from spacearm.mechanics.many import worth_compiling
 
 ARMS = subjects()

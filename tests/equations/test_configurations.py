@@ -12,7 +12,7 @@ from spacearm.equations import jacobian, measures
 from spacearm.equations.linear import minors
 from spacearm.equations.measures import distance
 from spacearm.equations.posture import posture
-from spacearm.mechanics import determinants
+from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
 from spacearm.mechanics.nearness import tangent_singly
@@ -92,7 +92,7 @@ def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
 
         return xp.gradient(along, q)
 
-    kernel = arms_kernel([arm], mode, power, (("q", (arm.n,)),))
+    kernel = arms_kernel([arm], mode, power)
     found, wanted = kernel({"q": cfg.q[None]})[0], power(numbers, *of(cfg, mode), cfg.q)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * (np.abs(wanted).max() + 1.0))
 
@@ -124,9 +124,9 @@ def test_many_minors_are_few_minors(mode):
     arm = sa.load("chaser7")
     Q = np.random.default_rng(0).uniform(-3, 3, (40, 7))
     rows, columns = np.arange(6), 6 + np.array([range(6), [6, 5, 4, 3, 2, 1]])
-    many = determinants.minors(arm, Q, mode, rows, columns)
-    few = np.concatenate([determinants.minors(arm, q[None], mode, rows, columns) for q in Q])
-    seen = determinants.columns_seen(arm, Q, mode)[:, :, columns].swapaxes(1, 2)
+    many = batch.minors(arm, Q, mode, rows, columns)
+    few = np.concatenate([batch.minors(arm, q[None], mode, rows, columns) for q in Q])
+    seen = batch.columns_seen(arm, Q, mode)[:, :, columns].swapaxes(1, 2)
     sizes = np.linalg.norm(seen, axis=2).prod(axis=2)
     assert (np.abs(many - few) <= 1e-14 * sizes).all()
     assert (np.abs(many - np.linalg.det(seen)) <= 1e-14 * sizes).all()

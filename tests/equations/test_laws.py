@@ -5,10 +5,16 @@ import pytest
 from helpers.arms import seeds
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from spacearm.compiler import numbers, symbols
 from spacearm.compiler.kernel import compiled
-from spacearm.equations.laws import damped_rates, reactionless_rates, resolved_rates
+from spacearm.equations.laws import (
+    damped_rates,
+    reactionless_rates,
+    resolved_rates,
+    rotation_vector,
+)
 
 LEAST = 1e-9
 
@@ -39,6 +45,17 @@ def damped(J, wanted, damping, threshold):
     nearness = min(sigma[-1] / threshold, 1.0)
     size = sigma**2 + damping**2 * (1.0 - nearness**2)
     return Vt.T @ (sigma / size * (U.T @ wanted))
+
+
+@given(seeds)
+def test_rotation_vectors_of_small_and_large_turns(seed):
+    rng = np.random.default_rng(seed)
+    start, axis = Rotation.random(random_state=rng), rng.normal(size=3)
+    angle = rng.choice((0.0, 1e-9, 1e-3, 1.0, 2.5, np.pi - 1e-6)) * rng.choice((-1.0, 1.0))
+    turn = angle * axis / np.linalg.norm(axis)
+    end = Rotation.from_rotvec(turn) * start
+    found = rotation_vector(numbers, start.as_matrix(), end.as_matrix())
+    np.testing.assert_allclose(found, turn, rtol=0.0, atol=1e-14)
 
 
 @given(seeds, st.integers(1, 6), st.integers(1, 8))

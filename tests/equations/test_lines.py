@@ -11,6 +11,7 @@ import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import lines
 from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.mechanics.nearness import tangent_singly
 from spacearm.motion.runs.leading import (
     Settings,
     _numbers,
@@ -115,9 +116,10 @@ def test_the_tip_stays_on_its_path_and_the_spacecraft_turns_as_with_the_joints(n
     assert led.ended[0] == 0
     assert len(rows) == stops
     np.testing.assert_allclose(rows[-1], led.q[0], atol=1e-14)
-    there = cfg  # the attitude follows from the joints alone: by `move` between the stops
+    there, tilt = cfg, 0.0  # the attitude follows from the joints alone: by `move` between stops
     for i, row in enumerate(rows):
         there = sa.move(there, row)
+        tilt = max(tilt, np.linalg.norm(pin.log3(there.base.rotation)))
         wanted = line.pose((i + 1) * line.length / stops)
         np.testing.assert_allclose(there.tip.translation, wanted.translation, atol=1e-4)
         assert np.linalg.norm(pin.log3(there.tip.rotation.T @ wanted.rotation)) < 1e-4
@@ -126,6 +128,21 @@ def test_the_tip_stays_on_its_path_and_the_spacecraft_turns_as_with_the_joints(n
     np.testing.assert_allclose(exact.tip.translation, goal.translation, atol=1e-9)
     assert np.linalg.norm(pin.log3(exact.tip.rotation.T @ goal.rotation)) < 1e-9
     assert np.linalg.norm(pin.log3(end.T @ there.base.rotation)) < 1e-4
+    assert led.tilt[0] == pytest.approx(tilt, rel=1e-3)
+
+
+def test_the_least_distance_is_found_between_steps():
+    """The reference's, at many points of a path whose middle is nearest to the singular set."""
+    arm, rng = sa.load("planar2"), np.random.default_rng(31)
+    q = rng.uniform(-2.0, 2.0, 2)
+    cfg = arm.at(q).centred(np.zeros(3))
+    goal = cfg.tip.translation[:2] + 0.5 * rng.normal(size=2)
+    table, how = table_of([segments(cfg, [goal], None)]), Settings(limits=False)
+    led = lead_all(arm, q[None], np.eye(4)[3:], table, settings=how)
+    _, rows = lead_with_stops(arm, q, np.eye(4)[3], table, 400, how)
+    found = tangent_singly(arm, rows, "free-floating").distance
+    assert 40 < found.argmin() < 360
+    assert led.distance[0] == pytest.approx(found.min(), rel=2e-4)
 
 
 def test_paths_are_met_between_their_knots():

@@ -18,8 +18,7 @@ def found_by(arm, Q, between, rest=1e-13):
     """What the equation gives for configurations Q (m, n), compiled, and of the first by NumPy."""
     unit = radians(arm)
     shared = {"fading": FADING, "radians": unit, "between": np.array(between), "rest": rest}
-    shapes = tuple((name, np.shape(value)) for name, value in shared.items())
-    kernel = arms_kernel([arm], MODE, nearest, (("q", (arm.n,)),), shapes, options=(("most", 40),))
+    kernel = arms_kernel([arm], MODE, nearest, {"most": 40})
     found = kernel({"q": Q}, shared)
     tree, p = structure_of(arm, MODE), parameters_of(arm)
     with np.errstate(all="ignore"):

@@ -43,9 +43,8 @@ class Run:
     def compiled(self, function, t=0.0):
         arm, known = self.plant.arm, self.prepared
         kernel = arms_kernel(
-            [arm], self.plant.mode, function, (("t", ()), ("y", self.y.shape)),
-            (("laws", known.laws.shape), ("plant", known.plant.shape)), (),
-            known.setup.called(arm.n), options=(("setup", known.setup),),
+            [arm], self.plant.mode, function, {"setup": known.setup},
+            outside=dict(known.setup.called(arm.n)),
         )  # fmt: skip
 
         def outside(f, count):

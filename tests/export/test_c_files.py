@@ -11,9 +11,12 @@ import pytest
 from helpers.arms import load_text, random_chain, random_tree
 
 import spacearm as sa
-from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.mechanics.jacobian import (
+    matrix_derivatives,
+    task_jacobian,
+    task_jacobian_derivative,
+)
 from spacearm.mechanics.many import parameters_of
-from spacearm.mechanics.momentum import momentum_derivatives
 from spacearm.mechanics.nearness import nearness_of
 
 COMPILER = shutil.which("gcc")
@@ -88,7 +91,7 @@ class Library:
 def exact_gradient(cfg, S):
     """Of det(D)^2 det(J J^T), from the derivatives of A and J* that the package has."""
     arm, J, dJ = cfg.arm, task_jacobian(cfg), task_jacobian_derivative(cfg)
-    dA = momentum_derivatives(arm, cfg.full_at_origin)  # about the point where the CM was
+    dA, _ = matrix_derivatives(arm, cfg.full_at_origin)  # about the point where the CM was
     dD = dA[:, 3:, 3:6] - [pin.skew(r) @ cfg.A[:3, 3:6] for r in cfg.A[:3, 6:].T / arm.mass]
     inertia = np.einsum("ij,aji->a", np.linalg.inv(cfg.A[3:, 3:6]), dD)
     return 2 * S * (inertia + np.einsum("ij,aji->a", np.linalg.pinv(J), dJ))

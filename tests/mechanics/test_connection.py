@@ -11,7 +11,7 @@ import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS
-from spacearm.mechanics.connection import (
+from spacearm.mechanics.floating import (
     chained,
     reactions,
     turns_and_effects,

@@ -71,10 +71,10 @@ BARYCENTRIC = [
             "(33c) reaction", "mechanics/barycentric_formulation.py",
             "return -np.linalg.solve(self.D", "return np.linalg.solve(self.D",
         ),
-        ("(34a) J11", "mechanics/barycentric_formulation.py", "J11=-sum(", "J11=sum("),
+        ("(34a) J11", "mechanics/barycentric_formulation.py", "J11, J22 = -sum(", "J11, J22 = sum("),
         ("(34a) J12", "mechanics/barycentric_formulation.py", "range(1, N + 1)), np.zeros(F", "range(1, N)), np.zeros(F"),
-        ("(34a) J22", "mechanics/barycentric_formulation.py", "J22=F[tip]", "J22=F[N]"),
-        ("(34b) D", "mechanics/barycentric_formulation.py", "D=D_j.sum(axis=0)", "D=D_j[1:].sum(axis=0)"),
+        ("(34a) J22", "mechanics/barycentric_formulation.py", "F[tip]  # (34a)", "F[N]  # (34a)"),
+        ("(34b) D", "mechanics/barycentric_formulation.py", "Dq = D_j.sum(axis=0)", "Dq = D_j[1:].sum(axis=0)"),
         ("(34b) D_j", "mechanics/barycentric_formulation.py", "D_j = D_ij.sum(axis=0)", "D_j = D_ij.sum(axis=1)"),
         ("(34b) D_q", "mechanics/barycentric_formulation.py", '"jab,jbn->an"', '"jba,jbn->an"'),
         ("(35) J*", "mechanics/barycentric_formulation.py", "self.T0 @ (w + self.J22)", "self.T0.T @ (w + self.J22)"),
@@ -173,7 +173,6 @@ EQUATIONS = [
         )),
         ("dynamics", "export/test_equations equations/test_plant", (
             ("H*, compiled", "(M_qq - _of_base(", "(M_qq + _of_base("),
-            ("wrenches act at a point", "xp.cross(r - at.centres[body], force)", "xp.cross(r + at.centres[body], force)"),
         )),
         ("measures", "equations/test_configurations singularities/test_distance", (
             ("distance to first order, compiled", "sigma * way / xp", "sigma * full / xp"),
@@ -192,14 +191,45 @@ EQUATIONS = [
         ("laws", "motion/test_controllers equations/test_plant", (
             ("PD control of joints", "kp * error - kd * dq", "kp * error + kd * dq"),
             ("velocity of moving targets", "before, after) / (2.0 * INSTANT)", "before, after) / INSTANT"),
-            ("attitude of a quaternion", "g * (a * b - c * n)", "g * (a * b + c * n)"),
+            ("attitude of a quaternion", "(n * X + X @ X)", "(X @ X - n * X)"),
             ("(36) rate of the attitude, compiled", "n * w + xp.cross(e, w)", "n * w - xp.cross(e, w)"),
-            ("error of a goal", "goal - (A.T @ tip.translation)", "goal - (A @ tip.translation)"),
+            ("error of a goal", "end - ((A.T @ start", "end - ((A @ start"),
         )),
         ("plant", "motion/test_plant equations/test_plant", (
             ("torques of springs", "-spring - given", "spring - given"),
             ("torques are cut", "-given[\"effort\"]), given", "-given[\"effort\"]), 2.0 * given"),
-            ("motors react on bodies", "torques=[(body, -rate", "torques=[(body, rate"),
+            ("motors react on bodies", "moments[body] - rate * axis", "moments[body] + rate * axis"),
+            ("wrenches act at a point", "xp.cross(r - at.centres[body], force)", "xp.cross(r + at.centres[body], force)"),
+        )),
+        ("laws", "equations/test_laws", (
+            ("rotation vectors of large turns", "S[i] + (1.0 - trace)", "S[i] + (1.0 + trace)"),
+        )),
+        ("turns", "mechanics/test_connection", (
+            ("(33c) the momentum stays zero as joints move", "w, -solve(xp, at.D, slopes)", "w, solve(xp, at.D, slopes)"),
+            ("turns: (x - sin x) / x^3", "(x - sin) / (x * z)", "(x + sin) / (x * z)"),
+            ("turns: right Jacobian", "np.eye(3) - b * X + c", "np.eye(3) + b * X + c"),
+            ("turns: exp([phi]x)", "a * X + b * (X @ X)", "a * X - b * (X @ X)"),
+            ("turns: each Gauss point has its share", "[second @ G2, second @ A2]", "[second @ G2, first @ A2]"),
+        )),
+        ("lines", "equations/test_lines mission/test_attitudes", (
+            ("(1) the tip moves along its path", "(velocity + gain", "(2.0 * velocity + gain"),
+            ("(1) momentum turns the spacecraft", "@ T - xp.cross(w_h, r)", "@ T + xp.cross(w_h, r)"),
+            ("lines: the tip returns to its path", "gain * (place - T @ r)", "gain * (T @ r - place)"),
+            ("lines: the tip turns back to its path", "off = 0.5 *", "off = -0.5 *"),
+            ("lines: cubic intervals", "u * (1.0 - u) * (1.0 - u), u * u * (u - 1.0)", "u * (1.0 - u) * (1.0 - u), u * u * (1.0 - u)"),
+            ("lines: velocity in an interval", "rate * (d01 * (x[1]", "(d01 * (x[1]"),
+            ("lines: steps end on the path's end", "beyond = change[n + 4] > ahead + near", "beyond = change[n + 4] > 2.0 * ahead + near"),
+            ("Cash & Karp: error of a step", "off = [a - b for", "off = [0.0 * a for"),
+            ("lines: least distance between steps", "0.25 * slope * slope / curve", "1.0 * slope * slope / curve"),
+            ("lines: turn of the spacecraft", "return 4.0 * xp.arcsin", "return 2.0 * xp.arcsin"),
+        )),
+        ("reach", "equations/test_reach workspaces/test_extent", (
+            ("reach: joints before the middle", "g[k] = -xp.cross(z[k], before)", "g[k] = xp.cross(z[k], before)"),
+            ("reach: what the expansion leaves", "(second / 2.0, third / 6.0)", "(second / 20.0, third / 60.0)"),
+            ("reach: frames before the middle", "R[k] @ Rz[k - 1].T @ E[k].T", "R[k] @ E[k].T @ Rz[k - 1].T"),
+            ("reach: second derivatives", "bend = sign * bend - share", "bend = -sign * bend - share"),
+            ("reach: products of two joints", "-0.5 * xp.absolute(bend) * half[i]", "0.5 * xp.absolute(bend) * half[i]"),
+            ("reach: largest distance", "xp.maximum(-most, second - size - bent)", "xp.maximum(-most, second - size + bent + most)"),
         )),
         ("integration", "equations/test_integration", (
             ("DOP853: error", "0.01 * _norm(", "1.0 * _norm("),
@@ -282,8 +312,8 @@ MUTANTS = [
         "mechanics/test_momentum mechanics/test_jacobian",
     ),
     Mutant(
-        "J* = J_q - J_b A_b^-1 A_q", "mechanics/momentum.py",
-        "return J[..., 6:] - J[..., : X", "return J[..., 6:] + J[..., : X",
+        "J* = J_q - J_b A_b^-1 A_q", "mechanics/jacobian.py",
+        "return cfg.J[:, 6:] - cfg.J", "return cfg.J[:, 6:] + cfg.J",
         "mechanics/test_jacobian mechanics/test_barycentric_formulation",
     ),
     Mutant(
@@ -291,8 +321,8 @@ MUTANTS = [
         '"attitude-controlled": 3', '"attitude-controlled": 6', "mechanics/test_jacobian singularities/test_report",
     ),
     Mutant(
-        "derivative of J*", "mechanics/momentum.py",
-        "dA[..., :f, 6:] - dA[..., :f, :f] @ X", "dA[..., :f, 6:] + dA[..., :f, :f] @ X", "mechanics/test_jacobian",
+        "derivative of J*", "mechanics/jacobian.py",
+        "dA[:, :f, 6:] - dA[:, :f, :f] @ X", "dA[:, :f, 6:] + dA[:, :f, :f] @ X", "mechanics/test_jacobian",
     ),
     Mutant(
         "rate of J*", "mechanics/jacobian.py",

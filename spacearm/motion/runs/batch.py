@@ -250,19 +250,16 @@ class Batch:
         key = function, *options.values()
         tables = {} if rows is None else {"rows": rows}
         if (found := self._compiled.get(key)) is None:
-            given = dict(inputs), dict(numbers or {}), tables
-            found = self._compiled[key] = self._compile(function, given, lanes, acts, options)
+            found = self._compiled[key] = self._compile(function, lanes, acts, options)
         inputs = {**inputs, **{name: values[runs] for name, values in found.each.items()}}
         called = self.outside.called(runs, found.calls) if found.calls else None
         shared = {**found.shared, **(numbers or {})}
-        return found.kernel(inputs, shared, tables, called, out=out, lanes_of=runs)
+        return found.kernel(inputs, shared, tables, runs, outside=called, out=out)
 
     def _compile(
-        self, function: Callable[..., Any], given: Any, lanes: int | None, acts: bool,
-        options: dict[str, Any],
-    ) -> _Compiled:  # fmt: skip
+        self, function: Callable[..., Any], lanes: int | None, acts: bool, options: dict[str, Any]
+    ) -> _Compiled:
         """Return a function compiled, with the numbers of laws and plant that it takes."""
-        inputs, numbers, tables = given
         shared: dict[str, Array] = {}
         each: dict[str, Array] = {}
         calls: dict[str, int] = {}
@@ -282,12 +279,8 @@ class Batch:
             calls, options = dict(setup.called(self.n)), {"setup": setup, **options}
         arms = self.arms[:1] if function is states_within else self.arms
         kernel = arms_kernel(
-            arms, self.mode, function,
-            tuple((name, values.shape[1:]) for name, values in (inputs | each).items()),
-            tuple((name, np.shape(values)) for name, values in (numbers | shared).items()),
-            tuple((name, table.shape[1]) for name, table in tables.items()),
-            tuple(calls.items()), options=tuple(options.items()), lanes=1 if calls else lanes,
-        )  # fmt: skip
+            arms, self.mode, function, options, outside=calls, lanes=1 if calls else lanes
+        )
         return _Compiled(kernel, calls, shared, each)
 
     def standing(self) -> Steps:

@@ -186,18 +186,8 @@ def lead_with_stops(
 
 def _kernel(arm: SpaceArm, keep: bool, m: int) -> ArmKernel:
     """Return `equations.lines.lead` of an arm for m motions."""
-    n = arm.n
-    vectors = {"h": (3,), "radians": (n,), "lower": (n,), "upper": (n,)}
-    return arms_kernel(
-        [arm],
-        "free-floating",
-        lines.lead,
-        (("q", (n,)), ("attitude", (4,)), ("home", (4,)), ("path", (3,))),
-        tuple((name, vectors.get(name, ())) for name in lines.How._fields),
-        (("pieces", lines.PIECE), ("intervals", lines.INTERVAL)),
-        options=(("most", KEPT_STEPS if keep else MOST_STEPS), ("keep", keep)),
-        rows=STEPS * m,
-    )  # fmt: skip
+    options = {"most": KEPT_STEPS if keep else MOST_STEPS, "keep": keep}
+    return arms_kernel([arm], "free-floating", lines.lead, options, rows=STEPS * m)
 
 
 def _numbers(arm: SpaceArm, how: Settings, spacing: float) -> dict[str, Array | float]:
