@@ -20,7 +20,7 @@ from spacearm.equations.laws import attitude, quaternion_rate
 from spacearm.equations.linear import solve
 from spacearm.equations.measures import distance
 from spacearm.equations.posture import posture
-from spacearm.equations.singular_values import bidiagonal
+from spacearm.equations.singular_values import Reflection, reflector, unreflected
 from spacearm.equations.structure import Parameters, Structure
 from spacearm.equations.turns import right_jacobian, rotation
 
@@ -235,12 +235,21 @@ def tangent(
 
 
 def least_solution(xp: Any, J: Any, x: Any) -> tuple[Any, Any]:
-    """Compute the least dq (n,) with J dq = x, J (k, n), and the sign of det J if J is square."""
-    form, (k, n) = bidiagonal(xp, J), J.shape
-    sign = form.sign
-    for entry in form.q:
-        sign = xp.where(entry < 0.0, -sign, sign)
-    return form.solution(xp, x, np.zeros(n - k)), sign
+    """Compute the least dq (n,) with J dq = x, J (k, n), by Householder's factors J^T = Q R.
+
+    Returns:
+        dq; the sign of det J if J is square.
+    """
+    (k, n), A, sign = J.shape, J.T, 1.0
+    z: list[Any] = []
+    reflections: list[Reflection] = []
+    for i in range(k):  # half the work of the bidiagonal form
+        diagonal, reflection, turn = reflector(xp, A[i:, i])
+        reflections.append(reflection)
+        sign = sign * xp.where(diagonal < 0.0, -turn, turn)
+        z.append((x[i] - sum(A[j, i] * z[j] for j in range(i))) / diagonal)
+        A = reflection.of(xp, A)
+    return unreflected(xp, reflections, xp.concatenate([xp.stack(z), np.zeros(n - k)])), sign
 
 
 def at_length(
