@@ -37,7 +37,7 @@ def test_both_routes_agree_on_every_model(info):
 
 
 @given(chains())
-@settings(max_examples=500)
+@settings(max_examples=250)
 def test_both_routes_agree_on_random_chains(cfg):
     assert agreement(cfg) < 1e-12
 

@@ -429,7 +429,7 @@ def test_a_simulation_may_run_inside_a_controller():
         ahead = sa.simulate(arm, cfg.q, nothing, 0.1, dq0=dq, dt=0.1, events=())
         return 0.1 - ahead.q[-1]
 
-    run = sa.simulate(arm, [0.1, 0.2], looks_ahead, 0.5, events=(), rtol=1e-4)
+    run = sa.simulate(arm, [0.1, 0.2], looks_ahead, 0.1, events=(), rtol=1e-4)
     assert run.ended == "duration"
 
 

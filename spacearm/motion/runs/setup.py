@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,6 +108,29 @@ class Traced:
         return self.traced(*arguments)
 
 
+@dataclass(frozen=True)
+class Check:
+    """A check of a user's function, equal to others of what is made of the same.
+
+    Attributes:
+        values: What the function is made of, see `values_of`.
+        used: The arm and the mode that it is used with, and as what.
+        ask: Says why it cannot be traced.
+        function: The function, which lives as long.
+    """
+
+    values: tuple[Any, ...]
+    used: tuple[SpaceArm, BaseMode, str]
+    ask: Callable[[], str] = field(compare=False)
+    function: Callable[..., Any] = field(compare=False)
+
+
+@lru_cache(maxsize=64)
+def checked(check: Check) -> str:
+    """Say why a user's function cannot be traced; once for all that are made of the same."""
+    return check.ask()
+
+
 class Preparation:
     """The functions of a plant and its controllers, as they are sorted: traced or outside.
 
@@ -137,9 +160,11 @@ class Preparation:
             outside: What is called outside, checks included.
             used: The same as equations call it, if they do so otherwise.
         """
-        why = not_traced(function, traced, examples) if self.trace else "too many"
+        values, used_with = values_of(function), (self.plant.arm, self.plant.mode, what)
+        ask = partial(not_traced, function, traced, examples)
+        why = checked(Check(values, used_with, ask, function)) if self.trace else "too many"
         if not why:
-            return Source(Traced(values_of(function), used or traced, function))
+            return Source(Traced(values, used or traced, function))
         self.outside[name] = outside
         self.notes.append(f"{what} is called in Python: {why}")
         return Source()
