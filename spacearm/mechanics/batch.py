@@ -29,6 +29,7 @@ from spacearm.mechanics.many import (
 from spacearm.mechanics.nearness import distances
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
+from spacearm.model.configuration import kinematics
 from spacearm.model.mode import BaseMode, free_components
 
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
@@ -367,6 +368,10 @@ def unit_of_minors(arm: SpaceArm, mode: BaseMode, rows: Indices, columns: Indice
 
 def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at Q (m, n) [m]."""
+    if len(Q) and not worth_compiling(len(Q), SINGLY):
+        own = arm.model.inertias[1].lever
+        singly = [kinematics(arm, q, pin.SE3.Identity()) for q in Q]
+        return np.array([c.tip.translation - (own if mode == "fixed" else c.com) for c in singly])
     found: Array = evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
     return found
 

@@ -85,13 +85,8 @@ def test_names_do_not_command_the_terminal(tmp_path, words):
         )  # the name itself, in JSON's own escapes
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "\\$ $x_",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("$a$", "$\\frac{1}{$")),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["\\$ $x_", "$a$", "$\\frac{1}{$"])
 def test_names_are_no_formulas(tmp_path, name):
     path = odd_robot(tmp_path, name, name)
     arm = sa.load(path, tip="tip", task="x y")

@@ -131,7 +131,7 @@ def test_a_product_is_rounded_with_the_sum_it_stands_in(formula):
         np.testing.assert_array_equal(found, expected)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(programs(EXACT), st.integers(0, 1000))
 def test_all_widths_and_levels_give_the_same_bits(steps, seed):
     def function(a, b, c):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.mechanics import many, nearness
-from spacearm.mechanics.batch import QUANTITIES, SINGLY
+from spacearm.mechanics.batch import QUANTITIES, SINGLY, tips_from_centre
 from spacearm.mechanics.blocks import BLOCK
 
 FEW = math.ceil(many.WORTH / SINGLY)  # compiled from here on
@@ -386,3 +386,13 @@ def test_memory_maps_do_not_fill_memory(tmp_path):
         print(peak - start)
     """)
     assert int(out) < 120e6
+
+
+@pytest.mark.parametrize("mode", ["free-floating", "attitude-controlled", "fixed"])
+@pytest.mark.parametrize("name", ["mda6", "chaser7"])
+def test_tips_of_few_configurations_are_those_of_many(name, mode):
+    arm = sa.load(name)
+    Q = np.random.default_rng(0).uniform(-3.0, 3.0, (100, arm.n))
+    many_tips = tips_from_centre(arm, Q, mode)
+    few = np.vstack([tips_from_centre(arm, q[None], mode) for q in Q])
+    np.testing.assert_allclose(few, many_tips, rtol=0.0, atol=1e-14 * np.abs(many_tips).max())

@@ -42,7 +42,7 @@ def test_reactions_on_random_trees(seed, n):
 
 
 @given(seeds, one_to_eight)
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_what_a_curve_does_to_a_turn_agrees_with_differences(seed, n):
     """Central differences of the turn by each joint position and rate at the Gauss points."""
     arm, rng, step = whole_tree(seed, n), np.random.default_rng(seed), 1e-5

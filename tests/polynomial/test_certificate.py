@@ -94,7 +94,7 @@ def test_halving_ends_where_no_number_lies_between():
 
 
 @given(seeds, degrees, st.floats(0.0, 14.0), st.integers(3, 18), st.booleans())
-@settings(max_examples=80)
+@settings(max_examples=50)
 def test_a_segment_through_a_root_is_never_free(seed, degrees, spread, digits, tangent):
     """Also where it nearly touches the set, in the direction of the tangent plane."""
     rng = np.random.default_rng(seed)

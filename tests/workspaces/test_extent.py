@@ -109,6 +109,7 @@ def test_branches_have_no_bound():
     assert least_distance(arm, "free-floating", torus(arm), np.array([1.0, 2.0])) == 0.0
 
 
+@pytest.mark.slow
 def test_the_hole_of_a_catalogue_arm():
     arm = sa.load("servicer_ur5")
     known, least = check(arm, torus(arm), "free-floating", 0)
