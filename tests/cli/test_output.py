@@ -50,7 +50,10 @@ NAMES = ("../../up", "{}/absolute", ".hidden", "-option", "x" * 400)
 
 @pytest.mark.parametrize(
     ("command", "name"),
-    [*(("map", name) for name in NAMES), *((command, NAMES[0]) for command in [*COMMANDS][1:])],
+    [
+        *(("map", name) for name in NAMES),
+        *(pytest.param(command, NAMES[0], marks=pytest.mark.slow) for command in [*COMMANDS][1:]),
+    ],
 )
 def test_a_robot_s_name_leads_nowhere(tmp_path, command, name):
     here = tmp_path / "there" / "here"

@@ -17,7 +17,7 @@ def planar():
 
 
 @given(chains())
-@settings(max_examples=10)
+@settings(max_examples=5)
 def test_with_the_joints_locked_all_turns_as_one_body(cfg):
     arm = cfg.arm.replace(task="position")
     if arm.n < 3:

@@ -60,7 +60,7 @@ def check(arm, box, mode, seed):
 
 @pytest.mark.parametrize("mode", ["free-floating", "fixed"])
 @pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 4))]
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))]
 )
 def test_bounds_within_boxes(seed, mode):
     arm = load_text(random_chain(seed, 3 + seed, ("revolute",)), tip="tip")

@@ -36,7 +36,7 @@ def check(result, rng, searches=12):
             assert np.abs(q - near).max() < 2.0 * np.abs(curve[k + 1] - curve[k]).max() + 1e-6
 
 
-@pytest.mark.parametrize("name", ["ets7", "vispa_cubesat"])
+@pytest.mark.parametrize("name", [pytest.param("ets7", marks=pytest.mark.slow), "vispa_cubesat"])
 def test_shells_of_spatial_arms_are_certified(name):
     arm = sa.load(name)
     result = sa.workspace(arm, effort=5000)
