@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import seeds
+from helpers.arms import frame, joint, link, load_text, robot, seeds
 from hypothesis import given, settings
 
 import spacearm as sa
@@ -36,3 +36,32 @@ def test_it_ends_as_follow_does(name, seed):
         assert line.end.detail in slow.reason
         assert ((line.q >= arm.lower) & (line.q <= arm.upper)).all()
         assert line.q[-1] == pytest.approx(slow.q[-1], abs=0.01)
+
+
+@pytest.mark.parametrize("k", [0, 20, 64, 100])
+def test_a_limit_right_before_a_point(k):
+    """The step that ends at the point, or the start, is beyond the limit."""
+
+    def led(upper):
+        limit = f'<limit lower="-3" upper="{float(upper)!r}" effort="10" velocity="1"/>'
+        text = robot(
+            link("bus", 500.0, inertia=100.0 * np.eye(3)),
+            link("upper", 4.0, (0.5, 0, 0)),
+            link("fore", 3.0, (0.5, 0, 0)),
+            frame("tip"),
+            joint("shoulder", "bus", "upper"),
+            joint("elbow", "upper", "fore", xyz=(1, 0, 0), inside=limit),
+            joint("fixed", "fore", "tip", kind="fixed", xyz=(1, 0, 0), inside=""),
+        )
+        arm = load_text(text, tip="tip", task="x y")
+        start = arm.at([0.3, 0.5])
+        return straight_line(start, as_goal(start, arm.at([0.2, 1.2]).tip), True)
+
+    free = led(3.0)
+    assert free.end.kind == "arrived"
+    limit = free.q[k, 1] - 1e-9
+    line = led(limit)
+    assert line.end.kind == "joint limit"
+    assert line.end.detail == "elbow"
+    np.testing.assert_allclose(line.q[-1], free.q[k], rtol=0.0, atol=1e-7)
+    assert line.q[-1, 1] == limit

@@ -293,12 +293,13 @@ def straight_line(start: Configuration, goal: Goal, limits: bool) -> Line:
     kind, s, there = ENDS[led.ended[0]], float(led.s[0]), led.q[0]
     if kind == "gave up":
         raise NoSolutionError(f"{arm.name}: the line cannot be followed beyond {s:.4g}")
-    rows = np.vstack((start.q, reached if kind == "arrived" else [*reached, there]))
+    rows = np.vstack((start.q, reached[(reached != there).any(axis=1)], there))
     detail = f", {CLOSE}" if kind == "singularity" and arm.n > arm.task.k else ""
     if kind == "joint limit":  # the last step went beyond it
         j, before = int(np.maximum(arm.lower - there, there - arm.upper).argmax()), rows[-2]
-        share = (np.clip(there, arm.lower, arm.upper) - before)[j] / (there - before)[j]
-        rows[-1] = np.clip(before + share * (there - before), arm.lower, arm.upper)
+        change = there - before  # zero if the start is beyond it
+        share = (np.clip(there, arm.lower, arm.upper) - before)[j] / change[j] if change[j] else 0.0
+        rows[-1] = np.clip(before + share * change, arm.lower, arm.upper)
         detail = arm.joint_names[j]
     return Line(rows, Event(s, kind, rows[-1], detail), whole.length, whole.pose(s).translation)
 
