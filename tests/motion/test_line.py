@@ -65,3 +65,17 @@ def test_a_limit_right_before_a_point(k):
     assert line.end.detail == "elbow"
     np.testing.assert_allclose(line.q[-1], free.q[k], rtol=0.0, atol=1e-7)
     assert line.q[-1, 1] == limit
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mda6", "chaser7"])
+def test_a_thousand_lines_stay_within_the_limits(name):
+    arm, rng, ends = sa.load(name), np.random.default_rng(0), set()
+    for _ in range(1000):
+        q = rng.uniform(arm.lower, arm.upper).clip(-3.0, 3.0)
+        start = arm.at(q)
+        goal = as_goal(start, arm.at(q + rng.normal(0.0, 0.5, arm.n)).tip)
+        line = straight_line(start, goal, True)
+        assert ((line.q >= arm.lower) & (line.q <= arm.upper)).all()
+        ends.add(line.end.kind)
+    assert {"joint limit", "singularity"} <= ends
