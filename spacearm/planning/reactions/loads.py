@@ -53,12 +53,12 @@ def load_of(arm: SpaceArm, t: Array, q: Array) -> Load:
         q: (m, n) joint positions.
     """
     way = course(t, q)
+    largest = [np.linalg.norm(x, axis=1).max() for x in _loads_at(arm, way, t)]
     for parts in DIVIDED:
-        found = _sampled(arm, way, t, parts)
-        largest = [np.linalg.norm(x, axis=1).max() for x in (found.momentum, found.torque)]
-        if (found.beyond <= MARGIN * np.array(largest)).all():
+        at, beyond = _divided(arm, way, t, parts)
+        if (beyond <= MARGIN * np.array(largest)).all():
             break
-    return found
+    return Load(at, *_loads_at(arm, way, at), beyond)
 
 
 def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
@@ -77,15 +77,19 @@ def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple
     momentum, torque = np.empty((2, len(q), 3))
     for i, row in enumerate(q):
         full[7:] = arm.all_joints(row)
-        pin.computeCentroidalMapTimeVariation(model, data, full, v[i])
-        momentum[i] = data.Ag[3:] @ v[i]
-        torque[i] = data.Ag[3:] @ a[i] + data.dAg[3:] @ v[i]
+        pin.computeCentroidalMomentumTimeVariation(model, data, full, v[i], a[i])
+        momentum[i], torque[i] = data.hg.angular, data.dhg.angular
     arm.give_back(data)
     return momentum, torque
 
 
-def _sampled(arm: SpaceArm, way: PPoly, t: Array, parts: int) -> Load:
-    """Return the load at the rows' times t (m,) and at those that divide the time between them."""
+def _loads_at(arm: SpaceArm, way: PPoly, t: Array) -> tuple[Array, Array]:
+    """Return momentum and torque (p, 3) at times t (p,) of a motion."""
+    return momentum_and_torque(arm, way(t), way(t, 1), way(t, 2))
+
+
+def _divided(arm: SpaceArm, way: PPoly, t: Array, parts: int) -> tuple[Array, Array]:
+    """Divide the times between the rows' times t (m,); return all, and `Load.beyond` for them."""
     width = np.diff(t) / parts
     begin = (t[:-1, None] + np.arange(parts) * width[:, None]).ravel()
     h = np.repeat(width, parts)
@@ -95,6 +99,4 @@ def _sampled(arm: SpaceArm, way: PPoly, t: Array, parts: int) -> Load:
         for k in range(DERIVATIVES + 1)
     ]
     bounds = momentum_bounds(arm, np.swapaxes(np.array(joints), 1, 2))
-    at = np.append(begin, t[-1])
-    momentum, torque = momentum_and_torque(arm, way(at), way(at, 1), way(at, 2))
-    return Load(at, momentum, torque, (h**2 / 8.0 * bounds[2:]).max(axis=1))
+    return np.append(begin, t[-1]), (h**2 / 8.0 * bounds[2:]).max(axis=1)
