@@ -13,7 +13,9 @@ from hypothesis import settings
 
 import spacearm as sa
 
-settings.register_profile("spacearm", deadline=None, derandomize=True)  # first examples load much
+settings.register_profile(  # first examples load much
+    "spacearm", deadline=None, derandomize=True, max_examples=50
+)
 settings.load_profile("spacearm")
 
 

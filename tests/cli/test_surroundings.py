@@ -217,6 +217,7 @@ def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
     assert sa.Motion.load(tmp_path / "run.npz", sa.load("planar2")).ended == "interrupted"
 
 
+@pytest.mark.slow
 def test_effort_counts_where_it_says(tmp_path, monkeypatch):
     run = spacearm("workspace", "planar2", "--effort", 50, cwd=tmp_path)
     assert "--effort does not count: the bounds of this arm are proven" in run.stderr

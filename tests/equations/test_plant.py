@@ -236,7 +236,9 @@ def test_what_is_observed_is_what_mechanics_computes(mode):
 
 
 @pytest.mark.parametrize("law_mode", MODES)
-@pytest.mark.parametrize("name", ["planar3", "mda6", "chaser7"])
+@pytest.mark.parametrize(
+    "name", ["planar3", "mda6", pytest.param("chaser7", marks=pytest.mark.slow)]
+)
 def test_the_laws_are_those_in_python(name, law_mode):
     rng = np.random.default_rng(1)
     for task in ("pose", "position") if name != "planar3" else ("x y rz", "x y"):

@@ -54,6 +54,7 @@ def test_to_c(to_c):
     np.testing.assert_allclose(to_c.tip[-1, :2], C, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_nine_turns_about_c_and_then_to_b(arm, to_c):
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     start = to_c[-1]
