@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,9 @@ ALONE = 1 << 18
 PIECES = 8, 48
 """Fewest and most points of such a product."""
 MANY = 20_000
-"""Points at which waves were multiplied out before that is compiled."""
+"""Points at which tensors of a shape were summed before that is compiled."""
+SMALL = 256
+"""Tensors of so many numbers are summed by machine code alone."""
 
 
 def to_real(c: Complex) -> Array:
@@ -96,26 +98,11 @@ def contract(
     Returns:
         (2 d_j + 1 for j in keep, m), or what `last` makes of it, joined along the last axis.
     """
-    summed = [j for j in range(tensor.ndim) if j not in keep]
-    first, later = _halves([j for j in summed if tensor.shape[j] > 1], tensor.shape)
-    constant = [j for j in summed if tensor.shape[j] == 1]
-    kept = [tensor.shape[j] for j in keep]
-    width = math.prod(tensor.shape[j] for j in first)
-    matrix = np.ascontiguousarray(tensor.transpose(*first, *constant, *keep, *later)).reshape(
-        width, -1
-    )
-    degrees = [tuple(tensor.shape[j] // 2 for j in group) for group in (first, later)]
-    multiplied, axes = _Products.of(*degrees), np.array([*first, *later], dtype=np.intp)
-    few = min(max(NUMBERS // sum(matrix.shape), FEWEST), BLOCK)
+    sums = _Sums.of(tensor.shape, keep)
+    matrix = sums.matrix(tensor)
 
     def do(start: int) -> Array:
-        q = Q[start : start + BLOCK, axes]
-        values = np.empty((math.prod(kept), len(q)))
-        for i in range(0, len(q), few):
-            A, B = multiplied(q[i : i + few])
-            partial = _product(A, matrix).reshape(len(A), len(values), B.shape[1])
-            np.einsum("mkl,ml->km", partial, B, out=values[:, i : i + few])
-        values = values.reshape(*kept, len(q))
+        values = sums(matrix, Q[start : start + BLOCK])
         return values if last is None else last(values)
 
     starts = range(0, max(len(Q), 1), BLOCK)
@@ -125,42 +112,80 @@ def contract(
         return np.concatenate(list(pool.map(do, starts)), -1)
 
 
-class _Products:
-    """The waves of two groups of angles, multiplied out; compiled where they are many.
+class _Sums:
+    """Sums over axes of tensors of one shape; compiled where there are many.
 
     Args:
-        first: Degrees in the angles of the first group.
-        later: Those of the other.
+        shape: Shape of the tensors.
+        keep: Numbers of the axes that remain.
     """
 
-    def __init__(self, first: tuple[int, ...], later: tuple[int, ...]) -> None:
-        self.degrees, self.points = (first, later), 0
+    def __init__(self, shape: tuple[int, ...], keep: tuple[int, ...]) -> None:
+        summed = [j for j in range(len(shape)) if j not in keep]
+        first, later = _halves([j for j in summed if shape[j] > 1], shape)
+        constant = [j for j in summed if shape[j] == 1]
+        self._kept = [shape[j] for j in keep]
+        self._order, self._angles = (*first, *constant, *keep, *later), [*first, *later]
+        self._degrees = [tuple(shape[j] // 2 for j in group) for group in (first, later)]
+        width, height = (math.prod(shape[j] for j in group) for group in (first, later))
+        self._shape = width, math.prod(self._kept) * height
+        self._few = min(max(NUMBERS // sum(self._shape), FEWEST), BLOCK)
+        self._points = 0
 
     @classmethod
     @lru_cache(maxsize=256)
-    def of(cls, first: tuple[int, ...], later: tuple[int, ...]) -> _Products:
-        """Return the one of these degrees."""
-        return cls(first, later)
+    def of(cls, shape: tuple[int, ...], keep: tuple[int, ...]) -> _Sums:
+        """Return the one of this shape."""
+        return cls(shape, keep)
 
-    def __call__(self, Q: Array) -> tuple[Array, Array]:
-        """Compute both products at angles (m, n), a row for each point."""
-        self.points += len(Q)
-        if self.points > MANY:
-            return self._kernel({"q": Q})
-        A, B = self._traced(numbers, Q.T)
-        return A.T, B.T
+    def matrix(self, tensor: Array) -> Array:
+        """Return the numbers of a tensor, a row for each product of waves of the first group."""
+        return np.ascontiguousarray(tensor.transpose(self._order)).reshape(self._shape)
 
-    def _traced(self, xp: Any, q: Any) -> tuple[Any, Any]:
-        """Compute both products at angles (n,) or (n, m)."""
-        first, later = self.degrees
+    def __call__(self, matrix: Array, Q: Array) -> Array:
+        """Compute the sums (2 d_j + 1 for j in keep, m) at points (m, n)."""
+        q = Q[:, self._angles]
+        self._points += len(q)
+        often = self._points > MANY
+        if often and matrix.size <= SMALL:
+            values = self._summed({"q": q}, {"matrix": matrix}).T
+        else:
+            values = np.empty((math.prod(self._kept), len(q)))
+            for i in range(0, len(q), self._few):
+                part = q[i : i + self._few]
+                A, B = (
+                    self._multiplied({"q": part})
+                    if often
+                    else (a.T for a in self._products(numbers, part.T))
+                )
+                half = _product(A, matrix).reshape(len(A), len(values), B.shape[1])
+                np.einsum("mkl,ml->km", half, B, out=values[:, i : i + self._few])
+        return values.reshape(*self._kept, len(q))
+
+    def _products(self, xp: Any, q: Any) -> tuple[Any, Any]:
+        """Multiply out the waves of both groups of angles (n,) or (n, m)."""
+        first, later = self._degrees
         return products(xp, q[: len(first)], first), products(xp, q[len(first) :], later)
 
+    def _sum(self, xp: Any, q: Any, matrix: Any) -> Any:
+        """Compute the sums (product of those kept,) at angles (n,)."""
+        A, B = self._products(xp, q)
+        return (A @ matrix).reshape(-1, len(B)) @ B
+
     @cached_property
-    def _kernel(self) -> Any:
+    def _multiplied(self) -> Any:
+        return self._compiled(self._products)
+
+    @cached_property
+    def _summed(self) -> Any:
+        return self._compiled(self._sum, {"matrix": self._shape})
+
+    def _compiled(self, function: Callable[..., Any], given: Any = None) -> Any:
+        """Compile a function of the angles, and of numbers that all points share."""
         from spacearm.compiler import symbols
         from spacearm.compiler.kernel import compiled
 
-        return compiled(lambda q: self._traced(symbols, q), {"q": (sum(map(len, self.degrees)),)})
+        return compiled(partial(function, symbols), {"q": (len(self._angles),)}, given)
 
 
 def _product(A: Array, B: Array) -> Array:

@@ -139,12 +139,16 @@ class TrigPolynomial:
         return np.ascontiguousarray(np.moveaxis(lines, -1, 0))
 
     def _along(
-        self, Q: Array, keep: tuple[int, ...], last: Callable[[Array], Array] | None = None
+        self,
+        Q: Array,
+        keep: tuple[int, ...],
+        last: Callable[[Array], Array] | None = None,
+        of: Array | None = None,
     ) -> Array:
         """Compute `along` in real waves, the points last; `last` is applied to blocks of it."""
         if Q.ndim != 2 or Q.shape[1] != self.n:
             raise ConfigurationError(f"angles have shape {Q.shape}; give (m, {self.n})")
-        return contract(self.real, Q, keep, last)
+        return contract(self.real if of is None else of, Q, keep, last)
 
     @cached_property
     def real(self) -> Array:
@@ -230,7 +234,14 @@ class TrigPolynomial:
 
     def gradient(self, Q: npt.ArrayLike) -> Array:
         """Compute the gradient at (n,) or (m, n) angles, of the same shape."""
-        return np.stack([f(Q) for f in self.derivatives], axis=-1)
+        points = np.asarray(Q, dtype=np.float64)
+        slopes = self._along(np.atleast_2d(points), (self.n,), of=self._slopes)
+        return slopes[:, 0] if points.ndim == 1 else np.ascontiguousarray(slopes.T)
+
+    @cached_property
+    def _slopes(self) -> Array:
+        """(2 d_1 + 1, ..., 2 d_n + 1, n) the derivatives in real waves."""
+        return np.stack([f.real for f in self.derivatives], axis=-1)
 
     def hessian(self, Q: npt.ArrayLike) -> Array:
         """Compute the second derivatives (n, n) or (m, n, n)."""

@@ -130,8 +130,8 @@ def _sampler_of_one_tip(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampl
 
 @lru_cache(maxsize=16)
 def _columns_at_random(arm: SpaceArm, mode: BaseMode) -> Array:
-    """Return the columns that minors take determinants of, at some random positions."""
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
+    """Return the columns that minors take determinants of, at three random positions."""
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, arm.n))
     return batch.columns_seen(arm, Q, mode)
 
 
