@@ -90,8 +90,8 @@ def contract(
     """Sum over all axes of a tensor of real waves but those in `keep`, at points (m, n).
 
     Args:
-        tensor: (2 d_1 + 1, ..., 2 d_n + 1).
-        Q: (m, n) angles; those in `keep` do not matter.
+        tensor: (2 d_1 + 1, ..., 2 d_n + 1); axes in `keep` may have any length.
+        Q: (m, n) angles; those in `keep` do not matter, nor need they be there.
         keep: Numbers of the axes that remain, in growing order.
         last: Applied to each block of the result, (2 d_j + 1 for j in keep, b).
 
