@@ -29,7 +29,6 @@ from spacearm.mechanics.many import (
 from spacearm.mechanics.nearness import distances
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import kinematics
 from spacearm.model.mode import BaseMode, free_components
 
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
@@ -369,10 +368,21 @@ def unit_of_minors(arm: SpaceArm, mode: BaseMode, rows: Indices, columns: Indice
 def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at Q (m, n) [m]."""
     if len(Q) and not worth_compiling(len(Q), SINGLY):
-        own = arm.model.inertias[1].lever
-        singly = [kinematics(arm, q, pin.SE3.Identity()) for q in Q]
-        return np.array([c.tip.translation - (own if mode == "fixed" else c.com) for c in singly])
+        return _tips_from_centre_singly(arm, Q, mode)
     found: Array = evaluated(arm, mode, measures.tip_from_centre, {"q": Q})
+    return found
+
+
+def _tips_from_centre_singly(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
+    """Compute `tips_from_centre` by Pinocchio."""
+    model, data, found = arm.model, arm.borrow(), np.empty((len(Q), 3))
+    full = pin.neutral(model)
+    for i, q in enumerate(Q):
+        full[7:] = arm.all_joints(q)
+        com = pin.centerOfMass(model, data, full, False)
+        tip = pin.updateFramePlacement(model, data, arm.tip_frames[0])
+        found[i] = tip.translation - (model.inertias[1].lever if mode == "fixed" else com)
+    arm.give_back(data)
     return found
 
 
