@@ -201,8 +201,8 @@ class _Body(Instructions):
 
     def value(self, o: Operand) -> str:
         """Return the name of a number or mask in all lanes."""
-        if type(o) is not Expression:
-            return self.number(o)  # type: ignore[arg-type]
+        if not isinstance(o, Expression):
+            return self.number(o)
         if o.tape.depth == 0 and not self.shared:
             if o.number not in self._taken:
                 self.lanes.taken.add(o)
