@@ -154,23 +154,32 @@ class SpaceArm(Coordinates):
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
     def at(
-        self, q: npt.ArrayLike, *, base: PoseLike | None = None, wheels: npt.ArrayLike | None = None
+        self,
+        q: npt.ArrayLike,
+        *,
+        base: PoseLike | None = None,
+        wheels: npt.ArrayLike | None = None,
+        momentum: npt.ArrayLike | None = None,
     ) -> Configuration:
         """Return the configuration at joint positions q, inside the joint limits or not.
+
+        Everything that begins somewhere begins with a configuration: queries, simulations, plans.
 
         Args:
             q: (n,) joint angles [rad] or displacements [m].
             base: Pose of the spacecraft frame in the inertial frame; the identity if None.
             wheels: (w,) angular momentum that each of `wheels` holds by spinning relative to the
                 link that carries it, about its axis [N m s]; zeros if None.
+            momentum: (6,) total momentum of the system [linear [kg m/s]; angular about the system
+                CM [kg m^2/s]], inertial axes, that of the wheels included; zero if None.
 
         Raises:
-            ConfigurationError: q, base or wheels has the wrong shape or is not finite.
+            ConfigurationError: q, base, wheels or momentum has the wrong shape or is not finite.
 
         Warns:
             ModelWarning: Joints are outside their limits or look like degrees; once a line.
         """
-        return configure(self, q, base, wheels)
+        return configure(self, q, base, wheels, momentum)
 
     def borrow(self) -> pin.Data:
         """Lend a pin.Data of the model; making one costs more than using it."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array, finite, read_only
 from spacearm.errors import UnsupportedError, called_from_outside, listed
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import joint_vector
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from spacearm.model.arm import SpaceArm
 
 AT_REST = np.zeros(6)
-"""Momentum of wheels that do not spin."""
+"""Momentum of a system at rest, and of wheels that do not spin."""
+MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
+"""What the six numbers of a momentum are, for messages."""
 AT_REST.flags.writeable = False
 
 
@@ -40,6 +42,9 @@ class Configuration:
         wheels: (w,) angular momentum that each wheel of the arm holds about its axis [N m s].
         stored: (6,) momentum that all wheels hold, [linear (zero); angular], inertial axes; the
             total momentum is A_b v_b + A_q dq + stored.
+        momentum: (6,) total momentum of the system, which is constant while nothing acts from
+            outside: [linear; angular about the system CM], inertial axes, that of the wheels
+            included [kg m/s], [kg m^2/s].
         com: (3,) system centre of mass in the inertial frame [m].
         A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
             system CM], inertial axes.
@@ -51,6 +56,7 @@ class Configuration:
     q: Array
     wheels: Array
     stored: Array
+    momentum: Array
     com: Array
     A: Array
     J: Array
@@ -116,6 +122,7 @@ class Configuration:
             "tip": tips[0] if len(tips) == 1 else tips,
             "com": self.com.tolist(),
             "wheels": self.wheels.tolist(),
+            "momentum": self.momentum.tolist(),
             "outside_limits": list(self.outside_limits),
         }
 
@@ -126,7 +133,11 @@ class Configuration:
 
 
 def configure(
-    arm: SpaceArm, q: npt.ArrayLike, base: PoseLike | None, wheels: npt.ArrayLike | None
+    arm: SpaceArm,
+    q: npt.ArrayLike,
+    base: PoseLike | None,
+    wheels: npt.ArrayLike | None,
+    momentum: npt.ArrayLike | None,
 ) -> Configuration:
     """Return the configuration of an arm; arguments, checked, and errors as for `SpaceArm.at`.
 
@@ -138,6 +149,8 @@ def configure(
     cfg = kinematics(arm, joint_vector(arm, q, "q"), base)
     if called_from_outside(2):
         warn_outside(arm, cfg.q)
+    if momentum is not None:
+        cfg = replace(cfg, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
     return cfg if wheels is None else _spinning(cfg, wheels)
 
 
@@ -200,4 +213,4 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3, com: Array | None = None)
     wheels = np.zeros(len(arm.wheels))
     for array in (q, wheels, com, A, J):
         array.flags.writeable = False
-    return Configuration(arm, q, wheels, AT_REST, com, A, J, base, tuple(tips))
+    return Configuration(arm, q, wheels, AT_REST, AT_REST, com, A, J, base, tuple(tips))

@@ -173,7 +173,7 @@ class Plant:
             attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
             turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
             placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
-        return configure(arm, q, placed.base, y[2 * n + 17 :]) if arm.wheels else placed
+        return configure(arm, q, placed.base, y[2 * n + 17 :], None) if arm.wheels else placed
 
     def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
         """Return the wrenches on each link that is pushed, along inertial axes.

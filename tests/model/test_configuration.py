@@ -81,14 +81,26 @@ def test_configurations_do_not_disturb_each_other():
     assert "chaser7" in repr(first)
 
 
+def test_a_configuration_holds_its_momentum():
+    h = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    cfg = sa.load("planar2").at([0.1, 0.2], momentum=h)
+    assert cfg.momentum.tolist() == h
+    assert not cfg.momentum.flags.writeable
+    assert cfg.centred(np.ones(3)).momentum.tolist() == h
+    with pytest.raises(sa.ConfigurationError, match=r"momentum is \[1, 2\]; give 6 finite numbers"):
+        cfg.arm.at(cfg.q, momentum=[1, 2])
+
+
 def test_a_configuration_is_plain_data():
     cfg = sa.load("planar2").at([0.1, 0.2], base=random_base(np.random.default_rng(0)))
     data = json.loads(json.dumps(cfg.to_dict(), allow_nan=False))
-    assert list(data) == ["arm", "joints", "q", "base", "tip", "com", "wheels", "outside_limits"]
+    names = ["arm", "joints", "q", "base", "tip", "com", "wheels", "momentum", "outside_limits"]
+    assert list(data) == names
     assert (data["arm"], data["joints"]) == ("planar2", ["joint_1", "joint_2"])
     assert (data["q"], data["wheels"]) == ([0.1, 0.2], [])
     assert pin.XYZQUATToSE3(np.array(data["base"])).isApprox(cfg.base, 1e-14)
     assert pin.XYZQUATToSE3(np.array(data["tip"])).isApprox(cfg.tip, 1e-14)
     assert data["com"] == cfg.com.tolist()
+    assert data["momentum"] == [0.0] * 6
     dual = sa.load("dual_ur5", tip=("left", "right"))
     assert np.shape(dual.at(np.zeros(dual.n)).to_dict()["tip"]) == (2, 7)
