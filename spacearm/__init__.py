@@ -75,11 +75,9 @@ _HOMES = {
     ),
     "export.c_files": "to_c",
     "export.functions": "to_casadi to_jax",
-    "export.inverse_kinematics": (
-        "GeneralizedJacobianTask MomentumConservation SingularityBarrier"
-    ),
-    "export.robot_files": "to_mjcf to_sdf",
+    "export.inverse_kinematics": "GeneralizedJacobianTask MomentumConservation SingularityBarrier",
     "export.motion_files": "write_motion",
+    "export.robot_files": "to_mjcf to_sdf",
     "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
     "mechanics.batch": "evaluate generalized_jacobians joint_accelerations",
     "mechanics.dynamics": (
@@ -99,8 +97,7 @@ _HOMES = {
     "mission.level": "LevelReach level_reach",
     "mission.reactions": "Reaction reaction",
     "mission.wheel_sizing": "WheelSizing size_wheels",
-    "model.arm": "SpaceArm",
-    "model.configuration": "Configuration",
+    "model.arm": "Configuration SpaceArm",
     "model.frames": "pose",
     "model.loading": "load mount",
     "model.task": "Task",

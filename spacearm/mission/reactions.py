@@ -21,8 +21,7 @@ from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.playable import Playable
 from spacearm.motion.trajectory import Trajectory

@@ -12,10 +12,9 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, named
 from spacearm.mechanics.blocks import Progress
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.joints import joint_vector
-from spacearm.model.limits import warn_outside
-from spacearm.model.mode import BaseMode
+from spacearm.model.joints import joint_vector, warn_outside
 from spacearm.notebook.tables import shown, table
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.level_set import Mesh

@@ -1,6 +1,6 @@
 """The singular configuration nearest to a given one, by descents from many starts.
 
-Offsets x from the configuration count in radians of each joint (`radians`), so that |x| is the
+Offsets x from the configuration count in radians of each joint (`joint_scales`), so that |x| is the
 distance. Each step of a descent goes to the point nearest to the configuration on the singular set
 as it looks from here, to first order (`nearness.foot`), T(x). Nearest points are fixed points of T.
 The best ends are then moved onto the set and along it, by Newton's method on T(x) = x, its
@@ -23,9 +23,9 @@ from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.nearness import Tangent, foot, tangent
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 from spacearm.polynomial.nearest import branch_and_bound
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
@@ -87,12 +87,12 @@ def nearest_singular(
         progress: Called as progress(done, most), in looks at the set.
 
     Returns:
-        (n,) configuration and its distance [rad], sliding joints in units of `radians`.
+        (n,) configuration and its distance [rad], sliding joints in units of `joint_scales`.
 
     Raises:
         NoSolutionError: None was found.
     """
-    unit = radians(arm)
+    unit = joint_scales(arm)
     low = (arm.lower - q) / unit if limits else np.full(arm.n, -np.inf)
     high = (arm.upper - q) / unit if limits else np.full(arm.n, np.inf)
     look = looking(arm, mode, q)
@@ -109,7 +109,7 @@ def nearest_singular(
 
 def looking(arm: SpaceArm, mode: BaseMode, q: Array) -> Callable[[Array], Tangent]:
     """Return how the set looks from offsets (m, n)."""
-    unit = radians(arm)
+    unit = joint_scales(arm)
     return lambda X: tangent(arm, q + unit * X, mode, expected=LOOKS)
 
 
@@ -129,7 +129,7 @@ def settled_each(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
 
         return Search(look, np.full(n, -np.inf), np.full(n, np.inf))
 
-    unit = radians(arm)
+    unit = joint_scales(arm)
     every = np.arange(m)
     X: Array = np.zeros((m, n))
     if not m:

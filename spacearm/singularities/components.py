@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from spacearm.arrays import Array
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.newton import bounded_extreme
 from spacearm.polynomial.trig import TrigPolynomial

@@ -11,9 +11,9 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial.certificate import WHOLE, Certificate, certify
 from spacearm.polynomial.jets import Jets
 from spacearm.singularities.rounding import error_bars

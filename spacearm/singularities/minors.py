@@ -24,8 +24,8 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial.fit import Sampler, degrees_of
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root

@@ -11,9 +11,9 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.nearness import nearness
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 from spacearm.singularities.closest import Search, looking
 
 LOST = 1e-10
@@ -87,10 +87,10 @@ def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float
 
     Where the set is near, its foot to first order lies by its nearest point. Then the last part of
     `closest.Search` is enough, which moves one point along the set until it rests. The distance is
-    in radians, sliding joints in units of `radians`; None if none lies about.
+    in radians, sliding joints in units of `joint_scales`; None if none lies about.
     """
     search = Search(looking(arm, mode, q), np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
     offset = search.settled(np.zeros((1, arm.n)))
     if offset is None:
         return None
-    return q + radians(arm) * offset, float(np.linalg.norm(offset))
+    return q + joint_scales(arm) * offset, float(np.linalg.norm(offset))

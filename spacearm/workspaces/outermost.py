@@ -20,8 +20,8 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.equations.reach import attitudes_at_zero, constant_vectors
 from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 
 ANGLES = 4096
 """Number of intervals of the angle to an axis, 0 to pi."""

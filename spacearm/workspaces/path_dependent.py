@@ -21,10 +21,8 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Result, plain, whole
 from spacearm.errors import StoppedError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.risk import RiskProfile, risk_profile
 from spacearm.workspaces.box import Box
 from spacearm.workspaces.extent import largest_distance_within

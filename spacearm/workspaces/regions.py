@@ -11,9 +11,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named, shape_of
 from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomial import radius_squared, tips_from_centre

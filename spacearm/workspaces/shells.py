@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, named
 from spacearm.errors import UnsupportedError
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial.extremes import enclose
 from spacearm.polynomial.newton import bounded_extreme, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial

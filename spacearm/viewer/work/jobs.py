@@ -11,8 +11,8 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.mission.attitude_search import feasible_attitudes
 from spacearm.mission.attitudes import FeasibleAttitudes
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
 from spacearm.singularities.risk import RiskProfile, risk_profile
