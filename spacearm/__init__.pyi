@@ -1,4 +1,4 @@
-"""The types of the public names, which `__init__.py` imports when they are first used."""
+"""The public names and where they live; `__init__.py` imports each when it is first used."""
 
 from spacearm.collisions.obstacles import Obstacle as Obstacle
 from spacearm.collisions.report import CollisionReport as CollisionReport
