@@ -37,7 +37,7 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
-from spacearm.singularities.closest import GLOBAL_DIMENSION
+from spacearm.singularities.nearest import GLOBAL_DIMENSION
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport, angle, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 

@@ -16,7 +16,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.singularities.polynomial import plane_of_motion, probes
+from spacearm.singularities.polynomials import plane_of_motion, probes
 
 Function = Callable[..., Any]
 
