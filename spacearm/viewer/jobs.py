@@ -16,7 +16,6 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError, SpaceArmError, unknown
 from spacearm.mission.attitude_search import feasible_attitudes
-from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.configuration import Configuration
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
@@ -143,13 +142,6 @@ def plan_to(
     )  # fmt: skip
 
 
-def attitudes_from(
-    start: Configuration, path: list[pin.SE3], progress: Progress
-) -> FeasibleAttitudes:
-    """Return the attitudes of the spacecraft from which the tip can follow a path."""
-    return feasible_attitudes(start.arm, path, start.q, base=start.base, progress=progress)
-
-
 def planning(stage: Stage) -> Callable[..., Plan]:
     """Return what plans a motion from the posture on show to the goal.
 
@@ -180,7 +172,7 @@ def layer(stage: Stage, what: object, path: object) -> tuple[str, Callable[..., 
         return what, partial(workspace, session.arm, mode=session.spacecraft)
     if what == "risk":
         return what, partial(risk_profile, session.arm)
-    return what, partial(attitudes_from, *_start_and_path(stage, path))
+    return what, partial(feasible_attitudes, *_start_and_path(stage, path))
 
 
 def _start_and_path(stage: Stage, path: object) -> tuple[Configuration, list[pin.SE3]]:
