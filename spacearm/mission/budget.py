@@ -137,7 +137,7 @@ def momentum_budget(
             f"momentum is {h.tolist()}; give an angular momentum, without a linear part"
         )
     horizon = positive(horizon, "horizon", "time [s]")
-    split = prescribed_motion(cfg, {}, momentum=h)
+    split = prescribed_motion(cfg.with_momentum(h), {})
     J, drift = goal_rows(cfg, split.jacobian), goal_rows(cfg, split.drift)
     rates = -np.linalg.pinv(J) @ drift
     holds, ended, holding = _hold(cfg, h, horizon, limits)
@@ -145,7 +145,7 @@ def momentum_budget(
     return MomentumBudget(
         configuration=cfg,
         momentum=h,
-        spin=base_velocity(cfg, np.zeros(arm.n), h)[3:],
+        spin=base_velocity(cfg.with_momentum(h), np.zeros(arm.n))[3:],
         drift=split.drift,
         rates=rates,
         holds=holds,
