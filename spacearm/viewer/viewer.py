@@ -77,7 +77,7 @@ class Viewer(Host):
 
     def close(self) -> None:
         """End the server and free its port; files and pictures can still be made."""
-        self._desk.cancel()
+        self._job.cancel()
         if self._server:
             self._server.close()
             self._server = None
