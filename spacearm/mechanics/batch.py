@@ -328,8 +328,9 @@ def _accelerated_singly(
         momentum[3:] = rows["h"][i] if "h" in rows else 0.0
         with suppress(ModelError):
             ddq[i] = forward_dynamics(
-                arm.at(rows["q"][i], wheels=spin), rows["dq"][i], rows["tau"][i], mode=mode,
-                momentum=momentum, wrenches={link: rows[f"wrench on {link}"][i] for link in links},
+                arm.at(rows["q"][i], wheels=spin, momentum=momentum),
+                rows["dq"][i], rows["tau"][i], mode=mode,
+                wrenches={link: rows[f"wrench on {link}"][i] for link in links},
             ).ddq  # fmt: skip
     return ddq
 

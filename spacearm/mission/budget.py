@@ -132,14 +132,14 @@ def momentum_budget(
             "arm.at(q, momentum=[0, 0, 0, hx, hy, hz])"
         )
     horizon = positive(horizon, "horizon", "time [s]")
-    split = prescribed_motion(cfg, {}, momentum=h)
+    split = prescribed_motion(cfg, {})
     J, drift = goal_rows(cfg, split.jacobian), goal_rows(cfg, split.drift)
     rates = -np.linalg.pinv(J) @ drift
     holds, ended, holding = _hold(cfg, horizon, limits)
     carries, why, carrying = _carry(cfg, horizon, limits)
     return MomentumBudget(
         configuration=cfg,
-        spin=base_velocity(cfg, np.zeros(arm.n), h)[3:],
+        spin=base_velocity(cfg, np.zeros(arm.n))[3:],
         drift=split.drift,
         rates=rates,
         holds=holds,

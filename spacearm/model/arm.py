@@ -195,7 +195,7 @@ class SpaceArm(JointSpace):
         if called_from_outside(1):
             warn_outside(self, cfg.q)
         if momentum is not None:
-            cfg = replace(cfg, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
+            cfg = cfg.with_momentum(momentum)
         return cfg if wheels is None else _spinning(cfg, wheels)
 
     def borrow(self) -> pin.Data:
@@ -436,6 +436,14 @@ class Configuration:
         full = self.full
         full[:3] = 0.0
         return full
+
+    def with_momentum(self, momentum: npt.ArrayLike) -> Configuration:
+        """Return the same posture, pose and wheels with another total momentum (6,).
+
+        Raises:
+            ConfigurationError: It has the wrong shape or is not finite.
+        """
+        return replace(self, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
 
     def centred(self, com: Array) -> Configuration:
         """Return the same posture and attitude with the system CM at `com` (3,) [m]."""

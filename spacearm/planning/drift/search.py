@@ -196,7 +196,8 @@ class Drift:
     @cached_property
     def _spin(self) -> Array:
         """(3,) angular velocity of the spacecraft at the start, joints at rest [rad/s]."""
-        return base_velocity(self.start, np.zeros(self.start.arm.n), self.momentum)[3:]
+        start = self.start.with_momentum(self.momentum)
+        return base_velocity(start, np.zeros(start.arm.n))[3:]
 
     @cached_property
     def _speed(self) -> Array:
