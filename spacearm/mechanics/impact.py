@@ -21,13 +21,14 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite
+from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.dynamics import generalized_velocity, in_inertial_axes
 from spacearm.mechanics.momentum import mass_matrix, require_positive_definite
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, still_wheels
 from spacearm.model.frames import LWA
+from spacearm.results import Result
 
 JointState = Literal["free", "braked"]
 

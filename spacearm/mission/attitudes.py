@@ -19,10 +19,11 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, named, plain
+from spacearm.arrays import Array, named, plain
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.following import Followed, lead
+from spacearm.results import Result
 
 ENDS = ("arrived", "singularity", "joint limit", "tilt", "margin", "gave up", "no start")
 """How following the path ended, in the order of `FeasibleAttitudes.ended`."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, positive
+from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import prescribed_motion
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
@@ -24,6 +24,7 @@ from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, still_wheels
 from spacearm.motion.goal import goal_rows
 from spacearm.motion.motion import Motion
+from spacearm.results import Result
 
 HORIZON = 3600.0
 """Default longest time looked at [s]."""

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, positive, whole
+from spacearm.arrays import Array, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitude_search import turning_axis
@@ -23,6 +23,7 @@ from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, lead
 from spacearm.motion.goal import as_goal
+from spacearm.results import Cell, Description, Measure, Result, Table
 
 RAYS = {2: 360, 3: 1000}
 """Default number of directions, in the plane and in space."""
@@ -117,13 +118,21 @@ class LevelReach(Result):
         goals = [as_goal(cfg, pose) for pose in poses]
         return lead(cfg, goals, limits=self.limits)
 
-    def __repr__(self) -> str:
-        unit = "m^3" if self.axis is None else "m^2"
-        broken = f", broken ones {self.planned_volume:.4g} {unit}" if len(self.point) > 1 else ""
-        return (
-            f"LevelReach({self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°: straight "
-            f"lines from {self.straight.min():.4g} to {self.straight.max():.4g} m, "
-            f"{self.volume:.4g} {unit}{broken})"
+    def describe(self) -> Description:
+        """Describe how far straight and broken lines lead the tip."""
+        unit, reach = "m³" if self.axis is None else "m²", self.straight
+        facts: dict[str, Cell] = {
+            "worst direction": Measure(reach.min(), "m"),
+            "mean over all directions": Measure(reach.mean(), "m"),
+            "best direction": Measure(reach.max(), "m"),
+            "straight lines reach": Measure(self.volume, unit),
+        }
+        if len(self.point) > 1:
+            facts["broken lines reach"] = Measure(self.planned_volume, unit)
+        return Description(
+            title=f"{self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°",
+            verdict=f"straight lines from {reach.min():.4g} to {reach.max():.4g} m",
+            tables=[Table.facts(facts)],
         )
 
 

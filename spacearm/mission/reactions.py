@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite
+from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -26,6 +26,7 @@ from spacearm.motion.motion import Motion
 from spacearm.motion.playable import Playable
 from spacearm.motion.trajectory import Trajectory
 from spacearm.planning.result import Plan
+from spacearm.results import Result
 
 
 @dataclass(frozen=True, eq=False, repr=False)

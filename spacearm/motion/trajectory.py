@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -11,11 +11,11 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.mechanics.momentum import momentum_matrix
 from spacearm.model.arguments import free_components
-from spacearm.model.arm import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import Quantity
-from spacearm.notebook.tables import table
+from spacearm.results import Column, Description, Measure, Table, joint_values
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -118,16 +118,27 @@ class Trajectory(Motion):
         """Return all fields and quantities as plain data, with the balances of both audits."""
         return super().to_dict() | {"imbalance": self.imbalance, "drift": self.drift}
 
-    def _tables(self) -> tuple[str, ...]:
+    def describe(self) -> Description:
+        """Describe the motion, its energies, its balances and what happened on the way."""
+        motion = super().describe()
         energies = [
-            ("kinetic energy [J]", self.energy[0], self.energy[-1]),
-            ("work of the torques [J]", self.work[0], self.work[-1]),
+            ("kinetic energy", self.energy[0], self.energy[-1]),
+            ("work of the torques", self.work[0], self.work[-1]),
         ]
-        events = [(event.kind, event.t, event.detail) for event in self.events]
-        return (
-            *super()._tables(),
-            table(("", "start", "end"), energies),
-            table(("event", "t [s]", ""), events or [("none", "", "")]),
+        balances = {
+            "energy off by": Measure(self.imbalance, "of what came and went", ".1e"),
+            "momentum off by": Measure(self.drift, "of what came and went", ".1e"),
+        }
+        return replace(
+            motion,
+            verdict=f"{motion.verdict}, ended by {self.ended}",
+            notes=[*motion.notes, *self.called],
+            tables=[
+                *motion.tables,
+                Table(("", Column("start", "J"), Column("end", "J")), energies, "Energy"),
+                Table.facts(balances, "Balances"),
+            ],
+            events=events_table(self.arm, self.events),
         )
 
     def __repr__(self) -> str:
@@ -137,3 +148,10 @@ class Trajectory(Motion):
             f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first}{called})"
         )
+
+
+def events_table(arm: SpaceArm, events: Sequence[Event]) -> Table:
+    """Return what happened on the way of an arm."""
+    columns: list[Column | str] = ["event", Column("time", "s", ".4f"), *arm.joint_names, ""]
+    rows = [(e.kind, e.t, *joint_values(e.q, arm.slides), e.detail) for e in events]
+    return Table(columns, rows)

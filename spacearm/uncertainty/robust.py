@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Result, whole
+from spacearm.arrays import Array, whole
 from spacearm.errors import NoSolutionError
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Joints, Plan
 from spacearm.polynomial.certificate import certify
+from spacearm.results import Result
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.family import Family, family_of
 from spacearm.uncertainty.intervals import UncertainArm

@@ -19,12 +19,13 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, named, plain, shape_of, whole
+from spacearm.arrays import Array, finite, named, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
+from spacearm.results import Column, Description, Measure, Result, Table
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre
 from spacearm.singularities.risk import RiskProfile, risk_profile
@@ -298,6 +299,35 @@ class Workspace(Result):
         sizes = "areas" if self.planar else "volumes"
         own = {name: value for name, value in super().to_dict().items() if name != "proof"}
         return own | plain({sizes: self.volumes, "fraction": self.fraction})
+
+    def describe(self) -> Description:
+        """Describe reachable, path dependent and path independent distances, and how sure they are.
+
+        The free workspace is among them where it has been computed.
+        """
+        how: str = self.kind
+        if self.effort:
+            how += f" from {self.effort:,} singular configurations"
+        if self.kind != "stopped":
+            how += f", proven to {self.gap:.3g} m"
+        ranges = {"reachable": self.reachable, "path dependent": self.pdw,
+                  "path independent": self.piw}  # fmt: skip
+        if "free" in vars(self):
+            ranges["free"] = self.free
+        rows = [(name, *radii) for name, all_radii in ranges.items() for radii in all_radii]
+        rows += [(name, None, None) for name, all_radii in ranges.items() if not len(all_radii)]
+        sizes = {name: self._volume(radii) for name, radii in ranges.items()}
+        unit = "m²" if self.planar else "m³"
+        return Description(
+            title=f"{self.arm.name}, {self.mode}",
+            verdict=f"{self.fraction:.2%} of the reachable workspace is path independent",
+            notes=[f"distances of the tip from the system CM, {how}"],
+            tables=[
+                Table(("workspace", Column("from", "m", ".7f"), Column("to", "m", ".7f")), rows),
+                Table.facts({n: Measure(v, unit, ".7g") for n, v in sizes.items()},
+                            "Areas" if self.planar else "Volumes"),
+            ],
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         def text(radii: Array) -> str:

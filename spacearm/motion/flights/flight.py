@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.arrays import Array, Result, plain, read_only
+from spacearm.arrays import Array, plain, read_only
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.impact import Capture
 from spacearm.model.arm import Configuration
 from spacearm.motion.events import Event
 from spacearm.motion.trajectory import Trajectory
+from spacearm.results import Result
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""
