@@ -229,7 +229,7 @@ def test_names_of_a_file_are_text_and_no_markup(tmp_path):
             "div", "strong", "table", "tr", "th", "td"
         }  # fmt: skip
         assert any("<img src=x>" in cell for row in cells(thing) for cell in row)
-    assert ["<img src=x>", "-0.25 m", "0.5 m"] in cells(arm)
+    assert ["<img src=x>", "-0.25 m", "0.5 m"] in [row[:3] for row in cells(arm)]
 
 
 def test_a_report_shows_the_posture_the_way_out_and_the_lost_direction():

@@ -194,7 +194,7 @@ def print_description(said: Description, deg: bool = False) -> None:
         out.print(in_own_words(note))
     for part in said.parts:
         if part.title:
-            heading(part.title)
+            heading(in_own_words(part.title))
         if part.rows:
             rows = table(*part.head(angles))
             for row in part.body(angles):

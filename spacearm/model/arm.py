@@ -338,7 +338,8 @@ class SpaceArm(JointSpace, Described):
             task += f", linear rows divided by {self.task.length:.6g} m"
         facts: dict[str, Cell] = {
             "file": str(self.path),
-            "tips" if len(self.tips) > 1 else "tip": f"{', '.join(self.tips)} ({self.tip_reason})",
+            "tips" if len(self.tips) > 1 else "tip": f"{', '.join(self.tips)} ({self.tip_reason}); "
+            "another one: tip=LINK",
             "task": task,
             "system CM at q = 0, spacecraft frame": Measure(self.at(np.zeros(self.n)).com, "m"),
             **{f"wheel {wheel.name}, axis": Measure(wheel.axis) for wheel in self.wheels},
@@ -361,12 +362,16 @@ class SpaceArm(JointSpace, Described):
                 (joint.name, joint.kind, joint.child, q) for joint, q in zip(held, at, strict=True)
             ]
             tables.append(
-                Table(("joint", "type", "moves", "at"), rows, "Held joints, which do not count")
+                Table(
+                    ("joint", "type", "moves", "at"),
+                    rows,
+                    'Held joints (to make them count: joints="all", or their names)',
+                )
             )
         return Description(
             title=self.name,
             verdict=f"{self.n} joints, {self.mass:.6g} kg",
-            notes=self.notes,
+            notes=[f"note: {note}" for note in self.notes],
             tables=tables,
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.linalg import norm
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import (
     task_jacobian,
@@ -174,7 +174,9 @@ class SingularityReport(Result):
     def describe(self) -> Description:
         """Describe posture, tip, directions and the joint motions that leave the tip at rest."""
         arm, k = self.configuration.arm, len(self.sigma)
-        lost = f", {k - self.rank} of {k} directions lost" if self.rank < k else ""
+        outside = self.configuration.outside_limits
+        more = f", {k - self.rank} of {k} directions lost" if self.rank < k else ""
+        more += f"; outside its limits: {listed(outside)}" if outside else ""
         notes = [IN_WORDS]
         if self.way_out:
             notes.insert(0, f"To get away, per degree: {self.way_out}")
@@ -186,7 +188,7 @@ class SingularityReport(Result):
             )
         return Description(
             title=f"{arm.name}, {self.mode}",
-            verdict=self.verdict + lost,
+            verdict=self.verdict + more,
             tone=TONES[self.kind],
             notes=notes,
             tables=tables,

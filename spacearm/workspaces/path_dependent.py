@@ -25,7 +25,7 @@ from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
-from spacearm.results import Column, Description, Measure, Result, Table
+from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre
 from spacearm.singularities.risk import RiskProfile, risk_profile
@@ -314,20 +314,19 @@ class Workspace(Result):
                   "path independent": self.piw}  # fmt: skip
         if "free" in vars(self):
             ranges["free"] = self.free
-        rows = [(name, *radii) for name, all_radii in ranges.items() for radii in all_radii]
-        rows += [(name, None, None) for name, all_radii in ranges.items() if not len(all_radii)]
-        sizes = {name: self._volume(radii) for name, radii in ranges.items()}
-        unit = "m²" if self.planar else "m³"
+        rows: list[tuple[Cell, ...]] = []
+        for name, radii in ranges.items():
+            sizes = [self._volume(radii), *[None] * len(radii)]
+            rows += [(name, *ends, size) for ends, size in zip(radii, sizes, strict=False)]
+            rows += [(name, "none", "", "")] if not len(radii) else []
+        size = Column("area", "m²", ".7g") if self.planar else Column("volume", "m³", ".7g")
+        distances = (Column("from", "m", ".7f"), Column("to", "m", ".7f"))
         return Description(
             title=f"{self.arm.name}, {self.mode}",
             verdict=f"{self.fraction:.2%} of the reachable workspace is path independent",
-            notes=[f"distances of the tip from the system CM, {how}"],
-            tables=[
-                Table(("workspace", Column("from", "m", ".7f"), Column("to", "m", ".7f")), rows),
-                Table.facts({n: Measure(v, unit, ".7g") for n, v in sizes.items()},
-                            "Areas" if self.planar else "Volumes"),
-            ],
-        )  # fmt: skip
+            notes=[f"distances of the tip from the system CM ({how})"],
+            tables=[Table(("workspace", *distances, size), rows)],
+        )
 
     def __repr__(self) -> str:
         def text(radii: Array) -> str:
