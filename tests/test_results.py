@@ -59,7 +59,7 @@ def unsure():
 
 @cache
 def plan():
-    return sa.plan(arm(), [0.3, 1.2], sa.Joints([0.4, 1.3]))
+    return sa.plan(arm().at([0.3, 1.2]), sa.Joints([0.4, 1.3]))
 
 
 @cache

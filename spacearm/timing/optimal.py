@@ -130,8 +130,7 @@ def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
         return None
     if motion.momentum[0, :3].any():
         raise UnsupportedError("the system CM moves on, so that the plan depends on its times")
-    start = motion.wheels[0] if motion.arm.wheels else None
-    found = Wheels.of(motion[0], hold, start, motion.momentum[0, 3:])
+    found = Wheels.of(motion[0], hold)
     found.slowdown(load_of(motion.arm, motion.t, motion.q))  # refuses wheels that are full
     return found
 

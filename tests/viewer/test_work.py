@@ -67,7 +67,7 @@ def test_a_worker_answers_with_a_plan_or_the_reason_why_there_is_none():
     far = pin.SE3(np.eye(3), np.array([9.0, 0.0, 0.0]))
     *_, (kind, why) = answers("plan", arm, cfg.q, cfg.base, far, ())
     with pytest.raises(sa.NoSolutionError) as same:
-        sa.plan(arm, cfg.q, far)
+        sa.plan(cfg, far)
     assert (kind, why) == ("failed", str(same.value))
 
 

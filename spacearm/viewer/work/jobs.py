@@ -14,6 +14,7 @@ from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.planning.planner import plan
+from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
 from spacearm.singularities.risk import RiskProfile, risk_profile
 from spacearm.workspaces.path_dependent import Workspace, workspace
@@ -32,8 +33,12 @@ def plan_to(
     progress: Progress,
 ) -> Plan:
     """Return a motion to a pose of the tip."""
-    options = {"base": base, "obstacles": obstacles, "timeout": LONGEST, "progress": progress}
-    return plan(arm, q0, goal, **options)
+    return plan(
+        arm.at(q0, base=base),
+        goal,
+        constraints=Constraints(obstacles=obstacles),
+        search=Search(timeout=LONGEST, progress=progress),
+    )
 
 
 def shells_of(arm: SpaceArm, mode: BaseMode, progress: Progress) -> Workspace:
