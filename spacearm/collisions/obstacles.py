@@ -22,8 +22,7 @@ from spacearm.collisions.solids import hull, primitive
 from spacearm.description.meshes import read_mesh
 from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere
 from spacearm.errors import ConfigurationError, ModelError, unknown
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.motion.motion import Motion
 

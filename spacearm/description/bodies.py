@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -135,6 +135,18 @@ class Joint:
     slid: float = 0.0
     damping: float = 0.0
     friction: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return type, links, limits and leader as plain data; limits it does not have are None."""
+        limits = {name: getattr(self, name) for name in ("lower", "upper", "velocity", "effort")}
+        return {
+            "name": self.name,
+            "type": self.kind,
+            "parent": self.parent,
+            "child": self.child,
+            **{name: float(x) if math.isfinite(x) else None for name, x in limits.items()},
+            "mimic": self.mimic._asdict() if self.mimic else None,
+        }
 
     @property
     def movable(self) -> bool:

@@ -15,9 +15,8 @@ import pinocchio as pin
 from spacearm.arrays import positive
 from spacearm.collisions.obstacles import obstacles_of
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
-from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import FLOATING, HELD, BaseMode
+from spacearm.model.arguments import FLOATING, HELD, BaseMode, of_configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, Origin, started
 from spacearm.planning.account import SearchAccount
 from spacearm.planning.request import Constraints, Search

@@ -13,8 +13,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array, finite, plain, positive, whole
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.timing import largest_rates

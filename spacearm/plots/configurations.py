@@ -11,8 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots.postures import GOLD, draw_posture, draw_velocities
 from spacearm.plots.style import (
     BLUE,
@@ -28,7 +27,7 @@ from spacearm.plots.style import (
     flat_rows,
     style,
 )
-from spacearm.workspaces.regions import Region
+from spacearm.workspaces.path_dependent import Region
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 """Corners of the faces of a box whose corners are numbered in binary."""

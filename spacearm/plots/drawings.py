@@ -19,8 +19,7 @@ from spacearm.mission.envelope import LevelEnvelope
 from spacearm.mission.level import LevelReach
 from spacearm.mission.reactions import Reaction
 from spacearm.mission.wheel_sizing import WheelSizing
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.flights.flight import Flight
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import (
@@ -58,10 +57,8 @@ from spacearm.singularities.map import SingularMap
 from spacearm.singularities.report import SingularityReport
 from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.singularities.rounding import ErrorBars
-from spacearm.uncertainty.bands import ShellBands
-from spacearm.uncertainty.robust import DistanceRange
-from spacearm.workspaces.path_dependent import Workspace
-from spacearm.workspaces.regions import Region
+from spacearm.uncertainty.robust import DistanceRange, ShellBands
+from spacearm.workspaces.path_dependent import Region, Workspace
 
 DRAWINGS: Mapping[type, Callable[..., Any]] = {
     SpaceArm: draw_arm,

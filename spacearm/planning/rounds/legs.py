@@ -9,7 +9,7 @@ from dataclasses import replace
 from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal
 from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.result import Attempt, Joints, Plan, best_attempt

@@ -9,7 +9,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
-from spacearm.model.configuration import AT_REST, Configuration
+from spacearm.model.arm import AT_REST, Configuration
 from spacearm.model.wheels import rotor
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.reactions.loads import Load
