@@ -89,7 +89,7 @@ def time_optimal(
 
     Example:
         >>> import spacearm as sa
-        >>> plan = sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
+        >>> plan = sa.plan(sa.load("planar2").at([0.3, 1.2]), (0.9, 1.4))
         >>> fast = sa.time_optimal(plan, torque=20.0, rate=2.0)
         >>> bool(fast.t[-1] < 0.5 * plan.t[-1]), fast.certificate.free
         (True, True)
