@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
+from spacearm.mission.attitude_search import ENDS
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.viewer.layers.paths import distance_colors
