@@ -27,9 +27,8 @@ from spacearm.mechanics.many import (
     worth_compiling,
 )
 from spacearm.mechanics.nearness import distances
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import BaseMode, free_components, of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode, free_components
 
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
 """The measures that take J* alone."""

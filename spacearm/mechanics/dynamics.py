@@ -27,11 +27,10 @@ from spacearm.mechanics.momentum import (
     require_positive_definite,
     solve,
 )
-from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arm import Configuration
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode, free_components
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""

@@ -20,8 +20,7 @@ from spacearm.equations.turns import GAUSS, magnus
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.many import arms_kernel
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, kinematics, still_wheels
+from spacearm.model.arm import Configuration, SpaceArm, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
 
 STEP = 0.05

@@ -26,7 +26,7 @@ from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.dynamics import generalized_velocity, in_inertial_axes
 from spacearm.mechanics.momentum import mass_matrix, require_positive_definite
 from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.arm import Configuration, still_wheels
 from spacearm.model.frames import LWA
 
 JointState = Literal["free", "braked"]

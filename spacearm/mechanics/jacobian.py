@@ -21,12 +21,10 @@ import pinocchio as pin
 from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.momentum import base_response, base_velocity
-from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode, free_components
 
 
 @of_configuration

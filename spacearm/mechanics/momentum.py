@@ -15,8 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, named
 from spacearm.errors import ModelError
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 
 

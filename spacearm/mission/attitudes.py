@@ -33,8 +33,7 @@ from spacearm.mission.attitude_search import (
     volume,
 )
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, lead
 from spacearm.motion.runs.leading import Settings, table_of
 from spacearm.motion.tip_path import Path, path_start, segments

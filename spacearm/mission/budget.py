@@ -20,9 +20,8 @@ from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import prescribed_motion
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
 from spacearm.mission.attitudes import turning_axis
-from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration, still_wheels
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arm import Configuration, still_wheels
 from spacearm.motion.goal import goal_rows
 from spacearm.motion.motion import Motion
 from spacearm.motion.runs.leading import ENDS, Led, Settings, lead_all, table_of

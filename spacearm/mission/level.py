@@ -24,8 +24,7 @@ from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.mission.attitudes import sound_margin, turning_axis
 from spacearm.mission.rotations import angle_between, evenly_spread
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, lead
 from spacearm.motion.goal import as_goal
 from spacearm.motion.runs.leading import Led, Settings, Table, lead_all

@@ -24,10 +24,8 @@ from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
 from spacearm.mechanics.nearness import distance_at
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import HELD
+from spacearm.model.arguments import HELD, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.playable import Playable
 from spacearm.motion.trajectory import Trajectory

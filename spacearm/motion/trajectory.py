@@ -10,8 +10,8 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.mechanics.momentum import momentum_matrix
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import free_components
+from spacearm.model.arguments import free_components
+from spacearm.model.arm import Configuration
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import Quantity

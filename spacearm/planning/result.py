@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.notebook.tables import table

@@ -17,8 +17,7 @@ from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import Reaction, WheelSizing
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.flights.flight import Flight
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import (

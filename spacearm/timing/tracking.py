@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, positive
 from spacearm.mechanics.dynamics import inverse_dynamics
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.controllers import Law
 from spacearm.motion.motion import Motion
 from spacearm.planning.result import Plan

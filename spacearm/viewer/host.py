@@ -17,7 +17,7 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mission.attitudes import FeasibleAttitudes
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.jobs import BackgroundJob, layer, planning
 from spacearm.viewer.panel.choices import chosen, offered

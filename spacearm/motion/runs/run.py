@@ -14,7 +14,7 @@ from spacearm.equations.plant import observe, parts, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import nearness
 from spacearm.mechanics.dynamics import forward_dynamics
-from spacearm.model.mode import free_components
+from spacearm.model.arguments import free_components
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS, Event, is_exact
 from spacearm.motion.plant import Plant
