@@ -17,7 +17,7 @@ from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.singularities.polynomials import plane_of_motion, probes
+from spacearm.singularities.polynomials import plane_of_motion
 
 Function = Callable[..., Any]
 
@@ -220,7 +220,7 @@ def structure_in(arm: SpaceArm, mode: BaseMode) -> Structure:
     Raises:
         ConfigurationError: There is no such mode.
     """
-    return replace(structure_of(arm, mode), normal=plane_of_motion(arm, probes(arm)))
+    return replace(structure_of(arm, mode), normal=plane_of_motion(arm))
 
 
 def symbolic(p: Parameters) -> Parameters:

@@ -169,8 +169,8 @@ def _impossible(arm: SpaceArm) -> UnsupportedError:
 
 def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
     """Return the function that computes minors as det(D) det(J*), one by one."""
-    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes(arm))
-    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in probes(arm)])
+    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in _probes(arm))
+    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in _probes(arm)])
     J_unit = np.abs(at_probes).max()
     sigma = np.linalg.svd(at_probes, compute_uv=False)
     if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
@@ -197,12 +197,12 @@ def _rows_and_free_directions(arm: SpaceArm, mode: BaseMode) -> tuple[Indices, l
     task = [int(i) for i in arm.task.indices]
     if mode != "free-floating":
         return np.array(task), []
-    normal = plane_of_motion(arm, probes(arm)) if arm.tree.plane_normal() is not None else None
+    normal = plane_of_motion(arm)
     rows = list(range(6)) if normal is None else [*{0, 1, 2} - {normal}, 3 + normal]
     return np.array(rows), [i for i in rows if i not in task]
 
 
-def probes(arm: SpaceArm) -> list[Configuration]:
+def _probes(arm: SpaceArm) -> list[Configuration]:
     """Return a few random configurations."""
     Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
     return [arm.at(q) for q in Q]
@@ -292,13 +292,13 @@ def to_square(arm: SpaceArm) -> str:
     return f"lock {n - arm.task.k} joint(s), for instance {lock}{longer}"
 
 
-def plane_of_motion(arm: SpaceArm, probes: list[Configuration]) -> int | None:
+def plane_of_motion(arm: SpaceArm) -> int | None:
     """Return the normal axis of a planar arm whose inertias keep it in the plane, else None."""
     normal = arm.tree.plane_normal()
     if normal is None:
         return None
     across = [i for i in range(3) if i != normal]
-    A = np.array([cfg.A[3:] for cfg in probes])
+    A = np.array([cfg.A[3:] for cfg in _probes(arm)])
     leaks = np.abs(A[:, across, 6:]).max() + np.abs(A[:, across, 3 + normal]).max()
     return normal if leaks <= 1e-12 * np.abs(A).max() else None
 
@@ -367,10 +367,6 @@ class Minors:
     def every(self) -> list[Jets]:
         """Return all minors that do not vanish identically."""
         return self._together(list(self.degrees))
-
-    def with_columns(self, B: Columns) -> list[Jets]:
-        """Return the minors with columns B and one more; they decide where B is independent."""
-        return self._together(self._minors_with(B))
 
     @cached_property
     def few(self) -> list[Jets]:
