@@ -23,7 +23,6 @@ from spacearm.mission.level import level_reach
 from spacearm.mission.wheel_sizing import PERCENTILES, size_wheels
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.joints import joint_vector
 from spacearm.plots.show import plot
 from spacearm.reports.page import Section, page
@@ -155,7 +154,7 @@ def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     )
     bodies = [
         (name, f"{body.mass:.6g}", *(f"{x:.4g}" for x in np.linalg.eigvalsh(body.inertia)))
-        for name, body in rigid_bodies(arm.tree, arm.model).items()
+        for name, body in arm.bodies.items()
     ]
     section.table(
         ("body", "mass [kg]", "least moment [kg m²]", "middle [kg m²]", "largest [kg m²]"),
@@ -229,7 +228,7 @@ def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     at = f"[{', '.join(f'{x:.6g}' for x in q)}]"
     rows = []
     for tilt in TILTS:
-        reach = level_reach(arm, q, float(np.radians(tilt)), directions=_rays(arm))
+        reach = level_reach(arm.at(q), float(np.radians(tilt)), directions=_rays(arm))
         rows.append((f"{tilt:g}°", f"{reach.straight.min():.4g}", f"{reach.straight.mean():.4g}",
                      f"{reach.straight.max():.4g}"))  # fmt: skip
     section.say(
@@ -239,22 +238,24 @@ def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     )
     head = ("turned by", "worst [m]", "mean [m]", "best [m]")
     section.table(
-        head, rows, _python(about, f"sa.level_reach(arm, {at}, {np.radians(TILTS[1]):.6g})")
+        head, rows, _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[1]):.6g})")
     )
     section.picture(
         plot(reach),
         f"Where the tip goes with a turn of up to {TILTS[-1]:g}°.",
-        _python(about, f"sa.level_reach(arm, {at}, {np.radians(TILTS[-1]):.6g})"),
+        _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[-1]):.6g})"),
     )
     bus = float(arm.model.inertias[1].mass)
     masses = [round(share * bus, 6) for share in HEAVIER]
     tilts = [float(np.radians(tilt)) for tilt in TILTS]
-    envelope = level_envelope(arm, q, tilts, masses, directions=_rays(arm) // 2)
+    envelope = level_envelope(arm.at(q), tilts, masses, directions=_rays(arm) // 2)
     section.picture(
         plot(envelope),
         "The same over the mass of the bus, whose inertia grows as mass^(5/3); on the right the "
         f"turn by {envelope.travel:g} m of the tip.",
-        _python(about, f"sa.level_envelope(arm, {at}, {[round(t, 6) for t in tilts]}, {masses})"),
+        _python(
+            about, f"sa.level_envelope(arm.at({at}), {[round(t, 6) for t in tilts]}, {masses})"
+        ),
     )
 
 

@@ -13,8 +13,8 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer.jobs import MOST_CORNERS, BackgroundJob
     from spacearm.viewer.layers.attitudes import INNER, OUTER, patches, sector
-    from spacearm.viewer.work.orders import MOST_CORNERS
 
 
 def meshes(viewer):
@@ -64,7 +64,7 @@ def test_sectors_and_patches_have_their_areas():
 def test_a_ring_shows_the_intervals_and_the_attitude_now():
     arm = sa.load("planar2")
     q0 = np.radians([-57.936, 60.337])
-    found = sa.feasible_attitudes(arm, [(2.0, 0.0), (1.5, 1.5)], q0, samples=180)
+    found = sa.feasible_attitudes(arm.at(q0), [(2.0, 0.0), (1.5, 1.5)], samples=180)
     viewer = sa.view(found, open=False)
     drawn = meshes(viewer)
     (interval,) = found.intervals
@@ -135,14 +135,14 @@ def attitudes():
     cfg = arm.at(np.full(6, 0.4))
     start = pin.SE3(cfg.tip.rotation, cfg.tip.translation - cfg.com)
     end = pin.SE3(start.rotation, 0.9 * start.translation)
-    return sa.feasible_attitudes(arm, [start, end], cfg.q, samples=72, refine=0)
+    return sa.feasible_attitudes(cfg, [start, end], samples=72, refine=0)
 
 
 def test_the_page_asks_for_the_attitudes_of_a_line_or_of_a_motion(monkeypatch):
     arm = sa.load("planar2")
     viewer = sa.view(arm, [0.3, 1.2], open=False)
     begun = []
-    monkeypatch.setattr("spacearm.viewer.work.desk.Task", lambda *given: begun.append(given))
+    monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     ask = {"do": "compute", "what": "attitudes"}
     for path, why in (
         ("goal", "there is no goal"), ("motion", "there is no motion"), ("round", "unknown path"),
@@ -151,10 +151,11 @@ def test_the_page_asks_for_the_attitudes_of_a_line_or_of_a_motion(monkeypatch):
             viewer.handle({**ask, "path": path})
     viewer.handle({"do": "goal", "position": [1.0, 1.0, 0.0]})
     viewer.handle({**ask, "path": "goal"})
-    name, (of, q0, _, (start, end)) = begun[0][:2]
+    name, function, _ = begun[0]
+    of, (start, end) = function.args
     cfg = viewer.configuration
-    assert (name, of) == ("attitudes", arm)
-    np.testing.assert_array_equal(q0, cfg.q)
+    assert (name, of.arm) == ("attitudes", arm)
+    np.testing.assert_array_equal(of.q, cfg.q)
     np.testing.assert_allclose(start.translation, cfg.tip.translation - cfg.com)
     np.testing.assert_allclose(end.translation, np.array([1.0, 1.0, 0.0]) - cfg.com)
     viewer.handle({"do": "spacecraft", "mode": "fixed"})
@@ -169,11 +170,11 @@ def test_a_motion_is_feasible_from_where_it_begins(monkeypatch):
     run = sa.follow(arm, cfg.q, [goal[:2]], speed=0.1)
     viewer = sa.view(run, open=False)
     begun = []
-    monkeypatch.setattr("spacearm.viewer.work.desk.Task", lambda *given: begun.append(given))
+    monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     viewer.handle({"do": "compute", "what": "attitudes", "path": "motion"})
-    _, (_, q0, base, path) = begun[0][:2]
+    start, path = begun[0][1].args
     assert len(path) <= MOST_CORNERS
-    found = sa.feasible_attitudes(arm, path, q0, base=base, samples=90)
+    found = sa.feasible_attitudes(start, path, samples=90)
     assert any(low <= 0.0 <= high for low, high in found.intervals)
 
 
