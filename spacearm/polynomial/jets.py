@@ -57,6 +57,10 @@ class Chart:
         """Return the positions of angles (..., n)."""
         return np.where(self.slides, self.centre + self.half * np.cos(angles), angles)
 
+    def draw(self, rng: np.random.Generator, *shape: int) -> Array:
+        """Draw positions (..., n) of uniform angles."""
+        return self.positions(rng.uniform(-np.pi, np.pi, (*shape, len(self.slides))))
+
 
 class Jet(NamedTuple):
     """Value and derivatives at m points.

@@ -72,6 +72,17 @@ def surface(S: TrigPolynomial, resolution: float = 0.0) -> Mesh:
     return Mesh(wrap(polish(S, OFFSET + found * step)), triangles)
 
 
+def connected(points: Array, edges: npt.NDArray[np.int_]) -> list[Array]:
+    """Return the connected pieces of points (m, n), of which pairs (e, 2) are neighbours."""
+    from scipy.sparse import csr_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
+    m, ends = len(points), (edges[:, 0], edges[:, 1])
+    graph = csr_array((np.ones(len(edges)), ends), shape=(m, m))
+    _, labels = connected_components(graph, directed=False)
+    return [points[labels == label] for label in np.unique(labels)]
+
+
 def _isosurface(values: Array) -> tuple[Array, npt.NDArray[np.int_]]:
     """Triangulate where a function on a grid without ends is zero.
 

@@ -44,6 +44,11 @@ ROUNDING = 1e-14
 """Share of the arm's size below which distances are zero."""
 ROUNDING_OF_MINORS = 1e-13
 """Share of the product of the lengths of its columns below which a determinant is zero."""
+MIMIC = (
+    "joints that mimic others make S a polynomial of multiples of the angles; lock their leaders "
+    "with locked={...}"
+)
+"""Why arms with such joints have no singularity polynomial."""
 NEVER = 1e-9
 """A task whose sigma_min / sigma_max is below this everywhere is one that the arm can never do."""
 
@@ -266,10 +271,7 @@ def _why_not_square(arm: SpaceArm) -> str | None:
         what = "its position; lock it" if one else "their positions; lock them"
         return f"{which} prismatic, and S is no trigonometric polynomial in {what}: locked={{...}}"
     if arm.coupling is not None:
-        return (
-            "joints that mimic others make S a polynomial of multiples of the angles; "
-            "lock their leaders with locked={...}"
-        )
+        return MIMIC
     if n > k:
         return (
             f"{n} joints for {k} task rows ({arm.task.names}): the arm is redundant "
@@ -418,10 +420,10 @@ class Minors:
         triangle, B = self._chosen
         rng = np.random.default_rng(1)
         for _ in range(SEARCHES if triangle is not None and self.codimension > 1 else 0):
-            q = lose_rank(self.arm, self._random(rng), self.mode, B)
+            q = lose_rank(self.arm, self.chart.draw(rng), self.mode, B)
             if q is not None and triangle is not None:
                 given = list(triangle.joints)
-                q[given] = self._random(rng)[given]
+                q[given] = self.chart.draw(rng)[given]
                 if not is_singular(self.arm, q, self.mode, B):
                     return True
         return False
@@ -483,19 +485,15 @@ class Minors:
         if any(is_singular(self.arm, q, self.mode) for q in escaped):
             return False
         for _ in range(SEARCHES):
-            q = lose_rank(self.arm, self._random(rng), self.mode)
+            q = lose_rank(self.arm, self.chart.draw(rng), self.mode)
             if q is not None and (
                 is_singular(self.arm, q, self.mode, B) or not _given(triangle, self.chart.angles(q))
             ):
                 return False
-            q = lose_rank(self.arm, self._random(rng), self.mode, B)
+            q = lose_rank(self.arm, self.chart.draw(rng), self.mode, B)
             if q is not None and is_singular(self.arm, q, self.mode):
                 return False
         return True
-
-    def _random(self, rng: np.random.Generator) -> Array:
-        """Draw a configuration."""
-        return self.chart.positions(rng.uniform(-np.pi, np.pi, self.arm.n))
 
 
 def has_minors(arm: SpaceArm) -> bool:
@@ -523,7 +521,7 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
         )
     own, every = chart_of(arm), np.array(list(combinations(range(n), k)))
     rng = np.random.default_rng(0)
-    probes = own.positions(rng.uniform(-np.pi, np.pi, (PROBES, n)))
+    probes = own.draw(rng, PROBES)
     size = np.abs(minor_sampler(arm, every, mode)(probes)).max(axis=0)
     some = every[size > ABSENT * size.max()]
     degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)
