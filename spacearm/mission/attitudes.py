@@ -23,7 +23,7 @@ from spacearm.arrays import Array, Result, named, plain
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
-from spacearm.motion.following import Followed, lead
+from spacearm.motion.following import Followed, follow
 
 ENDS = ("arrived", "singularity", "joint limit", "tilt", "margin", "gave up", "no start")
 """How following the path ended, in the order of `FeasibleAttitudes.ended`."""
@@ -196,7 +196,7 @@ class FeasibleAttitudes(Result):
             raise UnsupportedError("sa.follow leads the tip at zero momentum only")
         cfg = self.start(i)
         length = self.length if callable(self.path) else None
-        return lead(cfg, self.path, length=length, speed=self.speed, limits=self.limits)
+        return follow(cfg, self.path, length=length, speed=self.speed, limits=self.limits)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data, with share and error; functions as None."""

@@ -23,7 +23,7 @@ from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.frames import PoseLike
-from spacearm.motion.following import Followed, lead
+from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
 
 RAYS = {2: 360, 3: 1000}
@@ -117,7 +117,7 @@ class LevelReach(Result):
         cfg = self.start()
         poses = [pin.SE3(cfg.tip.rotation, corner) for corner in corners[::-1]]
         goals = [as_goal(cfg, pose) for pose in poses]
-        return lead(cfg, goals, limits=self.limits)
+        return follow(cfg, goals, limits=self.limits)
 
     def __repr__(self) -> str:
         unit = "m^3" if self.axis is None else "m^2"

@@ -69,8 +69,11 @@ class Trajectory(Motion):
     }
 
     def __getitem__(self, i: int) -> Configuration:
-        cfg = super().__getitem__(i)
-        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i]) if self.arm.wheels else cfg
+        cfg, kept = super().__getitem__(i), free_components(self.mode)
+        momentum = np.zeros(6)
+        momentum[:kept] = self.momentum[0, :kept] + self.impulse[i, :kept]
+        wheels = self.wheels[i] if self.arm.wheels else None
+        return self.arm.at(cfg.q, base=cfg.base, wheels=wheels, momentum=momentum)
 
     @property
     def story(self) -> str:
