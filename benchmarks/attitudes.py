@@ -38,7 +38,7 @@ if __name__ == "__main__":
     planar, A = sa.load("planar2"), np.radians([-57.936, 60.337])
     line = [(2.0, 0.0), (1.5, 1.5)]
     base = pin.SE3(pin.exp3(np.array([0.0, 0.0, np.radians(21.0)])), np.zeros(3))
-    ring, took = timed(lambda: sa.feasible_attitudes(planar, line, A, base=base))
+    ring, took = timed(lambda: sa.feasible_attitudes(planar.at(A, base=base), line))
     print(f"{ring}\n  {len(ring.ended)} attitudes, {took:.2f} s")
 
     arm = sa.load("mda6")
@@ -58,5 +58,5 @@ if __name__ == "__main__":
         f"mda6: {len(there)} attitudes in {took:.2f} s, {led.steps.mean():.0f} steps each, "
         f"{(led.ended == 0).mean():.0%} arrive"
     )
-    sphere, took = timed(lambda: sa.feasible_attitudes(arm, [home, away], q0))
+    sphere, took = timed(lambda: sa.feasible_attitudes(arm.at(q0), [home, away]))
     print(f"{sphere}\n  {len(sphere.ended)} attitudes, {took:.2f} s")

@@ -42,8 +42,8 @@ if __name__ == "__main__":
             side = 0.3 * (mass / 30.0) ** (1.0 / 3.0)
             arm = on_a_cube(name, mass, side)
             found = sa.level_envelope(
-                arm, q, [0.1], [float(arm.model.inertias[1].mass)], travel=TRAVEL, directions=200,
-                limits=False,
+                arm.at(q), [0.1], [float(arm.model.inertias[1].mass)], travel=TRAVEL,
+                directions=200, limits=False,
             )  # fmt: skip
             median, worst = np.degrees([found.turn[0], found.largest_turn[0]])
             print(f"{name:8}{mass:10.0f}{side:10.3f}{median:9.3f}°{worst:9.3f}°{published:10.3f}°")

@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 
 import spacearm as sa
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.polynomial import minor_polynomials
+from spacearm.singularities.polynomials import minor_polynomials
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from helpers.arms import load_text, random_chain  # random spatial arms

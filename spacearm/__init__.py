@@ -61,105 +61,30 @@ symbols      q, dq, J, A_b, A_q, D, D_q, M, mu, c, l, r, v as in Papadopoulos & 
 ===========  ====================================================================================
 """
 
+import re
 import sys
 from importlib import import_module
+from pathlib import Path
 
-_HOMES = {
-    "collisions.obstacles": "Obstacle",
-    "collisions.report": "CollisionReport collision_check",
-    "description.bus": "Bus",
-    "description.model_catalogue": "ArmInfo ModelInfo arms catalogue",
-    "errors": (
-        "ConfigurationError ModelError ModelWarning NoSolutionError SpaceArmError "
-        "StoppedError StoreError SweepError UnsupportedError"
-    ),
-    "export.c_files": "to_c",
-    "export.functions": "to_casadi to_jax",
-    "export.inverse_kinematics": (
-        "GeneralizedJacobianTask MomentumConservation SingularityBarrier"
-    ),
-    "export.robot_files": "to_mjcf to_sdf",
-    "export.motion_files": "write_motion",
-    "mechanics.barycentric_formulation": "Barycentric VirtualManipulator barycentric",
-    "mechanics.batch": "evaluate generalized_jacobians joint_accelerations",
-    "mechanics.dynamics": (
-        "Dynamics forward_dynamics generalized_inertia inverse_dynamics kinetic_energy"
-    ),
-    "mechanics.floating": "move",
-    "mechanics.impact": "Capture capture",
-    "mechanics.jacobian": (
-        "PrescribedMotion fixed_base_jacobian generalized_jacobian "
-        "generalized_jacobian_derivative generalized_jacobian_rate prescribed_motion"
-    ),
-    "mechanics.momentum": "MomentumMatrix base_velocity momentum_matrix",
-    "mission.attitude_search": "feasible_attitudes",
-    "mission.attitudes": "FeasibleAttitudes",
-    "mission.budget": "MomentumBudget momentum_budget",
-    "mission.envelope": "LevelEnvelope level_envelope",
-    "mission.level": "LevelReach level_reach",
-    "mission.reactions": "Reaction reaction",
-    "mission.wheel_sizing": "WheelSizing size_wheels",
-    "model.arm": "SpaceArm",
-    "model.configuration": "Configuration",
-    "model.frames": "pose",
-    "model.loading": "load mount",
-    "model.task": "Task",
-    "motion.controllers": "DampedLeastSquares JointPD Reactionless ResolvedRate TransposedJacobian",
-    "motion.events": "Event",
-    "motion.flights.flight": "Flight",
-    "motion.flights.phases": "Grasp Phase Release simulate_phases",
-    "motion.following": "Followed follow",
-    "motion.many_runs": "simulate_many",
-    "motion.motion": "Motion",
-    "motion.plant": "PassiveJoint WheelHold",
-    "motion.simulation": "simulate",
-    "motion.trajectory": "Trajectory",
-    "planning.planner": "plan",
-    "planning.result": "Attempt Joints Plan",
-    "plots.show": "plot",
-    "polynomial.certificate": "Certificate",
-    "polynomial.trig": "TrigPolynomial",
-    "reports.sections": "design_report",
-    "singularities.abstract_set": "SingularSet",
-    "singularities.map": "SingularMap singular_map",
-    "singularities.polynomial": "singularity_polynomial",
-    "singularities.report": "SingularityReport singularity",
-    "singularities.risk": "PoseRisk RiskProfile pose_risk risk_profile",
-    "singularities.rounding": "ErrorBars error_bars",
-    "singularities.searched_set": "FoundSet",
-    "singularities.sets": "singular_set",
-    "sweeps.runner": "sweep",
-    "sweeps.study": "Study",
-    "timing.optimal": "time_optimal",
-    "timing.tracking": "Tracking",
-    "uncertainty.bands": "ShellBands shell_bands",
-    "uncertainty.intervals": "UncertainArm uncertain",
-    "uncertainty.robust": (
-        "DistanceRange RobustCertificate distance_range is_free_for_all robust_plan"
-    ),
-    "viewer.show": "view",
-    "workspaces.design": "design",
-    "workspaces.path_dependent": "Workspace workspace",
-    "workspaces.regions": "Region",
-}
-"""Public names by the modules that hold them, which are imported when a name is first used."""
+_STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+_HOMES = {name: home for home, name in re.findall(r"from (\S+) import \(?\s*(\w+) as", _STUB)}
+"""The module that holds each public name, as the stub says; imported when first used."""
 
-__all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names.split())])
+__all__ = sorted(["__version__", *_HOMES])
 
 
 def __getattr__(name: str) -> object:
     """Import what a public name stands for."""
-    home = next((home for home, names in _HOMES.items() if name in names.split()), None)
     if name == "__version__":
         from importlib.metadata import version
 
         value: object = version("spacearm")
-    elif home is None:
+    elif name not in _HOMES:
         here = sys.modules[__name__]  # by it Python proposes names
         raise AttributeError(f"module 'spacearm' has no attribute {name!r}", name=name, obj=here)
     else:
-        module = import_module(f"spacearm.{home}")
-        value = getattr(module, name, module)  # `design` is the module itself
+        home = import_module(_HOMES[name])
+        value = getattr(home, name, None) or import_module(f"{home.__name__}.{name}")  # `design`
     globals()[name] = value
     return value
 

@@ -1,4 +1,4 @@
-"""The types of the public names, which `__init__.py` imports when they are first used."""
+"""The public names and where they live; `__init__.py` imports each when it is first used."""
 
 from spacearm.collisions.obstacles import Obstacle as Obstacle
 from spacearm.collisions.report import CollisionReport as CollisionReport
@@ -87,7 +87,9 @@ from spacearm.motion.following import follow as follow
 from spacearm.motion.many_runs import simulate_many as simulate_many
 from spacearm.motion.motion import Motion as Motion
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
+from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import WheelHold as WheelHold
+from spacearm.motion.simulation import Integration as Integration
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.trajectory import Trajectory as Trajectory
 from spacearm.planning.planner import plan as plan
@@ -101,7 +103,7 @@ from spacearm.reports.sections import design_report as design_report
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
 from spacearm.singularities.map import SingularMap as SingularMap
 from spacearm.singularities.map import singular_map as singular_map
-from spacearm.singularities.polynomial import singularity_polynomial as singularity_polynomial
+from spacearm.singularities.polynomials import singularity_polynomial as singularity_polynomial
 from spacearm.singularities.report import SingularityReport as SingularityReport
 from spacearm.singularities.report import singularity as singularity
 from spacearm.singularities.risk import PoseRisk as PoseRisk
@@ -110,26 +112,26 @@ from spacearm.singularities.risk import pose_risk as pose_risk
 from spacearm.singularities.risk import risk_profile as risk_profile
 from spacearm.singularities.rounding import ErrorBars as ErrorBars
 from spacearm.singularities.rounding import error_bars as error_bars
-from spacearm.singularities.searched_set import FoundSet as FoundSet
+from spacearm.singularities.sets import FoundSet as FoundSet
 from spacearm.singularities.sets import singular_set as singular_set
 from spacearm.sweeps.runner import sweep as sweep
 from spacearm.sweeps.study import Study as Study
 from spacearm.timing.optimal import time_optimal as time_optimal
 from spacearm.timing.tracking import Tracking as Tracking
-from spacearm.uncertainty.bands import ShellBands as ShellBands
-from spacearm.uncertainty.bands import shell_bands as shell_bands
 from spacearm.uncertainty.intervals import UncertainArm as UncertainArm
 from spacearm.uncertainty.intervals import uncertain as uncertain
 from spacearm.uncertainty.robust import DistanceRange as DistanceRange
 from spacearm.uncertainty.robust import RobustCertificate as RobustCertificate
+from spacearm.uncertainty.robust import ShellBands as ShellBands
 from spacearm.uncertainty.robust import distance_range as distance_range
 from spacearm.uncertainty.robust import is_free_for_all as is_free_for_all
 from spacearm.uncertainty.robust import robust_plan as robust_plan
+from spacearm.uncertainty.robust import shell_bands as shell_bands
 from spacearm.viewer.show import view as view
 from spacearm.workspaces import design as design
+from spacearm.workspaces.path_dependent import Region as Region
 from spacearm.workspaces.path_dependent import Workspace as Workspace
 from spacearm.workspaces.path_dependent import workspace as workspace
-from spacearm.workspaces.regions import Region as Region
 
 __version__: str
 __all__: list[str]

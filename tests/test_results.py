@@ -86,15 +86,19 @@ RESULTS = {
     "ErrorBars": lambda: sa.error_bars(configuration()),
     "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
     "Followed": lambda: sa.follow(arm(), [0.3, 1.2], [(1.5, 1.2)]),
-    "FeasibleAttitudes": lambda: sa.feasible_attitudes(arm(), [(1.5, 0.2), (1.5, 0.5)], samples=16),
+    "FeasibleAttitudes": lambda: sa.feasible_attitudes(
+        arm().at([0, 1]), [(1.5, 0.2), (1.5, 0.5)], all_branches=True, samples=16
+    ),
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
     "Joints": lambda: sa.Joints([0.1, 0.2]),
     "ModelInfo": lambda: sa.catalogue()[0],
     "MomentumMatrix": lambda: sa.momentum_matrix(configuration()),
-    "LevelEnvelope": lambda: sa.level_envelope(arm(), [-0.6, 1.4], [0.02], [30.0], directions=8),
-    "LevelReach": lambda: sa.level_reach(arm(), [-0.6, 1.4], 0.02, directions=8),
-    "MomentumBudget": lambda: sa.momentum_budget(arm().at([-0.6, 1.4]), [0, 0, 1]),
+    "LevelEnvelope": lambda: sa.level_envelope(arm().at([-0.6, 1.4]), [0.02], [30.0], directions=8),
+    "LevelReach": lambda: sa.level_reach(arm().at([-0.6, 1.4]), 0.02, directions=8),
+    "MomentumBudget": lambda: sa.momentum_budget(
+        arm().at([-0.6, 1.4], momentum=[0, 0, 0, 0, 0, 1])
+    ),
     "Mounted": lambda: sa.design.optimise_mount(arm(), {"mount_x": (0.4, 0.5)}, most=2),
     "Motion": motion,
     "Obstacle": lambda: sa.Obstacle.robot(motion(), margin=0.1),

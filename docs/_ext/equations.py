@@ -56,7 +56,7 @@ MEANING = {
 NUMBER = r"\((\d{1,2}[a-c]?)\)"
 CITED = re.compile(rf"equations?\s+((?:{NUMBER}(?:\s*(?:,|and|to|-|,\s*and)\s*)?)+)")
 FORMULA = re.compile(rf"(?:#\s*|,\s){NUMBER}(?:\.?\"\"\")?\.?\s*$")
-SHOWN = {f"spacearm.{home}" for home in sa._HOMES}
+SHOWN = {*sa._HOMES.values(), "spacearm.workspaces.design"}
 """Modules whose source stands in the site."""
 
 

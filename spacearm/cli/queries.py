@@ -38,7 +38,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
-from spacearm.singularities.closest import GLOBAL_DIMENSION
+from spacearm.singularities.nearest import GLOBAL_DIMENSION
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport, angle, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 

@@ -15,6 +15,7 @@ OPTIONS = {
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1 --length METRES",
     r"\bdensity=(?!\w)": "--density RHO",
     r"\bfinal_attitude\b": "--final-attitude",
+    r"\ball_branches=True\b": "no --q0",
     r"\bsa\.risk_profile\b": "spacearm risk",
     r"\bsa\.(workspace|plan|simulate|query|capture|mount)\b": r"spacearm \1",
     r" \(sa\.Joints\)": "",

@@ -17,7 +17,7 @@ from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
-from spacearm.singularities.polynomial import plane_of_motion, probes
+from spacearm.singularities.polynomials import plane_of_motion, probes
 
 Function = Callable[..., Any]
 

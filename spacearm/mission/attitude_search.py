@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, positive, whole
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.momentum import momentum_vector
 from spacearm.mission.attitudes import Ball, FeasibleAttitudes
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import PoseLike, sound_pose
-from spacearm.model.joints import joint_vector
+from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.motion.tip_path import Path, path_start, segments
 from spacearm.planning.many_curves import turning_axes
 
@@ -26,16 +23,14 @@ LEVEL = 2
 """Default level of cells of a spatial arm: 4,608 attitudes."""
 
 
-@of_arm
+@of_configuration
 def feasible_attitudes(
-    arm: SpaceArm,
+    start: Configuration,
     path: Path,
-    q0: npt.ArrayLike | None = None,
     *,
-    base: PoseLike | None = None,
+    all_branches: bool = False,
     length: float | None = None,
     margin: float = MARGIN,
-    momentum: npt.ArrayLike | None = None,
     speed: float = 0.1,
     limits: bool = True,
     samples: int | None = None,
@@ -53,19 +48,16 @@ def feasible_attitudes(
     once. `python benchmarks/attitudes.py` prints how long it takes.
 
     Args:
-        arm: The arm.
+        start: A posture and an attitude with the tip near the beginning of the path. The postures
+            at other attitudes are those it goes over into while the spacecraft turns and the tip is
+            held: the same branch, up to where the arm cannot reach or its Jacobian with the
+            attitude held is singular. The attitude of a planar arm must be a turn about the normal
+            of its plane. With momentum, which must be angular, the result depends on `speed`.
         path: As for `follow`, from the system CM [m]; its first corner is where the tip begins.
-        q0: (n,) a posture with the tip near the beginning of the path. The postures at other
-            attitudes are those it goes over into while the spacecraft turns and the tip is held:
-            the same branch, up to where the arm cannot reach or its Jacobian with the attitude held
-            is singular. None looks for all branches from random postures, which may miss some, and
-            takes the best at each attitude.
-        base: Pose of the spacecraft that goes with q0; only its attitude counts. The identity if
-            None. Of a planar arm it must be a turn about the normal of its plane.
+        all_branches: Look for all branches from random postures instead, which may miss some, and
+            take the best at each attitude; the posture of `start` does not count.
         length: Length of a path given as a function [m] or [rad].
         margin: Least distance to the singular set [rad]; zero asks only that none is met.
-        momentum: (6,) momentum of the whole system, inertial axes; zero if None. The linear part,
-            which moves the system CM, must be zero. The result then depends on `speed`.
         speed: Speed of the tip along the path [m/s], or [rad/s] in a mere turn.
         limits: Whether joint limits count.
         samples: Number of attitudes tried at first: of planar arms 720 if None; of others at least
@@ -80,34 +72,37 @@ def feasible_attitudes(
     Raises:
         ConfigurationError: An argument does not make sense.
         UnsupportedError: The arm has several tips or fewer joints than its task rows, or the task
-            singles out directions that turn with the spacecraft.
-        NoSolutionError: From q0 no posture was found with the tip at the beginning of the path.
+            singles out directions that turn with the spacecraft, or the wheels hold momentum.
+        NoSolutionError: From the start no posture was found with the tip at the beginning of the
+            path.
 
     Example:
         >>> import numpy as np
         >>> import spacearm as sa
         >>> arm = sa.load("planar2")
-        >>> q0 = np.radians([-57.936, 60.337])
-        >>> found = sa.feasible_attitudes(arm, [(2.0, 0.0), (1.5, 1.5)], q0)
+        >>> start = arm.at(np.radians([-57.936, 60.337]))
+        >>> found = sa.feasible_attitudes(start, [(2.0, 0.0), (1.5, 1.5)])
         >>> np.degrees(found.intervals).round(3)
         array([[57.335, 65.156]])
     """
+    arm = start.arm
     arm.require_one_tip()
     axis = turning_axis(arm)
     if not (isinstance(margin, float | int) and 0.0 <= margin < np.pi):
         raise ConfigurationError(f"margin is {margin!r}; give an angle from 0 on [rad]")
     speed = positive(speed, "speed", "speed [m/s]")
-    h = momentum_vector(momentum)
+    h = start.momentum
     if h[:3].any():
         raise ConfigurationError(
             f"momentum has the linear part {h[:3].tolist()}; the path is given from the system CM, "
             "which that moves: leave it zero"
         )
-    first = _first_attitude(axis, base)
-    posture = None if q0 is None else joint_vector(arm, q0, "q0")
-    cfg = arm.at(np.zeros(arm.n) if posture is None else posture).centred(np.zeros(3))
-    start = path_start(cfg, path)
-    pieces = segments(cfg, path, length, start)
+    still_wheels(start, "which turns with the spacecraft; leave wheels out")
+    first = _attitude(start, axis)
+    cfg = start.centred(np.zeros(3))
+    tip = path_start(cfg, path)
+    pieces = segments(cfg, path, length, tip)
+    posture = None if all_branches else start.q
 
     from spacearm.mission.ring import survey_ring
     from spacearm.mission.sphere import at_border, largest_ball, survey_sphere, volume
@@ -115,7 +110,7 @@ def feasible_attitudes(
     from spacearm.motion.runs.leading import Settings, table_of
 
     settings = Settings(h[3:] / speed, limits, care=margin)
-    survey = Survey(arm, start, table_of([pieces]), settings, posture, first, seed)
+    survey = Survey(arm, tip, table_of([pieces]), settings, posture, first, seed)
     weight: Array
     intervals: Array | None = None
     if axis is not None:
@@ -167,9 +162,9 @@ def turning_axis(arm: SpaceArm) -> int | None:
     return axis
 
 
-def _first_attitude(axis: int | None, base: PoseLike | None) -> Array:
-    """Return the attitude (4,) of a base, checked, as a quaternion xyzw."""
-    R = np.eye(3) if base is None else sound_pose(base, "base").rotation
+def _attitude(start: Configuration, axis: int | None) -> Array:
+    """Return the attitude (4,) of a start, checked, as a quaternion xyzw."""
+    R = start.base.rotation
     if axis is not None and R[axis, axis] < 1.0 - 1e-9:
         raise ConfigurationError(
             f"base turns the plane of the arm; give a turn about {'xyz'[axis]}, the normal of it"

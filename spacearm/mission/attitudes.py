@@ -180,7 +180,8 @@ class FeasibleAttitudes(Result):
         if not np.isfinite(self.q[i]).all():
             raise NoSolutionError(f"attitude {i} has no posture with the tip at the path's start")
         R = pin.Quaternion(self.attitude[i]).normalized().matrix()
-        return self.arm.at(self.q[i], base=pin.SE3(R, np.zeros(3))).centred(np.zeros(3))
+        cfg = self.arm.at(self.q[i], base=pin.SE3(R, np.zeros(3)), momentum=self.momentum)
+        return cfg.centred(np.zeros(3))
 
     def motion(self, i: int | None = None) -> Followed:
         """Return the motion along the path from an attitude, by `sa.follow`.

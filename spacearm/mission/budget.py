@@ -13,13 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, positive, shape_of
+from spacearm.arrays import Array, Result, positive
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import prescribed_motion
-from spacearm.mechanics.momentum import base_velocity, momentum_matrix, momentum_vector
+from spacearm.mechanics.momentum import base_velocity, momentum_matrix
 from spacearm.mission.attitude_search import turning_axis
 from spacearm.model.arguments import of_configuration
 from spacearm.model.configuration import Configuration, still_wheels
@@ -42,8 +41,7 @@ class MomentumBudget(Result):
     """What momentum on board does to a posture, and how long the arm can make up for it.
 
     Attributes:
-        configuration: The posture and the pose of the spacecraft.
-        momentum: (6,) the momentum [linear (zero); angular about the system CM], inertial axes.
+        configuration: The posture, the pose of the spacecraft and the momentum.
         spin: (3,) angular velocity of the whole system with its joints locked, inertial axes
             [rad/s].
         drift: (6,) twist of the tip then [m/s], [rad/s], inertial axes.
@@ -60,7 +58,6 @@ class MomentumBudget(Result):
     """
 
     configuration: Configuration
-    momentum: Array
     spin: Array
     drift: Array
     rates: Array
@@ -97,7 +94,7 @@ class MomentumBudget(Result):
 
 @of_configuration
 def momentum_budget(
-    cfg: Configuration, momentum: npt.ArrayLike, *, horizon: float = HORIZON, limits: bool = True
+    cfg: Configuration, *, horizon: float = HORIZON, limits: bool = True
 ) -> MomentumBudget:
     """Compute what momentum on board does to a posture, and how long the arm can make up for it.
 
@@ -105,9 +102,8 @@ def momentum_budget(
     stays. The arm can hold its tip, or keep the spacecraft at rest, for a while.
 
     Args:
-        cfg: The posture; its wheels must be still.
-        momentum: (6,) the momentum [linear [kg m/s]; angular about the system CM [N m s]], inertial
-            axes; or its angular part (3,). The linear part must be zero: it moves everything alike.
+        cfg: The posture and the momentum, which must be angular: linear momentum moves everything
+            alike. The wheels must be still.
         horizon: The longest time looked at [s].
         limits: Whether joint limits count.
 
@@ -122,29 +118,28 @@ def momentum_budget(
 
     Example:
         >>> import spacearm as sa
-        >>> cfg = sa.load("planar2").at([-0.6, 1.4])
-        >>> sa.momentum_budget(cfg, [0, 0, 0.5]).ended
+        >>> cfg = sa.load("planar2").at([-0.6, 1.4], momentum=[0, 0, 0, 0, 0, 0.5])
+        >>> sa.momentum_budget(cfg).ended
         'singularity'
     """
     arm = cfg.arm
     arm.require_one_tip()
     turning_axis(arm)
     still_wheels(cfg, "which is momentum already; give the whole momentum and leave wheels out")
-    angular = shape_of(momentum) == (3,)
-    h = momentum_vector([0.0, 0.0, 0.0, *np.asarray(momentum)] if angular else momentum)
+    h = cfg.momentum
     if h[:3].any() or not h[3:].any():
         raise ConfigurationError(
-            f"momentum is {h.tolist()}; give an angular momentum, without a linear part"
+            f"momentum is {h.tolist()}; give an angular momentum, without a linear part: "
+            "arm.at(q, momentum=[0, 0, 0, hx, hy, hz])"
         )
     horizon = positive(horizon, "horizon", "time [s]")
     split = prescribed_motion(cfg, {}, momentum=h)
     J, drift = goal_rows(cfg, split.jacobian), goal_rows(cfg, split.drift)
     rates = -np.linalg.pinv(J) @ drift
-    holds, ended, holding = _hold(cfg, h, horizon, limits)
-    carries, why, carrying = _carry(cfg, h[3:], horizon, limits)
+    holds, ended, holding = _hold(cfg, horizon, limits)
+    carries, why, carrying = _carry(cfg, horizon, limits)
     return MomentumBudget(
         configuration=cfg,
-        momentum=h,
         spin=base_velocity(cfg, np.zeros(arm.n), h)[3:],
         drift=split.drift,
         rates=rates,
@@ -158,7 +153,7 @@ def momentum_budget(
     )
 
 
-def _hold(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[float, str, Motion]:
+def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str, Motion]:
     """Hold the tip: return how long, what ends it, and the motion.
 
     The path of the tip is one point, its length the share of the horizon that has passed.
@@ -167,7 +162,7 @@ def _hold(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[f
     from spacearm.motion.runs.leading import ENDS, Led, Settings, lead_all
 
     centred = cfg.centred(np.zeros(3))
-    settings = Settings(horizon * h[3:], limits, tolerance=1e-9)
+    settings = Settings(horizon * cfg.momentum[3:], limits, tolerance=1e-9)
     attitude = np.asarray(pin.SE3ToXYZQUAT(cfg.base)[3:])
 
     def led(shares: Array) -> Led:
@@ -189,12 +184,12 @@ def _hold(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[f
     return horizon * lasts, kind, motion
 
 
-def _carry(cfg: Configuration, h: Array, horizon: float, limits: bool) -> tuple[float, str, Motion]:
+def _carry(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str, Motion]:
     """Keep the spacecraft at rest: return how long, what ends it, and the motion.
 
     The joints have the least rates with D_q dq = h, by the classical Runge-Kutta method.
     """
-    arm, q, t = cfg.arm, cfg.q.copy(), 0.0
+    arm, h, q, t = cfg.arm, cfg.momentum[3:], cfg.q.copy(), 0.0
     rows, times = [q], [0.0]
 
     def rate(at: Array) -> Array | None:

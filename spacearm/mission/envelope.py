@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from spacearm.arrays import Array, Result, positive
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mission.level import level_reach, level_start
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import PoseLike
+from spacearm.model.configuration import Configuration
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,14 +57,12 @@ class LevelEnvelope(Result):
         )
 
 
-@of_arm
+@of_configuration
 def level_envelope(
-    arm: SpaceArm,
-    q0: npt.ArrayLike,
+    start: Configuration,
     tilts: Sequence[float],
     base_masses: Sequence[float],
     *,
-    base: PoseLike | None = None,
     travel: float = 0.1,
     same_density: bool = True,
     directions: int | None = None,
@@ -75,11 +72,9 @@ def level_envelope(
     """Compute how far the tip can go over the mass of the bus and the turn allowed.
 
     Args:
-        arm: The arm.
-        q0: As in `level_reach`.
+        start: As in `level_reach`; the mass of its bus is replaced.
         tilts: Largest turns of the spacecraft [rad].
         base_masses: Masses of the spacecraft [kg].
-        base: As in `level_reach`.
         travel: Length of a straight line of the tip whose turn is computed as well [m].
         same_density: Whether the inertia of the bus grows as mass^(5/3), as that of larger buses
             of one shape and density; else it grows as the mass. The mount stays where it is.
@@ -92,12 +87,12 @@ def level_envelope(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The task does not fit.
+        UnsupportedError: The task does not fit, or there is momentum.
 
     Example:
         >>> import spacearm as sa
-        >>> arm = sa.load("planar2")
-        >>> light, heavy = sa.level_envelope(arm, [-0.6, 1.4], [0.02], [30.0, 300.0]).turn
+        >>> start = sa.load("planar2").at([-0.6, 1.4])
+        >>> light, heavy = sa.level_envelope(start, [0.02], [30.0, 300.0]).turn
         >>> bool(heavy < 0.1 * light)
         True
     """
@@ -108,7 +103,9 @@ def level_envelope(
     angles: Array = np.array([positive(t, "tilts", "angle [rad]") for t in tilts])
     if not (len(masses) and len(angles)):
         raise ConfigurationError("tilts or base_masses is empty; give one value or several")
+    arm = start.arm
     bus = arm.model.inertias[1]
+    level_start(start)
     shape = (len(masses), len(angles))
     least, mean, volume = np.empty(shape), np.empty(shape), np.empty(shape)
     turn, largest, followed = (np.full(len(masses), np.nan) for _ in range(3))
@@ -116,14 +113,13 @@ def level_envelope(
         ratio = mass / bus.mass
         inertia = bus.inertia * ratio ** (5.0 / 3.0 if same_density else 1.0)
         heavier = arm.replace(base_mass=float(mass), base_inertia=inertia)
+        begin = heavier.at(start.q, base=start.base)
         for j, tilt in enumerate(angles):
-            found = level_reach(
-                heavier, q0, float(tilt), base=base, directions=directions, limits=limits
-            )
+            found = level_reach(begin, float(tilt), directions=directions, limits=limits)
             least[i, j], mean[i, j] = found.straight.min(), found.straight.mean()
             volume[i, j] = found.volume
-        _, cfg = level_start(heavier, q0, base)
-        led = shoot(Line(cfg, np.pi, 0.0, limits), found.direction, travel, None)
+        level = Line(begin.centred(np.zeros(3)), np.pi, 0.0, limits)
+        led = shoot(level, found.direction, travel, None)
         arrived = led.ended == 0
         followed[i] = arrived.mean()
         if arrived.any():

@@ -19,10 +19,9 @@ from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedErro
 from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitude_search import turning_axis
 from spacearm.mission.rotations import sphere
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.frames import PoseLike
+from spacearm.model.configuration import Configuration, still_wheels
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
 
@@ -129,13 +128,11 @@ class LevelReach(Result):
         )
 
 
-@of_arm
+@of_configuration
 def level_reach(
-    arm: SpaceArm,
-    q0: npt.ArrayLike,
+    start: Configuration,
     tilt: float,
     *,
-    base: PoseLike | None = None,
     margin: float = 0.0,
     limits: bool = True,
     directions: int | None = None,
@@ -151,10 +148,9 @@ def level_reach(
     states a cell, those found first; more cells may be reachable by other ways.
 
     Args:
-        arm: The arm; its task must have linear rows, all three or those of a planar arm's plane.
-        q0: (n,) joint positions at the start [rad] or [m].
+        start: The posture and the attitude of the spacecraft at the start, at rest. The task must
+            have linear rows, all three or those of a planar arm's plane.
         tilt: Largest turn of the spacecraft [rad].
-        base: Pose of the spacecraft at the start; only its attitude counts.
         margin: Least distance to the singular set [rad].
         limits: Whether joint limits count.
         directions: Number of straight lines; 360 in the plane, 1,000 in space if None.
@@ -168,18 +164,19 @@ def level_reach(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The task does not fit.
+        UnsupportedError: The task does not fit, or there is momentum.
 
     Example:
         >>> import numpy as np
         >>> import spacearm as sa
-        >>> reach = sa.level_reach(sa.load("planar2"), [-0.6, 1.4], np.radians(2))
+        >>> reach = sa.level_reach(sa.load("planar2").at([-0.6, 1.4]), np.radians(2))
         >>> bool(reach.straight.min() > 0.03)
         True
     """
     from spacearm.mission.growth import Line, grow, reach_of, shoot
 
-    axis, cfg = level_start(arm, q0, base)
+    axis, cfg = level_start(start)
+    arm = start.arm
     tilt = positive(tilt, "tilt", "angle [rad]")
     if not (isinstance(margin, float | int) and 0.0 <= margin < np.pi):
         raise ConfigurationError(f"margin is {margin!r}; give an angle from 0 on [rad]")
@@ -202,10 +199,9 @@ def level_reach(
     )  # fmt: skip
 
 
-def level_start(
-    arm: SpaceArm, q0: npt.ArrayLike, base: PoseLike | None
-) -> tuple[int | None, Configuration]:
+def level_start(start: Configuration) -> tuple[int | None, Configuration]:
     """Return the normal of a planar arm and the start, checked, the system CM at the origin."""
+    arm = start.arm
     arm.require_one_tip()
     axis = turning_axis(arm)
     rows = {row for row in arm.task.indices if row < 3}
@@ -214,8 +210,13 @@ def level_start(
             f"the task {arm.task.names!r} of {arm.name} has not all linear rows of the space it "
             "moves in; straight lines of the tip need them"
         )
-    cfg = arm.at(q0, base=base).centred(np.zeros(3))
-    return axis, cfg
+    still_wheels(start, "which turns the spacecraft; leave wheels out")
+    if start.momentum.any():
+        raise UnsupportedError(
+            f"the start has the momentum {start.momentum.tolist()}, which turns the spacecraft "
+            "whatever the arm does; leave momentum out"
+        )
+    return axis, start.centred(np.zeros(3))
 
 
 def _directions(axis: int | None, number: int) -> Array:

@@ -151,8 +151,8 @@ def _first(
     solved = np.flatnonzero(np.isfinite(q).all(axis=1))
     if not len(solved):
         raise NoSolutionError(
-            f"{arm.name}: from q0 no posture was found with the tip at the beginning of the path, "
-            "at any attitude; give another q0, or none to try many"
+            f"{arm.name}: from the start's q no posture was found with the tip at the beginning of "
+            "the path, at any attitude; give another, or all_branches=True to try many"
         )
     nearest = solved[np.argmin(angle_between(attitude[solved], first))]
     return attitude[None, nearest], q[None, nearest]

@@ -16,8 +16,8 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.mode import BaseMode
 from spacearm.motion.goal import steady
-from spacearm.singularities.polynomial import NEVER
-from spacearm.singularities.rank_loss import nearest_about
+from spacearm.singularities.nearest import nearest_about
+from spacearm.singularities.polynomials import NEVER
 
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
 LOOK = 0.05

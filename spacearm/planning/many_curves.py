@@ -17,7 +17,7 @@ from spacearm.arrays import Array
 from spacearm.mechanics.floating import Reactions, reactions, turns_of_spacecraft
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.loops import Indices
-from spacearm.singularities.polynomial import plane_of_motion
+from spacearm.singularities.polynomials import plane_of_motion
 
 STRIDE = 0.5
 """Largest joint motion of one step of Newton's method [rad] or [m]."""

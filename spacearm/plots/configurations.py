@@ -28,7 +28,7 @@ from spacearm.plots.style import (
     flat_rows,
     style,
 )
-from spacearm.workspaces.regions import Region
+from spacearm.workspaces.path_dependent import Region
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 """Corners of the faces of a box whose corners are numbered in binary."""

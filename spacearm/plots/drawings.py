@@ -58,10 +58,8 @@ from spacearm.singularities.map import SingularMap
 from spacearm.singularities.report import SingularityReport
 from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.singularities.rounding import ErrorBars
-from spacearm.uncertainty.bands import ShellBands
-from spacearm.uncertainty.robust import DistanceRange
-from spacearm.workspaces.path_dependent import Workspace
-from spacearm.workspaces.regions import Region
+from spacearm.uncertainty.robust import DistanceRange, ShellBands
+from spacearm.workspaces.path_dependent import Region, Workspace
 
 DRAWINGS: Mapping[type, Callable[..., Any]] = {
     SpaceArm: draw_arm,

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Annulus
 
 from spacearm.plots.style import BLUE, GREY, ORANGE, RED, axes_for, style
-from spacearm.uncertainty.bands import ShellBands
-from spacearm.uncertainty.robust import DistanceRange
+from spacearm.uncertainty.robust import DistanceRange, ShellBands
 
 
 def draw_distance_range(result: DistanceRange, *, ax: Any = None) -> Figure:

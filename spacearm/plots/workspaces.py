@@ -12,7 +12,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, panels_for, style
-from spacearm.singularities.polynomial import tips_from_centre
+from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.workspaces.path_dependent import Workspace
 

@@ -1,17 +1,20 @@
-"""Zero set of a trigonometric polynomial on the 2- or 3-torus, as lines or triangles.
+"""Common roots as lines or triangles: of one polynomial of 2 or 3 angles, of two of 3 angles.
 
-contourpy finds lines on a grid, and joins of their pieces across the seams of the torus follow;
-surfaces come from the tetrahedra of a grid without seams. Every point is then moved onto the exact
-set by Newton's method. A grid is fine enough when no cell with equal signs at its corners holds a
-sign change inside: each such cell is either certified free of roots by the bounds of the
-polynomial, or searched inside. Where the signs at the corners of a square alternate, two lines pass
-through it: the sign at the saddle point between them says which corners they part,
-however near to each other they come.
+On the 2-torus contourpy finds lines on a grid, and their pieces are joined across the seams. On the
+3-torus a surface comes from the tetrahedra of a grid without seams, and the curves where a second
+polynomial vanishes on it from the edges of its triangles along which that changes its sign. Every
+point is then moved onto the exact set by Newton's method.
+
+A grid is fine enough when no cell with equal signs at its corners holds a sign change inside: each
+such cell is either certified free of roots by the bounds of the polynomial, or searched inside.
+Where the signs at the corners of a square alternate, two lines pass through it: the sign at the
+saddle point between them says which corners they part, however near to each other they come. Loops
+of a curve of two polynomials that are smaller than a triangle may be missed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, permutations, product
 from typing import NamedTuple, cast
 
@@ -19,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.polynomial.newton import iterate, polish
+from spacearm.polynomial.newton import iterate, onto, polish
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import wrap
 
@@ -218,3 +221,67 @@ def _gap(a: Array, b: Array) -> float:
 
 def _meet(a: Array, b: Array) -> bool:
     return _gap(a, b) <= SEWN
+
+
+Booleans = npt.NDArray[np.bool_]
+
+
+def curves(
+    polynomials: Sequence[TrigPolynomial],
+    counts: Callable[[Array], Booleans],
+    resolution: float = 0.0,
+) -> list[Array]:
+    """Trace the common roots.
+
+    Args:
+        polynomials: One or two.
+        counts: Says which of the common roots (m, 3) of two polynomials count, (m,).
+        resolution: Grids need not be finer than this [rad].
+
+    Returns:
+        Polylines (m, 2) or (m, 3), angles continuous along each.
+    """
+    if len(polynomials) == 1:
+        return lines(polynomials[0], resolution)
+    f, g = polynomials
+    mesh = surface(f, resolution)
+    if not len(mesh.triangles):
+        return []
+    positive = g(mesh.vertices) > 0.0
+    edges = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
+    crossed = positive[edges[..., 0]] != positive[edges[..., 1]]
+    cut = crossed.any(axis=1)  # two edges of each such triangle are crossed
+    pairs = edges[cut][crossed[cut]]
+    unique, number = np.unique(pairs, axis=0, return_inverse=True)
+    ends = mesh.vertices[unique]
+    middle = ends[:, 0] + 0.5 * wrap(ends[:, 1] - ends[:, 0])
+    points = onto(polynomials, middle)
+    links = number.reshape(-1, 2)
+    links = links[counts(points)[links].all(axis=1)]
+    return [_continuous(points[chain]) for chain in _chains(links)]
+
+
+def _chains(links: npt.NDArray[np.intp]) -> list[list[int]]:
+    """Join pairs of numbers to chains; a closed one ends where it begins."""
+    neighbours: dict[int, list[int]] = {}
+    for a, b in links.tolist():
+        neighbours.setdefault(a, []).append(b)
+        neighbours.setdefault(b, []).append(a)
+    chains = []
+    ends_first = sorted(neighbours, key=lambda i: len(neighbours[i]))
+    for start in ends_first:
+        chain = [start]
+        while neighbours[chain[-1]]:
+            here = chain[-1]
+            after = neighbours[here].pop()
+            neighbours[after].remove(here)
+            chain.append(after)
+        if len(chain) > 1:
+            chains.append(chain)
+    return chains
+
+
+def _continuous(points: Array) -> Array:
+    """Remove whole turns between neighbours."""
+    steps = wrap(np.diff(points, axis=0))
+    return np.concatenate((points[:1], points[0] + np.cumsum(steps, axis=0)))

@@ -16,13 +16,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.jets import Pointwise
+from spacearm.polynomial.jets import Chart, Jets, Pointwise
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
 STEPS = 60
 """Largest number of steps."""
 CONVERGED = 1e-14
 """Length of the step after which the iteration ends [rad]."""
+ONTO_STEPS, ONTO_STRIDE = 30, 0.05
+"""Largest number of Gauss-Newton steps onto common roots; the longest of them [rad]."""
 SHORT = 0.4
 """Largest joint motion of one run of an optimisation [rad]."""
 MOST_WAYS = 60
@@ -46,18 +48,6 @@ class Constraint(Smooth, Protocol):
 
     def __call__(self, q: Array, /) -> float:
         """Return the value at q (n,)."""
-
-
-class HalfSquare:
-    """The function |q|^2 / 2, half the squared distance from the origin."""
-
-    def gradient(self, q: Array, /) -> Array:
-        """Return the gradient (n,)."""
-        return q
-
-    def hessian(self, q: Array, /) -> Array:
-        """Return the second derivatives (n, n)."""
-        return np.eye(len(q))
 
 
 def shortened(step: Array, stride: float) -> Array:
@@ -195,4 +185,19 @@ def polish(S: TrigPolynomial, points: Array) -> Array:
         better = np.abs(S(moved)) < np.abs(values[off])
         points[off[better]] = moved[better]
         damping[off] = np.where(better, 1.0, damping[off] / 2.0)
+    return points
+
+
+def onto(polynomials: Sequence[TrigPolynomial], points: Array) -> Array:
+    """Move points (m, n) onto the common roots by the Gauss-Newton method."""
+    turning = Chart.turning(points.shape[1])
+    scaled = [Jets.of(f, turning) for f in polynomials]
+    for _ in range(ONTO_STEPS):
+        jets = [f(points, 1) for f in scaled]
+        values = np.stack([jet.value for jet in jets], axis=1)
+        G = np.stack([jet.gradient for jet in jets], axis=1)
+        step = -(np.linalg.pinv(G, rcond=1e-9) @ values[:, :, None])[:, :, 0]
+        points = points + shortened(step, ONTO_STRIDE)
+        if np.abs(step).max(initial=0.0) < 1e-14:
+            break
     return points

@@ -23,8 +23,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.newton import shortened
-from spacearm.polynomial.space_curves import onto
+from spacearm.polynomial.newton import onto, shortened
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Complex, line_roots
 

@@ -229,7 +229,7 @@ def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     at = f"[{', '.join(f'{x:.6g}' for x in q)}]"
     rows = []
     for tilt in TILTS:
-        reach = level_reach(arm, q, float(np.radians(tilt)), directions=_rays(arm))
+        reach = level_reach(arm.at(q), float(np.radians(tilt)), directions=_rays(arm))
         rows.append((f"{tilt:g}°", f"{reach.straight.min():.4g}", f"{reach.straight.mean():.4g}",
                      f"{reach.straight.max():.4g}"))  # fmt: skip
     section.say(
@@ -239,22 +239,24 @@ def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     )
     head = ("turned by", "worst [m]", "mean [m]", "best [m]")
     section.table(
-        head, rows, _python(about, f"sa.level_reach(arm, {at}, {np.radians(TILTS[1]):.6g})")
+        head, rows, _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[1]):.6g})")
     )
     section.picture(
         plot(reach),
         f"Where the tip goes with a turn of up to {TILTS[-1]:g}°.",
-        _python(about, f"sa.level_reach(arm, {at}, {np.radians(TILTS[-1]):.6g})"),
+        _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[-1]):.6g})"),
     )
     bus = float(arm.model.inertias[1].mass)
     masses = [round(share * bus, 6) for share in HEAVIER]
     tilts = [float(np.radians(tilt)) for tilt in TILTS]
-    envelope = level_envelope(arm, q, tilts, masses, directions=_rays(arm) // 2)
+    envelope = level_envelope(arm.at(q), tilts, masses, directions=_rays(arm) // 2)
     section.picture(
         plot(envelope),
         "The same over the mass of the bus, whose inertia grows as mass^(5/3); on the right the "
         f"turn by {envelope.travel:g} m of the tip.",
-        _python(about, f"sa.level_envelope(arm, {at}, {[round(t, 6) for t in tilts]}, {masses})"),
+        _python(
+            about, f"sa.level_envelope(arm.at({at}), {[round(t, 6) for t in tilts]}, {masses})"
+        ),
     )
 
 

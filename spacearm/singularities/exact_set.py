@@ -3,7 +3,7 @@
 A square arm has one minor, the singularity polynomial S, whose roots along any joint are the whole
 set. The minors of a redundant arm form a triangle (`Minors.triangle`): all joints but a few are
 free, and these follow one after the other in closed form. Newton's method is used only to find the
-member nearest to a configuration.
+member nearest to a configuration and the extremes of the tip's distance R on a component.
 """
 
 from __future__ import annotations
@@ -20,19 +20,68 @@ from spacearm.arrays import Array, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import conditions
 from spacearm.mechanics.blocks import Progress
+from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
-from spacearm.polynomial import level_set, space_curves
+from spacearm.model.mode import BaseMode
+from spacearm.polynomial import level_set
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.level_set import Mesh
+from spacearm.polynomial.newton import bounded_extreme
 from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots
-from spacearm.singularities.abstract_set import Component, SingularSet
-from spacearm.singularities.closest import nearest_singular
-from spacearm.singularities.components import component, connected
-from spacearm.singularities.free_paths import prove_free
-from spacearm.singularities.minors import minors_of
-from spacearm.singularities.rank_loss import AT_A_ROOT
+from spacearm.singularities.abstract_set import Component, SingularSet, prove_free
+from spacearm.singularities.nearest import AT_A_ROOT, nearest_singular
+from spacearm.singularities.polynomials import distances, minors_of, radius_squared
+
+TURNS = 96
+"""Values of a joint that S does not depend on, from which extremes of R are searched."""
+STARTS, APART = 4, 0.5
+"""Number of points from which each is then searched, the best ones so far apart [rad]; on curves,
+whose points lie close together, one does."""
+
+
+def connected(mesh: Mesh) -> list[Array]:
+    """Return the vertices (m, 3) of each connected piece of a mesh."""
+    from scipy.sparse import csr_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
+    edges = (mesh.triangles[:, [0, 1, 2]].ravel(), mesh.triangles[:, [1, 2, 0]].ravel())
+    m = len(mesh.vertices)
+    graph = csr_array((np.ones(len(edges[0])), edges), shape=(m, m))
+    number, labels = connected_components(graph, directed=False)
+    return [mesh.vertices[labels == i] for i in range(number)]
+
+
+def component(arm: SpaceArm, mode: BaseMode, S: TrigPolynomial, points: Array) -> Component:
+    """Find the range of R over points (m, n) of a component and over joints that do not matter."""
+    R2 = radius_squared(arm, mode=mode)
+    starts, free = points, [j for j in range(arm.n) if not S.degrees[j]]
+    for j in free:
+        starts = starts.repeat(TURNS, axis=0)
+        starts[:, j] = np.tile(2.0 * np.pi * np.arange(TURNS) / TURNS, len(starts) // TURNS)
+    order, count = np.argsort(R2(starts)), STARTS if arm.n > 2 else 1
+    low = _best(R2, S, starts[order], 1.0, count)
+    high = _best(R2, S, starts[order[::-1]], -1.0, count)
+    at = np.array([low, high])
+    return Component(points, distances(arm, at, mode), at)
+
+
+def _best(F: TrigPolynomial, S: TrigPolynomial, starts: Array, sign: float, count: int) -> Array:
+    """Return the configuration with the least sign * F on S = 0 near some starts, best first."""
+    best = starts[0]
+    for _ in range(count):
+        found = bounded_extreme(F, (S,), starts[0], sign)
+        if sign * F(found) < sign * F(best):
+            best = found
+        if count > 1:
+            turn = np.abs(np.angle(np.exp(1j * (starts - starts[0]))))
+            starts = starts[turn.max(axis=1) > APART]
+        if not len(starts):
+            break
+    return best
+
 
 MOST_LINES = 1 << 17
 """Lines without any root after which a set counts as empty."""
@@ -182,7 +231,7 @@ class ExactSet(SingularSet):
         def singular(points: Array) -> npt.NDArray[np.bool_]:
             return self.are_singular(self._embed(points, chosen, centre))
 
-        pieces = space_curves.curves(self._reduced(chosen, centre), singular, resolution)
+        pieces = level_set.curves(self._reduced(chosen, centre), singular, resolution)
         return [self._embed(piece, chosen, centre) for piece in pieces]
 
     def surface(

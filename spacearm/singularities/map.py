@@ -17,7 +17,7 @@ from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.singularities.abstract_set import SingularSet
-from spacearm.singularities.minors import chart_of
+from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.sets import singular_set
 
 LINES, ON_LINE = 16, 32

@@ -1,28 +1,152 @@
-"""The singular set of an arm, of the kind that exists for it."""
+"""The singular set of an arm, of the kind that exists for it: exact, or found by a search.
+
+A redundant arm loses rank where n - k + 1 equations hold (`lose_rank`). Where its minors give no
+exact set these are solved from many starts, so that singular configurations may be missed. That a
+path is free of them can be proven all the same, as long as the arm has minors (`Minors`).
+"""
 
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
+import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
+from spacearm.model.joints import joint_vector
 from spacearm.model.mode import BaseMode
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart
 from spacearm.polynomial.triangle import Triangle
-from spacearm.singularities.abstract_set import SingularSet
-from spacearm.singularities.closest import nearest_singular
+from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.singularities.abstract_set import SingularSet, prove_free
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.free_paths import prove_free
-from spacearm.singularities.minors import has_minors, minors_of
-from spacearm.singularities.polynomial import singularity_polynomial
-from spacearm.singularities.searched_set import FoundSet
+from spacearm.singularities.nearest import lose_rank, nearest_singular
+from spacearm.singularities.polynomials import (
+    chart_of,
+    has_minors,
+    minors_of,
+    singularity_polynomial,
+    to_square,
+)
+
+FRUITLESS, EACH = 100, 20
+"""Starts after which a search ends, and how many more each one found is worth."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundSet(SingularSet):
+    """Singular configurations found by a search: of arms whose minors form no triangle.
+
+    Such are arms with mimic joints, redundant arms with other tasks than the full pose as a rule,
+    and redundant arms of special build that are not free-floating. `sample` and `nearest` return
+    what the search finds. `is_free` and `clearance` prove paths free of all singular
+    configurations, found or not, unless joints mimic others. All other methods raise
+    `UnsupportedError`.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft does.
+    """
+
+    @property
+    def complete(self) -> bool:
+        """False: other singular configurations may exist beside those found."""
+        return False
+
+    def _unsupported(self, *_: object, **__: object) -> NoReturn:
+        """Raise UnsupportedError: the set is not known as a whole, and why."""
+        raise UnsupportedError(
+            f"{self.arm.name}: {self._why()}; a FoundSet has only .sample, .nearest, .is_free and "
+            ".clearance"
+        )
+
+    def _why(self) -> str:
+        """Say why the set is not known as a whole."""
+        k, n = self.arm.task.k, self.arm.n
+        if self.arm.coupling is not None:
+            return (
+                "joints that mimic others make S a polynomial of multiples of the angles; lock "
+                "their leaders with locked={...}"
+            )
+        return (
+            f"{n} joints for {k} task rows ({self.arm.task.names}): the minors of J* do not give "
+            f"the singular set joint by joint; {to_square(self.arm)}"
+        )
+
+    roots = solve = curves = surface = components = _unsupported
+
+    @property
+    def S(self) -> TrigPolynomial:
+        """Unsupported: there is no singularity polynomial."""
+        self._unsupported()
+
+    @property
+    def relevant(self) -> tuple[int, ...]:
+        """Unsupported: there is no singularity polynomial."""
+        self._unsupported()
+
+    @property
+    def dimension(self) -> int:
+        """Unsupported: there is no singularity polynomial."""
+        self._unsupported()
+
+    @property
+    def codimension(self) -> int:
+        """Number of equations that singular configurations fulfil, as a rule."""
+        return self.arm.n - self.arm.task.k + 1
+
+    def __repr__(self) -> str:
+        return f"FoundSet({self.arm.name}, {self.mode}: by search, may miss configurations)"
+
+    def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
+        """Search m singular configurations, (m, n), from uniform starts; no measure is promised.
+
+        Raises:
+            ConfigurationError: m is no whole number from 0 on.
+            NoSolutionError: Of the starts, 100 and 20 for each singular configuration found, none
+                leads to a further one; carries those found.
+        """
+        m, rng = whole(m, "m", 0), rng or np.random.default_rng()
+        found: list[Array] = []
+        starts = 0
+        while len(found) < m:
+            if starts >= FRUITLESS + EACH * len(found):
+                raise NoSolutionError(
+                    f"{self.arm.name}: {len(found)} of {m} singular configurations found from "
+                    f"{starts} starts; there may be few or none, as they fulfil {self.codimension} "
+                    f"equations in {self.arm.n} joint positions",
+                    found,
+                )
+            q, starts = lose_rank(self.arm, self._random(rng), self.mode), starts + 1
+            if q is not None:
+                found.append(q)
+        return np.array(found).reshape(m, self.arm.n)
+
+    def clearance(
+        self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> Certificate:
+        """Prove that a path of straight segments (m, n) meets no singularity."""
+        every = minors_of(self.arm, self.mode).every()
+        return prove_free(self.arm, self.mode, every, path, limits, progress)
+
+    def nearest(
+        self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+    ) -> tuple[Array, float]:
+        """Find the singular configuration nearest to q; see `SingularSet.nearest`."""
+        centre = joint_vector(self.arm, q, "q")
+        return nearest_singular(self.arm, self.mode, centre, limits, progress=progress)
+
+    def _random(self, rng: np.random.Generator) -> Array:
+        """Draw a start: revolute joints anywhere, prismatic ones in their range."""
+        return chart_of(self.arm).positions(rng.uniform(-np.pi, np.pi, self.arm.n))
 
 
 @of_arm

@@ -18,11 +18,10 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
-from spacearm.polynomial.fit import Sampler
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.trig import Sampler, TrigPolynomial
 from spacearm.polynomial.univariate import Complex
-from spacearm.singularities.polynomial import check_square, comparable_sampler
+from spacearm.singularities.polynomials import check_square, comparable_sampler
 from spacearm.uncertainty.intervals import UncertainArm
 
 HIGHEST = 12

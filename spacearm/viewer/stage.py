@@ -28,8 +28,7 @@ from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
 from spacearm.viewer.scene import Scene
 from spacearm.viewer.session import Session
 from spacearm.viewer.window import Window
-from spacearm.workspaces.path_dependent import Workspace
-from spacearm.workspaces.regions import centre_of
+from spacearm.workspaces.path_dependent import Workspace, centre_of
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""

@@ -16,9 +16,9 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.singularities.polynomial import tips_from_centre
+from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.sets import singular_set
-from spacearm.workspaces.box import Box
+from spacearm.workspaces.extent import Box
 from spacearm.workspaces.shells import merged
 
 SAMPLE = 20_000

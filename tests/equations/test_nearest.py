@@ -9,7 +9,7 @@ from spacearm.equations.measures import nearest
 from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
 from spacearm.mechanics.nearness import FADING, distance_at
 from spacearm.model.scale import radians
-from spacearm.singularities.rank_loss import nearest_about
+from spacearm.singularities.nearest import nearest_about
 
 MODE = "free-floating"
 

@@ -33,7 +33,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def ring(arm):
-    return sa.feasible_attitudes(arm, LINE, A, base=about_z(21.0))
+    return sa.feasible_attitudes(arm.at(A, base=about_z(21.0)), LINE)
 
 
 def started_at(arm, ring, angle):
@@ -104,7 +104,7 @@ def test_simulation_agrees_inside_and_outside(arm, ring):
 
 
 def test_all_branches_hold_each_of_them(arm, ring):
-    every = sa.feasible_attitudes(arm, LINE)
+    every = sa.feasible_attitudes(arm.at(A), LINE, all_branches=True)
     assert every.share >= ring.share
     for low, high in ring.intervals:
         middle = 0.5 * (low + high)
@@ -112,8 +112,9 @@ def test_all_branches_hold_each_of_them(arm, ring):
 
 
 def test_without_a_margin_more_attitudes_are_feasible(arm, ring):
-    wider = sa.feasible_attitudes(arm, LINE, A, base=about_z(21.0), margin=0.0, samples=240)
-    narrow = sa.feasible_attitudes(arm, LINE, A, base=about_z(21.0), margin=0.1, samples=240)
+    start = arm.at(A, base=about_z(21.0))
+    wider = sa.feasible_attitudes(start, LINE, margin=0.0, samples=240)
+    narrow = sa.feasible_attitudes(start, LINE, margin=0.1, samples=240)
     assert wider.share >= ring.share >= narrow.share
 
 
@@ -123,12 +124,13 @@ def test_without_a_margin_more_attitudes_are_feasible(arm, ring):
 def test_turning_the_path_turns_the_attitudes(arm, ring):
     turn = np.radians(40.0)
     R = Rotation.from_euler("z", turn).as_matrix()[:2, :2]
-    turned = sa.feasible_attitudes(arm, [R @ p for p in LINE], A, base=about_z(61.0))
+    turned = sa.feasible_attitudes(arm.at(A, base=about_z(61.0)), [R @ p for p in LINE])
     np.testing.assert_allclose(turned.intervals, ring.intervals + turn, atol=2e-6)
 
 
 def test_mirroring_the_path_mirrors_the_attitudes(arm, ring):
-    mirrored = sa.feasible_attitudes(arm, [(x, -y) for x, y in LINE], -A, base=about_z(-21.0))
+    start = arm.at(-A, base=about_z(-21.0))
+    mirrored = sa.feasible_attitudes(start, [(x, -y) for x, y in LINE])
     np.testing.assert_allclose(mirrored.intervals, -ring.intervals[::-1, ::-1], atol=2e-6)
 
 
@@ -136,7 +138,7 @@ def test_an_arm_at_the_cm_turns_nothing_that_matters():
     """With the arm mounted at the spacecraft's CM the path can be followed from all attitudes."""
     arm = sa.load("planar2").replace(mount=pin.SE3(np.eye(3), np.zeros(3)))
     free = sa.feasible_attitudes(
-        arm, [(1.2, 0.0), (1.0, 0.6)], [0.3, 1.2], limits=False, margin=0.0, samples=60
+        arm.at([0.3, 1.2]), [(1.2, 0.0), (1.0, 0.6)], limits=False, margin=0.0, samples=60
     )
     assert free.share == 1.0
     np.testing.assert_allclose(free.intervals, [[-np.pi, np.pi]])
@@ -218,11 +220,9 @@ def test_with_momentum_it_agrees_with_the_momentum_equation(arm):
     )  # fmt: skip
     np.testing.assert_allclose(led.q[0], end[:2], atol=1e-8)
     assert 2 * np.arctan2(*led.attitude[0, 2:]) == pytest.approx(end[2], abs=1e-8)
-    slow, fast = (
-        sa.feasible_attitudes(arm, LINE, A, base=about_z(21.0), momentum=h, speed=v, samples=90)
-        for v in (0.05, 50.0)
-    )
-    still = sa.feasible_attitudes(arm, LINE, A, base=about_z(21.0), samples=90)
+    turning = arm.at(A, base=about_z(21.0), momentum=h)
+    slow, fast = (sa.feasible_attitudes(turning, LINE, speed=v, samples=90) for v in (0.05, 50.0))
+    still = sa.feasible_attitudes(arm.at(A, base=about_z(21.0)), LINE, samples=90)
     np.testing.assert_allclose(fast.intervals, still.intervals, atol=1e-2)
     assert abs(slow.share - still.share) > 1e-2
     with pytest.raises(sa.UnsupportedError, match="zero momentum"):
@@ -279,7 +279,7 @@ def spatial():
 @pytest.mark.slow
 def test_of_spatial_arms_share_ball_and_best_attitude(spatial):
     arm, q, path = spatial
-    found = sa.feasible_attitudes(arm, path, q, samples=576, refine=0)
+    found = sa.feasible_attitudes(arm.at(q), path, samples=576, refine=0)
     assert len(found.ended) == 576
     assert found.weight.sum() == pytest.approx(1.0)
     assert 0.0 < found.share < 1.0
@@ -295,16 +295,15 @@ def test_of_spatial_arms_share_ball_and_best_attitude(spatial):
         axis = rng.normal(size=3)
         turn = Rotation.from_rotvec(0.8 * found.ball.radius * axis / np.linalg.norm(axis))
         to = (turn * Rotation.from_quat(found.ball.centre)).as_quat()
-        finer = sa.feasible_attitudes(
-            arm, path, q, base=pin.SE3(pin.Quaternion(to), np.zeros(3)), samples=72, refine=0
-        )
+        start = arm.at(q, base=pin.SE3(pin.Quaternion(to), np.zeros(3)))
+        finer = sa.feasible_attitudes(start, path, samples=72, refine=0)
         assert np.isfinite(finer.q).any()
 
 
 @pytest.mark.slow
 def test_refining_the_border_moves_the_share_little(spatial):
     arm, q, path = spatial
-    shares = [sa.feasible_attitudes(arm, path, q, refine=k) for k in (0, 1)]
+    shares = [sa.feasible_attitudes(arm.at(q), path, refine=k) for k in (0, 1)]
     assert abs(shares[0].share - shares[1].share) < 5 * shares[0].error
     assert shares[1].error < shares[0].error
 
@@ -314,21 +313,23 @@ def test_refining_the_border_moves_the_share_little(spatial):
 
 def test_bad_input(arm):
     with pytest.raises(sa.ConfigurationError, match="give corners"):
-        sa.feasible_attitudes(arm, [])
+        sa.feasible_attitudes(arm.at(A), [])
     with pytest.raises(sa.ConfigurationError, match="margin is -1"):
-        sa.feasible_attitudes(arm, LINE, margin=-1)
+        sa.feasible_attitudes(arm.at(A), LINE, margin=-1)
     with pytest.raises(sa.ConfigurationError, match="linear part"):
-        sa.feasible_attitudes(arm, LINE, momentum=[1, 0, 0, 0, 0, 0])
+        sa.feasible_attitudes(arm.at(A, momentum=[1, 0, 0, 0, 0, 0]), LINE)
     base = pin.SE3(pin.rpy.rpyToMatrix(0.3, 0, 0), np.zeros(3))
     with pytest.raises(sa.ConfigurationError, match="turns the plane"):
-        sa.feasible_attitudes(arm, LINE, A, base=base)
+        sa.feasible_attitudes(arm.at(A, base=base), LINE)
     with pytest.raises(sa.UnsupportedError, match="task of 3 rows"):
-        sa.feasible_attitudes(arm.replace(task="x y rz"), LINE)
+        sa.feasible_attitudes(arm.replace(task="x y rz").at(A), LINE)
     with pytest.raises(sa.UnsupportedError, match="singles out"):
-        sa.feasible_attitudes(sa.load("mda6").replace(task="x y"), LINE)
+        sa.feasible_attitudes(sa.load("mda6").replace(task="x y").at(np.zeros(6)), LINE)
     with pytest.raises(sa.NoSolutionError, match="no posture was found"):
-        sa.feasible_attitudes(arm, [(9.0, 0.0), (8.0, 0.0)], A, samples=8)
-    nowhere = sa.feasible_attitudes(arm, [(9.0, 0.0), (8.0, 0.0)], samples=8)
+        sa.feasible_attitudes(arm.at(A), [(9.0, 0.0), (8.0, 0.0)], samples=8)
+    nowhere = sa.feasible_attitudes(
+        arm.at(A), [(9.0, 0.0), (8.0, 0.0)], all_branches=True, samples=8
+    )
     assert "no start: 8" in repr(nowhere)
     assert nowhere.share == 0.0
     with pytest.raises(sa.NoSolutionError, match="none of 8"):

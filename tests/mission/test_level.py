@@ -16,7 +16,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def reach(arm):
-    return sa.level_reach(arm, Q, np.radians(2.0), directions=24)
+    return sa.level_reach(arm.at(Q), np.radians(2.0), directions=24)
 
 
 def test_lines_end_where_follow_has_turned_by_the_tilt(arm, reach):
@@ -32,16 +32,16 @@ def test_lines_end_where_follow_has_turned_by_the_tilt(arm, reach):
 
 
 def test_more_tilt_reaches_farther_and_a_margin_less(arm, reach):
-    wider = sa.level_reach(arm, Q, np.radians(4.0), directions=24)
+    wider = sa.level_reach(arm.at(Q), np.radians(4.0), directions=24)
     assert (wider.straight >= reach.straight - 1e-9).all()
-    careful = sa.level_reach(arm, Q, np.radians(4.0), directions=24, margin=np.radians(40.0))
+    careful = sa.level_reach(arm.at(Q), np.radians(4.0), directions=24, margin=np.radians(40.0))
     assert (careful.straight <= wider.straight + 1e-9).all()
     assert careful.volume < wider.volume
 
 
 def test_broken_lines_reach_more_and_follow_keeps_level_on_them(arm):
     small = np.radians(2.0)
-    found = sa.level_reach(arm, Q, small, directions=90, planned=True)
+    found = sa.level_reach(arm.at(Q), small, directions=90, planned=True)
     places = np.unique(np.round(found.point, 9), axis=0)
     straight = np.interp(
         np.arctan2(*(places - found.tip)[:, 1::-1].T) % (2 * np.pi),
@@ -62,7 +62,7 @@ def test_broken_lines_reach_more_and_follow_keeps_level_on_them(arm):
 def test_of_spatial_arms_all_directions_of_space():
     arm = sa.load("mda6")
     q = np.radians([0.0, 60.0, -100.0, -50.0, 20.0, 0.0])
-    found = sa.level_reach(arm, q, np.radians(0.5), directions=60)
+    found = sa.level_reach(arm.at(q), np.radians(0.5), directions=60)
     assert found.axis is None
     np.testing.assert_allclose(found.direction.mean(axis=0), 0.0, atol=0.02)
     i = int(np.flatnonzero(found.ended == 3)[0])
@@ -75,27 +75,29 @@ def test_of_spatial_arms_all_directions_of_space():
 def test_the_turn_falls_with_the_inertia_of_the_bus(arm):
     """For heavy buses w_0 = -D_q dq / I_0, so that the turn is as 1 / I_0."""
     masses = [4e4, 8e4]
-    found = sa.level_envelope(arm, Q, [0.02], masses, directions=12, travel=0.05)
+    found = sa.level_envelope(arm.at(Q), [0.02], masses, directions=12, travel=0.05)
     assert found.turn[0] / found.turn[1] == pytest.approx(2.0 ** (5 / 3), rel=1e-2)
     linear = sa.level_envelope(
-        arm, Q, [0.02], masses, directions=12, travel=0.05, same_density=False
+        arm.at(Q), [0.02], masses, directions=12, travel=0.05, same_density=False
     )
     assert linear.turn[0] / linear.turn[1] == pytest.approx(2.0, rel=1e-2)
     assert (found.followed == 1.0).all()
-    light = sa.level_envelope(arm, Q, [0.02, 0.05], [20.0, 200.0], directions=12)
+    light = sa.level_envelope(arm.at(Q), [0.02, 0.05], [20.0, 200.0], directions=12)
     assert (np.diff(light.mean, axis=1) > 0.0).all()
     assert (np.diff(light.mean, axis=0) > 0.0).all()
 
 
 def test_bad_input(arm):
     with pytest.raises(sa.ConfigurationError, match="tilt is 0"):
-        sa.level_reach(arm, Q, 0)
+        sa.level_reach(arm.at(Q), 0)
     with pytest.raises(sa.ConfigurationError, match="margin is -1"):
-        sa.level_reach(arm, Q, 0.1, margin=-1)
+        sa.level_reach(arm.at(Q), 0.1, margin=-1)
     with pytest.raises(sa.UnsupportedError, match="not all linear rows"):
-        sa.level_reach(sa.load("mda6").replace(task="orientation"), np.zeros(6), 0.1)
+        sa.level_reach(sa.load("mda6").replace(task="orientation").at(np.zeros(6)), 0.1)
+    with pytest.raises(sa.UnsupportedError, match="leave momentum out"):
+        sa.level_reach(arm.at(Q, momentum=[0, 0, 0, 0, 0, 0.1]), 0.1)
     with pytest.raises(sa.ConfigurationError, match="is empty"):
-        sa.level_envelope(arm, Q, [], [10.0])
-    reach = sa.level_reach(arm, Q, 0.01, directions=4)
+        sa.level_envelope(arm.at(Q), [], [10.0])
+    reach = sa.level_reach(arm.at(Q), 0.01, directions=4)
     with pytest.raises(sa.NoSolutionError, match="broken lines reach"):
         reach.motion(reach.tip)

@@ -53,24 +53,29 @@ def results():
         "a prescribed motion": (sa.prescribed_motion(cfg, {"joint_2": 0.1}), 1),
         "dynamics": (sa.forward_dynamics(cfg, np.zeros(6), np.ones(6)), 4),
         "attitudes of a planar arm": (
-            sa.feasible_attitudes(planar, [(1.5, 0.2), (1.5, 0.5)], samples=24),
+            sa.feasible_attitudes(
+                planar.at([0, 1]), [(1.5, 0.2), (1.5, 0.5)], all_branches=True, samples=24
+            ),
             1,
         ),
         "attitudes of a spatial arm": (
-            sa.feasible_attitudes(spatial, line(cfg), Q6, samples=72, refine=1),
+            sa.feasible_attitudes(spatial.at(Q6), line(cfg), samples=72, refine=1),
             2,
         ),
         "a reaction": (sa.reaction(run), 4),
         "a level reach": (
-            sa.level_reach(planar, [-0.6, 1.4], 0.03, directions=12, planned=True, cell=0.1),
+            sa.level_reach(planar.at([-0.6, 1.4]), 0.03, directions=12, planned=True, cell=0.1),
             1,
         ),
-        "a level reach in space": (sa.level_reach(spatial, Q6, 0.01, directions=30), 1),
+        "a level reach in space": (sa.level_reach(spatial.at(Q6), 0.01, directions=30), 1),
         "a level envelope": (
-            sa.level_envelope(planar, [-0.6, 1.4], [0.02], [20.0, 200.0], directions=8),
+            sa.level_envelope(planar.at([-0.6, 1.4]), [0.02], [20.0, 200.0], directions=8),
             2,
         ),
-        "a momentum budget": (sa.momentum_budget(planar.at([-0.6, 1.4]), [0, 0, 1]), 2),
+        "a momentum budget": (
+            sa.momentum_budget(planar.at([-0.6, 1.4], momentum=[0, 0, 0, 0, 0, 1])),
+            2,
+        ),
         "a range of distances": (sa.distance_range(unsure(planar), [0.3, 0.8], samples=5), 1),
         "bands of shells": (sa.shell_bands(unsure(planar), samples=2), 1),
         "a wheel sizing": (sa.size_wheels(planar, tip_speed=0.1, samples=30), 1),

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.polynomial import certificate as certificates
+from spacearm.polynomial.certificate import Restriction
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.segments import Restriction
-from spacearm.singularities.polynomial import minor_polynomials
+from spacearm.singularities.polynomials import minor_polynomials
 
 degrees = st.lists(st.integers(0, 3), min_size=1, max_size=3)
 

@@ -170,7 +170,7 @@ def test_blocks_of_a_grid_are_its_values(seed, degrees, data):
     wanted = f(np.stack([axis.ravel() for axis in axes], axis=1)).reshape(shape)
     assert f.grid(shape, threads=1) == pytest.approx(wanted, abs=1e-12 * f.scale)
     with pytest.MonkeyPatch.context() as small:
-        small.setattr("spacearm.polynomial.grid.BLOCK", 16)
+        small.setattr("spacearm.polynomial.contraction.BLOCK", 16)
         covered = np.zeros(shape, dtype=int)
 
         def count(values, index):

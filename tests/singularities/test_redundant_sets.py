@@ -10,8 +10,8 @@ from scipy.optimize import minimize
 import spacearm as sa
 from spacearm.model.scale import radians
 from spacearm.polynomial.triangle import Triangle, find_triangle, share_root
-from spacearm.singularities.minors import minors_of
-from spacearm.singularities.rank_loss import is_singular, lose_rank
+from spacearm.singularities.nearest import is_singular, lose_rank
+from spacearm.singularities.polynomials import minors_of
 from spacearm.singularities.sets import prove_regular
 
 MODES = ["free-floating", "attitude-controlled", "fixed"]

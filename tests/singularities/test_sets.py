@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 
 import spacearm as sa
 from spacearm.polynomial import level_set
-from spacearm.singularities.polynomial import radius_squared
+from spacearm.singularities.polynomials import radius_squared
 
 
 def task_determinant(arm, q):

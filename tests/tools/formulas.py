@@ -385,11 +385,11 @@ MUTANTS = [
         "along[:, 0] -= distance", "along[:, 0] += distance", "singularities/test_distance",
     ),
     Mutant(
-        "(41) S of planar arms", "singularities/polynomial.py",
+        "(41) S of planar arms", "singularities/polynomials.py",
         "- {normal}, 3 + normal]", "- {normal}, 3 + (normal + 1) % 3]", "singularities/test_sets",
     ),
     Mutant(
-        "(43) R^2", "singularities/polynomial.py",
+        "(43) R^2", "singularities/polynomials.py",
         "(tips_from_centre(arm, Q, mode) ** 2)", "(tips_from_centre(arm, Q, mode) ** 4)",
         "workspaces/test_workspace",
     ),
@@ -414,7 +414,7 @@ MUTANTS = [
         "companion[:, :, -1] = -monic", "companion[:, :, -1] = monic", "polynomial/test_trig",
     ),
     Mutant(
-        "loss of rank: found is sigma_min = 0", "singularities/rank_loss.py",
+        "loss of rank: found is sigma_min = 0", "singularities/nearest.py",
         "return q if near.sigma <= LOST * most", "return q if near.sigma <= 1e-3 * most",
         "singularities/test_sets",
     ),
@@ -424,7 +424,7 @@ MUTANTS = [
         "singularities/test_sets polynomial/test_certificate",
     ),
     Mutant(
-        "certificate: bound of the curvature", "polynomial/segments.py",
+        "certificate: bound of the curvature", "polynomial/certificate.py",
         '"mi,ij,mj->m", size, B, size))', '"mi,ij,mj->m", size, 1e-3 * B, size))',
         "singularities/test_sets polynomial/test_certificate",
     ),

@@ -64,7 +64,7 @@ def test_sectors_and_patches_have_their_areas():
 def test_a_ring_shows_the_intervals_and_the_attitude_now():
     arm = sa.load("planar2")
     q0 = np.radians([-57.936, 60.337])
-    found = sa.feasible_attitudes(arm, [(2.0, 0.0), (1.5, 1.5)], q0, samples=180)
+    found = sa.feasible_attitudes(arm.at(q0), [(2.0, 0.0), (1.5, 1.5)], samples=180)
     viewer = sa.view(found, open=False)
     drawn = meshes(viewer)
     (interval,) = found.intervals
@@ -135,7 +135,7 @@ def attitudes():
     cfg = arm.at(np.full(6, 0.4))
     start = pin.SE3(cfg.tip.rotation, cfg.tip.translation - cfg.com)
     end = pin.SE3(start.rotation, 0.9 * start.translation)
-    return sa.feasible_attitudes(arm, [start, end], cfg.q, samples=72, refine=0)
+    return sa.feasible_attitudes(cfg, [start, end], samples=72, refine=0)
 
 
 def test_the_page_asks_for_the_attitudes_of_a_line_or_of_a_motion(monkeypatch):
@@ -173,7 +173,7 @@ def test_a_motion_is_feasible_from_where_it_begins(monkeypatch):
     viewer.handle({"do": "compute", "what": "attitudes", "path": "motion"})
     _, (_, q0, base, path) = begun[0][:2]
     assert len(path) <= MOST_CORNERS
-    found = sa.feasible_attitudes(arm, path, q0, base=base, samples=90)
+    found = sa.feasible_attitudes(arm.at(q0, base=base), path, samples=90)
     assert any(low <= 0.0 <= high for low, high in found.intervals)
 
 

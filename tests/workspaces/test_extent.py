@@ -5,9 +5,8 @@ import pytest
 from helpers.arms import frame, joint, link, load_text, random_chain, robot
 
 import spacearm as sa
-from spacearm.singularities.polynomial import distances, radius_squared
-from spacearm.workspaces.box import Box
-from spacearm.workspaces.extent import NEAR, chain_of, largest_distance_within, least_distance
+from spacearm.singularities.polynomials import distances, radius_squared
+from spacearm.workspaces.extent import NEAR, Box, chain_of, largest_distance_within, least_distance
 from spacearm.workspaces.shells import shell_about
 
 

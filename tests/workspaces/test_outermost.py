@@ -6,9 +6,8 @@ from helpers.arms import load_text, random_chain, seeds
 from hypothesis import given, settings
 
 import spacearm as sa
-from spacearm.singularities.polynomial import distances
-from spacearm.workspaces.box import Box
-from spacearm.workspaces.outermost import largest_distance
+from spacearm.singularities.polynomials import distances
+from spacearm.workspaces.extent import Box, largest_distance
 from spacearm.workspaces.shells import shell_about
 
 

@@ -8,8 +8,8 @@ from helpers.arms import frame, joint, link, load_text, random_chain, robot, see
 from hypothesis import given, settings
 
 import spacearm as sa
-from spacearm.singularities.polynomial import distances
-from spacearm.singularities.rank_loss import lose_rank
+from spacearm.singularities.nearest import lose_rank
+from spacearm.singularities.polynomials import distances
 
 
 def check(result, rng, searches=12):

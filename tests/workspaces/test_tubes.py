@@ -6,8 +6,8 @@ import pytest
 import spacearm as sa
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.trig import TrigPolynomial
-from spacearm.workspaces.box import Box
-from spacearm.workspaces.tubes import Equations, tubes
+from spacearm.workspaces.extent import Box
+from spacearm.workspaces.proven import Equations, tubes
 
 
 def equations(functions, n, low=-np.pi, high=np.pi):

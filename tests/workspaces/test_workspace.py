@@ -28,10 +28,10 @@ from hypothesis import given, settings
 
 import spacearm as sa
 from spacearm.plots.workspaces import draw_profile, draw_workspace
-from spacearm.polynomial.extremes import enclose
-from spacearm.singularities.polynomial import radius_squared
+from spacearm.polynomial.branch_and_bound import enclose
+from spacearm.singularities.polynomials import radius_squared
 from spacearm.singularities.risk import uniform
-from spacearm.workspaces.box import Box
+from spacearm.workspaces.extent import Box
 from spacearm.workspaces.shells import merged
 
 ALPHA, BETA, GAMMA = 20 / 47, 42 / 47, 45.5 / 47

@@ -86,14 +86,14 @@ def find_attitudes(
     given = MARGIN if margin is None else float(np.radians(margin)) if deg else margin
     corners = [goal_from(arm, "--corner", text, deg) for text in corner]
     h = None if momentum is None else np.append(np.zeros(3), _three("--momentum", momentum))
+    q = np.zeros(arm.n) if q0 is None else joint_values(arm, q0.split(), deg)
+    start = arm.at(q, base=spacecraft_pose(attitude, deg), momentum=h)
     with working("trying attitudes") as progress:
         found = feasible_attitudes(
-            arm,
+            start,
             corners,
-            None if q0 is None else joint_values(arm, q0.split(), deg),
-            base=spacecraft_pose(attitude, deg),
+            all_branches=q0 is None,
             margin=given,
-            momentum=h,
             speed=speed,
             limits=not no_limits,
             samples=samples,

@@ -20,7 +20,7 @@ from spacearm.model.scale import radians
 from spacearm.motion.events import DOUBTFUL, LOOK, NEAR, ROUNDING, SHARPNESS
 from spacearm.motion.runs.batch import Batch, Steps, Whole
 from spacearm.motion.runs.setup import WantedEvent
-from spacearm.singularities.closest import settled_each
+from spacearm.singularities.nearest import settled_each
 
 SHARE = 0.2
 """Share of the distance to the singular set that the joints may move until it is computed anew."""

@@ -50,7 +50,7 @@ def attitudes_of(
     arm: SpaceArm, q0: Array, base: pin.SE3, path: list[pin.SE3], progress: Progress
 ) -> FeasibleAttitudes:
     """Return the attitudes of the spacecraft from which the tip can follow a path."""
-    return feasible_attitudes(arm, path, q0, base=base, progress=progress)
+    return feasible_attitudes(arm.at(q0, base=base), path, progress=progress)
 
 
 JOBS: Mapping[str, Callable[..., Any]] = {

@@ -1,13 +1,13 @@
-"""The singular configuration nearest to a given one, by descents from many starts.
+"""Singular configurations near a given one: the nearest, and one by the Gauss-Newton method.
 
-Offsets x from the configuration count in radians of each joint (`radians`), so that |x| is the
-distance. Each step of a descent goes to the point nearest to the configuration on the singular set
-as it looks from here, to first order (`nearness.foot`), T(x). Nearest points are fixed points of T.
-The best ends are then moved onto the set and along it, by Newton's method on T(x) = x, its
-derivatives taken as differences, or by shorter steps towards T(x) where that is no nearer.
+Offsets x from the configuration count in radians of each joint (`joint_scales`), so that |x| is the
+distance. Each step of a descent goes to the point T(x) nearest to the configuration on the singular
+set linearised at x (`nearness.foot`). Nearest points are fixed points of T. The best ends are then
+moved onto the set and along it, by Newton's method on T(x) = x, its derivatives taken as
+differences, or by shorter steps towards T(x) where that is no nearer.
 
 J* itself and its derivative are all that this takes, so it works for every arm, and nothing is
-found that is not singular. That nothing nearer is missed is proven only by `branch_and_bound`, for
+found that is not singular. That nothing nearer is missed is proven only by `nearest_root`, for
 sets with one equation in up to three joints.
 """
 
@@ -22,11 +22,12 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.nearness import Tangent, foot, tangent
+from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.mechanics.nearness import Tangent, foot, nearness, tangent
 from spacearm.model.arm import SpaceArm
 from spacearm.model.mode import BaseMode
 from spacearm.model.scale import radians
-from spacearm.polynomial.nearest import branch_and_bound
+from spacearm.polynomial.branch_and_bound import nearest_root
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
 
@@ -337,5 +338,85 @@ def _proven(S: TrigPolynomial, q: Array, best: Array | None, search: Search) -> 
         found = search.settled(search.descended(whole(X))[0])
         return None if found is None else found[chosen]
 
-    found = branch_and_bound(centred, None if best is None else best[chosen], improve)
+    found = nearest_root(centred, None if best is None else best[chosen], improve)
     return None if found is None else whole(found[None])[0]
+
+
+LOST = 1e-10
+"""A matrix has lost rank if its least singular value is below this share of the largest norm of it
+met during the iteration."""
+AT_A_ROOT = 1e-8
+"""sigma_min over sigma_max below which a root of the minors is a singular configuration."""
+RANK_STEPS = 60
+"""Largest number of Gauss-Newton steps."""
+RANK_STRIDE = 0.3
+"""Longest step [rad, m]."""
+
+
+def lose_rank(
+    arm: SpaceArm, q: Array, mode: BaseMode, columns: tuple[int, ...] | None = None
+) -> Array | None:
+    """Find a configuration near q (n,) at which J* loses rank, or None.
+
+    Args:
+        arm: The arm.
+        q: (n,) start.
+        mode: What the spacecraft does.
+        columns: The columns of J* that count; all if None.
+    """
+    if columns == ():
+        return None
+    chosen = slice(None) if columns is None else list(columns)
+    most, found, before = 0.0, False, q
+    for _ in range(RANK_STEPS):
+        cfg = arm.at(q)
+        J = task_jacobian(cfg, mode=mode)[:, chosen]
+        dJ = task_jacobian_derivative(cfg, mode=mode)[:, :, chosen]
+        wide = J.shape[1] >= len(J)
+        near = nearness(J, dJ) if wide else nearness(J.T, dJ.swapaxes(1, 2))
+        most = max(most, float(np.linalg.norm(J)))
+        if found:  # a step further, to all digits
+            return q if near.sigma <= LOST * most else before
+        if np.isinf(near.distances[-1]):
+            return None
+        found, before = near.sigma <= LOST * most, q
+        q = q - min(float(near.distances[-1]), RANK_STRIDE) * near.away
+    return None
+
+
+def is_singular(
+    arm: SpaceArm,
+    q: Array,
+    mode: BaseMode,
+    columns: tuple[int, ...] | None = None,
+    *,
+    tolerance: float = AT_A_ROOT,
+) -> bool:
+    """Check whether J*, or some of its columns, have lost rank at a root of the minors q (n,).
+
+    Args:
+        arm: The arm.
+        q: (n,) a root of minors, accurate to some ten digits as a rule.
+        mode: What the spacecraft does.
+        columns: The columns of J* that count; all if None.
+        tolerance: Share of the largest singular value below which the least one counts as zero.
+    """
+    if columns == ():  # of a task of one row: no columns are never dependent
+        return False
+    J = task_jacobian(arm.at(q), mode=mode)
+    sigma = np.linalg.svd(J if columns is None else J[:, list(columns)], compute_uv=False)
+    return bool(sigma[-1] <= tolerance * sigma[0])
+
+
+def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
+    """Return the singular configuration (n,) nearest to q (n,) that lies about, and its distance.
+
+    Where the set is near, its foot to first order lies by its nearest point. Then the last part of
+    `closest.Search` is enough, which moves one point along the set until it rests. The distance is
+    in radians, sliding joints in units of `radians`; None if none lies about.
+    """
+    search = Search(looking(arm, mode, q), np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
+    offset = search.settled(np.zeros((1, arm.n)))
+    if offset is None:
+        return None
+    return q + radians(arm) * offset, float(np.linalg.norm(offset))
