@@ -195,13 +195,11 @@ def _prepare(
     integration: Integration,
 ) -> Prepare:
     """Return what prepares a run by its number; once for all where they do not differ."""
-    kinds, capacity = (*integration.events, *stop), first.hold and first.hold.capacity
+    kinds = (*integration.events, *stop)
 
     def prepare(system: System, i: int, trace: bool = True) -> tuple[list[WantedEvent], Prepared]:
         own = {-1: laws[i % len(laws)]}
-        wanted = wanted_events(
-            system.arm, system.mode, kinds, stop, integration.reach, own, capacity
-        )
+        wanted = wanted_events(system, kinds, stop, integration.reach, own)
         return wanted, prepared(system, own, wanted, trace=trace)
 
     known = prepare(first, 0)
@@ -260,7 +258,7 @@ def _number_of_runs(
         ConfigurationError: They are of different numbers, or the laws of different kinds.
     """
     sizes = [] if starts is None else [len(starts)]
-    sizes += [len(dq)] if dq is not None and np.ndim(dq) == 2 else []
+    sizes += [np.shape(dq)[0]] if dq is not None and np.ndim(dq) == 2 else []
     sizes += [np.size(payload)] if payload is not None else []
     sizes += [] if shared else [len(laws)]
     if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:

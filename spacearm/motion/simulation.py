@@ -140,8 +140,8 @@ def simulate(
     if mode != "fixed" and not start.momentum[:3].any() and not plant.pushed and len(arm.tips) == 1:
         for one in controllers.values():
             check_target(one, system.start)
-    kinds, capacity = (*integration.events, *stop), system.hold and system.hold.capacity
-    wanted = wanted_events(arm, mode, kinds, stop, integration.reach, controllers, capacity)
+    kinds = (*integration.events, *stop)
+    wanted = wanted_events(system, kinds, stop, integration.reach, controllers)
     ready = prepared(system, controllers, wanted)
     dt = duration / OUTPUTS if integration.dt is None else integration.dt
     if dt > duration:

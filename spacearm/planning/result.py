@@ -121,9 +121,10 @@ class Plan(Motion):
         )
 
     def __getitem__(self, i: int) -> Configuration:
-        cfg = super().__getitem__(i)
-        spinning = self.wheels[i] if self.wheels.any() else None
-        return cfg if spinning is None else self.arm.at(cfg.q, base=cfg.base, wheels=spinning)
+        cfg, wheels, h = super().__getitem__(i), self.wheels[i], self.momentum[i]
+        if not wheels.any() and not h.any():
+            return cfg
+        return self.arm.at(cfg.q, base=cfg.base, wheels=wheels, momentum=h)
 
     @cached_property
     def dq(self) -> Array:

@@ -247,24 +247,20 @@ def prepared(
 
 
 def wanted_events(
-    arm: SpaceArm,
-    mode: BaseMode,
+    system: System,
     kinds: Collection[str],
     stop: Collection[str],
     reach: float,
     controllers: Mapping[int, Any],
-    capacity: float | None,
 ) -> list[WantedEvent]:
     """Return the events of some kinds.
 
     Args:
-        arm: The arm.
-        mode: What the spacecraft does.
+        system: The system.
         kinds: Names in `EVENTS`.
         stop: Those that end the run.
         reach: The distance at which a target counts as reached.
         controllers: The controllers by the number of their tip.
-        capacity: Largest momentum of a wheel; None if they cannot be full [N m s].
 
     Raises:
         ConfigurationError: A kind does not exist.
@@ -273,13 +269,14 @@ def wanted_events(
         if kind not in EVENTS:
             raise ConfigurationError(unknown("event", kind, EVENTS))
     found: list[WantedEvent] = []
+    arm = system.arm
 
     def add(
         kind: str, detail: str, root: Event | None, bound: float = 0.0, value: Any = None
     ) -> None:
         found.append(WantedEvent(root, bound, value, kind, detail, kind in stop))
 
-    if "singularity" in kinds and has_determinant(arm, mode):
+    if "singularity" in kinds and has_determinant(arm, system.mode):
         add("singularity", "S = 0", Event("determinant"))
     elif "singularity" in kinds:
         add("singularity", CLOSE, None)
@@ -299,9 +296,9 @@ def wanted_events(
                     return float(np.linalg.norm(error(t, cfg)))
 
                 add("target", detail, Event("own", i), reach, miss)
-    if "wheel full" in kinds and capacity is not None:
+    if "wheel full" in kinds and system.hold is not None:
         for i, wheel in enumerate(arm.wheels):
-            add("wheel full", wheel.name, Event("wheel", i), capacity)
+            add("wheel full", wheel.name, Event("wheel", i), system.hold.capacity)
     return found
 
 
