@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.wheels import with_wheels
+from helpers.arms import load_text
+from helpers.wheels import WHEELS, with_wheels
 
 import spacearm as sa
 from spacearm.motion.many_runs import COARSE
@@ -96,7 +97,7 @@ def test_what_is_no_list_of_starts_of_one_arm_is_refused():
 
 
 def test_wheels_and_wrenches_act_as_in_one_run():
-    arm = with_wheels()
+    arm = load_text(with_wheels(0), tip="tip", task="x", wheels=WHEELS)
     plant = sa.Plant(
         wheels=sa.WheelHold(stiffness=400.0, damping=600.0),
         wrenches={arm.tree.root: lambda t: [0.0, 0.1 * t, 0.0, 0.0, 0.0, 0.2]},
