@@ -12,8 +12,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, shape_of
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.barycentric_formulation import barycentric
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 
 Goal: TypeAlias = npt.ArrayLike | pin.SE3

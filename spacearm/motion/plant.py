@@ -13,10 +13,9 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, finite, plain
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, configure, kinematics
+from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_name
-from spacearm.model.mode import BaseMode, free_components
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
@@ -225,7 +224,7 @@ class System:
         h = y[2 * n + 7 : 2 * n + 13]
         if not arm.wheels and not h.any():
             return placed
-        return configure(arm, q, placed.base, y[2 * n + 17 :], h.copy())
+        return arm.at(q, base=placed.base, wheels=y[2 * n + 17 :], momentum=h)
 
     def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
         """Return the wrenches on each link that is pushed, along inertial axes.

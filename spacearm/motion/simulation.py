@@ -21,7 +21,6 @@ from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import Controller, check_controller, check_target
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started

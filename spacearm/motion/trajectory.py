@@ -10,8 +10,8 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.mechanics.momentum import momentum_matrix
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import free_components
+from spacearm.model.arguments import free_components
+from spacearm.model.arm import Configuration
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import Quantity
@@ -72,8 +72,7 @@ class Trajectory(Motion):
         cfg, kept = super().__getitem__(i), free_components(self.mode)
         momentum = np.zeros(6)
         momentum[:kept] = self.momentum[0, :kept] + self.impulse[i, :kept]
-        wheels = self.wheels[i] if self.arm.wheels else None
-        return self.arm.at(cfg.q, base=cfg.base, wheels=wheels, momentum=momentum)
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=momentum)
 
     @property
     def story(self) -> str:

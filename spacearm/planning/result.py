@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.notebook.tables import table
@@ -121,10 +121,9 @@ class Plan(Motion):
         )
 
     def __getitem__(self, i: int) -> Configuration:
-        cfg, wheels, h = super().__getitem__(i), self.wheels[i], self.momentum[i]
-        if not wheels.any() and not h.any():
-            return cfg
-        return self.arm.at(cfg.q, base=cfg.base, wheels=wheels, momentum=h)
+        cfg = super().__getitem__(i)
+        h = self.momentum[i]
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=h)
 
     @cached_property
     def dq(self) -> Array:

@@ -17,8 +17,9 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mission.attitudes import FeasibleAttitudes
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
+from spacearm.viewer.jobs import BackgroundJob, layer, planning
 from spacearm.viewer.panel.choices import chosen, offered
 from spacearm.viewer.panel.comparison import WORDS, Comparison, compared
 from spacearm.viewer.panel.joint_map import joint_map
@@ -29,8 +30,6 @@ from spacearm.viewer.scene import LAYERS
 from spacearm.viewer.session import Session
 from spacearm.viewer.stage import Stage
 from spacearm.viewer.window import Window
-from spacearm.viewer.work.desk import Desk
-from spacearm.viewer.work.orders import order
 from spacearm.workspaces.path_dependent import Workspace
 
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
@@ -49,7 +48,7 @@ class Host:
         self._edition = 0
         self._stage = Stage(self.window, Session(cfg.arm, cfg), motion)
         self._given: Comparison | None = None
-        self._desk = Desk(self._lock, self._changed, self._finished)
+        self._job = BackgroundJob(self._lock, self._changed, self._finished)
 
     @property
     def session(self) -> Session:
@@ -70,7 +69,7 @@ class Host:
             session.note = said
             with self.window.replaced():
                 self._stage = Stage(self.window, session)
-        self._desk.cancel()
+        self._job.cancel()
         self._given = None
         self._edition += 1
 
@@ -214,11 +213,12 @@ class Host:
             elif isinstance(message, dict) and kind == "compare":
                 self._compare_with(message.get("with"))
             elif kind == "plan":
-                self._plan(client)
+                self._job.start("plan", planning(self._stage), client)
             elif isinstance(message, dict) and kind == "compute":
-                self._compute(message.get("what"), message.get("path"), client)
+                asked = layer(self._stage, message.get("what"), message.get("path"))
+                self._job.start(*asked, client)
             elif kind == "cancel":
-                self._desk.cancel()
+                self._job.cancel()
             elif kind == "poses":
                 return {"poses": self._stage.poses()}
             elif kind == "motion":
@@ -236,19 +236,7 @@ class Host:
     def left(self, client: object) -> None:
         """End what a client of the page has asked for, who is gone."""
         with self._lock:
-            self._desk.left(client)
-
-    def _plan(self, client: object) -> None:
-        """Have a motion planned from the posture on show to the goal."""
-        cfg, goal = self.session.cfg, self.session.goal
-        if goal is None:
-            raise ConfigurationError("there is no goal; set one for the tip")
-        given = (cfg.arm, cfg.q, cfg.base, goal, self._stage.obstacles)
-        self._desk.start("plan", given, client)
-
-    def _compute(self, what: object, path: object, client: object) -> None:
-        """Have a layer computed."""
-        self._desk.start(*order(self._stage, what, path), client)
+            self._job.left(client)
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
@@ -256,7 +244,7 @@ class Host:
             stage = self._stage
             state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
             state |= {"motion": stage.motion is not None}
-            state |= {"edition": self._edition, **self._desk.readout()}
+            state |= {"edition": self._edition, **self._job.readout()}
             legend = [key._asdict() for key in stage.legend]
             return {**self.session.readout(), **state, "legend": legend}
 

@@ -14,9 +14,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import SingularityReport, angle, singularity
 from spacearm.viewer.panel import readouts
 from spacearm.viewer.panel.choices import Origin

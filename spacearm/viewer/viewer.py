@@ -15,7 +15,7 @@ import numpy as np
 from spacearm.arrays import positive
 from spacearm.errors import ConfigurationError
 from spacearm.files import name_part, write, write_by
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.host import Host
 from spacearm.viewer.layers.still import still
@@ -77,7 +77,7 @@ class Viewer(Host):
 
     def close(self) -> None:
         """End the server and free its port; files and pictures can still be made."""
-        self._desk.cancel()
+        self._job.cancel()
         if self._server:
             self._server.close()
             self._server = None

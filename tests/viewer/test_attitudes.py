@@ -13,8 +13,8 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer.jobs import MOST_CORNERS, BackgroundJob
     from spacearm.viewer.layers.attitudes import INNER, OUTER, patches, sector
-    from spacearm.viewer.work.orders import MOST_CORNERS
 
 
 def meshes(viewer):
@@ -144,7 +144,7 @@ def test_the_page_asks_for_the_attitudes_of_a_line_or_of_a_motion(monkeypatch):
     arm = sa.load("planar2")
     viewer = sa.view(arm, [0.3, 1.2], open=False)
     begun = []
-    monkeypatch.setattr("spacearm.viewer.work.desk.Task", lambda *given: begun.append(given))
+    monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     ask = {"do": "compute", "what": "attitudes"}
     for path, why in (
         ("goal", "there is no goal"), ("motion", "there is no motion"), ("round", "unknown path"),
@@ -153,10 +153,11 @@ def test_the_page_asks_for_the_attitudes_of_a_line_or_of_a_motion(monkeypatch):
             viewer.handle({**ask, "path": path})
     viewer.handle({"do": "goal", "position": [1.0, 1.0, 0.0]})
     viewer.handle({**ask, "path": "goal"})
-    name, (of, q0, _, (start, end)) = begun[0][:2]
+    name, function, _ = begun[0]
+    of, (start, end) = function.args
     cfg = viewer.configuration
-    assert (name, of) == ("attitudes", arm)
-    np.testing.assert_array_equal(q0, cfg.q)
+    assert (name, of.arm) == ("attitudes", arm)
+    np.testing.assert_array_equal(of.q, cfg.q)
     np.testing.assert_allclose(start.translation, cfg.tip.translation - cfg.com)
     np.testing.assert_allclose(end.translation, np.array([1.0, 1.0, 0.0]) - cfg.com)
     viewer.handle({"do": "spacecraft", "mode": "fixed"})
@@ -171,11 +172,11 @@ def test_a_motion_is_feasible_from_where_it_begins(monkeypatch):
     run = sa.follow(cfg, [goal[:2]], speed=0.1)
     viewer = sa.view(run, open=False)
     begun = []
-    monkeypatch.setattr("spacearm.viewer.work.desk.Task", lambda *given: begun.append(given))
+    monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     viewer.handle({"do": "compute", "what": "attitudes", "path": "motion"})
-    _, (_, q0, base, path) = begun[0][:2]
+    start, path = begun[0][1].args
     assert len(path) <= MOST_CORNERS
-    found = sa.feasible_attitudes(arm.at(q0, base=base), path, samples=90)
+    found = sa.feasible_attitudes(start, path, samples=90)
     assert any(low <= 0.0 <= high for low, high in found.intervals)
 
 

@@ -7,6 +7,7 @@ import pickle
 import threading
 import time
 import warnings
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -14,19 +15,19 @@ import pytest
 from helpers.pages import Page
 
 import spacearm as sa
+from spacearm import processes
 from spacearm.viewer.session import Session
-from spacearm.viewer.work import worker
-from spacearm.viewer.work.desk import Desk
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer.jobs import BackgroundJob, plan_to
     from spacearm.viewer.layers.obstacles import faces
 
 
-def answers(name, *given):
+def answers(function, *given):
     """What a worker answers, without its process."""
     told = io.BytesIO()
-    worker.work(name, given, told)
+    processes.answer(pickle.dumps((partial(function, *given), True)), told)
     told.seek(0)
     found = []
     with contextlib.suppress(EOFError):
@@ -35,10 +36,11 @@ def answers(name, *given):
     return found
 
 
-def desk():
-    """A desk, and a list of what is finished."""
+def background():
+    """A background job, and a list of what is finished."""
     finished = []
-    return Desk(threading.RLock(), lambda: None, lambda *done: finished.append(done)), finished
+    job = BackgroundJob(threading.RLock(), lambda: None, lambda *done: finished.append(done))
+    return job, finished
 
 
 def wait(condition, seconds=60.0):
@@ -61,14 +63,14 @@ def test_a_worker_answers_with_a_plan_or_the_reason_why_there_is_none():
     arm = sa.load("planar2")
     cfg = arm.at([0.3, 1.2])
     goal = pin.SE3(np.eye(3), np.array([0.9, 1.4, 0.0]))
-    *_, (kind, plan) = answers("plan", arm, cfg.q, cfg.base, goal, ())
+    *_, (kind, plan) = answers(plan_to, cfg, goal, ())
     assert kind == "done"
     np.testing.assert_allclose(plan[-1].tip.translation[:2], goal.translation[:2], atol=1e-6)
     far = pin.SE3(np.eye(3), np.array([9.0, 0.0, 0.0]))
-    *_, (kind, why) = answers("plan", arm, cfg.q, cfg.base, far, ())
+    *_, (kind, why) = answers(plan_to, cfg, far, ())
     with pytest.raises(sa.NoSolutionError) as same:
         sa.plan(arm, cfg.q, far)
-    assert (kind, why) == ("failed", str(same.value))
+    assert (kind, type(why), str(why)) == ("failed", sa.NoSolutionError, str(same.value))
 
 
 def test_the_goal_is_the_tip_until_it_is_told_otherwise():
@@ -94,17 +96,26 @@ def test_a_plan_needs_a_goal_and_a_page_has_one_job_at_a_time(monkeypatch):
     begun, page = [], object()
 
     class Asleep:
-        def __init__(self, name, given, owner, *_):
-            self.name, self.owner, self.done, self.total = name, owner, 1.0, 4.0
-            begun.append(given)
+        def __init__(self):
+            self.killed = threading.Event()
+            begun.append(self)
 
-        def cancel(self):
+        def call(self, _, progress):
+            progress(1.0, 4.0)
+            self.killed.wait()
+            raise processes.WorkerLostError
+
+        def kill(self):
+            self.killed.set()
             begun.clear()
 
-    monkeypatch.setattr("spacearm.viewer.work.desk.Task", Asleep)
+        def end(self):
+            pass
+
+    monkeypatch.setattr("spacearm.viewer.jobs.Process", Asleep)
     viewer.handle({"do": "goal"})
     viewer.handle({"do": "plan"}, page)
-    assert viewer.readout()["task"] == ["plan", "planning", 1.0, 4.0]
+    wait(lambda: viewer.readout()["task"] == ["plan", "planning", 1.0, 4.0])
     with pytest.raises(sa.ConfigurationError, match="planning is under way; cancel it first"):
         viewer.handle({"do": "plan"}, page)
     viewer.left(object())
@@ -125,34 +136,34 @@ def test_obstacles_are_solid_and_count(monkeypatch):
     box = sa.Obstacle.box(0.4, pin.SE3(np.eye(3), np.array([0.5, 2.5, 0.0])), name="box")
     viewer = sa.view(arm, [0.3, 1.2], obstacles=box, open=False)
     begun = []
-    monkeypatch.setattr("spacearm.viewer.work.desk.Task", lambda *given: begun.append(given))
+    monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     viewer.handle({"do": "goal"})
     viewer.handle({"do": "plan"})
-    assert begun[0][1][-1] == (box,)
+    assert begun[0][1].args[-1] == (box,)
 
 
 @pytest.mark.slow
 def test_processes_end_with_their_job_and_are_cancelled():
     arm = sa.load("planar2")
-    one, finished = desk()
-    one.start("risk", (arm,), None)
-    pid = one._task.pid
+    one, finished = background()
+    one.start("risk", partial(sa.risk_profile, arm), None)
+    pid = one.process.pid
     wait(lambda: finished)
     ((name, profile),) = finished
     assert name == "risk"
     np.testing.assert_array_equal(profile.share, sa.risk_profile(arm).share)
     wait(lambda: gone(pid))
     far = sa.load("mda6")
-    one.start("shells", (far, "free-floating"), None)
-    pid = one._task.pid
-    wait(lambda: one._task.total > 0.0)
+    one.start("shells", partial(sa.workspace, far), None)
+    pid = one.process.pid
+    wait(lambda: one.readout()["task"][-1] > 0.0)
     one.cancel()
     assert one.readout() == {"task": None, "failure": None}
     wait(lambda: gone(pid), 5.0)
-    one.start("shells", (far, "free-floating"), None)
-    os.kill(one._task.pid, 9)
+    one.start("shells", partial(sa.workspace, far), None)
+    os.kill(one.process.pid, 9)
     wait(lambda: one.failure)
-    assert one.failure == ("shells", "the process that computed it ended with code -9")
+    assert one.failure == ("shells", "its worker process was ended by signal 9")
     assert len(finished) == 1
 
 
@@ -198,7 +209,7 @@ def test_cancel_and_a_closed_tab_end_the_process(browser):
         page = Page(browser, viewer.serve(), width=1366, height=768).ready()
         page.page.click("#plan")
         page.wait_text("#work span", "of at most 60 s")
-        pid = viewer._desk._task.pid
+        pid = viewer._job.process.pid
         if way == "cancel":
             page.page.click("#cancel")
             page.page.wait_for_selector("#work[hidden]", state="attached")

@@ -12,6 +12,7 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
+    from spacearm.viewer.jobs import BackgroundJob
     from spacearm.viewer.layers.workspaces import annulus, half_sphere
 
 
@@ -65,9 +66,10 @@ def test_a_plane_workspace_is_drawn_as_rings_of_its_radii_that_turn_with_the_arm
 def test_the_page_asks_for_what_can_be_computed(monkeypatch):
     viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
     begun = []
-    monkeypatch.setattr("spacearm.viewer.work.desk.Task", lambda *given: begun.append(given))
+    monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     viewer.handle({"do": "compute", "what": "risk"})
-    assert begun[0][:2] == ("risk", (viewer.session.arm,))
+    name, function, _ = begun[0]
+    assert (name, function.args) == ("risk", (viewer.session.arm,))
     for what in ("everything", None, ["risk"]):
         with pytest.raises(sa.ConfigurationError, match="unknown layer to compute"):
             viewer.handle({"do": "compute", "what": what})

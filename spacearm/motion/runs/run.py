@@ -14,7 +14,7 @@ from spacearm.equations.plant import observe, parts, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import nearness
 from spacearm.mechanics.dynamics import forward_dynamics
-from spacearm.model.mode import free_components
+from spacearm.model.arguments import free_components
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS, Event, is_exact
 from spacearm.motion.plant import System
@@ -223,7 +223,7 @@ class Runs:
         base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
         base = np.tile(base[0], (len(t), 1)) if system.mode == "fixed" else base.copy()
         impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
-        kept[0, :free] = Y[0, at.momentum][:free]  # as it was given, without rounding
+        kept[:, :free] += (Y[0, at.momentum] - kept[0])[:free]  # as it was given, not rounded
         self.drift = drift_of(kept, impulse, brought, free)
         works = Y[:, at.works]
         return Trajectory(

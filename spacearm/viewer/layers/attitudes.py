@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.viewer.layers.paths import distance_colors
 from spacearm.viewer.layers.shapes import along
 from spacearm.viewer.layers.workspaces import BLUE, VERMILION, Key

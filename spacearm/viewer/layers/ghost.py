@@ -7,8 +7,7 @@ import meshcat.geometry as g
 import numpy as np
 import pinocchio as pin
 
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.viewer.layers.shapes import along, shapes
 
 GREY, STEEL, VIOLET = 0x7D8794, 0x3A7CA5, 0x6A3D9A

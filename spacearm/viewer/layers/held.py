@@ -9,8 +9,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 
 STEEL = 0x8A8F98

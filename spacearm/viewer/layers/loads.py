@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.layers.held import HeldLayer
 from spacearm.viewer.layers.shapes import along

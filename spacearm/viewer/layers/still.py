@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.viewer.layers.shapes import Y_TO_Z, DrawnShape
 
 MARGIN = 0.06

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 from spacearm.description.model_catalogue import catalogue
 from spacearm.errors import ConfigurationError, ModelError, SpaceArmError, unknown
 from spacearm.files import write
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.loading import load
 from spacearm.viewer.panel.numbers import number
 from spacearm.viewer.panel.readouts import source_of

@@ -11,8 +11,8 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.errors import listed
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration
 from spacearm.viewer.panel.labels import short_names
 
 MOST_STEPS = 40

@@ -9,9 +9,8 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.nearness import distances
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.map import telling_joints
 from spacearm.singularities.sets import singular_set
 from spacearm.viewer.panel.readouts import FAR
