@@ -28,7 +28,7 @@ from spacearm.description.model_catalogue import arms, catalogue
 from spacearm.errors import ConfigurationError, listed
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
-from spacearm.model.limits import warn_outside
+from spacearm.model.joints import warn_outside
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 

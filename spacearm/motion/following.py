@@ -18,10 +18,8 @@ import numpy as np
 from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.events import Event
 from spacearm.motion.goal import Origin, goal_axes, started
 from spacearm.motion.motion import Motion, samples

@@ -13,9 +13,8 @@ import numpy.typing as npt
 from spacearm.arrays import Array, finite, positive, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode, free_components
+from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller, check_controller
 from spacearm.motion.plant import Plant, System
 from spacearm.motion.runs.run import Runs

@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from spacearm.arrays import finite, plain, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
-from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, check_controller, check_target
 from spacearm.motion.events import EVENTS

@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from helpers.commands import spacearm
 

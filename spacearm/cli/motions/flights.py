@@ -22,8 +22,7 @@ from spacearm.cli.output import (
 )
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS
 from spacearm.motion.flights.flight import Flight

@@ -14,8 +14,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.mechanics.dynamics import generalized_velocity
 from spacearm.mechanics.impact import Capture, JointState, capture
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event
 from spacearm.motion.flights.flight import Flight
