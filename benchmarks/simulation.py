@@ -257,7 +257,7 @@ def first() -> None:
     """Simulate in a process that finds no compiled code, and in one that finds it."""
     run = (
         "import time; import spacearm as sa; arm = sa.load('planar2'); start = time.perf_counter();"
-        "sa.simulate(arm, [0.1, 0.4], sa.JointPD(target=[0.1, 0.5], kp=1.0, kd=1.0), 0.1);"
+        "sa.simulate(arm.at([0.1, 0.4]), sa.JointPD(target=[0.1, 0.5], kp=1.0, kd=1.0), 0.1);"
         "print(f'{time.perf_counter() - start:.1f} s, of processor time with all imports '"
         "f'{time.process_time():.1f} s')"
     )
