@@ -33,7 +33,7 @@ def kinds():
             arm.at(q), law, 2.0, integration=sa.Integration(dt=0.5, events=["target"], reach=0.1)
         ),
         "Followed": sa.follow(arm.at(q), [(1.2, 1.0)]),
-        "Plan": sa.plan(arm, q, (1.2, 1.0), method="straight"),
+        "Plan": sa.plan(arm.at(q), (1.2, 1.0), search=sa.Search(method="straight")),
     }
 
 
