@@ -16,7 +16,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.configuration import Configuration
 from spacearm.motion.motion import Motion
-from spacearm.viewer.panel.opening import opening_posture
+from spacearm.viewer.session import opening_posture
 
 if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer
