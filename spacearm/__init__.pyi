@@ -65,8 +65,8 @@ from spacearm.mission.reactions import Reaction as Reaction
 from spacearm.mission.reactions import reaction as reaction
 from spacearm.mission.wheel_sizing import WheelSizing as WheelSizing
 from spacearm.mission.wheel_sizing import size_wheels as size_wheels
+from spacearm.model.arm import Configuration as Configuration
 from spacearm.model.arm import SpaceArm as SpaceArm
-from spacearm.model.configuration import Configuration as Configuration
 from spacearm.model.frames import pose as pose
 from spacearm.model.loading import load as load
 from spacearm.model.loading import mount as mount

@@ -16,7 +16,6 @@ from spacearm.cli.options import (
 from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
 from spacearm.description.model_catalogue import ModelInfo, arms, catalogue
 from spacearm.model.arm import SpaceArm
-from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.loading import load
 from spacearm.model.task import Task
 
@@ -72,7 +71,7 @@ def describe_model(
         out.print(f"note: {note}")
     heading("Bodies")
     bodies = table("body", "mass [kg]", "CM in its frame [m]", "principal moments [kg m²]")
-    for name, body in rigid_bodies(arm.tree, arm.model).items():
+    for name, body in arm.bodies.items():
         moments = np.linalg.eigvalsh(body.inertia)
         bodies.add_row(name, number(body.mass), vector(body.lever), vector(moments))
     out.print(bodies)

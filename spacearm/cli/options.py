@@ -26,8 +26,7 @@ from spacearm.cli.mounting import (
 from spacearm.description.bodies import Joint
 from spacearm.description.model_catalogue import arms, catalogue
 from spacearm.errors import ConfigurationError, listed
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose

@@ -34,8 +34,7 @@ from spacearm.cli.output import (
 from spacearm.errors import ConfigurationError, UnsupportedError, listed
 from spacearm.files import read
 from spacearm.mechanics.batch import evaluate
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.nearest import GLOBAL_DIMENSION

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.collisions.speeds import helix
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 
 

@@ -17,8 +17,7 @@ from spacearm.arrays import Array
 from spacearm.collisions.bodies import Body
 from spacearm.collisions.speeds import helix, inertial_speeds
 from spacearm.mechanics.floating import move
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 
 

@@ -12,7 +12,7 @@ from spacearm.collisions.courses import Course, Floating, Recorded
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.collisions.separation import Collisions, Contact
 from spacearm.errors import UnsupportedError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 
 

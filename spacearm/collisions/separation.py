@@ -20,8 +20,7 @@ from spacearm.collisions.courses import Course, InJointSpace, interpolated
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.pairs import own_pairs
 from spacearm.errors import listed
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 
 
 class Contact(NamedTuple):

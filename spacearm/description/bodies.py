@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,9 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.errors import ModelError
 
+LONGEST = 200.0
+"""Length [m] of a link or edge of a bus from which it is implausible: the longest spacecraft so far
+measures 109 m."""
 TRIANGLE_TOLERANCE = 1e-6
 """Share of the largest principal moment by which rounded data may break the triangle inequality."""
 
@@ -136,10 +139,27 @@ class Joint:
     damping: float = 0.0
     friction: float = 0.0
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return type, links, limits and leader as plain data; limits it does not have are None."""
+        limits = {name: getattr(self, name) for name in ("lower", "upper", "velocity", "effort")}
+        return {
+            "name": self.name,
+            "type": self.kind,
+            "parent": self.parent,
+            "child": self.child,
+            **{name: float(x) if math.isfinite(x) else None for name, x in limits.items()},
+            "mimic": self.mimic._asdict() if self.mimic else None,
+        }
+
     @property
     def movable(self) -> bool:
         """Whether the joint can move and is a joint of the arm."""
         return self.kind not in ("fixed", "wheel")
+
+    @property
+    def rest(self) -> float:
+        """Where the joint is held if it does not count [rad] or [m]: at 0 or the nearest limit."""
+        return min(max(0.0, self.lower), self.upper)
 
     @property
     def effort_unit(self) -> str:

@@ -24,10 +24,9 @@ from spacearm.export.functions import EQUATIONS, chosen, structure_in, symbolic
 from spacearm.files import name_part, write
 from spacearm.mechanics.many import parameters_of
 from spacearm.mechanics.nearness import FADING
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 
 ROUNDING = 16.0 * 2.0**-52
 """Rounding of the bounds of sigma_min, as a share of |T|, for each element of T."""
@@ -170,7 +169,7 @@ def to_c(
     writer = _Writer(name, tree, numbers, varied)
     for ending, what in EXPORTED.items():
         if ending == "distance":
-            what = what._replace(function=partial(what.function, unit=radians(arm)))
+            what = what._replace(function=partial(what.function, unit=joint_scales(arm)))
         writer.write(ending, what)
     words = {"name": name, "NAME": name.upper(), "arm": _comment(arm), "mode": mode}
     words |= {"N": str(tree.n), "K": str(len(tree.rows))}

@@ -14,9 +14,8 @@ from spacearm.equations import dynamics, jacobian, measures, posture
 from spacearm.equations.structure import Parameters, Structure
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.many import parameters_of, structure_of
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.singularities.polynomials import plane_of_motion, probes
 
 Function = Callable[..., Any]

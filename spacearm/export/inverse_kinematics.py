@@ -18,10 +18,9 @@ from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 
 Matrices = tuple[Array, Array]
 
@@ -208,7 +207,7 @@ class SingularityBarrier(_OfArm):
         """Compute h and its gradient."""
         cfg = self.configuration(configuration)
         near = evaluate(self.arm, cfg.q[None], ("distance", "away"))
-        slope = near["away"] / radians(self.arm) ** 2
+        slope = near["away"] / joint_scales(self.arm) ** 2
         return near["distance"] - self.margin, np.hstack((np.zeros((1, 6)), slope))
 
     def compute_qp_objective(self, _: Any) -> Matrices:

@@ -21,7 +21,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, Result
 from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 
 
 @dataclass(frozen=True, eq=False, repr=False)

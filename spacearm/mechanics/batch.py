@@ -27,9 +27,8 @@ from spacearm.mechanics.many import (
     worth_compiling,
 )
 from spacearm.mechanics.nearness import distances
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import BaseMode, free_components, of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode, free_components
 
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
 """The measures that take J* alone."""
@@ -329,8 +328,9 @@ def _accelerated_singly(
         momentum[3:] = rows["h"][i] if "h" in rows else 0.0
         with suppress(ModelError):
             ddq[i] = forward_dynamics(
-                arm.at(rows["q"][i], wheels=spin), rows["dq"][i], rows["tau"][i], mode=mode,
-                momentum=momentum, wrenches={link: rows[f"wrench on {link}"][i] for link in links},
+                arm.at(rows["q"][i], wheels=spin, momentum=momentum),
+                rows["dq"][i], rows["tau"][i], mode=mode,
+                wrenches={link: rows[f"wrench on {link}"][i] for link in links},
             ).ddq  # fmt: skip
     return ddq
 

@@ -23,16 +23,14 @@ from spacearm.arrays import Array, finite, named
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.momentum import (
     mass_matrix,
-    momentum_vector,
     not_positive_definite,
     require_positive_definite,
     solve,
 )
-from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arm import Configuration
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode, free_components
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
@@ -104,7 +102,6 @@ def forward_dynamics(
     tau: npt.ArrayLike,
     *,
     mode: BaseMode = "free-floating",
-    momentum: npt.ArrayLike | None = None,
     wrenches: Wrenches | None = None,
 ) -> Dynamics:
     """Compute the accelerations under joint torques; of many states, see `joint_accelerations`.
@@ -112,12 +109,11 @@ def forward_dynamics(
     Wheels keep their rates relative to the links that carry them, by their motors.
 
     Args:
-        cfg: The configuration.
+        cfg: The configuration. Only the linear part of its momentum counts for an
+            attitude-controlled spacecraft, nothing for a fixed one.
         dq: (n,) joint rates [rad/s] or [m/s].
         tau: (n,) joint torques [N m] or forces [N].
         mode: What the spacecraft does; see `generalized_jacobian`.
-        momentum: (6,) [linear; angular about the system CM], inertial axes; zero if None. Only
-            the linear part counts for an attitude-controlled spacecraft, nothing for a fixed one.
         wrenches: External wrenches on links (contacts, thrusters).
 
     Returns:
@@ -134,7 +130,7 @@ def forward_dynamics(
         array([ 0.6307, -0.6049])
     """
     f, tau = free_components(mode), joint_vector(cfg.arm, tau, "tau")
-    v, M, c, X = _state(cfg, generalized_velocity(cfg, dq, mode, momentum), wrenches, f)
+    v, M, c, X = _state(cfg, generalized_velocity(cfg, dq, mode), wrenches, f)
     H = M[6:, 6:] - M[6:, :f] @ X[:, :-1]
     c_star = c[6:] - M[6:, :f] @ X[:, -1]
     return _dynamics(cfg, v, M, c, X, solve(cfg.arm, H, tau - c_star, H_STAR))
@@ -147,19 +143,17 @@ def inverse_dynamics(
     ddq: npt.ArrayLike,
     *,
     mode: BaseMode = "free-floating",
-    momentum: npt.ArrayLike | None = None,
     wrenches: Wrenches | None = None,
 ) -> Dynamics:
     """Compute the joint torques for given joint accelerations.
 
-    The spacecraft moves as momentum and its mode demand.
+    The spacecraft moves as the momentum of the configuration and its mode demand.
 
     Args:
         cfg: The configuration.
         dq: (n,) joint rates [rad/s] or [m/s].
         ddq: (n,) joint accelerations [rad/s^2] or [m/s^2].
         mode: As in `forward_dynamics`.
-        momentum: As in `forward_dynamics`.
         wrenches: As in `forward_dynamics`.
 
     Returns:
@@ -177,7 +171,7 @@ def inverse_dynamics(
         np.float64(7.802)
     """
     ddq = joint_vector(cfg.arm, ddq, "ddq")
-    v = generalized_velocity(cfg, dq, mode, momentum)
+    v = generalized_velocity(cfg, dq, mode)
     return _dynamics(cfg, *_state(cfg, v, wrenches, free_components(mode)), ddq)
 
 
@@ -187,7 +181,6 @@ def kinetic_energy(
     dq: npt.ArrayLike,
     *,
     mode: BaseMode = "free-floating",
-    momentum: npt.ArrayLike | None = None,
 ) -> float:
     """Compute the kinetic energy of all bodies [J], without the spin of wheels.
 
@@ -195,7 +188,6 @@ def kinetic_energy(
         cfg: The configuration.
         dq: (n,) joint rates [rad/s] or [m/s].
         mode: As in `forward_dynamics`.
-        momentum: As in `forward_dynamics`.
 
     Returns:
         The energy [J].
@@ -209,18 +201,15 @@ def kinetic_energy(
         >>> round(sa.kinetic_energy(cfg, [0.1, 0.2]), 4)
         0.0443
     """
-    v = generalized_velocity(cfg, dq, mode, momentum)
+    v = generalized_velocity(cfg, dq, mode)
     return float(0.5 * v @ mass_matrix(cfg) @ v)
 
 
 def spacecraft_twist(
-    cfg: Configuration,
-    dq: npt.ArrayLike,
-    mode: BaseMode = "free-floating",
-    momentum: npt.ArrayLike | None = None,
+    cfg: Configuration, dq: npt.ArrayLike, mode: BaseMode = "free-floating"
 ) -> Array:
     """Return the spacecraft's twist (6,) in any mode, inertial axes; see `forward_dynamics`."""
-    return in_inertial_axes(cfg, generalized_velocity(cfg, dq, mode, momentum)[:6])
+    return in_inertial_axes(cfg, generalized_velocity(cfg, dq, mode)[:6])
 
 
 def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
@@ -230,7 +219,7 @@ def in_inertial_axes(cfg: Configuration, twists: Array) -> Array:
 
 
 def generalized_velocity(
-    cfg: Configuration, dq: npt.ArrayLike, mode: BaseMode, momentum: npt.ArrayLike | None
+    cfg: Configuration, dq: npt.ArrayLike, mode: BaseMode = "free-floating"
 ) -> Array:
     """Return (6 + n,) the spacecraft's twist in its own axes, from the momentum, and the rates.
 
@@ -241,7 +230,7 @@ def generalized_velocity(
 
     f, dq = free_components(mode), joint_vector(cfg.arm, dq, "dq")
     v = np.concatenate((np.zeros(6), dq))
-    h = momentum_vector(momentum) - cfg.stored - cfg.A[:, 6:] @ dq
+    h = cfg.momentum - cfg.stored - cfg.A[:, 6:] @ dq
     if f:
         *_, v[:f], info = dgesv(cfg.A[:f, :f], h[:f])
         if info:

@@ -17,10 +17,10 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS, magnus
+from spacearm.errors import UnsupportedError
 from spacearm.mechanics.many import arms_kernel
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, kinematics, still_wheels
+from spacearm.model.arm import Configuration, SpaceArm, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
 
 STEP = 0.05
@@ -45,7 +45,7 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
 
     Raises:
         ConfigurationError: q has the wrong shape or is not finite.
-        UnsupportedError: The wheels hold momentum.
+        UnsupportedError: The system or a wheel holds momentum.
 
     Example:
         >>> import spacearm as sa
@@ -53,7 +53,7 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
         >>> sa.move(cfg, [0.5, 1.0]).base.translation.round(4)
         array([ 0.0029, -0.0074,  0.    ])
     """
-    still_wheels(cfg, "the spacecraft then turns with time, not with the joints alone")
+    _at_rest(cfg)
     arm = cfg.arm
     dq = joint_vector(arm, q, "q") - cfg.q
     steps = max(1, math.ceil(np.abs(dq).max() / STEP))
@@ -77,7 +77,7 @@ def walk(start: Configuration, Q: Array) -> list[Configuration]:
 
 def attitudes(start: Configuration, Q: Array) -> Array:
     """Return the attitudes (m, 3, 3) of the spacecraft in `walk`."""
-    still_wheels(start, "the spacecraft then turns with time, not with the joints alone")
+    _at_rest(start)
     dq = np.diff(Q, axis=0)
     steps = np.maximum(1, np.ceil(np.abs(dq).max(axis=1) / STEP)).astype(int)
     segment, last = np.repeat(np.arange(len(dq)), steps), np.cumsum(steps)
@@ -92,6 +92,17 @@ def placed(start: Configuration, q: Array, T: Array) -> Configuration:
     """Return the configuration at q (n,) and attitude T (3, 3) with the system CM of `start`."""
     attitude = pin.Quaternion(T).normalized().matrix()  # without the rounding of many products
     return kinematics(start.arm, q.copy(), pin.SE3(attitude, np.zeros(3)), start.com)
+
+
+def _at_rest(cfg: Configuration) -> None:
+    """Refuse momentum, of the system or its wheels."""
+    why = "the spacecraft then turns with time, not with the joints alone"
+    still_wheels(cfg, why)
+    if cfg.momentum.any():
+        raise UnsupportedError(
+            f"{cfg.arm.name} has momentum {cfg.momentum.tolist()}, and {why}; use sa.simulate, or "
+            "leave momentum= out of arm.at"
+        )
 
 
 def _attitude_rate(cfg: Configuration, dq: Array) -> Array:

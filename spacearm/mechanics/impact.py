@@ -26,7 +26,7 @@ from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.dynamics import generalized_velocity, in_inertial_axes
 from spacearm.mechanics.momentum import mass_matrix, require_positive_definite
 from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.arm import Configuration, still_wheels
 from spacearm.model.frames import LWA
 
 JointState = Literal["free", "braked"]
@@ -37,11 +37,12 @@ class Capture(Result):
     """The arm with its target just after the grasp.
 
     Attributes:
-        configuration: Configuration of the arm that holds the target.
+        configuration: Configuration of the arm that holds the target, with the momentum of both:
+            where the motion that follows starts.
         twist: (6,) twist of the spacecraft, [linear [m/s]; angular [rad/s]], inertial axes.
         dq: (n,) joint rates [rad/s] or [m/s].
         momentum: (6,) total momentum, [linear [kg m/s]; angular about the system CM [kg m^2/s]],
-            inertial axes; `simulate` takes it for the motion that follows.
+            inertial axes.
         impulse: (6,) impulse of the target on the tip, [linear [N s]; angular about the tip
             frame's origin [N m s]], inertial axes.
         energy_lost: Kinetic energy lost in the impact [J], never negative.
@@ -84,7 +85,6 @@ def capture(
     com: npt.ArrayLike = (0.0, 0.0, 0.0),
     *,
     dq: npt.ArrayLike | None = None,
-    momentum: npt.ArrayLike | None = None,
     joints: JointState = "free",
 ) -> Capture:
     """Compute the velocities just after the tip has grasped a moving, tumbling target.
@@ -97,15 +97,13 @@ def capture(
     momentum of arm and target together are conserved.
 
     Args:
-        cfg: The arm at the moment of the grasp.
+        cfg: The arm at the moment of the grasp, with its momentum before.
         target_twist: (6,) the target before, [velocity of its CM [m/s]; angular velocity [rad/s]],
             inertial axes.
         mass: Mass of the target [kg].
         inertia: (3, 3) its inertia about its CM, tip axes [kg m^2]; a point mass if None.
         com: (3,) its CM in the tip frame [m].
         dq: (n,) joint rates before [rad/s] or [m/s]; zeros if None.
-        momentum: (6,) momentum of the arm before, [linear; angular about its CM], inertial axes;
-            zero if None.
         joints: "free": the joints give way, as motor torques give no impulse in an instant;
             "braked": brakes hold them at rest from then on.
 
@@ -128,7 +126,7 @@ def capture(
         raise ConfigurationError(unknown("joints", joints, get_args(JointState)))
     still_wheels(cfg, "how their motors bear an impact is not known; take them as joints")
     rates = np.zeros(cfg.arm.n) if dq is None else dq
-    before = generalized_velocity(cfg, rates, "free-floating", momentum)
+    before = generalized_velocity(cfg, rates)
     held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, base=cfg.base)
     M_t = _target(cfg, mass, inertia, com)
     t = _at_tip(cfg, target_twist, com)
@@ -139,11 +137,12 @@ def capture(
     after = np.zeros_like(h)
     after[:f] = np.linalg.solve(M_held[:f, :f], h[:f])
     dv, dt = after - before, cfg.J @ after - t
+    momentum = held.A @ after
     return Capture(
-        configuration=held,
+        configuration=held.with_momentum(momentum),
         twist=in_inertial_axes(cfg, after[:6]),
         dq=after[6:],
-        momentum=held.A @ after,
+        momentum=momentum,
         impulse=-M_t @ dt,
         energy_lost=float(dv @ M @ dv + dt @ M_t @ dt) / 2.0,
     )

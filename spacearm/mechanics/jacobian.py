@@ -20,13 +20,11 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.momentum import base_response, base_velocity, momentum_vector
-from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.mechanics.momentum import base_response, base_velocity
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode, free_components
 
 
 @of_configuration
@@ -107,19 +105,16 @@ def prescribed_motion(
     rates: Mapping[str, float],
     *,
     mode: BaseMode = "free-floating",
-    momentum: npt.ArrayLike | None = None,
 ) -> PrescribedMotion:
     """Split J* into the columns of free joints and the drift of prescribed ones.
 
     The prescribed joints may be those of a second arm. With momentum h the tip's twist is
-    J* dq + J_b A_b^-1 h.
+    J* dq + J_b A_b^-1 h; components of h that a held spacecraft takes up do not count.
 
     Args:
         cfg: The configuration.
         rates: Rates [rad/s] or [m/s] of the prescribed joints by name; zero for one that rests.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        momentum: (6,) momentum, zero if None; components that a held spacecraft takes up do not
-            count.
 
     Returns:
         Columns of the free joints and the drift: twist = jacobian @ dq + drift.
@@ -140,7 +135,7 @@ def prescribed_motion(
             raise ConfigurationError(f"rates: {unknown('joint', name, arm.joint_names)}")
     dq = joint_vector(arm, [rates.get(name, 0.0) for name in arm.joint_names], "the rate")
     J = generalized_jacobian(cfg, mode=mode)
-    h = (momentum_vector(momentum) - cfg.stored)[:f]
+    h = (cfg.momentum - cfg.stored)[:f]
     free = [name not in rates for name in arm.joint_names]
     names = tuple(name for name in arm.joint_names if name not in rates)
     drift = J @ dq + cfg.J[:, :f] @ np.linalg.solve(cfg.A[:f, :f], h)
@@ -180,9 +175,7 @@ def generalized_jacobian_derivative(
 
 
 @of_configuration
-def generalized_jacobian_rate(
-    cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
-) -> Array:
+def generalized_jacobian_rate(cfg: Configuration, dq: npt.ArrayLike) -> Array:
     """Compute dJ*/dt of the free-floating system for joint rates dq.
 
     The spacecraft moves as momentum conservation demands: the rate includes the turning of
@@ -191,13 +184,12 @@ def generalized_jacobian_rate(
     Args:
         cfg: The configuration.
         dq: (n,) joint rates [rad/s] or [m/s].
-        momentum: (6,) momentum, zero if None; see `base_velocity`.
 
     Returns:
         (6, n) time derivative of J*, inertial axes.
 
     Raises:
-        ConfigurationError: dq or momentum has the wrong shape or is not finite.
+        ConfigurationError: dq has the wrong shape or is not finite.
 
     Example:
         >>> import spacearm as sa
@@ -207,7 +199,7 @@ def generalized_jacobian_rate(
                [-0.114, -0.185]])
     """
     dq = joint_vector(cfg.arm, dq, "dq")
-    w_0 = pin.skew(base_velocity(cfg, dq, momentum)[3:])
+    w_0 = pin.skew(base_velocity(cfg, dq)[3:])
     turning = np.kron(np.eye(2 * len(cfg.arm.tips)), w_0) @ generalized_jacobian(cfg)
     return np.tensordot(dq, generalized_jacobian_derivative(cfg), axes=1) + turning
 

@@ -23,8 +23,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.equations.structure import Parameters, Structure
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode, free_components
 
 COMPILING = RLock()
 """Held while something is compiled, so that two threads do not compile the same."""

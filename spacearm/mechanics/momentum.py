@@ -15,8 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, named
 from spacearm.errors import ModelError
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 
 
@@ -71,26 +70,22 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
 
 
 @of_configuration
-def base_velocity(
-    cfg: Configuration, dq: npt.ArrayLike, momentum: npt.ArrayLike | None = None
-) -> Array:
+def base_velocity(cfg: Configuration, dq: npt.ArrayLike) -> Array:
     """Compute the spacecraft's twist from the momentum: v_b = A_b^-1 (h - h_w - A_q dq).
 
-    h is the total momentum, h_w the part that the wheels hold (`Configuration.stored`). At zero
-    momentum the angular part is equation (33c) of Papadopoulos & Dubowsky (1993),
-    w_0 = -D^-1 D_q dq.
+    h is the total momentum (`Configuration.momentum`), h_w the part that the wheels hold
+    (`Configuration.stored`). At zero momentum the angular part is equation (33c) of Papadopoulos &
+    Dubowsky (1993), w_0 = -D^-1 D_q dq.
 
     Args:
         cfg: The configuration.
         dq: (n,) joint rates [rad/s] or [m/s].
-        momentum: (6,) h = [linear [kg m/s]; angular about the system CM [kg m^2/s]], inertial
-            axes; zero if None.
 
     Returns:
         (6,) twist [linear [m/s]; angular [rad/s]] of the spacecraft frame's origin, inertial axes.
 
     Raises:
-        ConfigurationError: dq or momentum has the wrong shape or is not finite.
+        ConfigurationError: dq has the wrong shape or is not finite.
 
     Example:
         >>> import spacearm as sa
@@ -99,7 +94,7 @@ def base_velocity(
         np.float64(-0.0597)
     """
     A_b, A_q = momentum_matrix(cfg)
-    h = momentum_vector(momentum) - cfg.stored
+    h = cfg.momentum - cfg.stored
     return np.linalg.solve(A_b, h - A_q @ joint_vector(cfg.arm, dq, "dq"))
 
 

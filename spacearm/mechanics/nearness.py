@@ -39,10 +39,9 @@ from spacearm.compiler import numbers
 from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.many import WIDE, arms_kernel, worth_compiling
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
-from spacearm.model.scale import radians
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_scales
 
 EXPLAINED = 0.1
 """More equations than joints have a solution if the residual is this share of the right side."""
@@ -122,7 +121,7 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING) ->
 def nearness_of(
     arm: SpaceArm, J: Array, dJ: Array, error: float | None = None, fading: float = FADING
 ) -> Nearness:
-    """Compute `nearness` of an arm in radians, as `radians` counts its joints.
+    """Compute `nearness` of an arm in radians, as `joint_scales` counts its joints.
 
     Args:
         arm: The arm.
@@ -134,7 +133,7 @@ def nearness_of(
     Returns:
         The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance; `rows` per radian.
     """
-    unit = radians(arm)
+    unit = joint_scales(arm)
     J = J * unit
     floor = ZERO * float(np.linalg.norm(J)) if error is None else error * float(unit.max())
     found = nearness(J, dJ * unit * unit[:, None, None], floor, fading)
@@ -171,14 +170,14 @@ def refined(
         distance[stuck], away[stuck], _ = _second(
             arm, there, look(there, 0.0), lambda Q: look(Q, 0.0)
         )
-    return distance, radians(arm) * away
+    return distance, joint_scales(arm) * away
 
 
 def _second(
     arm: SpaceArm, q: Array, seen: Tangent, look: Callable[[Array], Tangent]
 ) -> tuple[Array, Array, npt.NDArray[np.intp]]:
     """Take the second step; also return the numbers of those that it does not bring nearer."""
-    distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), radians(arm)
+    distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), joint_scales(arm)
     near = np.flatnonzero((distance > FINE) & (distance < NEAR))
     if not near.size:
         return distance, away, near
@@ -278,7 +277,7 @@ def tangent(
     if arm.n < arm.task.k or not worth_compiling(many, SINGLY):
         return tangent_singly(arm, Q, mode, fading)
     kernel = arms_kernel([arm], mode, distance, lanes=WIDE, rows=many)
-    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": radians(arm)})
+    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
     on_it = far == 0.0
     if on_it.any():  # singular all around, it has no normal
         rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])

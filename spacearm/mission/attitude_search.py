@@ -10,8 +10,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitudes import Ball, FeasibleAttitudes
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.tip_path import Path, path_start, segments
 from spacearm.planning.many_curves import turning_axes
 

@@ -21,8 +21,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, named, plain
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.following import Followed, lead
 
 ENDS = ("arrived", "singularity", "joint limit", "tilt", "margin", "gave up", "no start")

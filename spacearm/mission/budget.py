@@ -20,9 +20,8 @@ from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import prescribed_motion
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
 from spacearm.mission.attitude_search import turning_axis
-from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration, still_wheels
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arm import Configuration, still_wheels
 from spacearm.motion.goal import goal_rows
 from spacearm.motion.motion import Motion
 
@@ -133,14 +132,14 @@ def momentum_budget(
             "arm.at(q, momentum=[0, 0, 0, hx, hy, hz])"
         )
     horizon = positive(horizon, "horizon", "time [s]")
-    split = prescribed_motion(cfg, {}, momentum=h)
+    split = prescribed_motion(cfg, {})
     J, drift = goal_rows(cfg, split.jacobian), goal_rows(cfg, split.drift)
     rates = -np.linalg.pinv(J) @ drift
     holds, ended, holding = _hold(cfg, horizon, limits)
     carries, why, carrying = _carry(cfg, horizon, limits)
     return MomentumBudget(
         configuration=cfg,
-        spin=base_velocity(cfg, np.zeros(arm.n), h)[3:],
+        spin=base_velocity(cfg, np.zeros(arm.n))[3:],
         drift=split.drift,
         rates=rates,
         holds=holds,

@@ -12,8 +12,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mission.level import level_reach, level_start
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -13,8 +13,7 @@ from spacearm.arrays import Array
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.mission.rotations import angle_between
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.runs.leading import Led, Settings, Table, lead_all
 
 STATES = 2

@@ -20,8 +20,7 @@ from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitude_search import turning_axis
 from spacearm.mission.rotations import sphere
 from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, still_wheels
+from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, lead
 from spacearm.motion.goal import as_goal
 

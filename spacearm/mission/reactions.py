@@ -21,8 +21,7 @@ from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.momentum import base_velocity, momentum_matrix
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.playable import Playable
 from spacearm.motion.trajectory import Trajectory
@@ -165,7 +164,6 @@ def reaction(
     on_board: Array = np.zeros((len(run), 6))
     if isinstance(run, Plan) or (isinstance(run, Trajectory) and run.mode == "free-floating"):
         on_board = run.momentum
-    h = on_board if run.mode == "free-floating" else np.zeros_like(on_board)
     excursion = np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in floating])
     own: Array | None = getattr(run, "ddq", None)
     if own is None:
@@ -173,7 +171,7 @@ def reaction(
     momentum, rate, torque = np.zeros((3, len(run), 3))
     for i, (cfg, afloat) in enumerate(zip(run, floating, strict=True)):
         momentum[i] = _held(cfg) @ run.dq[i]
-        rate[i] = afloat.base.rotation.T @ base_velocity(afloat, run.dq[i], h[i])[3:]
+        rate[i] = afloat.base.rotation.T @ base_velocity(afloat, run.dq[i])[3:]
         torque[i] = _taken(cfg, run.dq[i], own[i])
         if progress:
             progress(i + 1, len(run))

@@ -16,10 +16,8 @@ from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.mechanics.momentum import momentum_matrix
 from spacearm.mechanics.nearness import distance_at
 from spacearm.mission.reactions import reaction
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import HELD
+from spacearm.model.arguments import HELD, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.playable import Playable
 from spacearm.singularities.risk import NEAR, uniform
 

@@ -4,12 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import Literal, ParamSpec, TypeVar
 
-from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import free_components
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.model.arm import Configuration, SpaceArm
+
+BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
+
+FLOATING: BaseMode = "free-floating"
+HELD: BaseMode = "attitude-controlled"
+
+FREE_TWIST = {"free-floating": 6, "attitude-controlled": 3, "fixed": 0}
+"""Components of the spacecraft's twist [linear; angular] that momentum conservation decides."""
+
+
+def free_components(mode: str) -> int:
+    """Return how many components of the spacecraft's twist momentum conservation decides.
+
+    Raises:
+        ConfigurationError: There is no such mode.
+    """
+    if mode not in tuple(FREE_TWIST):
+        raise ConfigurationError(unknown("mode", mode, FREE_TWIST))
+    return FREE_TWIST[mode]
+
 
 P = ParamSpec("P")
 T = TypeVar("T")

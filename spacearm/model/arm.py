@@ -1,10 +1,10 @@
-"""SpaceArm: a spacecraft and its arm, as a Pinocchio model with a free-flyer root."""
+"""SpaceArm: a spacecraft and its arm, as a Pinocchio model; its configurations, computed once."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,26 +13,37 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
-from spacearm.description.couplings import coupling, joint_limits
-from spacearm.description.tips.choice import Tips, choose_tips, movable, only_tip
-from spacearm.description.tips.held import Counting, counted, hold, remaining
-from spacearm.description.tree import Tree
+from spacearm.description.tips import (
+    Counting,
+    Tips,
+    choose_tips,
+    counted,
+    hold,
+    movable,
+    only_tip,
+    remaining,
+)
+from spacearm.description.tree import Tree, coupling, joint_limits
 from spacearm.description.urdf_writer import document
+from spacearm.errors import UnsupportedError, called_from_outside, listed
 from spacearm.files import write
-from spacearm.model.configuration import Configuration, configure
-from spacearm.model.coordinates import Coordinates
-from spacearm.model.defaults import check_count, check_movable, complete_task
-from spacearm.model.facts import facts, facts_shown
-from spacearm.model.frames import PoseLike, sound_pose
-from spacearm.model.task import Task
+from spacearm.model.frames import LWA, PoseLike, sound_pose
+from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
+from spacearm.model.task import Task, check_count, check_movable, complete_task
 from spacearm.model.wheels import Wheel, wheels_of
+from spacearm.notebook.tables import joint_table, joint_value, shown, table
+
+AT_REST = read_only(np.zeros(6))
+"""Momentum of a system at rest, and of wheels that do not spin."""
+MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
+"""What the six numbers of a momentum are, for messages."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpaceArm(Coordinates):
+class SpaceArm(JointSpace):
     """A free-floating spacecraft with an arm. It never changes; `replace` gives a new one.
 
     Attributes:
@@ -94,7 +105,7 @@ class SpaceArm(Coordinates):
             ConfigurationError: tip, task or joints is not valid.
             ModelError: No joint can move, several links could be the tip, or the arm has no length
                 for a mixed task.
-            UnsupportedError: More than `defaults.MOST_JOINTS` joints count.
+            UnsupportedError: More than `task.MOST_JOINTS` joints count.
         """
         joints = counted(joints)
         check_movable(whole, path)
@@ -128,6 +139,13 @@ class SpaceArm(Coordinates):
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or left out as the model was read, a sentence each."""
         return self.tree.notes
+
+    @property
+    def bodies(self) -> dict[str, pin.Inertia]:
+        """The rigid bodies, the spacecraft first, by the names of their links that have mass."""
+        lumps, links = self.tree.lumps().values(), self.tree.links
+        names = (" + ".join(link for link in lump if links[link]) for lump in lumps)
+        return dict(zip(names, list(self.model.inertias)[1:], strict=True))
 
     @property
     def tip(self) -> str:
@@ -179,7 +197,13 @@ class SpaceArm(Coordinates):
         Warns:
             ModelWarning: Joints are outside their limits or look like degrees; once a line.
         """
-        return configure(self, q, base, wheels, momentum)
+        base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
+        cfg = kinematics(self, joint_vector(self, q, "q"), base)
+        if called_from_outside(1):
+            warn_outside(self, cfg.q)
+        if momentum is not None:
+            cfg = cfg.with_momentum(momentum)
+        return cfg if wheels is None else _spinning(cfg, wheels)
 
     def borrow(self) -> pin.Data:
         """Lend a pin.Data of the model; making one costs more than using it."""
@@ -290,9 +314,46 @@ class SpaceArm(Coordinates):
 
     def to_dict(self) -> dict[str, Any]:
         """Return bodies, joints, limits, tip, task, held joints, wheels and notes as plain data."""
-        return facts(self)
+        return {
+            "name": self.name,
+            "path": str(self.path),
+            "n": self.n,
+            "mass": self.mass,
+            "tip_link": plain(self.tips if len(self.tips) > 1 else self.tip),
+            "tip_reason": self.tip_reason,
+            "task": plain(self.task),
+            "cm_at_zero": plain(self.at(np.zeros(self.n)).com),
+            "bodies": [
+                {
+                    "link": link,
+                    "mass": body.mass,
+                    "cm": plain(body.lever),
+                    "inertia": plain(body.inertia),
+                }
+                for link, body in self.bodies.items()
+            ],
+            "joint_data": [plain(joint) for joint in self.tree.depth_first() if joint.movable],
+            "held": dict(self.held),
+            "wheel_data": plain(self.wheels),
+            "notes": list(self.notes),
+        }
 
-    _repr_html_ = facts_shown
+    def _repr_html_(self) -> str:
+        """Return HTML tables: tips and task, joints with limits, bodies, what was assumed."""
+        slides = {name: self.whole.joints[name].kind == "prismatic" for name in self.held}
+        chosen = [("tip", f"{', '.join(self.tips)} ({self.tip_reason})"), ("task", self.task.names)]
+        chosen += [("held", f"{j} at {joint_value(q, slides[j])}") for j, q in self.held.items()]
+        chosen += [("wheel", wheel.name) for wheel in self.wheels]
+        chosen += [("note", note) for note in self.notes]
+        return shown(
+            f"{self.name}: {self.n} joints, {self.mass:g} kg",
+            table(("", ""), chosen),
+            joint_table(self.joint_names, self.slides, {"lower": self.lower, "upper": self.upper}),
+            table(
+                ("body", "mass [kg]", "CM in its frame [m]"),
+                [(name, body.mass, body.lever) for name, body in self.bodies.items()],
+            ),
+        )
 
     def __getstate__(self) -> dict[str, object]:
         return self.__dict__ | {"_spare": [], "held": dict(self.held)}
@@ -306,3 +367,178 @@ class SpaceArm(Coordinates):
 
 
 plain.register(SpaceArm, lambda arm: arm.name)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Configuration:
+    """A posture q and a spacecraft pose, with the two matrices that everything follows from.
+
+    Made by `SpaceArm.at`, with its kinematics computed. It never changes: arrays are read-only,
+    `base` and `tip` are copies.
+
+    The base columns of `A` and `J` act on the spacecraft's twist in spacecraft axes, Pinocchio's
+    convention; products such as J_b A_b^-1 do not depend on it. `momentum_matrix` gives them for
+    inertial axes.
+
+    Attributes:
+        arm: The arm.
+        q: (n,) joint angles [rad] or displacements [m].
+        wheels: (w,) angular momentum that each wheel of the arm holds about its axis [N m s].
+        stored: (6,) momentum that all wheels hold, [linear (zero); angular], inertial axes; the
+            total momentum is A_b v_b + A_q dq + stored.
+        momentum: (6,) total momentum of the system, which is constant while nothing acts from
+            outside: [linear; angular about the system CM], inertial axes, that of the wheels
+            included [kg m/s], [kg m^2/s].
+        com: (3,) system centre of mass in the inertial frame [m].
+        A: (6, 6 + n) centroidal momentum matrix [A_b A_q], rows [linear; angular about the
+            system CM], inertial axes.
+        J: (6, 6 + n) Jacobian [J_b J_q] of the tip, rows [linear; angular], inertial axes; of
+            several tips (6 tips, 6 + n), stacked.
+    """
+
+    arm: SpaceArm
+    q: Array
+    wheels: Array
+    stored: Array
+    momentum: Array
+    com: Array
+    A: Array
+    J: Array
+    _base: pin.SE3
+    _tips: tuple[pin.SE3, ...]
+
+    @property
+    def base(self) -> pin.SE3:
+        """Pose of the spacecraft frame in the inertial frame."""
+        return self._base.copy()
+
+    @property
+    def tip(self) -> pin.SE3:
+        """Pose of the tip frame in the inertial frame.
+
+        Raises:
+            UnsupportedError: The arm has several tips; see `tips`.
+        """
+        self.arm.require_one_tip()
+        return self._tips[0].copy()
+
+    @property
+    def tips(self) -> tuple[pin.SE3, ...]:
+        """Poses of the frames of all tips in the inertial frame."""
+        return tuple(tip.copy() for tip in self._tips)
+
+    @property
+    def outside_limits(self) -> tuple[str, ...]:
+        """Names of the joints that are outside their limits."""
+        return outside_limits(self.arm, self.q)
+
+    @property
+    def full(self) -> Array:
+        """(nq,) configuration of the Pinocchio model: [x y z, qx qy qz qw, joints]."""
+        return np.concatenate((pin.SE3ToXYZQUAT(self._base), self.arm.all_joints(self.q)))
+
+    @property
+    def full_at_origin(self) -> Array:
+        """(nq,) the same with the spacecraft at the origin, where orbits cost no digits."""
+        full = self.full
+        full[:3] = 0.0
+        return full
+
+    def with_momentum(self, momentum: npt.ArrayLike) -> Configuration:
+        """Return the same posture, pose and wheels with another total momentum (6,).
+
+        Raises:
+            ConfigurationError: It has the wrong shape or is not finite.
+        """
+        return replace(self, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
+
+    def centred(self, com: Array) -> Configuration:
+        """Return the same posture and attitude with the system CM at `com` (3,) [m]."""
+        by = com - self.com
+        base, *tips = (pin.SE3(pose) for pose in (self._base, *self._tips))
+        for pose in (base, *tips):
+            pose.translation += by
+        return replace(self, com=self.com + by, _base=base, _tips=tuple(tips))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the configuration as plain data; poses are x y z [m] and a quaternion xyzw.
+
+        Of several tips, `tip` has the poses of all.
+        """
+        tips = [pin.SE3ToXYZQUAT(tip).tolist() for tip in self._tips]
+        return {
+            "arm": self.arm.name,
+            "joints": list(self.arm.joint_names),
+            "q": self.q.tolist(),
+            "base": pin.SE3ToXYZQUAT(self._base).tolist(),
+            "tip": tips[0] if len(tips) == 1 else tips,
+            "com": self.com.tolist(),
+            "wheels": self.wheels.tolist(),
+            "momentum": self.momentum.tolist(),
+            "outside_limits": list(self.outside_limits),
+        }
+
+    def __repr__(self) -> str:
+        base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
+        q = np.array2string(self.q, precision=6, separator=", ")
+        return f"Configuration({self.arm.name}, q={q}, base(xyz, xyzw)={base})"
+
+
+def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
+    """Return the configuration with momentum in the wheels (w,), checked."""
+    arm = cfg.arm
+    names = listed([wheel.name for wheel in arm.wheels]) or "no wheel"
+    h = finite(wheels, (len(arm.wheels),), "wheels", f"[N m s], one for each of: {names}")
+    stored = np.zeros(6)
+    data = arm.borrow()
+    pin.framesForwardKinematics(arm.model, data, cfg.full_at_origin)
+    for wheel, spin in zip(arm.wheels, h, strict=True):
+        stored[3:] += data.oMf[wheel.frame].rotation @ wheel.axis * spin
+    arm.give_back(data)
+    return replace(cfg, wheels=read_only(h), stored=read_only(stored))
+
+
+def still_wheels(cfg: Configuration, what: str) -> None:
+    """Refuse wheels that hold momentum.
+
+    Args:
+        cfg: The configuration.
+        what: Why they are refused, for the message.
+
+    Raises:
+        UnsupportedError: A wheel holds momentum.
+    """
+    if cfg.wheels.any():
+        raise UnsupportedError(f"the wheels of {cfg.arm.name} hold momentum, and {what}")
+
+
+def kinematics(arm: SpaceArm, q: Array, base: pin.SE3, com: Array | None = None) -> Configuration:
+    """Compute the configuration at q and base, which are not checked and not copied.
+
+    Args:
+        arm: The arm.
+        q: (n,) joint positions [rad] or [m].
+        base: Pose of the spacecraft frame in the inertial frame.
+        com: (3,) where the system CM is, to which the base is moved; None if it stays.
+    """
+    model = arm.model
+    full = np.zeros(model.nq)  # at the origin: far from it, as in orbit, digits would be lost
+    full[3:7] = pin.SE3ToXYZQUAT(base)[3:]
+    full[7:] = arm.all_joints(q)
+
+    data = arm.borrow()
+    A = arm.project(pin.computeCentroidalMap(model, data, full))
+    frames = [pin.computeFrameJacobian(model, data, full, frame, LWA) for frame in arm.tip_frames]
+    J = arm.project(frames[0] if len(frames) == 1 else np.vstack(frames))
+    if com is not None:
+        base.translation = com - data.com[0]
+    com = data.com[0] + base.translation
+    tips = [pin.updateFramePlacement(model, data, frame).copy() for frame in arm.tip_frames]
+    for tip in tips:
+        tip.translation += base.translation
+    arm.give_back(data)
+
+    wheels = np.zeros(len(arm.wheels))
+    for array in (q, wheels, com, A, J):
+        array.flags.writeable = False
+    return Configuration(arm, q, wheels, AT_REST, AT_REST, com, A, J, base, tuple(tips))

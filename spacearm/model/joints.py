@@ -1,33 +1,89 @@
-"""Joints: the check of a vector over the n joints, and of the name of one of them."""
+"""Joints: the n joints that count, their names, limits and units, and the model's joints."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
-from spacearm.arrays import LARGEST, NO_NUMBERS, Array
-from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array, read_only
+from spacearm.description.tree import Tree
+from spacearm.errors import ConfigurationError, call_site, listed, unknown, warn
+from spacearm.model.task import Task, way_to_tip
+
+ROUNDING = 1e-9
+"""How far outside its limits a joint still counts as at the limit [rad], for values in degrees."""
+TURN = 2.0 * np.pi
+_warned: set[tuple[str, int]] = set()
 
 
-class Jointed(Protocol):
-    """What has n joints with names: an arm."""
+class JointSpace:
+    """What follows from the attributes of a `SpaceArm`, which stand there, about its joints."""
 
-    @property
-    def name(self) -> str:
-        """Its name."""
+    name: str
+    tree: Tree
+    model: pin.Model
+    task: Task
+    tips: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    coupling: Array | None
+    offsets: Array
+    lower: Array
+    upper: Array
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Number of movable joints."""
+        return len(self.joint_names)
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of q."""
+    def slides(self) -> npt.NDArray[np.bool_]:
+        """(n,) which joints are prismatic; the others are revolute."""
+        return np.array([self.tree.joints[name].kind == "prismatic" for name in self.joint_names])
+
+    @property
+    def mass(self) -> float:
+        """Total mass M [kg]."""
+        return float(sum(inertia.mass for inertia in self.model.inertias))
+
+    @property
+    def sigma_unit(self) -> str:
+        """Unit of the singular values of the task Jacobian: of task rows over joint rates."""
+        rate = "m" if self.slides.all() else "(rad or m)" if self.slides.any() else "rad"
+        row = "1" if self.task.mixed else "rad" if min(self.task.indices) >= 3 else "m"
+        return f"{row}/{rate}"
+
+    @property
+    def travel_unit(self) -> str:
+        """Unit of sums over all joints: of angles, displacements or both."""
+        return "m" if self.slides.all() else "rad and m" if self.slides.any() else "rad"
+
+    def in_words(self, q: Array) -> str:
+        """Return joint positions (n,) for people: angles in degrees, displacements in metres."""
+        words = (
+            f"{x:.4g} m" if slides else f"{np.degrees(x):.4g}°"
+            for x, slides in zip(q, self.slides, strict=True)
+        )
+        return f"({', '.join(words)})"
+
+    def all_joints(self, q: Array) -> Array:
+        """Return the positions (nv - 6,) of all joints of the model at q (n,)."""
+        return q if self.coupling is None else self.coupling @ q + self.offsets
+
+    def all_rates(self, dq: Array) -> Array:
+        """Return the rates (nv - 6,) of all joints of the model at joint rates dq (n,)."""
+        return dq if self.coupling is None else self.coupling @ dq
+
+    def project(self, matrix: Array) -> Array:
+        """Reduce a matrix (m, nv) over the model's joints to the n joints, (m, 6 + n)."""
+        if self.coupling is None:
+            return matrix
+        return np.hstack((matrix[:, :6], matrix[:, 6:] @ self.coupling))
 
 
-def joint_vector(arm: Jointed, values: npt.ArrayLike, what: str) -> Array:
+def joint_vector(arm: JointSpace, values: npt.ArrayLike, what: str) -> Array:
     """Return a checked copy of one finite number per joint, (n,).
 
     Args:
@@ -58,7 +114,7 @@ def joint_vector(arm: Jointed, values: npt.ArrayLike, what: str) -> Array:
     return vector
 
 
-def joint_name(arm: Jointed, text: str) -> str:
+def joint_name(arm: JointSpace, text: str) -> str:
     """Return the name of a joint that is given by it, or by its number as q1, q2, ...
 
     Raises:
@@ -70,3 +126,60 @@ def joint_name(arm: Jointed, text: str) -> str:
     if text not in numbers:
         raise ConfigurationError(unknown("joint", text, [*arm.joint_names, *numbers]))
     return numbers[text]
+
+
+def outside_limits(arm: JointSpace, q: Array) -> tuple[str, ...]:
+    """Return the names of the joints that are outside their limits at q (n,)."""
+    outside = (q < arm.lower - ROUNDING) | (q > arm.upper + ROUNDING)
+    return tuple(arm.joint_names[j] for j in np.flatnonzero(outside))
+
+
+def warn_outside(arm: JointSpace, q: Array, what: str = "q") -> None:
+    """Warn of joint positions outside the limits, or that look like degrees.
+
+    Joints without limits look like degrees where all angles are whole numbers and one of them is
+    more than a turn. Each line of the caller outside the package is warned once.
+
+    Args:
+        arm: The arm.
+        q: (n,) joint positions.
+        what: Name of the argument.
+
+    Warns:
+        ModelWarning: There are such joints; names them, their values and their limits.
+    """
+    names = outside_limits(arm, q)
+    angles = np.abs(np.where(arm.slides, 0.0, q))
+    turned, whole = bool((angles > TURN).any()), bool((angles == np.round(angles)).all())
+    if not (names or (turned and whole)) or (site := call_site()) in _warned:
+        return
+    _warned.add(site)
+    hint = "; angles are in radians: np.radians(...) turns degrees into them" if turned else ""
+    if names:
+        one = arm.joint_names.index(names[0])
+        unit = "m" if arm.slides[one] else "rad"
+        limits = f"{arm.lower[one]:.4g} to {arm.upper[one]:.4g} {unit}"
+        rest = f"; so is {listed(names[1:])}" if len(names) > 1 else ""
+        problem = f"joint {names[0]!r} at {q[one]:.6g} {unit} is outside its limits, {limits}{rest}"
+    else:
+        one = int(np.argmax(angles))
+        problem = (
+            f"joint {arm.joint_names[one]!r} at {q[one]:.6g} rad has {angles[one] / TURN:.3g} turns"
+        )
+    warn(f"{what} of {arm.name}: {problem}{hint}")
+
+
+@lru_cache(maxsize=64)
+def joint_scales(arm: JointSpace) -> Array:
+    """Return what counts as a radian of each joint in distances in joint space, (n,).
+
+    1 [rad] for revolute joints. Of a sliding joint [m] its travel between the limits counts as one
+    turn, but no longer way than the arm's length, the sum of the distances between its joints up
+    to the tip, counts as a radian: by that way a turn of one radian moves the tip at most. A
+    sliding joint without limits counts by that length (1 m if it is zero).
+    """
+    length = max(way_to_tip(arm.tree, tip) for tip in arm.tips)
+    travel = (arm.upper - arm.lower) / TURN
+    limited = np.isfinite(travel) & (travel > 0.0)
+    slide = np.where(limited, np.minimum(travel, length or np.inf), length or 1.0)
+    return read_only(np.where(arm.slides, slide, 1.0))

@@ -32,10 +32,9 @@ from spacearm.equations.laws import (
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, kinematics
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode
 from spacearm.motion.goal import Goal, goal_pose, goal_rows, miss, out_of_reach, twist_between
 from spacearm.singularities.report import NO_INVERSE
 

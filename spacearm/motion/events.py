@@ -12,9 +12,8 @@ import numpy as np
 from spacearm.arrays import Array, plain
 from spacearm.mechanics.jacobian import singular_values
 from spacearm.mechanics.nearness import distance_at
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import steady
 from spacearm.singularities.nearest import nearest_about
 from spacearm.singularities.polynomials import NEVER

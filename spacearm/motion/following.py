@@ -19,11 +19,9 @@ import numpy.typing as npt
 from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike
-from spacearm.model.mode import BaseMode
 from spacearm.motion.events import Event
 from spacearm.motion.goal import Origin, goal_axes, started
 from spacearm.motion.motion import Motion, samples

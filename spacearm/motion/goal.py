@@ -12,10 +12,9 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, shape_of
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.barycentric_formulation import barycentric
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
-from spacearm.model.limits import warn_outside
+from spacearm.model.joints import warn_outside
 
 Goal: TypeAlias = npt.ArrayLike | pin.SE3
 """A point in the task's linear rows [m], along the goal axes, or a pose."""

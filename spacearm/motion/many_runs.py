@@ -13,10 +13,9 @@ import numpy.typing as npt
 from spacearm.arrays import Array, finite, positive, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike
-from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import Controller, check_controller
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started

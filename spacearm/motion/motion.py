@@ -16,9 +16,8 @@ from spacearm.arrays import Array, Result, finite, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode, free_components
+from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion import motion_file
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions

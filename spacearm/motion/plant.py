@@ -12,10 +12,9 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, finite, plain
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, configure, kinematics
+from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.joints import joint_name
-from spacearm.model.mode import BaseMode, free_components
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
@@ -173,7 +172,7 @@ class Plant:
             attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
             turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
             placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
-        return configure(arm, q, placed.base, y[2 * n + 17 :], None) if arm.wheels else placed
+        return arm.at(q, base=placed.base, wheels=y[2 * n + 17 :]) if arm.wheels else placed
 
     def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
         """Return the wrenches on each link that is pushed, along inertial axes.

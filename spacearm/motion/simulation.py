@@ -17,11 +17,10 @@ import numpy.typing as npt
 from spacearm.arrays import finite, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
 from spacearm.mechanics.momentum import momentum_vector
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import Controller, check_controller, check_target
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started

@@ -14,8 +14,8 @@ from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.dynamics import spacecraft_twist
 from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.model.configuration import Configuration, kinematics
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, kinematics
 from spacearm.motion.events import (
     CLOSE,
     Event,

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, goal_pose, goal_rows, twist_between
 
 Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]

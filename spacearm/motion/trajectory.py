@@ -10,8 +10,8 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.mechanics.momentum import momentum_matrix
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import free_components
+from spacearm.model.arguments import free_components
+from spacearm.model.arm import Configuration
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Motion
 from spacearm.motion.motion_file import Quantity
@@ -69,8 +69,9 @@ class Trajectory(Motion):
     }
 
     def __getitem__(self, i: int) -> Configuration:
-        cfg = super().__getitem__(i)
-        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i]) if self.arm.wheels else cfg
+        cfg, floats = super().__getitem__(i), self.mode == "free-floating"
+        h = self.momentum[0] + self.impulse[i] if floats else np.zeros(6)
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=h)
 
     @property
     def story(self) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 
 FAR = 1.0
 """Distances to the singular set beyond this are not told apart [rad]: they are too rough."""
@@ -94,7 +94,7 @@ class FreeSpace:
         if square:
             across = (at["determinant"] * self._det <= 0.0).reshape(distance.shape)
         else:
-            away = at["away"].reshape(curves.shape) / radians(self.arm)
+            away = at["away"].reshape(curves.shape) / joint_scales(self.arm)
             across = sides(away, distance) < 0.0
         return np.asarray(np.where(across.any(axis=1), ACROSS, distance.min(axis=1)))
 

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
 from spacearm.equations.turns import GAUSS
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.curve import sines
 from spacearm.planning.free_space import ACROSS, BEYOND, FreeSpace

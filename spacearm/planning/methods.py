@@ -17,7 +17,7 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.floating import attitudes, placed
 from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.following import check_start, how_it_ended, lead
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder

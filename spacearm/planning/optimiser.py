@@ -22,9 +22,8 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import attitudes, placed, walk
 from spacearm.mechanics.nearness import tangent
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.scale import radians
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, twist_between
 from spacearm.planning.curve import CurveFamily, Samples
 from spacearm.planning.free_space import FAR, sides
@@ -217,7 +216,7 @@ class CurveOptimiser:
         derivative is that to first order, along the shortest way: right where the margin binds.
         """
         near = tangent(self.arm, Q)
-        distance, away = np.minimum(near.distance, FAR), near.rows[:, 0] / radians(self.arm)
+        distance, away = np.minimum(near.distance, FAR), near.rows[:, 0] / joint_scales(self.arm)
         if self._square:
             sign = self.sense * np.sign(np.linalg.det(at.J[:, self.arm.task.indices]))
         else:

@@ -17,11 +17,9 @@ from spacearm.arrays import Array, positive, whole
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.mechanics.momentum import momentum_vector
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike
-from spacearm.model.mode import BaseMode
 from spacearm.motion.goal import Goal, Origin, started
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold

@@ -17,9 +17,8 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.mechanics.nearness import distance_at
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import FLOATING, HELD
+from spacearm.model.arguments import FLOATING, HELD
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.optimiser import Target
 from spacearm.planning.reactions.turns import largest_turn

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.notebook.tables import table
@@ -122,8 +122,8 @@ class Plan(Motion):
 
     def __getitem__(self, i: int) -> Configuration:
         cfg = super().__getitem__(i)
-        spinning = self.wheels[i] if self.wheels.any() else None
-        return cfg if spinning is None else self.arm.at(cfg.q, base=cfg.base, wheels=spinning)
+        h = self.momentum[i]
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=h)
 
     @cached_property
     def dq(self) -> Array:

@@ -12,8 +12,7 @@ from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.jacobian import singular_values
 from spacearm.mechanics.nearness import distance_at
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
 from spacearm.motion.following import lead

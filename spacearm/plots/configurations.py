@@ -11,8 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots.postures import GOLD, draw_posture, draw_velocities
 from spacearm.plots.style import (
     BLUE,

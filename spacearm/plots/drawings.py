@@ -19,8 +19,7 @@ from spacearm.mission.envelope import LevelEnvelope
 from spacearm.mission.level import LevelReach
 from spacearm.mission.reactions import Reaction
 from spacearm.mission.wheel_sizing import WheelSizing
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.flights.flight import Flight
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import (

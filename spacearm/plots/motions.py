@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 
 from spacearm.arrays import Array, finite, shape_of
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.flights.flight import Flight
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion

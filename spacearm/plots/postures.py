@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.plots.style import BLUE, GREY, RED
 from spacearm.singularities.report import singularity
 

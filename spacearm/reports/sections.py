@@ -23,7 +23,6 @@ from spacearm.mission.level import level_reach
 from spacearm.mission.wheel_sizing import PERCENTILES, size_wheels
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.model.facts import bodies as rigid_bodies
 from spacearm.model.joints import joint_vector
 from spacearm.plots.show import plot
 from spacearm.reports.page import Section, page
@@ -155,7 +154,7 @@ def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     )
     bodies = [
         (name, f"{body.mass:.6g}", *(f"{x:.4g}" for x in np.linalg.eigvalsh(body.inertia)))
-        for name, body in rigid_bodies(arm.tree, arm.model).items()
+        for name, body in arm.bodies.items()
     ]
     section.table(
         ("body", "mass [kg]", "least moment [kg m²]", "middle [kg m²]", "largest [kg m²]"),

@@ -17,10 +17,9 @@ from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.joints import joint_vector
-from spacearm.model.limits import warn_outside
-from spacearm.model.mode import BaseMode
+from spacearm.model.joints import joint_vector, warn_outside
 from spacearm.notebook.tables import shown, table
 from spacearm.polynomial.certificate import WHOLE, Certificate, certify
 from spacearm.polynomial.jets import Jets

@@ -20,9 +20,9 @@ from spacearm.arrays import Array, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import conditions
 from spacearm.mechanics.blocks import Progress
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial import level_set
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets

@@ -24,9 +24,9 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.mechanics.nearness import Tangent, foot, nearness, tangent
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 from spacearm.polynomial.branch_and_bound import nearest_root
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
@@ -88,12 +88,12 @@ def nearest_singular(
         progress: Called as progress(done, most), in looks at the set.
 
     Returns:
-        (n,) configuration and its distance [rad], sliding joints in units of `radians`.
+        (n,) configuration and its distance [rad], sliding joints in units of `joint_scales`.
 
     Raises:
         NoSolutionError: None was found.
     """
-    unit = radians(arm)
+    unit = joint_scales(arm)
     low = (arm.lower - q) / unit if limits else np.full(arm.n, -np.inf)
     high = (arm.upper - q) / unit if limits else np.full(arm.n, np.inf)
     look = looking(arm, mode, q)
@@ -110,7 +110,7 @@ def nearest_singular(
 
 def looking(arm: SpaceArm, mode: BaseMode, q: Array) -> Callable[[Array], Tangent]:
     """Return how the set looks from offsets (m, n)."""
-    unit = radians(arm)
+    unit = joint_scales(arm)
     return lambda X: tangent(arm, q + unit * X, mode, expected=LOOKS)
 
 
@@ -130,7 +130,7 @@ def settled_each(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
 
         return Search(look, np.full(n, -np.inf), np.full(n, np.inf))
 
-    unit = radians(arm)
+    unit = joint_scales(arm)
     every = np.arange(m)
     X: Array = np.zeros((m, n))
     if not m:
@@ -413,10 +413,10 @@ def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float
 
     Where the set is near, its foot to first order lies by its nearest point. Then the last part of
     `closest.Search` is enough, which moves one point along the set until it rests. The distance is
-    in radians, sliding joints in units of `radians`; None if none lies about.
+    in radians, sliding joints in units of `joint_scales`; None if none lies about.
     """
     search = Search(looking(arm, mode, q), np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
     offset = search.settled(np.zeros((1, arm.n)))
     if offset is None:
         return None
-    return q + radians(arm) * offset, float(np.linalg.norm(offset))
+    return q + joint_scales(arm) * offset, float(np.linalg.norm(offset))

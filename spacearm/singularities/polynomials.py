@@ -31,10 +31,8 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
 from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of

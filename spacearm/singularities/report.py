@@ -15,10 +15,9 @@ from spacearm.mechanics.jacobian import (
     task_jacobian_derivative,
 )
 from spacearm.mechanics.nearness import nearness_of, refined_at
-from spacearm.model.arguments import of_configuration
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
-from spacearm.model.scale import radians
+from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arm import Configuration
+from spacearm.model.joints import joint_scales
 from spacearm.notebook.tables import joint_table, shown, table
 from spacearm.singularities.rounding import error_bars
 from spacearm.singularities.sets import nearest_posture
@@ -267,7 +266,7 @@ def singularity(
         lost=U[:, rank:],
         null_space=V[:, rank:],
         gradient=U[:, -1] @ dJ @ V[:, k - 1] if k <= n else np.zeros(n),
-        radian=radians(cfg.arm),
+        radian=joint_scales(cfg.arm),
         jacobian=J,
         axes=task.axes(cfg.base.rotation),
         length=task.length if task.mixed else None,

@@ -38,10 +38,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, named
 from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode, free_components
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Relative error of a term for each joint, movable or fixed, that it is carried across."""

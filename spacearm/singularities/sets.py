@@ -17,11 +17,9 @@ import numpy.typing as npt
 from spacearm.arrays import Array, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart
 from spacearm.polynomial.triangle import Triangle

@@ -15,9 +15,9 @@ import numpy as np
 from spacearm.arrays import LARGEST
 from spacearm.errors import UnsupportedError, unknown
 from spacearm.mechanics.batch import evaluate
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
-from spacearm.model.mode import BaseMode
 from spacearm.singularities.risk import check_slides, risk_profile
 from spacearm.sweeps.quantity import Quantity, Variable
 from spacearm.sweeps.simulations import Simulations

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array
 from spacearm.errors import unknown
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import (
     Controller,
     DampedLeastSquares,

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.planning.reactions.loads import momentum_and_torque
 from spacearm.planning.timing import largest_rates
 from spacearm.planning.wheels.limits import Wheels

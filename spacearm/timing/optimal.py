@@ -15,7 +15,7 @@ from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.floating import placed, walk
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.reactions.loads import load_of

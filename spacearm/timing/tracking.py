@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, positive
 from spacearm.mechanics.dynamics import inverse_dynamics
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.controllers import Law
 from spacearm.motion.motion import Motion
 from spacearm.planning.result import Plan
@@ -49,8 +49,8 @@ class Tracking(Law):
         return CubicSpline(self.motion.t, self.motion.q)
 
     @cached_property
-    def _momentum(self) -> Array | None:
-        return self.motion.momentum[0] if isinstance(self.motion, Plan) else None
+    def _momentum(self) -> Array:
+        return self.motion.momentum[0] if isinstance(self.motion, Plan) else np.zeros(6)
 
     @cached_property
     def _wheels(self) -> BSpline | None:
@@ -81,13 +81,12 @@ class Tracking(Law):
         """Return the torques (n,) [N m] or forces [N]."""
         q, rates, ddq = self.wanted(t)
         ddq = ddq + 2.0 * self.rate * (rates - dq) + self.rate**2 * (q - cfg.q)
-        h = self._momentum
         wrenches = {}
         if self._wheels is not None:
             turned = cfg.arm.at(cfg.q, base=cfg.base, wheels=self.wheel_torques(t)).stored
             wrenches[cfg.arm.tree.root] = -turned  # on the spacecraft
-        mode = self.motion.mode
-        return inverse_dynamics(cfg, dq, ddq, mode=mode, momentum=h, wrenches=wrenches).tau
+        cfg, mode = cfg.with_momentum(self._momentum), self.motion.mode
+        return inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches).tau
 
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return q_d - q (n,) [rad] or [m]."""

@@ -16,8 +16,7 @@ from spacearm.arrays import LARGEST, Array
 from spacearm.description.model_catalogue import catalogue
 from spacearm.errors import ConfigurationError, ModelError, SpaceArmError, unknown
 from spacearm.files import write
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.loading import load
 from spacearm.viewer.readouts import source_of
 

@@ -16,7 +16,7 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError, SpaceArmError, unknown
 from spacearm.mission.attitude_search import feasible_attitudes
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.planner import plan
 from spacearm.planning.result import Plan
 from spacearm.processes import Process, Progress, WorkerError

@@ -16,8 +16,7 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.solids import corners
 from spacearm.description.bodies import Inertial
 from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import RiskProfile
 from spacearm.viewer.shapes import (

@@ -10,8 +10,8 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.floating import move, placed
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.viewer.readouts import short_names
 

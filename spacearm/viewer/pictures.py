@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.errors import SpaceArmError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.viewer.shapes import Y_TO_Z, DrawnShape
 from spacearm.viewer.window import PAGE
 

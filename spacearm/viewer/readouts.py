@@ -16,12 +16,11 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions, collision_geometry
 from spacearm.description.model_catalogue import catalogue
-from spacearm.description.visuals import Mesh
+from spacearm.description.shapes import Mesh
 from spacearm.errors import ConfigurationError, SpaceArmError, listed
 from spacearm.mechanics.nearness import distances
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.map import telling_joints
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
 from spacearm.singularities.sets import singular_set

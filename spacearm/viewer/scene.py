@@ -14,9 +14,8 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import SingularityReport
 from spacearm.viewer.layers import Grid, draw_grid
 from spacearm.viewer.readouts import NEAR

@@ -15,9 +15,8 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import SingularityReport, angle, singularity
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement, vector

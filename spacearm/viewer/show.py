@@ -13,8 +13,7 @@ import pinocchio as pin
 
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.viewer.session import opening_posture
 

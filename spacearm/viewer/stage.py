@@ -13,8 +13,8 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.mission.attitudes import FeasibleAttitudes
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
 from spacearm.singularities.risk import RiskProfile

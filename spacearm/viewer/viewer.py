@@ -22,7 +22,7 @@ from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import name_part, write, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.choices import chosen, number, offered
 from spacearm.viewer.jobs import BackgroundJob, layer, planning

@@ -16,8 +16,8 @@ import pinocchio as pin
 
 from spacearm.arrays import named
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.path_dependent import Workspace, workspace
 

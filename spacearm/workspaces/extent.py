@@ -27,8 +27,8 @@ from spacearm.arrays import Array
 from spacearm.compiler.machine import processors
 from spacearm.equations.reach import attitudes_at_zero, bound, constant_vectors
 from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 
 
 class Box(NamedTuple):

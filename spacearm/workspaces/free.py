@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.polynomials import tips_from_centre

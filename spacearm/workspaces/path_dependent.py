@@ -22,10 +22,8 @@ import pinocchio as pin
 from spacearm.arrays import Array, Result, finite, named, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.blocks import Progress
-from spacearm.model.arguments import of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.mode import BaseMode
+from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from spacearm.arrays import Array, named
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.blocks import Progress
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.polynomial.newton import bounded_extreme, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial

@@ -84,7 +84,7 @@ class Spacearm:
         T = spacecraft_axes(cfg)
         A = sa.momentum_matrix(cfg)
         h = A.A_b @ v[:6] + A.A_q @ v[6:]
-        motion = sa.forward_dynamics(cfg, v[6:], tau, momentum=h)
+        motion = sa.forward_dynamics(cfg.with_momentum(h), v[6:], tau)
         tip, J = cfg.tip, cfg.J @ T
         M = T.T @ mass_matrix(cfg) @ T
         J_star = sa.generalized_jacobian(cfg)

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.collisions.separation import Collisions
-from spacearm.description.meshes import read_mesh
-from spacearm.description.visuals import Shape, Sphere, Visuals
+from spacearm.description.shapes import Shape, Sphere, Visuals, read_mesh
 from spacearm.model.arm import SpaceArm
 
 ALONG_X = 'rpy="0 1.5707963267948966 0"'

@@ -16,7 +16,7 @@ from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
 from spacearm.mechanics.nearness import tangent_singly
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
 
@@ -54,8 +54,8 @@ def test_the_distance_is_that_of_the_matrices(seed, n, task, mode):
     cfg = arm.at(np.random.default_rng(seed).uniform(-3, 3, arm.n))
     near = tangent_singly(arm, cfg.q[None], mode)
     with np.errstate(all="ignore"):
-        far, sigma, rows = distance(numbers, *of(cfg, mode), cfg.q, 0.3, radians(arm))
-    J = task_jacobian(cfg, mode=mode) * radians(arm)
+        far, sigma, rows = distance(numbers, *of(cfg, mode), cfg.q, 0.3, joint_scales(arm))
+    J = task_jacobian(cfg, mode=mode) * joint_scales(arm)
     assert sigma == pytest.approx(near.sigma[0], abs=1e-12 * np.linalg.norm(J))
     assume(1e-6 < near.distance[0] < 1e3)
     assert far == pytest.approx(near.distance[0], rel=1e-7)
@@ -69,7 +69,7 @@ def test_the_way_out_is_the_gradient_of_sigma_min(name):
     arm, h = sa.load(name), 1e-5
     for q in np.random.default_rng(0).uniform(-3, 3, (5, arm.n)):
         with np.errstate(divide="ignore", invalid="ignore"):
-            far, sigma, rows = distance(numbers, *of(arm.at(q)), q, 0.3, radians(arm))
+            far, sigma, rows = distance(numbers, *of(arm.at(q)), q, 0.3, joint_scales(arm))
 
         def least(q):
             return np.linalg.svd(task_jacobian(arm.at(q)), compute_uv=False)[-1]

@@ -8,7 +8,7 @@ from spacearm.compiler import numbers
 from spacearm.equations.measures import nearest
 from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
 from spacearm.mechanics.nearness import FADING, distance_at
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 from spacearm.singularities.nearest import nearest_about
 
 MODE = "free-floating"
@@ -16,7 +16,7 @@ MODE = "free-floating"
 
 def found_by(arm, Q, between, rest=1e-13):
     """What the equation gives for configurations Q (m, n), compiled, and of the first by NumPy."""
-    unit = radians(arm)
+    unit = joint_scales(arm)
     shared = {"fading": FADING, "radians": unit, "between": np.array(between), "rest": rest}
     kernel = arms_kernel([arm], MODE, nearest, {"most": 40})
     found = kernel({"q": Q}, shared)
@@ -40,7 +40,7 @@ def test_the_nearest_point_is_that_of_the_search(name, task):
     for q, (point, far), row in zip(near[rests], np.array(known, dtype=object)[rests], found[rests],
                                     strict=True):  # fmt: skip
         assert row[0] == pytest.approx(far, abs=1e-10)
-        np.testing.assert_allclose(q + radians(arm) * row[2:], point, rtol=0.0, atol=1e-7)
+        np.testing.assert_allclose(q + joint_scales(arm) * row[2:], point, rtol=0.0, atol=1e-7)
 
 
 def test_where_it_is_not_wanted_the_distance_is_that_to_first_order():

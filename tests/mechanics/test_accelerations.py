@@ -51,7 +51,7 @@ def test_those_of_one_state_at_a_time(seed, mode):
     found = sa.joint_accelerations(arm, Q, dQ, tau, mode=mode, momentum=h)
     few = sa.joint_accelerations(arm, Q[:3], dQ[:3], tau[:3], mode=mode, momentum=h[:3])
     for i in range(0, MANY, 9):
-        one = sa.forward_dynamics(arm.at(Q[i]), dQ[i], tau[i], mode=mode, momentum=h[i]).ddq
+        one = sa.forward_dynamics(arm.at(Q[i], momentum=h[i]), dQ[i], tau[i], mode=mode).ddq
         same_accelerations(arm.at(Q[i]), found[i], one, tau[i], mode)
     for i in range(3):
         same_accelerations(arm.at(Q[i]), few[i], found[i], tau[i], mode)
@@ -79,9 +79,9 @@ def test_wheels_that_hold_momentum_and_wrenches(seed, mode):
     found = many(slice(None))
     few = many(slice(3))
     for i in range(0, MANY, 9):
-        cfg = arm.at(Q[i], wheels=wheels[i])
+        cfg = arm.at(Q[i], wheels=wheels[i], momentum=h[i])
         one = sa.forward_dynamics(
-            cfg, dQ[i], tau[i], mode=mode, momentum=h[i],
+            cfg, dQ[i], tau[i], mode=mode,
             wrenches={"bus": pushed, "link_2": pulled[i]},
         )  # fmt: skip
         same_accelerations(cfg, found[i], one.ddq, tau[i], mode)
@@ -97,7 +97,7 @@ def test_models_of_the_catalogue(name):
     Q, dQ, tau, h = states(arm, MANY)
     found = sa.joint_accelerations(arm, Q, dQ, tau, momentum=h[0])
     for i in range(0, MANY, 13):
-        ddq = sa.forward_dynamics(arm.at(Q[i]), dQ[i], tau[i], momentum=h[0]).ddq
+        ddq = sa.forward_dynamics(arm.at(Q[i], momentum=h[0]), dQ[i], tau[i]).ddq
         same_accelerations(arm.at(Q[i]), found[i], ddq, tau[i])
 
 

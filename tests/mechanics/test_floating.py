@@ -88,3 +88,9 @@ def test_a_small_loop_turns_by_the_curvature_it_encloses():
     for corner in (q + a * x, q + a, q + a * y, q):
         loop = sa.move(loop, corner)
     assert pin.log3(loop.base.rotation)[2] == pytest.approx(curvature * a * a, rel=1e-4)
+
+
+def test_motion_with_momentum_depends_on_time_and_is_refused():
+    cfg = sa.load("planar2").at([0.3, -0.4], momentum=[0, 0, 0, 0, 0, 0.1])
+    with pytest.raises(sa.UnsupportedError, match=r"momentum .* use sa.simulate"):
+        sa.move(cfg, [0.5, 0.0])

@@ -207,11 +207,12 @@ def test_with_momentum_it_agrees_with_the_momentum_equation(arm):
     goal, length = start + np.array([0.1, 0.2]), np.hypot(0.1, 0.2)
 
     def rate(_, y):
-        there = arm.at(y[:2], base=about_z(np.degrees(y[2]))).centred(np.zeros(3))
-        split = sa.prescribed_motion(there, {}, momentum=h)
+        base = about_z(np.degrees(y[2]))
+        there = arm.at(y[:2], base=base, momentum=h).centred(np.zeros(3))
+        split = sa.prescribed_motion(there, {})
         wanted = (goal - start) / length * speed
         dq = np.linalg.solve(split.jacobian[:2], wanted - split.drift[:2])
-        return np.append(dq, sa.base_velocity(there, dq, h)[5])
+        return np.append(dq, sa.base_velocity(there, dq)[5])
 
     end = solve_ivp(rate, (0.0, length / speed), [*q0, 0.0], rtol=1e-11, atol=1e-12).y[:, -1]
     led = lead_all(

@@ -53,7 +53,7 @@ def test_stacked_rows_are_the_single_ones(seed):
             )
         for of in (
             sa.generalized_jacobian_derivative,
-            lambda c: sa.generalized_jacobian_rate(c, dq, h),
+            lambda c: sa.generalized_jacobian_rate(c.with_momentum(h), dq),
         ):
             np.testing.assert_allclose(of(cfg)[..., rows, :], of(one), atol=1e-12)
         alone = sa.singularity(one).jacobian
@@ -106,13 +106,14 @@ def test_prescribed_rates_and_momentum_move_the_tip_as_differences_do(seed):
     arm = load_text(random_tree(seed, 5), tip="link_5", task="position", joints="all")
     cfg = arm.at(rng.uniform(-3, 3, arm.n), base=random_base(rng))
     dq, h = rng.normal(size=arm.n), rng.normal(size=6)
-    v_b, step = sa.base_velocity(cfg, dq, h), 1e-6
+    cfg = cfg.with_momentum(h)
+    v_b, step = sa.base_velocity(cfg, dq), 1e-6
     ends = [moved(cfg, dq, v_b, t).tip for t in (-step, step)]
     linear = (ends[1].translation - ends[0].translation) / (2 * step)
     angular = pin.log3(ends[1].rotation @ ends[0].rotation.T) / (2 * step)
     for free in (0, arm.n // 2, arm.n):
         rates = dict(zip(arm.joint_names[free:], dq[free:], strict=True))
-        motion = sa.prescribed_motion(cfg, rates, momentum=h)
+        motion = sa.prescribed_motion(cfg, rates)
         assert motion.joints == arm.joint_names[:free]
         found = motion.jacobian @ dq[:free] + motion.drift
         atol = 1e-7 * (1 + np.abs(found).max())

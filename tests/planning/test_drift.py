@@ -30,7 +30,7 @@ def replay(plan):
         def rate(t, T, i=i, rates=rates):
             U, _, Vt = np.linalg.svd(T.reshape(3, 3))
             cfg = arm.at(plan.q[i] + t * rates, base=pin.SE3(U @ Vt, np.zeros(3)))
-            w = sa.base_velocity(cfg, rates, h - stored(plan, cfg))[3:]
+            w = sa.base_velocity(cfg.with_momentum(h - stored(plan, cfg)), rates)[3:]
             return (pin.skew(w) @ T.reshape(3, 3)).ravel()
 
         T = solve_ivp(rate, (0.0, dt), T, method="DOP853", rtol=1e-9, atol=1e-11).y[:, -1]

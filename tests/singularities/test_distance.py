@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.mechanics.nearness import tangent
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 
 SQUARE = ("planar2", "planar3", "mda6", "ets7")
 CATALOGUE = tuple(info.name for info in sa.catalogue())
@@ -34,7 +34,7 @@ def beside(arm, rng, m, deg):
     Q = sa.singular_set(arm).sample(m, rng)
     steps = rng.normal(size=Q.shape)
     steps *= np.radians(deg) / np.linalg.norm(steps, axis=1)[:, None]
-    return Q + radians(arm) * steps
+    return Q + joint_scales(arm) * steps
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_distances_near_the_set_are_right_to_a_fifth(name):
             assert exact.distance <= np.radians(deg) * (1 + 1e-6)
             assert sa.singularity(cfg).distance == pytest.approx(exact.distance, rel=0.2)
             assert sa.singularity(arm.at(exact.nearest)).distance < 1e-7
-            step = (q - exact.nearest) / radians(arm)
+            step = (q - exact.nearest) / joint_scales(arm)
             assert np.linalg.norm(step) == pytest.approx(exact.distance, rel=1e-9)
 
 
@@ -100,7 +100,7 @@ def test_many_and_one_take_the_second_step_alike(name):
         report = sa.singularity(arm.at(Q[i]))
         assert found["distance"][i] == pytest.approx(report.distance, rel=1e-7)
         assert found["away"][i] == pytest.approx(report.away, abs=1e-6)
-        assert np.linalg.norm(report.away / radians(arm)) == pytest.approx(1.0)
+        assert np.linalg.norm(report.away / joint_scales(arm)) == pytest.approx(1.0)
 
 
 def test_the_distance_of_a_redundant_arm_is_not_sigma_min_over_its_slope():
@@ -282,7 +282,7 @@ def test_a_sliding_joint_counts_by_its_travel_or_the_length_of_the_arm():
     def limited(travel):
         return f'<limit lower="0" upper="{travel}" effort="1" velocity="1"/>'
 
-    assert radians(arm(limited(1.0))) == pytest.approx([1 / (2 * np.pi), 1.0])
-    assert radians(arm(limited(1000.0))) == pytest.approx([3.0, 1.0])
+    assert joint_scales(arm(limited(1.0))) == pytest.approx([1 / (2 * np.pi), 1.0])
+    assert joint_scales(arm(limited(1000.0))) == pytest.approx([3.0, 1.0])
     report = sa.singularity(arm(limited(1.0)).at([0.2, 0.3]))
     assert report.radian == pytest.approx([1 / (2 * np.pi), 1.0])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import spacearm as sa
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 from spacearm.polynomial.triangle import Triangle, find_triangle, share_root
 from spacearm.singularities.nearest import is_singular, lose_rank
 from spacearm.singularities.polynomials import minors_of
@@ -248,8 +248,8 @@ def test_a_square_arm_with_a_sliding_joint():
         found.roots([0.3, 3.0, 1.0], 0)
     nearest, distance = found.nearest(q)
     assert sigma_ratio(arm, nearest) < 1e-9
-    assert np.linalg.norm((nearest - q) / radians(arm)) == pytest.approx(distance)
-    dense = offsets(arm, found.sample(20_000, rng), q) / radians(arm)
+    assert np.linalg.norm((nearest - q) / joint_scales(arm)) == pytest.approx(distance)
+    dense = offsets(arm, found.sample(20_000, rng), q) / joint_scales(arm)
     assert distance <= np.linalg.norm(dense, axis=1).min() + 1e-9
 
 

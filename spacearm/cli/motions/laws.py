@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.cli.options import goal_from, joint_values, numbers
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.motion.controllers import (
     Controller,
     DampedLeastSquares,

@@ -39,8 +39,8 @@ from spacearm.cli.output import (
 from spacearm.cli.output import write_picture as write
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.motion.events import EVENTS
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import PassiveJoint, WheelHold

@@ -184,20 +184,18 @@ def simulate_phases(
 
 def _grasp(run: Trajectory, body: Grasp) -> Capture:
     """Return the impact at the end of a phase."""
-    cfg, dq, h = run[-1], run.dq[-1], run.momentum[-1]
+    cfg, dq = run[-1], run.dq[-1]
     twist = body.twist
     if twist is None:
-        t = cfg.J @ generalized_velocity(cfg, dq, "free-floating", h)
+        t = cfg.J @ generalized_velocity(cfg, dq)
         lever = cfg.tip.rotation @ finite(body.com, (3,), "com of the body", "[m], tip frame")
         twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
-    return capture(
-        cfg, twist, body.mass, body.inertia, body.com, dq=dq, momentum=h, joints=body.joints
-    )
+    return capture(cfg, twist, body.mass, body.inertia, body.com, dq=dq, joints=body.joints)
 
 
 def _kept(run: Trajectory, arm: SpaceArm) -> Array:
     """Return the momentum (6,) that an arm keeps which releases what it held at the end."""
     cfg = run[-1]
-    v = generalized_velocity(cfg, run.dq[-1], "free-floating", run.momentum[-1])
+    v = generalized_velocity(cfg, run.dq[-1])
     kept: Array = arm.at(cfg.q, base=cfg.base).A @ v + cfg.stored
     return kept

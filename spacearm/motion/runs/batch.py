@@ -17,8 +17,8 @@ from spacearm.arrays import Array
 from spacearm.equations import integration
 from spacearm.equations import plant as equations
 from spacearm.mechanics.many import ArmKernel, arms_kernel
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 from spacearm.motion.events import SHARPNESS
 from spacearm.motion.runs.setup import Prepared
 

@@ -16,7 +16,7 @@ from spacearm.equations.measures import nearest
 from spacearm.equations.plant import crossing
 from spacearm.mechanics.many import WIDE
 from spacearm.mechanics.nearness import FADING
-from spacearm.model.scale import radians
+from spacearm.model.joints import joint_scales
 from spacearm.motion.events import DOUBTFUL, LOOK, NEAR, ROUNDING, SHARPNESS
 from spacearm.motion.runs.batch import Batch, Steps, Whole
 from spacearm.motion.runs.setup import WantedEvent
@@ -107,7 +107,7 @@ class Crossings:
         self.distance = np.array([event.root is None for event in wanted], dtype=bool)
         self.plain, self.near = (np.flatnonzero(self.distance == near) for near in (False, True))
         self.falling = np.array([wanted[i].falling for i in self.plain], dtype=bool)
-        self.radian = radians(batch.arms[0])
+        self.radian = joint_scales(batch.arms[0])
         between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
         self.numbers: dict[str, Array | float] = {
             "fading": FADING, "radians": self.radian, "between": np.array(between), "rest": AT_REST,

@@ -15,9 +15,8 @@ from spacearm.compiler.machine import processors
 from spacearm.equations import lines
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.many import ArmKernel, arms_kernel
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
-from spacearm.model.scale import radians
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_scales
 from spacearm.motion.events import CLOSE, NEAR, Event
 from spacearm.motion.goal import Goal
 from spacearm.motion.tip_path import Segment, segments
@@ -195,7 +194,7 @@ def _numbers(arm: SpaceArm, how: Settings, spacing: float) -> dict[str, Array | 
     bounds = (arm.lower, arm.upper) if how.limits else np.full((arm.n, 2), (-np.inf, np.inf)).T
     return lines.How(
         h=np.zeros(3) if how.momentum is None else how.momentum,
-        radians=radians(arm),
+        radians=joint_scales(arm),
         lower=bounds[0],
         upper=bounds[1],
         most_tilt=how.most_tilt,

@@ -14,7 +14,7 @@ from spacearm.equations.plant import observe, parts, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import nearness
 from spacearm.mechanics.dynamics import forward_dynamics
-from spacearm.model.mode import free_components
+from spacearm.model.arguments import free_components
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS, Event, is_exact
 from spacearm.motion.plant import Plant
@@ -221,6 +221,8 @@ class Runs:
             held = np.vstack((np.zeros(n), [tau for _, tau in self.torques]))
             torque = held[np.searchsorted(times, t, side="right")]
         base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
+        if plant.mode == "free-floating":
+            kept += Y[0, at.momentum] - kept[0]  # as it was given, not as it was rounded
         base = np.tile(base[0], (len(t), 1)) if plant.mode == "fixed" else base.copy()
         impulse = Y[:, at.momentum] - Y[0, at.momentum]
         self.drift = drift_of(kept, impulse, brought, free_components(plant.mode))

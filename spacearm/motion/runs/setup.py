@@ -19,11 +19,10 @@ from spacearm.equations.laws import Law, Source, State
 from spacearm.equations.plant import Event, Pushed, Setup, moving, parts
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.mechanics.many import parameters_of, structure_of
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
-from spacearm.model.mode import BaseMode
 from spacearm.motion import controllers as law_types
 from spacearm.motion.controllers import Controller, JointPD, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant

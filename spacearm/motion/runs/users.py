@@ -29,8 +29,8 @@ from spacearm.equations.jacobian import jacobian_at
 from spacearm.equations.laws import Pose, State
 from spacearm.equations.structure import Structure
 from spacearm.errors import UnsupportedError
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.mode import BaseMode
 
 STORES = frozenset(("STORE_ATTR", "STORE_GLOBAL", "DELETE_ATTR", "DELETE_SUBSCR", "YIELD_VALUE"))
 """Instructions of functions that keep something."""

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.detumbling.course import Course, shapes
 from spacearm.planning.optimiser import Target
 from spacearm.planning.timing import largest_rates

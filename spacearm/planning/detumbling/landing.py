@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import placed
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.detumbling.bounds import Bounds
 from spacearm.planning.detumbling.course import WAVES, Course
 from spacearm.planning.drift.drifting import steered_attitudes

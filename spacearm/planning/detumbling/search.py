@@ -19,7 +19,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import NoSolutionError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.detumbling.bounds import Bounds
 from spacearm.planning.detumbling.capacity import least_time
 from spacearm.planning.detumbling.course import WAVES, Course

@@ -10,7 +10,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import placed
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.drift.drifting import drifting_attitudes
 from spacearm.planning.optimiser import ARRIVED, CurveOptimiser, Target
 from spacearm.planning.timing import eased

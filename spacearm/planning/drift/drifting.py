@@ -12,8 +12,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import kinematics
+from spacearm.model.arm import SpaceArm, kinematics
 
 
 def drifting_attitudes(

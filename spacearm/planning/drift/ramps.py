@@ -10,7 +10,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.equations.turns import GAUSS
 from spacearm.mechanics.batch import evaluate
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.loops import Indices
 from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns

@@ -23,7 +23,7 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.momentum import base_velocity
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.drift.arrival import Arrival
 from spacearm.planning.drift.bodies import kept_apart
 from spacearm.planning.drift.ramps import ramp_ends
@@ -196,7 +196,8 @@ class Drift:
     @cached_property
     def _spin(self) -> Array:
         """(3,) angular velocity of the spacecraft at the start, joints at rest [rad/s]."""
-        return base_velocity(self.start, np.zeros(self.start.arm.n), self.momentum)[3:]
+        start = self.start.with_momentum(self.momentum)
+        return base_velocity(start, np.zeros(start.arm.n))[3:]
 
     @cached_property
     def _speed(self) -> Array:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.reactions.loads import momentum_and_torque
 from spacearm.planning.reactions.majorants import ROOT, momentum_bounds

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from spacearm.errors import NoSolutionError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.methods import METHODS
 from spacearm.planning.problem import Problem
 from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt

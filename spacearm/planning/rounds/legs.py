@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal
 from spacearm.planning.result import Attempt, Joints, Plan, best_attempt
 from spacearm.planning.rounds.at_rest import at_rest

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from spacearm.arrays import Array
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.planning.problem import Problem
 from spacearm.planning.result import Plan
 from spacearm.planning.rounds.at_rest import at_rest

@@ -17,7 +17,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import attitudes, walk
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, goal_pose, out_of_reach
 from spacearm.planning.optimiser import ARRIVED, SPACING, Target
 from spacearm.planning.problem import Problem, Rows, bodies_apart, travel

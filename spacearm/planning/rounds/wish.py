@@ -10,8 +10,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import NoSolutionError
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import Goal, goal_pose
 from spacearm.planning.problem import Problem, bodies_apart
 from spacearm.planning.result import Joints, best_attempt

@@ -20,7 +20,7 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import move, placed
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.mechanics.momentum import base_response
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_rows, twist_between
 from spacearm.planning.many_curves import turning_axes
 

@@ -18,8 +18,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial
 from spacearm.errors import NoSolutionError
-from spacearm.model.arm import SpaceArm
-from spacearm.model.configuration import Configuration, kinematics
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.planning.drift.search import stretched
 from spacearm.planning.reactions.loads import load_of, momentum_and_torque
 from spacearm.planning.reactions.majorants import ROOT

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, finite
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
-from spacearm.model.configuration import Configuration
+from spacearm.model.arm import Configuration
 from spacearm.model.wheels import rotor
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.reactions.loads import Load
