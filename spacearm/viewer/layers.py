@@ -15,7 +15,8 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.solids import corners
 from spacearm.description.bodies import Inertial
-from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
+from spacearm.mission.attitude_search import ENDS
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import RiskProfile
