@@ -29,7 +29,7 @@ from spacearm.description.readers import urdf
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.shapes import shapes
+    from spacearm.viewer.shapes import shapes
 
 FLAT = np.diag([1.0, 1.0, 3.0])
 ARMS = [info.name for info in sa.arms()]

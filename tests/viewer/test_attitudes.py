@@ -14,7 +14,7 @@ import spacearm as sa
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.jobs import MOST_CORNERS, BackgroundJob
-    from spacearm.viewer.layers.attitudes import INNER, OUTER, patches, sector
+    from spacearm.viewer.layers import INNER, OUTER, patches, sector
 
 
 def meshes(viewer):

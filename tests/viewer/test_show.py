@@ -15,10 +15,10 @@ from spacearm.description.bodies import Inertial
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.held import ellipsoid
-    from spacearm.viewer.layers.shapes import coarsened, shapes
+    from spacearm.viewer.layers import ellipsoid
     from spacearm.viewer.scene import AMBER, AXES, CYAN, MAGENTA, PINK
     from spacearm.viewer.session import Session
+    from spacearm.viewer.shapes import coarsened, shapes
     from spacearm.viewer.window import PAGE
 
 Q = [0.3, 1.2]
@@ -95,12 +95,12 @@ def test_a_flight_is_played_with_what_it_holds(arm):
         shown, known = viewer.session.cfg, flight.at(t)
         np.testing.assert_allclose(shown.com, known.com)
         assert shown.arm.mass == pytest.approx(arm.mass + (20.0 if t == 0.3 else 0.0))
-        bodies = viewer.window._tree["spacearm"]["bodies"]["held 1"]["payload"]
+        bodies = viewer.window._tree["spacearm"]["bodies"]["held"]["1"]["payload"]
         assert {umsgpack.unpackb(data)["value"] for _, data in bodies.properties} == {t == 0.3}
         if t == 0.3:
             placed = np.reshape(umsgpack.unpackb(bodies.transform)["matrix"], (4, 4)).T
             np.testing.assert_allclose(placed[:3, 3], shown.tip.act(np.array([0.3, 0.1, 0.0])))
-    assert set(viewer.window._tree["spacearm"]["bodies"]) & {"held 0", "held 2"} == set()
+    assert set(viewer.window._tree["spacearm"]["bodies"]["held"]) & {"0", "2"} == set()
     assert len(viewer.html()) > 1000
     viewer.compare(flight.motion)
     viewer.handle({"do": "time", "t": 0.3})

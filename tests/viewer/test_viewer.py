@@ -30,9 +30,9 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer import pictures, scene, stage
     from spacearm.viewer import viewer as pages
-    from spacearm.viewer.layers.shapes import shapes
-    from spacearm.viewer.outbox import DELETE, Key, Outbox
     from spacearm.viewer.session import Session
+    from spacearm.viewer.shapes import shapes
+    from spacearm.viewer.window import DELETE, Key, Outbox
 
 
 BOX = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
