@@ -16,7 +16,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.many import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.singularities.polynomials import plane_of_motion, probes
+from spacearm.singularities.polynomials import plane_of_motion
 
 Function = Callable[..., Any]
 
@@ -219,7 +219,7 @@ def structure_in(arm: SpaceArm, mode: BaseMode) -> Structure:
     Raises:
         ConfigurationError: There is no such mode.
     """
-    return replace(structure_of(arm, mode), normal=plane_of_motion(arm, probes(arm)))
+    return replace(structure_of(arm, mode), normal=plane_of_motion(arm))
 
 
 def symbolic(p: Parameters) -> Parameters:

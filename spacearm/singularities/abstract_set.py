@@ -26,6 +26,8 @@ from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
+from spacearm.singularities.nearest import nearest_singular
+from spacearm.singularities.polynomials import minors_of
 from spacearm.singularities.rounding import error_bars
 
 
@@ -196,7 +198,11 @@ class SingularSet(Described, ABC):
                 few; carries those found.
         """
 
-    @abstractmethod
+    @property
+    def _polynomial(self) -> TrigPolynomial | None:
+        """S, if the set has one, to prove that no singular configuration is nearer than one."""
+        return None
+
     def nearest(
         self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
     ) -> tuple[Array, float]:
@@ -218,6 +224,8 @@ class SingularSet(Described, ABC):
         Raises:
             NoSolutionError: None was found.
         """
+        centre, S = joint_vector(self.arm, q, "q"), self._polynomial
+        return nearest_singular(self.arm, self.mode, centre, limits, S, progress)
 
     def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that the straight segment from q0 to q1 in joint space meets no singularity.
@@ -241,7 +249,6 @@ class SingularSet(Described, ABC):
             warn_outside(self.arm, q, name)
         return self.clearance(ends, limits=limits)
 
-    @abstractmethod
     def clearance(
         self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
     ) -> Certificate:
@@ -252,6 +259,8 @@ class SingularSet(Described, ABC):
             limits: As in `is_free`.
             progress: Called now and then as progress(done, 1000), in thousandths of the path.
         """
+        every = minors_of(self.arm, self.mode).every()
+        return prove_free(self.arm, self.mode, every, path, limits, progress)
 
     @abstractmethod
     def curves(
