@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, positive, whole
+from spacearm.arrays import Array, Progress, positive, whole
 from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitudes import Ball, FeasibleAttitudes
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spacearm.arrays import Array, Result, positive
+from spacearm.arrays import Array, Progress, Result, positive
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.blocks import Progress
 from spacearm.mission.level import level_reach, level_start
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm

@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
-from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.arrays import Array, Progress
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mission.rotations import angle_between
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.runs.leading import Led, Settings, Table, lead_all

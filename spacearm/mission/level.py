@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, positive, whole
+from spacearm.arrays import Array, Progress, Result, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitude_search import turning_axis
 from spacearm.mission.rotations import sphere
 from spacearm.model.arguments import of_configuration

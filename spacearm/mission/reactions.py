@@ -15,12 +15,11 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite
+from spacearm.arrays import Array, Progress, Result, finite
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
-from spacearm.mechanics.momentum import base_velocity, momentum_matrix
+from spacearm.mechanics.jacobian import base_velocity, momentum_matrix
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.playable import Playable

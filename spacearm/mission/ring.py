@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacearm.arrays import Array
-from spacearm.mechanics.blocks import Progress
+from spacearm.arrays import Array, Progress
 from spacearm.mission.survey import Outcome, Survey, joined
 
 PARTS = 33

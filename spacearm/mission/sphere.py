@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array
-from spacearm.mechanics.blocks import Progress
+from spacearm.arrays import Array, Progress
 from spacearm.mission.rotations import (
     Cells,
     Neighbours,

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
-from spacearm.mechanics.blocks import Progress
+from spacearm.arrays import Array, Progress
 from spacearm.mission.starts import MORE_STEPS, STEPS, all_branches, branch, onward
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.runs.leading import Settings, Table, lead_all

@@ -9,12 +9,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from spacearm.arrays import Array, Result, positive, whole
+from spacearm.arrays import Array, Progress, Result, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError
-from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.mechanics.momentum import momentum_matrix
-from spacearm.mechanics.nearness import distance_at
+from spacearm.mechanics.distance import distance_at
+from spacearm.mechanics.jacobian import momentum_matrix, task_jacobian
 from spacearm.mission.reactions import reaction
 from spacearm.model.arguments import HELD, of_arm
 from spacearm.model.arm import Configuration, SpaceArm

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import finite, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
-from spacearm.mechanics.momentum import momentum_vector
+from spacearm.mechanics.jacobian import momentum_vector
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike

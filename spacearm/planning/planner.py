@@ -16,7 +16,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, positive, whole
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
-from spacearm.mechanics.momentum import momentum_vector
+from spacearm.mechanics.jacobian import momentum_vector
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike

@@ -12,8 +12,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.dynamics import generalized_velocity
-from spacearm.mechanics.impact import Capture, JointState, capture
+from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event

@@ -8,7 +8,7 @@ import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.nearness import distances
+from spacearm.mechanics.distance import distances
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.map import telling_joints
