@@ -96,7 +96,7 @@ def figures() -> dict[str, float]:
         "10 s simulated, chaser7 [ms]": simulated(events=()),
         "10 s with the default events, chaser7 [ms]": simulated(),
         "a plan, planar2 [ms]": shortest(
-            lambda: sa.plan(planar, [0.3, 1.2], sa.Joints([0.4, 1.3])), 1, 1e3
+            lambda: sa.plan(planar.at([0.3, 1.2]), sa.Joints([0.4, 1.3])), 1, 1e3
         ),
     }
 

@@ -102,7 +102,7 @@ def figure_7() -> Figure:
 def plan_planar2() -> Figure:
     """The open problem: from the start of figure 5 to its target, and arrive."""
     arm = sa.load("planar2")
-    found = sa.plan(arm, START, TARGET, base=start(21.0))
+    found = sa.plan(arm.at(START, base=start(21.0)), TARGET)
     return draw_motion(found, TARGET, sa.workspace(arm))
 
 

@@ -22,8 +22,8 @@ workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfil
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless PassiveJoint WheelHold Phase Grasp Release
              Motion Trajectory Followed Flight Event
-planning     plan time_optimal Tracking collision_check Joints Plan Attempt Obstacle
-             CollisionReport
+planning     plan detumble time_optimal Tracking collision_check Joints Constraints Search Plan
+             Attempt Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
              FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm

@@ -90,7 +90,10 @@ from spacearm.motion.plant import PassiveJoint as PassiveJoint
 from spacearm.motion.plant import WheelHold as WheelHold
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.trajectory import Trajectory as Trajectory
+from spacearm.planning.planner import detumble as detumble
 from spacearm.planning.planner import plan as plan
+from spacearm.planning.request import Constraints as Constraints
+from spacearm.planning.request import Search as Search
 from spacearm.planning.result import Attempt as Attempt
 from spacearm.planning.result import Joints as Joints
 from spacearm.planning.result import Plan as Plan

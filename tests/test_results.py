@@ -59,7 +59,7 @@ def unsure():
 
 @cache
 def plan():
-    return sa.plan(arm(), [0.3, 1.2], sa.Joints([0.4, 1.3]))
+    return sa.plan(arm().at([0.3, 1.2]), sa.Joints([0.4, 1.3]))
 
 
 @cache
@@ -80,6 +80,7 @@ RESULTS = {
     "CollisionReport": lambda: sa.collision_check(configuration(), sa.Obstacle.sphere(9.0)),
     "Component": lambda: singular_set().components()[0],
     "Configuration": configuration,
+    "Constraints": lambda: sa.Constraints(rates=[0.1, 0.2], obstacles=sa.Obstacle.sphere(1.0)),
     "DampedLeastSquares": lambda: sa.DampedLeastSquares(target=(1.0, 1.0)),
     "DistanceRange": lambda: sa.distance_range(unsure(), [0.3, 0.4], samples=2),
     "Dynamics": lambda: sa.forward_dynamics(configuration(), [0.1, 0.2], [1.0, 0.0]),
@@ -120,6 +121,7 @@ RESULTS = {
     "ShellBands": lambda: sa.shell_bands(unsure(), samples=1),
     "SingularMap": lambda: sa.singular_map(arm(), points=5),
     "SingularSet": singular_set,
+    "Search": lambda: sa.Search(seed=1),
     "SingularityReport": lambda: sa.singularity(configuration()),
     "SpaceArm": arm,
     "Study": lambda: sa.Study.parse(STUDY),

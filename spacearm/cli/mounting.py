@@ -13,8 +13,8 @@ from spacearm.description.assembly import assembled
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import find_arm, find_model, models_by_name
 from spacearm.description.readers import formats
-from spacearm.description.readers.reading import Reading
-from spacearm.description.tips.held import Counting
+from spacearm.description.readers.source import Reading
+from spacearm.description.tips import Counting
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, warn
 from spacearm.model.arm import SpaceArm

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.collisions.solids import collision_solids, visual_solids
-from spacearm.description.visuals import Visuals
+from spacearm.description.shapes import Visuals
 from spacearm.errors import listed
 from spacearm.model.arm import SpaceArm
 

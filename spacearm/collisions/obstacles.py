@@ -19,8 +19,7 @@ from spacearm.collisions.bodies import Bodies, extent
 from spacearm.collisions.carriers import Carrier, Drifting, Moving, Still
 from spacearm.collisions.options import checked_options, edges_of, known_options
 from spacearm.collisions.solids import hull, primitive
-from spacearm.description.meshes import read_mesh
-from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere
+from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, read_mesh
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose

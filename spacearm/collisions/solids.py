@@ -14,8 +14,16 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.description.meshes import read_mesh
-from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unusable, Visuals
+from spacearm.description.shapes import (
+    Box,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+    Unusable,
+    Visuals,
+    read_mesh,
+)
 from spacearm.errors import ModelError
 from spacearm.model.arm import SpaceArm
 

@@ -9,13 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.description.bodies import Inertial
-from spacearm.description.boxes import STEEL, body
-from spacearm.description.bus import Bus
+from spacearm.description.bus import STEEL, Bus, body
 from spacearm.description.model_catalogue import ModelInfo, find_arm
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
-from spacearm.description.readers.reading import Reading
-from spacearm.description.tips.choice import choose_tips, only_tip
+from spacearm.description.readers.source import Reading
+from spacearm.description.tips import choose_tips, only_tip
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 

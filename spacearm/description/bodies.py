@@ -13,6 +13,9 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.errors import ModelError
 
+LONGEST = 200.0
+"""Length [m] of a link or edge of a bus from which it is implausible: the longest spacecraft so far
+measures 109 m."""
 TRIANGLE_TOLERANCE = 1e-6
 """Share of the largest principal moment by which rounded data may break the triangle inequality."""
 
@@ -152,6 +155,11 @@ class Joint:
     def movable(self) -> bool:
         """Whether the joint can move and is a joint of the arm."""
         return self.kind not in ("fixed", "wheel")
+
+    @property
+    def rest(self) -> float:
+        """Where the joint is held if it does not count [rad] or [m]: at 0 or the nearest limit."""
+        return min(max(0.0, self.lower), self.upper)
 
     @property
     def effort_unit(self) -> str:

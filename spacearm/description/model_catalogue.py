@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 from spacearm.arrays import plain
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
-from spacearm.description.readers.reading import Check
+from spacearm.description.readers.source import Check
 from spacearm.errors import ModelError, listed, unknown
 
 MODELS, ARMS = "catalogue.json", "arms.json"

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS
+from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.description.bodies import Inertial, Joint
-from spacearm.description.visuals import Visuals
+from spacearm.description.shapes import Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 
 ROOT_JOINT = "root_joint"
@@ -189,6 +189,12 @@ class Tree:
         """Return the movable joints that mimic no other, in the order of q."""
         return [joint for joint in self.depth_first() if joint.movable and not joint.mimic]
 
+    def leader(self, joint: Joint) -> Joint:
+        """Return the joint that a joint mimics in the end; the joint itself if it mimics none."""
+        while joint.mimic:
+            joint = self.joints[joint.mimic.leader]
+        return joint
+
     def plane_normal(self) -> int | None:
         """Return the axis (0, 1, 2) that all joints turn about or slide normal to, if any."""
         attitude, normals = {self.root: np.eye(3)}, {0, 1, 2}
@@ -271,3 +277,43 @@ class Tree:
                 model.appendBodyToJoint(carrier, inertial.spatial(), placement)
             model.addBodyFrame(link, carrier, placement, 0)
         return model
+
+
+def coupling(tree: Tree) -> tuple[Array, Array]:
+    """Return C and c of (positions of all movable joints) = C q + c, mimic joints included."""
+    movable = [joint for joint in tree.depth_first() if joint.movable]
+    leading = [joint.name for joint in tree.leading()]
+    C, c = np.zeros((len(movable), len(leading))), np.zeros(len(movable))
+    for i, joint in enumerate(movable):
+        scale = 1.0
+        while joint.mimic:
+            c[i] += scale * joint.mimic.offset
+            scale *= joint.mimic.multiplier
+            joint = tree.joints[joint.mimic.leader]
+        C[i, leading.index(joint.name)] = scale
+    return C, c
+
+
+def joint_limits(tree: Tree) -> tuple[Array, Array]:
+    """Return the lower and upper limits of q, (n,) each, those of mimic joints included.
+
+    Raises:
+        ModelError: The limits of a joint and of one that mimics it exclude each other.
+    """
+    leading, movable = tree.leading(), [j for j in tree.depth_first() if j.movable]
+    lower = np.array([joint.lower for joint in leading])
+    upper = np.array([joint.upper for joint in leading])
+    for joint, gains, offset in zip(movable, *coupling(tree), strict=True):
+        j = int(np.abs(gains).argmax())
+        if gains[j] == 0.0:  # it stays where it is
+            continue
+        low, high = sorted((end - offset) / gains[j] for end in (joint.lower, joint.upper))
+        if low > upper[j] or high < lower[j]:
+            raise ModelError(
+                f"{tree.name}: joint {leading[j].name!r} has no position within limits: "
+                f"{joint.name!r}, which mimics it, needs {low:g} to {high:g}, the others allow "
+                f"{lower[j]:g} to {upper[j]:g}; correct <limit> or <mimic>"
+            )
+        lower[j], upper[j] = max(lower[j], low), min(upper[j], high)
+    lower.flags.writeable = upper.flags.writeable = False
+    return lower, upper

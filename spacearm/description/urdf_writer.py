@@ -10,8 +10,7 @@ from lxml import etree
 from lxml.builder import E
 
 from spacearm.description.bodies import Inertial, Joint
-from spacearm.description.tree import Tree
-from spacearm.description.visuals import (
+from spacearm.description.shapes import (
     Box,
     Cylinder,
     Geometry,
@@ -21,6 +20,7 @@ from spacearm.description.visuals import (
     Unusable,
     Visuals,
 )
+from spacearm.description.tree import Tree
 
 
 def document(tree: Tree, tips: tuple[str, ...]) -> bytes:

@@ -14,7 +14,7 @@ from lxml import etree
 from lxml.builder import E
 
 from spacearm.description.bodies import Joint, Mimic
-from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere
+from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere
 from spacearm.files import write
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm

@@ -16,10 +16,17 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
-from spacearm.description.couplings import coupling, joint_limits
-from spacearm.description.tips.choice import Tips, choose_tips, movable, only_tip
-from spacearm.description.tips.held import Counting, counted, hold, remaining
-from spacearm.description.tree import Tree
+from spacearm.description.tips import (
+    Counting,
+    Tips,
+    choose_tips,
+    counted,
+    hold,
+    movable,
+    only_tip,
+    remaining,
+)
+from spacearm.description.tree import Tree, coupling, joint_limits
 from spacearm.description.urdf_writer import document
 from spacearm.errors import UnsupportedError, called_from_outside, listed
 from spacearm.files import write

@@ -15,8 +15,8 @@ from spacearm.description.model_catalogue import find_model
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
-from spacearm.description.readers.reading import Check, Folders, Reading
-from spacearm.description.tips.held import Counting
+from spacearm.description.readers.source import Check, Folders, Reading
+from spacearm.description.tips import Counting
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.description.tips.choice import movable
+from spacearm.description.tips import movable
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
 

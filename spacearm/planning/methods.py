@@ -20,11 +20,11 @@ from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import Configuration
 from spacearm.motion.following import check_start, how_it_ended, lead
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
 from spacearm.planning.problem import WAVES, Problem, Rows, travel
-from spacearm.planning.search import TimeUpError
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.planning.tree import by_tree, straight_rows
 
@@ -169,7 +169,7 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
     why = ""
     for place in _loop_places(problem, target):
         there = problem.walk(problem.start, straight_rows(problem.start.q, place))
-        before = float(rest_to_rest_times(problem.start.arm, _joints(there))[-1])
+        before = float(rest_to_rest_times(_joints(there), problem.rates)[-1])
         if len(there) > 1 and problem.contact(problem.start, _joints(there)) is not None:
             continue
         finder = problem.guesses(there[-1], target)

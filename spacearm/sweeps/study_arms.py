@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import cast
 
 from spacearm.description.model_catalogue import catalogue
-from spacearm.description.readers.reading import Check
-from spacearm.description.tips.held import Counting
+from spacearm.description.readers.source import Check
+from spacearm.description.tips import Counting
 from spacearm.description.urdf_writer import document
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm

@@ -89,7 +89,7 @@ def time_optimal(
 
     Example:
         >>> import spacearm as sa
-        >>> plan = sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
+        >>> plan = sa.plan(sa.load("planar2").at([0.3, 1.2]), (0.9, 1.4))
         >>> fast = sa.time_optimal(plan, torque=20.0, rate=2.0)
         >>> bool(fast.t[-1] < 0.5 * plan.t[-1]), fast.certificate.free
         (True, True)
@@ -130,8 +130,7 @@ def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
         return None
     if motion.momentum[0, :3].any():
         raise UnsupportedError("the system CM moves on, so that the plan depends on its times")
-    start = motion.wheels[0] if motion.arm.wheels else None
-    found = Wheels.of(motion[0], hold, start, motion.momentum[0, 3:])
+    found = Wheels.of(motion[0], hold)
     found.slowdown(load_of(motion.arm, motion.t, motion.q))  # refuses wheels that are full
     return found
 

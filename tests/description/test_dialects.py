@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.description.readers.arithmetic import evaluate
+from spacearm.description.readers.source import evaluate
 
 BUS, ARM = link("bus", 50.0), link("arm")
 ELBOW = joint("elbow", "bus", "arm")

@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.description.visuals import Box, Cylinder, Mesh, Sphere, Unusable
+from spacearm.description.shapes import Box, Cylinder, Mesh, Sphere, Unusable
 
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 HINGE = '<joint name="{}" axis="0 0 1" range="-90 90"/>'

@@ -8,7 +8,7 @@ import pytest
 from helpers.arms import load_text, random_base, random_chain, random_inertia
 
 import spacearm as sa
-from spacearm.description.visuals import Box, Cylinder, Mesh, Sphere
+from spacearm.description.shapes import Box, Cylinder, Mesh, Sphere
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 HERE = pin.SE3.Identity()

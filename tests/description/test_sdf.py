@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
-from spacearm.description.visuals import Box, Cylinder, Mesh, Sphere, Unusable
+from spacearm.description.shapes import Box, Cylinder, Mesh, Sphere, Unusable
 
 INERTIAL = (
     "<inertial><mass>{}</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia></inertial>"

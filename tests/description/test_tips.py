@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.description.tips.choice import choose_tips, movable
-from spacearm.description.tips.names import is_finger, is_hand, tip_rank, words
+from spacearm.description.grippers import is_finger, is_hand, tip_rank, words
+from spacearm.description.tips import choose_tips, movable
 from spacearm.description.tree import Tree
 
 NOWHERE = sa.arms()[0].path.parent  # a folder without an SRDF

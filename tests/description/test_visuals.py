@@ -9,8 +9,16 @@ from helpers.arms import link, load_text, robot, two_links
 
 import spacearm as sa
 from spacearm.description.readers import urdf
+from spacearm.description.shapes import (
+    Box,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+    Unusable,
+    Visuals,
+)
 from spacearm.description.urdf_writer import document
-from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unusable, Visuals
 
 ORIGIN = '<origin xyz="0.1 -0.2 0.3" rpy="0.4 -0.5 0.6"/>'
 POSE = pin.SE3(pin.rpy.rpyToMatrix(0.4, -0.5, 0.6), np.array([0.1, -0.2, 0.3]))

@@ -10,8 +10,8 @@ from lxml import etree
 
 import spacearm as sa
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.xacro.expansion import Expansion
-from spacearm.description.readers.xacro.expressions import Evaluator, ExpressionError
+from spacearm.description.readers.xacro_expansion import Expansion
+from spacearm.description.readers.xacro_expressions import Evaluator, ExpressionError
 
 SPACE = 'xmlns:xacro="http://ros.org/wiki/xacro"'
 PARTS = f"""<robot {SPACE}>

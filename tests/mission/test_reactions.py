@@ -73,7 +73,7 @@ def test_the_integral_of_the_torque_is_the_momentum():
 
 def test_a_plan_begins_and_ends_without_momentum_and_torque():
     arm = sa.load("planar2")
-    plan = sa.plan(arm, [0.3, 1.2], (1.5, 1.5))
+    plan = sa.plan(arm.at([0.3, 1.2]), (1.5, 1.5))
     found = sa.reaction(plan)
     for values in (plan.dq, plan.ddq, found.momentum, found.torque, found.rate):
         np.testing.assert_array_equal(values[[0, -1]], 0.0)

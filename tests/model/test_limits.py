@@ -64,8 +64,8 @@ def test_a_follower_stops_a_path(geared):
 
 def test_a_follower_bounds_the_plan(geared):
     with pytest.raises(sa.NoSolutionError, match=r"goal of joint 'joint_2' is 0\.6, beyond"):
-        sa.plan(geared, START, sa.Joints([0.3, 0.6]))
-    assert sa.plan(geared, START, sa.Joints([0.3, 0.45])).q[:, 1].max() <= 0.5
+        sa.plan(geared.at(START), sa.Joints([0.3, 0.6]))
+    assert sa.plan(geared.at(START), sa.Joints([0.3, 0.45])).q[:, 1].max() <= 0.5
 
 
 def test_a_follower_bounds_what_is_drawn(geared):

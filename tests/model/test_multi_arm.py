@@ -149,7 +149,7 @@ REFUSED = {
     "risk": lambda c: sa.risk_profile(c.arm),
     "simulate": lambda c: sa.simulate(c.arm, c.q, sa.JointPD(target=c.q, kp=1, kd=1), 1.0),
     "follow": lambda c: sa.follow(c.arm, c.q, [c.tips[0]]),
-    "plan": lambda c: sa.plan(c.arm, c.q, sa.Joints(c.q + 0.1)),
+    "plan": lambda c: sa.plan(c, sa.Joints(c.q + 0.1)),
     "view": lambda c: sa.view(c.arm, open=False),
     "grasp": lambda c: c.arm.grasp(1.0),
     "capture": lambda c: sa.capture(c, np.zeros(6), 1.0),

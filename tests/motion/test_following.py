@@ -159,8 +159,8 @@ def test_in_a_tilted_plane_all_is_as_in_the_flat_one(arm, tilt):
     law = sa.TransposedJacobian(target=C, kp=5, kd=15)
     for motion in (
         lambda base: sa.follow(arm, A, [C], base=base),
-        lambda base: sa.plan(arm, A, C, base=base, method="straight"),
-        lambda base: sa.plan(arm, A, C, base=base, method="joint space"),
+        lambda base: sa.plan(arm.at(A, base=base), C, search=sa.Search(method="straight")),
+        lambda base: sa.plan(arm.at(A, base=base), C, search=sa.Search(method="joint space")),
         lambda base: sa.simulate(arm, A, law, 3.0, base=base),
     ):
         one, other = motion(flat), motion(tilt * flat)

@@ -31,7 +31,7 @@ def kinds():
         "Motion": sa.Motion.of(two_samples()),
         "Trajectory": sa.simulate(arm, q, law, 2.0, events=["target"], reach=0.1, dt=0.5),
         "Followed": sa.follow(arm, q, [(1.2, 1.0)]),
-        "Plan": sa.plan(arm, q, (1.2, 1.0), method="straight"),
+        "Plan": sa.plan(arm.at(q), (1.2, 1.0), search=sa.Search(method="straight")),
     }
 
 

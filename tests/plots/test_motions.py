@@ -105,7 +105,7 @@ def test_a_tilted_plane_is_drawn_as_a_flat_one():
 def test_a_target_that_cannot_be_marked(name, target, hint):
     arm = sa.load(name)
     q = np.full(arm.n, 0.3)
-    plan = sa.plan(arm, q, sa.Joints(q))
+    plan = sa.plan(arm.at(q), sa.Joints(q))
     with pytest.raises(sa.ConfigurationError, match=hint):
         draw_motion(plan, target)
 

@@ -105,7 +105,7 @@ def results():
         "a trajectory": (run, 4),
         "a flight": (sa.simulate_phases(planar, [0.3, 1.2], [sa.Phase(law, 0.2)]), 4),
         "a followed path": (sa.follow(planar, [0.3, 1.2], goal), 4),
-        "a plan": (sa.plan(planar, [0.3, 1.2], sa.Joints([0.5, 1.0])), 4),
+        "a plan": (sa.plan(planar.at([0.3, 1.2]), sa.Joints([0.5, 1.0])), 4),
         "designs": (design, 1),
     }
 

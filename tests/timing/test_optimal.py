@@ -89,7 +89,7 @@ def test_plans_are_tracked_to_their_times(name):
     arm, rng = sa.load(name), np.random.default_rng(5)
     q0 = np.clip(rng.uniform(0.2, 0.8, arm.n), arm.lower, arm.upper)
     goal = arm.at(q0 + 0.4).tip if arm.n > 2 else arm.at(q0 + 0.4).tip.translation[:2]
-    plan = sa.plan(arm, q0, goal)
+    plan = sa.plan(arm.at(q0), goal)
     fast = sa.time_optimal(plan, torque=20.0 if arm.n == 2 else None)
     assert isinstance(fast, sa.Plan)
     assert fast.t[-1] < plan.t[-1]
@@ -117,7 +117,7 @@ def test_corners_are_run_through_at_rest():
 
 @pytest.mark.slow
 def test_a_plan_that_the_smooth_path_breaks_is_refused():
-    plan = sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
+    plan = sa.plan(sa.load("planar2").at([0.3, 1.2]), (0.9, 1.4))
     in_the_way = sa.Obstacle.sphere(0.5, sa.pose(plan.tip[-1, :3]))
     strict = dataclasses.replace(plan, obstacles=(in_the_way,))
     with pytest.raises(sa.NoSolutionError, match="meet"):

@@ -25,20 +25,24 @@ def hold(torque=np.inf, capacity=np.inf):
 
 def planar():
     arm = load_text(with_wheels("planar2", (0, 0, 1)))
-    return sa.plan(arm, Q0, GOAL, **HELD, wheels0=[2.0]), None, np.eye(3)[2:]
+    return sa.plan(arm.at(Q0, wheels=[2.0]), GOAL, **HELD), None, np.eye(3)[2:]
 
 
 def skew():
     text = with_wheels(random_chain(3, 4, ("revolute",)), SKEW)
     arm = load_text(text, tip="tip", task="position")
     goal = sa.Joints(np.full(4, 0.4))
-    return sa.plan(arm, np.zeros(4), goal, **HELD, wheels0=[1, 2, 0, -1]), None, SKEW
+    return sa.plan(arm.at(np.zeros(4), wheels=[1, 2, 0, -1]), goal, **HELD), None, SKEW
 
 
 def without():
     arm, wheels = sa.load("mda6"), hold(1.0, 10.0)
     q = np.array([0.0, 1.0, -1.7, -0.9, 0.3, 0.0])
-    return sa.plan(arm, q, sa.Joints(q + 0.2), **HELD, wheels=wheels), wheels, np.eye(3)
+    return (
+        sa.plan(arm.at(q), sa.Joints(q + 0.2), constraints=sa.Constraints(wheels=wheels), **HELD),
+        wheels,
+        np.eye(3),
+    )
 
 
 @pytest.mark.parametrize("case", [planar, pytest.param(skew, marks=pytest.mark.slow), without])
@@ -67,7 +71,7 @@ def test_it_is_faster_than_an_even_stretch_and_keeps_the_limits(case):
 def test_with_room_for_momentum_alone_the_wheel_is_full_all_the_way():
     """The duration times the room is the integral of the momentum along the path."""
     arm = load_text(with_wheels("planar2", (0, 0, 1)))
-    plan = sa.plan(arm, Q0, GOAL, **HELD, wheels=hold(capacity=0.2))
+    plan = sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(wheels=hold(capacity=0.2)), **HELD)
     fast = sa.time_optimal(plan, torque=1e6, rate=1e3, wheels=hold(capacity=0.2), rise=0.0)
     way = course(plan.t, plan.q)
     h, _ = momentum_and_torque(arm, plan.q, way(plan.t, 1), way(plan.t, 2))
@@ -93,13 +97,18 @@ def test_a_simulation_with_wheels_that_hold_keeps_to_the_times():
 
 def test_what_makes_no_sense_is_refused():
     arm = sa.load("planar2")
-    floating = sa.plan(arm, Q0, GOAL)
+    floating = sa.plan(arm.at(Q0), GOAL)
     with pytest.raises(sa.ConfigurationError, match="none hold the attitude"):
         sa.time_optimal(floating, torque=20.0, wheels=hold(1.0))
-    drifting = sa.plan(arm, Q0, GOAL, momentum=[0, 0, 0, 0, 0, 0.2], duration=20.0)
+    drifting = sa.plan(arm.at(Q0, momentum=[0, 0, 0, 0, 0, 0.2]), GOAL, duration=20.0)
     with pytest.raises(sa.UnsupportedError, match="momentum on board"):
         sa.time_optimal(drifting, torque=20.0)
-    moving = sa.plan(arm, Q0, GOAL, **HELD, momentum=[0.1, 0, 0, 0, 0, 0], wheels=hold(5.0, 5.0))
+    moving = sa.plan(
+        arm.at(Q0, momentum=[0.1, 0, 0, 0, 0, 0]),
+        GOAL,
+        constraints=sa.Constraints(wheels=hold(5.0, 5.0)),
+        **HELD,
+    )
     with pytest.raises(sa.UnsupportedError, match="CM moves on"):
         sa.time_optimal(moving, torque=20.0, wheels=hold(5.0, 5.0))
     with pytest.raises(sa.NoSolutionError, match="unload it first"):

@@ -89,7 +89,7 @@ def _simulated(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
 def _planned(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
     start = rng.uniform(-1, 1, arm.n)
     goal = sa.Joints(start + rng.uniform(-0.3, 0.3, arm.n))
-    return sa.plan(arm, start, goal, timeout=1).q
+    return sa.plan(arm.at(start), goal, search=sa.Search(timeout=1)).q
 
 
 def _apart(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:

@@ -68,7 +68,7 @@ def test_a_configuration_and_results_that_have_one(arm):
 
 @pytest.mark.slow
 def test_motions_are_played(arm):
-    plan = sa.plan(arm, Q, sa.Joints([0.5, 1.0]))
+    plan = sa.plan(arm.at(Q), sa.Joints([0.5, 1.0]))
     followed = sa.follow(arm, Q, [arm.at(Q).tip.translation[:2] + np.array([0.0, 0.05])])
     trajectory = sa.simulate(arm, Q, sa.JointPD([0.5, 1.0], kp=50.0, kd=50.0), 0.2)
     for thing in (plan, followed, trajectory, sa.Motion.of(plan)):

@@ -69,7 +69,7 @@ def test_a_worker_answers_with_a_plan_or_the_reason_why_there_is_none():
     far = pin.SE3(np.eye(3), np.array([9.0, 0.0, 0.0]))
     *_, (kind, why) = answers(plan_to, cfg, far, ())
     with pytest.raises(sa.NoSolutionError) as same:
-        sa.plan(arm, cfg.q, far)
+        sa.plan(cfg, far)
     assert (kind, type(why), str(why)) == ("failed", sa.NoSolutionError, str(same.value))
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.description.bodies import Inertial, Joint
-from spacearm.description.readers.xml import Source
-from spacearm.description.tree import Tree
-from spacearm.description.visuals import Visuals
-from spacearm.errors import listed
+from spacearm.description.readers.source import Source
+from spacearm.description.shapes import Visuals
+from spacearm.description.tree import ROOT_JOINT, Tree
+from spacearm.errors import listed, unknown
 
 SAME_FRAME = 1e-15
 """Distance [m] and turn [rad] up to which two frames are one."""
@@ -206,3 +206,26 @@ def _cut(joint: Joint, cut: int) -> Joint:
     mimic = joint.mimic and joint.mimic._replace(leader=joint.mimic.leader[cut:])
     name, parent, child = joint.name[cut:], joint.parent[cut:], joint.child[cut:]
     return replace(joint, name=name, parent=parent, child=child, mimic=mimic)
+
+
+def check_mimics(source: Source, joints: dict[str, Joint]) -> None:
+    """Check that mimic joints lead to others; those of fixed joints are fixed too."""
+    if ROOT_JOINT in joints:
+        source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
+    for joint in list(joints.values()):
+        if joint.mimic and (leader := joints.get(joint.mimic.leader)) and leader.kind == "fixed":
+            joints[joint.name] = joint.frozen(joint.mimic.offset)
+            source.warn(f"joint {joint.name!r} mimics {leader.name!r}, which is fixed, and is too")
+    movable = {joint.name: joint for joint in joints.values() if joint.movable}
+    sound: set[str] = set()
+    for joint in joints.values():
+        seen, mimic = {joint.name}, joint.mimic
+        while mimic and mimic.leader not in sound:
+            if mimic.leader not in movable:
+                what = unknown("movable joint", mimic.leader, movable)
+                source.fail(f"<mimic> of joint {joint.name!r}: {what}", "name one")
+            if mimic.leader in seen:
+                source.fail(f"joint {joint.name!r} mimics itself", "remove that <mimic>")
+            seen.add(mimic.leader)
+            mimic = joints[mimic.leader].mimic
+        sound |= seen & movable.keys()

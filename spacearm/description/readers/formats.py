@@ -10,13 +10,12 @@ from typing import TypeAlias
 from lxml import etree
 
 from spacearm.description.readers import pinocchio_model, urdf
+from spacearm.description.readers.forest import check_mimics
 from spacearm.description.readers.masses import checked
-from spacearm.description.readers.mimics import check_mimics
-from spacearm.description.readers.mjcf.reader import read as read_mjcf
+from spacearm.description.readers.mjcf import read as read_mjcf
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
-from spacearm.description.readers.reading import Reading
-from spacearm.description.readers.sdf.reader import read as read_sdf
-from spacearm.description.readers.xml import Source
+from spacearm.description.readers.sdf import read as read_sdf
+from spacearm.description.readers.source import Reading, Source
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 

@@ -8,17 +8,30 @@ joints is left that moves no mass at all.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 
-from spacearm.description.bodies import TRIANGLE_TOLERANCE, Inertial
-from spacearm.description.couplings import coupling
-from spacearm.description.plausible import implausible
-from spacearm.description.readers.flat import with_flat_bodies
-from spacearm.description.readers.xml import Source
-from spacearm.description.tree import Tree
+from spacearm.arrays import Array
+from spacearm.description.bodies import LONGEST, TRIANGLE_TOLERANCE, Inertial
+from spacearm.description.readers.source import Source
+from spacearm.description.shapes import (
+    Box,
+    Cylinder,
+    Geometry,
+    Mesh,
+    Shape,
+    Sphere,
+    Visuals,
+    capsule,
+    read_mesh,
+)
+from spacearm.description.tree import Tree, coupling
+from spacearm.errors import ModelError
 
 SINGULAR = 1e-10
 """Eigenvalue of the scaled joint inertia up to which some motion moves no mass."""
@@ -42,8 +55,6 @@ def checked(source: Source, tree: Tree) -> Tree:
         ModelWarning: Something was assumed or left out.
     """
     if source.reading.density is not None:
-        from spacearm.description.readers.densities import with_density  # slow to import
-
         tree = with_density(source, tree, source.reading.density)
     _require_masses(source, tree)
     tree = with_flat_bodies(source, tree)
@@ -224,3 +235,211 @@ def _some(names: Iterable[str]) -> str:
     listed = [repr(name) for name in names]
     rest = len(listed) - SHOWN
     return ", ".join(listed[:SHOWN]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def with_density(source: Source, tree: Tree, density: float) -> Tree:
+    """Return the tree with mass properties for the links that have shapes and no mass.
+
+    Shapes are taken as solid; where shapes of a link overlap, both count, but for
+    the ends of capsules. Those for collisions are
+    used, else those that are drawn. A mesh that is not closed is taken as its convex hull.
+
+    Args:
+        source: The file.
+        tree: Its links and shapes.
+        density: Density [kg/m^3].
+
+    Warns:
+        ModelWarning: Links got mass properties, or got none for want of a usable shape.
+    """
+    found: dict[str, Inertial] = {}
+    bare: list[str] = []
+    for link, inertial in tree.links.items():
+        shapes = tree.visuals.get(link, Visuals())
+        if (inertial is None or inertial.mass == 0.0) and any(shapes):
+            solid = _solid(shapes.collision or shapes.visual) or _solid(shapes.visual)
+            if solid is None:
+                bare.append(link)
+            else:
+                found[link] = _inertial(solid, density)
+    if found:
+        masses = ", ".join(f"{link!r} {part.mass:.4g} kg" for link, part in found.items())
+        source.warn(f"density {density:g} kg/m^3 gives mass and inertia from shapes: {masses}")
+    if bare:
+        names = ", ".join(map(repr, bare))
+        source.warn(f"density gives no mass to {names}: their shapes are missing or unusable")
+    return replace(tree, links={**tree.links, **found})
+
+
+def _inertial(volume: pin.Inertia, density: float) -> Inertial:
+    """Return the mass properties of a body of density 1 at another density."""
+    pose = pin.SE3(np.eye(3), volume.lever)
+    return Inertial(density * volume.mass, pose, density * volume.inertia)
+
+
+def _solid(shapes: Sequence[Shape]) -> pin.Inertia | None:
+    """Return the inertia of solid shapes of density 1; None if no shape can be used."""
+    parts: list[pin.Inertia] = []
+    rest = list(shapes)
+    while rest:
+        first = rest.pop(0)
+        solid = _solid_of(first.geometry)
+        if isinstance(first.geometry, Cylinder) and _round_ended(first, rest[:2]):
+            solid = _at_density_1(coal.Capsule(*first.geometry))
+            del rest[:2]
+        if solid is not None:
+            parts.append(first.pose.act(solid))
+    return sum(parts[1:], start=parts[0]) if parts else None
+
+
+def _round_ended(cylinder: Shape, ends: Sequence[Shape]) -> bool:
+    """Whether a cylinder and the two shapes behind it are a `capsule`."""
+    _, *spheres = capsule(cylinder.pose, *cylinder.geometry)
+    return len(ends) == 2 and all(
+        end.geometry == sphere.geometry and end.pose.isApprox(sphere.pose)
+        for end, sphere in zip(ends, spheres, strict=True)
+    )
+
+
+def _solid_of(geometry: Geometry) -> pin.Inertia | None:
+    """Return the inertia of a solid geometry of density 1."""
+    match geometry:
+        case Box(size):
+            shape = coal.Box(*size)
+        case Sphere(radius):
+            shape = coal.Sphere(radius)
+        case Cylinder(radius, length):
+            shape = coal.Cylinder(radius, length)
+        case Mesh(_, Path() as file, scale):
+            return _solid_mesh(file, scale)
+        case _:
+            return None
+    return _at_density_1(shape)
+
+
+def _at_density_1(shape: coal.ShapeBase) -> pin.Inertia | None:
+    """Return the inertia of a shape about its centre; None if it has no volume."""
+    volume = float(shape.computeVolume())
+    if not volume > 0.0:
+        return None
+    return pin.Inertia(volume, np.zeros(3), np.array(shape.computeMomentofInertia()))
+
+
+def _solid_mesh(file: Path, scale: tuple[float, ...]) -> pin.Inertia | None:
+    """Return the inertia of a closed mesh, or of the convex hull of an open one, of density 1."""
+    try:
+        mesh = read_mesh(file)
+    except ModelError:
+        return None
+    mesh.vertices = np.asarray(mesh.vertices) * scale
+    solid = mesh if mesh.is_volume else mesh.convex_hull
+    if not solid.volume > 0.0:
+        return None
+    return pin.Inertia(
+        float(solid.volume), np.array(solid.center_mass), np.array(solid.moment_inertia)
+    )
+
+
+SAME_HEIGHT = 1e-6
+"""Share of the size of a robot by which centres of mass may lie out of one plane."""
+
+
+def with_flat_bodies(source: Source, tree: Tree) -> Tree:
+    """Return the tree with flat plates for the links that have inertia about its normal only.
+
+    A planar system never turns out of its plane, so that the moments about the axes in the plane
+    do not count. They are set to those of a flat plate, half the moment about the normal each.
+
+    Args:
+        source: The file.
+        tree: Its links and joints.
+
+    Warns:
+        ModelWarning: Moments were set.
+    """
+    axis = tree.plane_normal()
+    if axis is None:
+        return tree
+    frames = _frames(tree)
+    plates = {
+        link: plate
+        for link, part in tree.links.items()
+        if part and (plate := _plate(part, frames[link].rotation[axis])) is not None
+    }
+    if not plates or not _level(tree, frames, axis):
+        return tree
+    moments = ", ".join(f"{link!r}" for link in plates)
+    source.warn(
+        f"planar system: of {moments} only the moment of inertia about {'xyz'[axis]} is used, and "
+        "half of it is taken about the axes in the plane, which does not count there"
+    )
+    return replace(tree, links={**tree.links, **plates})
+
+
+def _plate(part: Inertial, normal: Array) -> Inertial | None:
+    """Return a flat plate for a part that has inertia about the normal of the plane only.
+
+    Args:
+        part: Mass properties.
+        normal: (3,) normal of the plane in link axes.
+    """
+    n = part.origin.rotation.T @ normal
+    moment = float(n @ part.inertia @ n)
+    rest = np.abs(part.inertia - moment * np.outer(n, n)).max()
+    if part.mass <= 0.0 or moment <= 0.0 or rest > TRIANGLE_TOLERANCE * moment:
+        return None
+    return part._replace(inertia=0.5 * moment * (np.eye(3) + np.outer(n, n)))
+
+
+def _level(tree: Tree, frames: dict[str, pin.SE3], axis: int) -> bool:
+    """Whether all centres of mass lie in one plane, as they must for a planar motion."""
+    points = np.array(
+        [frames[link].act(part.origin.translation) for link, part in tree.links.items() if part]
+    )
+    size = float(np.ptp(points, axis=0).max())
+    return float(np.ptp(points[:, axis])) <= SAME_HEIGHT * max(size, 1.0)
+
+
+def _frames(tree: Tree) -> dict[str, pin.SE3]:
+    """Return the poses of all links in the root frame, joints at zero."""
+    frames = {tree.root: pin.SE3.Identity()}
+    for joint in tree.depth_first():
+        frames[joint.child] = frames[joint.parent] * joint.origin
+    return frames
+
+
+FAR = 10.0
+"""How many times as long as the robot a radius of gyration may be."""
+LEAST_SIZE = 1.0
+"""Length [m] that a robot is taken to have at least, where its joints are close together."""
+
+
+def implausible(tree: Tree, bodies: Mapping[str, Inertial]) -> list[str]:
+    """Return what no spacecraft has, a sentence each.
+
+    Args:
+        tree: Links and joints.
+        bodies: The rigid bodies, by the link nearest to the root.
+    """
+    lengths = {
+        joint.name: float(np.linalg.norm(joint.origin.translation))
+        for joint in tree.joints.values()
+    }
+    found = [
+        f"joint {name!r} is {length:.4g} m from the one before it, as if in millimetres"
+        for name, length in lengths.items()
+        if length > LONGEST
+    ]
+    levers = [float(np.linalg.norm(body.origin.translation)) for body in bodies.values()]
+    size = max(LEAST_SIZE, sum(lengths.values()), *levers)
+    for link, body in bodies.items():
+        if body.mass > 0.0:
+            largest = float(np.linalg.eigvalsh(body.inertia)[-1])
+            radius = float(np.sqrt(max(largest, 0.0) / body.mass))
+            if radius > FAR * size:
+                found.append(
+                    f"body {link!r} of {body.mass:.4g} kg has an inertia of {largest:.4g} kg m^2, "
+                    f"as if its mass were {radius:.4g} m from its CM; the robot is {size:.3g} m "
+                    "long (SI units: kg m^2)"
+                )
+    return found

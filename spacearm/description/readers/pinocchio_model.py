@@ -14,9 +14,8 @@ from pinocchio.robot_wrapper import RobotWrapper
 
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.forest import SAME_FRAME, SPLIT_BALL, Forest
-from spacearm.description.readers.xml import Source
-from spacearm.description.tree import Tree
-from spacearm.description.visuals import (
+from spacearm.description.readers.source import Source
+from spacearm.description.shapes import (
     Box,
     Cylinder,
     Mesh,
@@ -26,6 +25,7 @@ from spacearm.description.visuals import (
     Visuals,
     capsule,
 )
+from spacearm.description.tree import Tree
 
 PinocchioModel: TypeAlias = pin.Model | RobotWrapper
 PINOCCHIO_MODELS = (pin.Model, RobotWrapper)

@@ -11,9 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.description.boxes import solid_box
-from spacearm.description.meshes import read_mesh
-from spacearm.description.visuals import Box, Cylinder, Mesh, Shape, Sphere, Unusable
+from spacearm.description.bus import solid_box
+from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, Unusable, read_mesh
 from spacearm.errors import ModelError, listed, warn
 from spacearm.model.arm import SpaceArm
 

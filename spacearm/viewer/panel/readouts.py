@@ -15,7 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions, collision_geometry
 from spacearm.description.model_catalogue import catalogue
-from spacearm.description.visuals import Mesh
+from spacearm.description.shapes import Mesh
 from spacearm.errors import SpaceArmError, listed
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport

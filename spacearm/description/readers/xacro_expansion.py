@@ -9,6 +9,7 @@ and the environment does not exist.
 from __future__ import annotations
 
 import math
+import os
 import re
 import warnings
 from collections.abc import Callable, Mapping
@@ -20,19 +21,13 @@ from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.xacro.expressions import (
+from spacearm.description.readers.xacro_expressions import (
     Evaluator,
     ExpressionError,
     bounded_range,
     bounded_round,
 )
-from spacearm.description.readers.xacro.faults import (
-    MissingArgumentError,
-    MissingFileError,
-    MissingPackageError,
-    XacroError,
-)
-from spacearm.description.readers.xacro.files import MACRO, Files
+from spacearm.files import read
 
 CLOSED = ("type", "vars", "hash", "repr")
 """Functions of xacro's namespace python that expressions do without."""
@@ -273,3 +268,88 @@ class Expansion:
         }
         names = {**functions, **plain, **arguments, **calls}
         return {name: value for name, value in names.items() if name not in ENDLESS}
+
+
+MACRO = 50
+"""Steps that a macro or a file counts as."""
+
+
+class Files:
+    """The files of one source.
+
+    Attributes:
+        known: The files read so far.
+    """
+
+    def __init__(self, packages: Packages, evaluator: Evaluator) -> None:
+        self.known: list[Path] = []
+        self._packages = packages
+        self._evaluator = evaluator
+
+    def read(self, filename: str) -> tuple[Path, bytes]:
+        """Read a file of the packages.
+
+        Raises:
+            XacroError: There is no such file, or it lies elsewhere.
+        """
+        if package := re.search(r"package://([^/]*)", filename):
+            raise MissingPackageError(
+                f"reads {filename[package.start() :]} of the package {package[1]!r}, which was "
+                "not found",
+                f"name the folder that holds {package[1]!r}: packages=[FOLDER] or --package FOLDER",
+            )
+        file = Path(os.path.normpath(filename))
+        self._evaluator.step(MACRO)
+        if not file.exists():
+            raise MissingFileError(file)
+        if not self._packages.holds(file):
+            raise XacroError(
+                f"reads {file}, which is in none of its packages",
+                "if it is meant to, name its folder by packages=[FOLDER] or --package FOLDER",
+            )
+        self.known.append(file)
+        try:
+            return file, read(file)
+        except OSError as error:
+            raise XacroError(f"{file} cannot be read ({error})", "name a file") from None
+
+
+class XacroError(Exception):
+    """A source cannot be expanded.
+
+    Attributes:
+        problem: What is wrong.
+        remedy: What to do.
+    """
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(f"{problem}; {remedy}")
+        self.problem, self.remedy = problem, remedy
+
+
+class MissingArgumentError(XacroError):
+    """An argument has no value.
+
+    Attributes:
+        name: Its name.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"argument {name!r} has no value", "give it one")
+        self.name = name
+
+
+class MissingFileError(XacroError, FileNotFoundError):
+    """A file that the source reads is missing.
+
+    Attributes:
+        file: The file.
+    """
+
+    def __init__(self, file: Path) -> None:
+        super().__init__(f"{file}: no such file", "correct the name or the arguments")
+        self.file = file
+
+
+class MissingPackageError(XacroError):
+    """A package that the source reads a file of was not found."""

@@ -1,21 +1,156 @@
-"""XML source: a robot file opened safely, and checked numbers out of its elements."""
+"""Source: a robot file opened safely, how it is read, and checked numbers out of its elements."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.arrays import LARGEST, MOST_LINKS, Array
-from spacearm.description.readers.arithmetic import evaluate, split
+from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.reading import Reading
-from spacearm.errors import ModelError, listed, warn
+from spacearm.errors import ConfigurationError, ModelError, listed, unknown, warn
 from spacearm.files import read
+
+TOKEN = re.compile(
+    r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|pi(?![a-z])|[-+*/()])", re.ASCII | re.IGNORECASE
+)
+DEEPEST = 50
+"""Largest number of parentheses and signs inside one another."""
+
+
+def split(text: str, count: int) -> list[str]:
+    """Return the `count` words of a vector, with spaces or commas or both between them."""
+    if count == 1:
+        return [text]
+    words = text.replace(",", " ").split()
+    return text.split(",") if len(words) != count and "," in text else words
+
+
+def evaluate(text: str) -> float | None:
+    """Compute the number that a text stands for; None if it stands for none."""
+    tokens: list[str] = []
+    end = 0
+    text = text.strip()
+    while end < len(text):
+        token = TOKEN.match(text, end)
+        if token is None:
+            return None
+        tokens.append(token[1].lower())
+        end = token.end()
+    try:
+        value = _sum(tokens, 0)
+    except (IndexError, ValueError, ZeroDivisionError):
+        return None
+    return None if tokens else value
+
+
+def _sum(tokens: list[str], depth: int) -> float:
+    value = _product(tokens, depth)
+    while tokens and tokens[0] in "+-":
+        sign = 1.0 if tokens.pop(0) == "+" else -1.0
+        value += sign * _product(tokens, depth)
+    return value
+
+
+def _product(tokens: list[str], depth: int) -> float:
+    value = _factor(tokens, depth)
+    while tokens and tokens[0] in "*/":
+        if tokens.pop(0) == "*":
+            value *= _factor(tokens, depth)
+        else:
+            value /= _factor(tokens, depth)
+    return value
+
+
+def _factor(tokens: list[str], depth: int) -> float:
+    if depth > DEEPEST:
+        raise ValueError("too deep")
+    token = tokens.pop(0)
+    if token in "+-":
+        value = _factor(tokens, depth + 1)
+        return -value if token == "-" else value
+    if token == "(":
+        value = _sum(tokens, depth + 1)
+        if tokens.pop(0) != ")":
+            raise ValueError("no )")
+        return value
+    return math.pi if token == "pi" else float(token)
+
+
+Check = Literal["error", "warn", "accept"]
+CHECKS = ("error", "warn", "accept")
+Folders: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a robot file is read.
+
+    Attributes:
+        check: What to do with inertias that no rigid body can have: "error", or "warn" or "accept"
+            to load published data that has this fault.
+        packages: Folders that hold ROS packages, or are packages.
+        xacro_args: Values of the arguments of a xacro source, by name.
+        density: Density [kg/m^3] that gives bodies without inertial data theirs, from their
+            shapes; None if they are to have none.
+        spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
+            may be a frame without mass.
+
+    Raises:
+        ModelError: check is not one of these words.
+        ConfigurationError: Another attribute is not of its kind.
+    """
+
+    check: Check = "error"
+    packages: tuple[Path, ...] = ()
+    xacro_args: Mapping[str, str] = field(default_factory=dict)
+    density: float | None = None
+    spacecraft: bool = True
+
+    def __post_init__(self) -> None:
+        if self.check not in CHECKS:
+            raise ModelError(unknown("check", self.check, CHECKS))
+
+    @classmethod
+    def of(
+        cls,
+        check: Check | None = None,
+        packages: Folders = (),
+        xacro_args: Mapping[str, object] | None = None,
+        density: float | None = None,
+    ) -> Reading:
+        """Make it of a caller's arguments, checked; see `loading.load`."""
+        folders = [packages] if isinstance(packages, (str, os.PathLike)) else packages
+        try:
+            paths = tuple(Path(folder) for folder in folders)
+        except TypeError:
+            raise ConfigurationError(f"packages is {packages!r}; give folders") from None
+        for path in paths:
+            if not path.is_dir():
+                raise ConfigurationError(f"packages: {path} is no folder; name one that exists")
+        given = {} if xacro_args is None else xacro_args
+        if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+            raise ConfigurationError(f"xacro_args is {xacro_args!r}; give {{name: value}}")
+        return cls(
+            check=check or "error",
+            packages=paths,
+            xacro_args={name: _text(value) for name, value in given.items()},
+            density=None if density is None else positive(density, "density", "density [kg/m^3]"),
+        )
+
+
+def _text(value: object) -> str:
+    """Return the value of an argument as xacro writes it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
 
 SHORTEST = 1e-6
 """Least length of a quaternion that a direction can be read from."""

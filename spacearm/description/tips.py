@@ -9,15 +9,14 @@ joints. Where two are equally right the question is asked.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
+
+from lxml import etree
 
 from spacearm.description.bodies import Joint
-from spacearm.description.tips.grippers import fingers
-from spacearm.description.tips.held import leader
-from spacearm.description.tips.names import is_hand, is_wheel, measures, shared, tip_rank
-from spacearm.description.tips.srdf import named_tips
+from spacearm.description.grippers import fingers, is_hand, is_wheel, measures, shared, tip_rank
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
 
@@ -182,7 +181,7 @@ def _same_arm(tree: Tree, link: str, other: str) -> bool:
 
 def _count(tree: Tree, link: str) -> int:
     """Return the number of joints that move a link on their own, or by joints that mimic them."""
-    return len({leader(tree, joint).name for joint in movable(tree, link)})
+    return len({tree.leader(joint).name for joint in movable(tree, link)})
 
 
 def _on(robot: _Robot, body: str, begin: Sequence[str]) -> list[_Candidate]:
@@ -271,3 +270,130 @@ def _named_by_srdf(robot: _Robot, path: Path, arms: dict[str, tuple[str, ...]]) 
     for link in found:
         bodies.setdefault(body_of[link], []).append(link)
     return [found[link] for named in bodies.values() for link in _outermost(tree, named)]
+
+
+Counting: TypeAlias = Literal["tip", "all"] | Collection[str]
+"""Which joints count: those on the way to the tips, all, or some more by name."""
+
+
+def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[str, float]]:
+    """Return the tree with the joints that do not count held, and their values by name.
+
+    A joint on the way to a tip counts, or the joint that it mimics. Joints that mimic a held one
+    are held with it, and are not named.
+
+    Args:
+        tree: The tree.
+        tips: Names of its tip links.
+        joints: Which joints count; see `loading.load`.
+
+    Raises:
+        ConfigurationError: joints names no movable joint, or one that mimics another.
+    """
+    leading = {joint.name: joint for joint in tree.leading()}
+    counting = {tree.leader(j).name for tip in tips for j in tree.chain(tip) if j.movable}
+    counting |= leading.keys() if joints == "all" else _named(tree, joints)
+    held = {name: joint.rest for name, joint in leading.items() if name not in counting}
+    return tree.locked(held), held
+
+
+def counted(joints: Counting) -> str | tuple[str, ...]:
+    """Return `joints` as it was given, checked and with its names as a tuple.
+
+    Raises:
+        ConfigurationError: It is neither "tip", "all" nor names.
+    """
+    if isinstance(joints, str) and joints in ("tip", "all"):
+        return joints
+    if isinstance(joints, str) or not isinstance(joints, Collection):
+        raise ConfigurationError(f'joints is {joints!r}; give "tip", "all" or a list of names')
+    return tuple(joints)
+
+
+def _named(tree: Tree, joints: Counting) -> set[str]:
+    """Return the joints that are named, checked."""
+    if joints == "tip":
+        return set()
+    leading = [joint.name for joint in tree.leading()]
+    for name in joints:
+        joint = tree.joints.get(name) if isinstance(name, str) else None
+        if joint and joint.movable and joint.mimic:
+            raise ConfigurationError(
+                f"joints: {name!r} mimics {joint.mimic.leader!r}; name that one"
+            )
+        if name not in leading:
+            raise ConfigurationError(f"joints: {unknown('movable joint', name, leading)}")
+    return set(joints)
+
+
+def remaining(tree: Tree, joints: str | tuple[str, ...]) -> Counting:
+    """Return `joints` without the names of joints that have been locked or made wheels since."""
+    if isinstance(joints, str):
+        return counted(joints)
+    leading = {joint.name for joint in tree.leading()}
+    return tuple(name for name in joints if name in leading)
+
+
+ABOVE = 4
+"""Folders above a robot file in which a package *moveit_config is looked for."""
+
+
+def named_tips(tree: Tree, path: Path) -> tuple[tuple[str, ...], str]:
+    """Return the tips that an SRDF beside a robot file names, and the name of that file.
+
+    An SRDF with the name of the robot file comes before others. The links of end effectors and the
+    ends of chains are tips, if a joint moves them.
+
+    Args:
+        tree: The robot.
+        path: Its file.
+    """
+    own = [file for file in _files(path) if file.stem == path.name.partition(".")[0]]
+    for file in (*own, *(file for file in _files(path) if file not in own)):
+        if (robot := _read(file)) is not None and robot.get("name") == tree.name:
+            links = _tips(robot)
+            if moved := tuple(link for link in links if link in tree.links and _moves(tree, link)):
+                return moved, file.name
+    return (), ""
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the SRDF files beside a robot file, the nearest first."""
+    return list(
+        dict.fromkeys(f for folder in _folders(path) for f in sorted(folder.glob("*.srdf")))
+    )
+
+
+def _folders(path: Path) -> Iterator[Path]:
+    if not path.is_file():  # a name only, of what `mount` put together
+        return
+    above = list(path.resolve().parents)[:ABOVE]
+    for folder in above[:2]:
+        yield from (folder, folder / "srdf", folder / "config")
+    for folder in above[1:]:
+        for package in sorted(folder.glob("*moveit_config*")):
+            yield from (package / "config", package / "srdf")
+
+
+def _read(file: Path) -> etree._Element | None:
+    """Return the root of an SRDF, without entities or network access; None if it is none."""
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True
+    )
+    try:
+        document = etree.parse(file, parser)
+    except (OSError, etree.XMLSyntaxError):
+        return None
+    sound = document.getroot().tag == "robot" and not document.docinfo.doctype
+    return document.getroot() if sound else None
+
+
+def _tips(robot: etree._Element) -> list[str]:
+    """Return the parent links of end effectors, and the ends of chains."""
+    effectors = [element.get("parent_link") for element in robot.findall("end_effector")]
+    chains = [element.get("tip_link") for element in robot.findall("group/chain")]
+    return list(dict.fromkeys(link for link in (*effectors, *chains) if link))
+
+
+def _moves(tree: Tree, link: str) -> bool:
+    return any(joint.movable for joint in tree.chain(link))

@@ -1,4 +1,4 @@
-"""Search: the time that a search may take, and the account of what stops it.
+"""Account: the time that a search may take, and the account of what stops it.
 
 A search that fails says which constraint stopped most of its attempts and what to relax.
 """
@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
 
 from spacearm.errors import NoSolutionError, StoppedError
-
-Progress = Callable[[float, float], object]
+from spacearm.planning.request import Progress
 
 POSTURES = {
     "reached": "bring the tip there",
@@ -48,7 +46,7 @@ class TimeUpError(NoSolutionError):
     """The time for the search is up."""
 
 
-class Search:
+class SearchAccount:
     """The time of a search and its account.
 
     Attributes:
@@ -64,7 +62,7 @@ class Search:
     """
 
     def __init__(
-        self, timeout: float, progress: Progress | None = None, whole: Search | None = None
+        self, timeout: float, progress: Progress | None = None, whole: SearchAccount | None = None
     ) -> None:
         self.begun, self.timeout, self._progress = time.monotonic(), timeout, progress
         self._whole, self._ended = whole, False
@@ -78,9 +76,9 @@ class Search:
         """Time since it began [s]."""
         return time.monotonic() - self.begun
 
-    def part(self, timeout: float) -> Search:
+    def part(self, timeout: float) -> SearchAccount:
         """Return a search of its own that may take this time [s], if the whole has so much left."""
-        return Search(timeout, whole=self)
+        return SearchAccount(timeout, whole=self)
 
     def end(self) -> None:
         """End the search, as after Ctrl-C, and the one that it is a part of."""

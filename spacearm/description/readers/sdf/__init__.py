@@ -1,1 +1,0 @@
-"""SDF: models of SDFormat, read to the same tree as a URDF."""

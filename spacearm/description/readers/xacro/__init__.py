@@ -1,1 +1,0 @@
-"""xacro: sources of robot descriptions expanded to URDF."""

@@ -1,1 +1,0 @@
-"""Tips: where an arm ends, and the joints that do not count."""
