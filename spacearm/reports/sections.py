@@ -17,9 +17,8 @@ from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.mechanics.batch import evaluate
-from spacearm.mission.envelope import level_envelope
-from spacearm.mission.level import level_reach
-from spacearm.mission.wheel_sizing import PERCENTILES, size_wheels
+from spacearm.mission.level import level_envelope, level_reach
+from spacearm.mission.reactions import PERCENTILES, size_wheels
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector

@@ -15,7 +15,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError, SpaceArmError, unknown
-from spacearm.mission.attitude_search import feasible_attitudes
+from spacearm.mission.attitudes import feasible_attitudes
 from spacearm.model.arm import Configuration
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search

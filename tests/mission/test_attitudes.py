@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 import spacearm as sa
 from spacearm.mission.rotations import (
-    Neighbours,
     angle_between,
     attitudes,
     cells,
     children,
+    nearest_of,
     spacing,
 )
 from spacearm.motion.runs.leading import Settings, lead_all, table_of
@@ -264,7 +264,7 @@ def test_cells_are_spread_evenly(level):
         0.5 * spacing(len(of)) < 4 * np.arcsin(apart.min(axis=1) / 2).max() < 1.5 * spacing(len(of))
     )
     inner = attitudes(children(of), level + 1)
-    nearest, _ = Neighbours(found).nearest(inner)
+    nearest, _ = nearest_of(found, inner)
     assert (nearest == np.repeat(np.arange(len(of)), 8)).mean() > 0.6
 
 

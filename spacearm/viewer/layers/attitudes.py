@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
+from spacearm.mission.attitude_search import ENDS
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.viewer.layers.paths import distance_colors
 from spacearm.viewer.layers.shapes import along

@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import reactions
-from spacearm.mission.rotations import Neighbours, angle_between
+from spacearm.mission.rotations import angle_between, nearest_of
 from spacearm.model.arm import SpaceArm
 from spacearm.planning.many_curves import held_jacobian, inverse_kinematics
 from spacearm.singularities.risk import uniform
 
 STEPS, MORE_STEPS = 14, 60
-"""Steps of Newton's method: for a survey, and near the border of what can be reached."""
+"""Steps of Newton's method: usually, and near the border of what can be reached."""
 REACHED = 1e-9
 """What the tip may miss [m], [rad]."""
 FARTHEST = 1.5
@@ -87,7 +87,7 @@ def branch(
         waiting = np.flatnonzero(np.isnan(found[:, 0]))
         if not len(waiting):
             return found
-        nearest, apart = Neighbours(known).nearest(attitude[waiting])
+        nearest, apart = nearest_of(known, attitude[waiting])
         new = (nearest != tried[waiting]) & (apart <= max(reach, 1.01 * float(apart.min())))
         if not new.any():
             return found
