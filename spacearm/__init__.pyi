@@ -87,7 +87,9 @@ from spacearm.motion.following import follow as follow
 from spacearm.motion.many_runs import simulate_many as simulate_many
 from spacearm.motion.motion import Motion as Motion
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
+from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import WheelHold as WheelHold
+from spacearm.motion.simulation import Integration as Integration
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.trajectory import Trajectory as Trajectory
 from spacearm.planning.planner import detumble as detumble

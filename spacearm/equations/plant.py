@@ -79,8 +79,7 @@ class Setup(NamedTuple):
         motors: Where the torques of the wheels over time come from, else.
         pushed: What is pushed.
         passive: Whether joints have springs or friction.
-        effort: Whether torques are cut to the largest.
-        speed: Whether they fall near the largest rates.
+        limits: Whether torques are cut to the largest, and fall near the largest rates.
         events: The event functions.
     """
 
@@ -90,8 +89,7 @@ class Setup(NamedTuple):
     motors: Source | None = None
     pushed: tuple[Pushed, ...] = ()
     passive: bool = False
-    effort: bool = False
-    speed: bool = False
+    limits: bool = False
     events: tuple[Event, ...] = ()
 
     def law_shapes(self, n: int) -> tuple[Shapes, ...]:
@@ -105,7 +103,7 @@ class Setup(NamedTuple):
         return (
             ("base", (3,)),
             *((name, (n,)) for name in (joint if self.passive else ())),
-            *((name, (n,)) for name in ("effort",) * self.effort + ("speed",) * self.speed),
+            *((name, (n,)) for name in (("effort", "speed") if self.limits else ())),
             ("axes", (w, 3)),
             *((("spread", (w, 3)), ("torque", (w,)), ("capacity", (w,)), ("hold", (2,)),
                ("level", (3, 3))) if self.holds else ()),
@@ -219,9 +217,8 @@ def _asked(xp: Any, now: Moving, setup: Setup, calls: Calls) -> Any:
 def _cut(xp: Any, now: Moving, setup: Setup, tau: Any) -> Any:
     """Cut torques to what the joints can give at their rates."""
     dq, given = now.state.dq, now.given
-    if setup.effort:
+    if setup.limits:
         tau = xp.minimum(xp.maximum(tau, -given["effort"]), given["effort"])
-    if setup.speed:
         share = xp.absolute(dq) / given["speed"]
         rest = xp.maximum((1.0 - share) / (1.0 - SLOWING), 0.0)
         drives = xp.logical_and(share > SLOWING, tau * dq > 0.0)

@@ -157,7 +157,7 @@ def reaction(
     Example:
         >>> import spacearm as sa
         >>> arm = sa.load("planar2")
-        >>> way = sa.follow(arm, [0.3, 1.2], [(1.5, 1.2)])
+        >>> way = sa.follow(arm.at([0.3, 1.2]), [(1.5, 1.2)])
         >>> bool(sa.reaction(way).angle.max() < 0.1)
         True
     """
