@@ -33,7 +33,7 @@ from spacearm.mechanics.distance import FADING
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
-from spacearm.singularities.polynomials import plane_of_motion, probes
+from spacearm.singularities.polynomials import plane_of_motion
 
 Function = Callable[..., Any]
 
@@ -236,7 +236,7 @@ def structure_in(arm: SpaceArm, mode: BaseMode) -> Structure:
     Raises:
         ConfigurationError: There is no such mode.
     """
-    return replace(structure_of(arm, mode), normal=plane_of_motion(arm, probes(arm)))
+    return replace(structure_of(arm, mode), normal=plane_of_motion(arm))
 
 
 def symbolic(p: Parameters) -> Parameters:

@@ -435,7 +435,7 @@ MUTANTS = [
     ),
     Mutant(
         "bound of the curvature", "polynomial/trig.py",
-        "float((size * a * b).sum())", "float((size * a * b).sum()) / 16.0",
+        "bounds[index] = value", "bounds[index] = value / 16.0",
         "polynomial/test_trig singularities/test_sets",
     ),
     # --- dynamics and control ---------------------------------------------------------------
