@@ -19,9 +19,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, named, plain, positive, whole
+from spacearm.arrays import Array, Progress, named, plain, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitude_search import (
     ENDS,
     PathTrials,

@@ -17,11 +17,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm import results
-from spacearm.arrays import Array, finite, positive, whole
+from spacearm.arrays import Array, Progress, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mission.attitudes import sound_margin, turning_axis
 from spacearm.mission.rotations import angle_between, evenly_spread
 from spacearm.model.arguments import of_configuration

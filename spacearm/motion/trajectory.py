@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.mechanics.momentum import momentum_matrix
+from spacearm.mechanics.jacobian import momentum_matrix
 from spacearm.model.arguments import free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.events import Event

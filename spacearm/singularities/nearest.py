@@ -19,11 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.blocks import Progress
+from spacearm.mechanics.distance import Tangent, foot, nearness, tangent
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.mechanics.nearness import Tangent, foot, nearness, tangent
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales

@@ -9,14 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.linalg import norm
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Progress
 from spacearm.errors import ConfigurationError, listed
-from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.jacobian import (
-    task_jacobian,
-    task_jacobian_derivative,
-)
-from spacearm.mechanics.nearness import nearness_of, refined_at
+from spacearm.mechanics.distance import nearness_of, refined_at
+from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales

@@ -106,7 +106,7 @@ def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
 
 def stopped_after(blocks, size, monkeypatch):
     """Have Ctrl-C come after some blocks of configurations."""
-    module = importlib.import_module("spacearm.mechanics.blocks")
+    module = importlib.import_module("spacearm.mechanics.batch")
     before, reports = module.run_blocks, []
 
     def interrupted(do, m, threads, progress, arrays):

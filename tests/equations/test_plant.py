@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import plant as equations
-from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import arms_kernel, parameters_of, structure_of
 from spacearm.motion.plant import PassiveJoint, System
 from spacearm.motion.runs.setup import WantedEvent, prepared, start_state
 

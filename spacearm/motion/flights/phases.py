@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, finite, plain
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.dynamics import generalized_velocity
-from spacearm.mechanics.impact import Capture, JointState, capture
+from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller

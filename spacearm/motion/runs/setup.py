@@ -18,7 +18,7 @@ from spacearm.compiler.users import over_symbols
 from spacearm.equations.laws import Law, Source, State
 from spacearm.equations.plant import Event, Pushed, Setup, moving, parts
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
