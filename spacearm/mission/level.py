@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm import results
 from spacearm.arrays import Array, Progress, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
