@@ -27,7 +27,7 @@ from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
-from spacearm.motion.runs.leading import Led, Settings, Table, lead_all
+from spacearm.motion.leading import Led, Settings, Table, lead_all
 from spacearm.results import Cell, Description, Measure, Result
 
 RAYS = {2: 360, 3: 1000}

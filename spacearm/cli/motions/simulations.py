@@ -42,6 +42,9 @@ from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import PassiveJoint, Plant, WheelHold
 from spacearm.motion.simulation import Integration, simulate
 
+MOST = 10
+"""Number of events that are printed."""
+
 
 @on_a_model
 def simulate_motion(
