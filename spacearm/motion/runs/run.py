@@ -12,7 +12,7 @@ from spacearm.equations.integration import COLLAPSED, FAILED
 from spacearm.equations.measures import measures
 from spacearm.equations.plant import observe, parts, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
-from spacearm.mechanics import distance
+from spacearm.mechanics.distance import distances
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.model.arguments import free_components
 from spacearm.motion.controllers import Controller
@@ -293,7 +293,7 @@ class Runs:
         for arm in dict.fromkeys(arms):
             mine = used & np.array([other is arm for other in arms])[:, None]
             Q = self.outputs[mine][:, : arm.n]
-            found[mine] = distance.distances(arm, Q, self.systems[0].mode)[0]
+            found[mine] = distances(arm, Q, self.systems[0].mode)[0]
         return found.min(axis=1)
 
 
