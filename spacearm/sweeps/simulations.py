@@ -21,9 +21,8 @@ from spacearm.motion.controllers import (
     TransposedJacobian,
 )
 from spacearm.motion.goal import goal_of
-from spacearm.motion.many_runs import FAILURES, simulate_many
 from spacearm.motion.plant import Plant
-from spacearm.motion.simulation import Integration
+from spacearm.motion.simulation import FAILURES, Integration, simulate_many
 from spacearm.sweeps.quantity import Quantity, Variable
 from spacearm.sweeps.tiles import Box
 from spacearm.sweeps.toml import Table
