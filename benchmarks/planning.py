@@ -31,8 +31,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import spacearm as sa
+from spacearm.mechanics.distance import tangent
 from spacearm.mechanics.floating import walk
-from spacearm.mechanics.nearness import tangent
 
 NUMBER, TIMEOUT = 100, 60.0
 CLEAR = np.radians(2.0)

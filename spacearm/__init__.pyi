@@ -17,7 +17,7 @@ from spacearm.errors import StoppedError as StoppedError
 from spacearm.errors import StoreError as StoreError
 from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError
-from spacearm.export.c_files import to_c as to_c
+from spacearm.export.functions import to_c as to_c
 from spacearm.export.functions import to_casadi as to_casadi
 from spacearm.export.functions import to_jax as to_jax
 from spacearm.export.inverse_kinematics import (
@@ -34,25 +34,25 @@ from spacearm.mechanics.barycentric_formulation import barycentric as barycentri
 from spacearm.mechanics.batch import evaluate as evaluate
 from spacearm.mechanics.batch import generalized_jacobians as generalized_jacobians
 from spacearm.mechanics.batch import joint_accelerations as joint_accelerations
+from spacearm.mechanics.dynamics import Capture as Capture
 from spacearm.mechanics.dynamics import Dynamics as Dynamics
+from spacearm.mechanics.dynamics import capture as capture
 from spacearm.mechanics.dynamics import forward_dynamics as forward_dynamics
 from spacearm.mechanics.dynamics import generalized_inertia as generalized_inertia
 from spacearm.mechanics.dynamics import inverse_dynamics as inverse_dynamics
 from spacearm.mechanics.dynamics import kinetic_energy as kinetic_energy
 from spacearm.mechanics.floating import move as move
-from spacearm.mechanics.impact import Capture as Capture
-from spacearm.mechanics.impact import capture as capture
+from spacearm.mechanics.jacobian import MomentumMatrix as MomentumMatrix
 from spacearm.mechanics.jacobian import PrescribedMotion as PrescribedMotion
+from spacearm.mechanics.jacobian import base_velocity as base_velocity
 from spacearm.mechanics.jacobian import fixed_base_jacobian as fixed_base_jacobian
 from spacearm.mechanics.jacobian import generalized_jacobian as generalized_jacobian
 from spacearm.mechanics.jacobian import (
     generalized_jacobian_derivative as generalized_jacobian_derivative,
 )
 from spacearm.mechanics.jacobian import generalized_jacobian_rate as generalized_jacobian_rate
+from spacearm.mechanics.jacobian import momentum_matrix as momentum_matrix
 from spacearm.mechanics.jacobian import prescribed_motion as prescribed_motion
-from spacearm.mechanics.momentum import MomentumMatrix as MomentumMatrix
-from spacearm.mechanics.momentum import base_velocity as base_velocity
-from spacearm.mechanics.momentum import momentum_matrix as momentum_matrix
 from spacearm.mission.attitudes import FeasibleAttitudes as FeasibleAttitudes
 from spacearm.mission.attitudes import feasible_attitudes as feasible_attitudes
 from spacearm.mission.budget import MomentumBudget as MomentumBudget
@@ -87,7 +87,9 @@ from spacearm.motion.following import follow as follow
 from spacearm.motion.many_runs import simulate_many as simulate_many
 from spacearm.motion.motion import Motion as Motion
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
+from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import WheelHold as WheelHold
+from spacearm.motion.simulation import Integration as Integration
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.trajectory import Trajectory as Trajectory
 from spacearm.planning.planner import detumble as detumble

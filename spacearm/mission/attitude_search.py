@@ -14,8 +14,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array
-from spacearm.mechanics.blocks import Progress
+from spacearm.arrays import Array, Progress
 from spacearm.mission.branches import MORE_STEPS, STEPS, all_branches, branch, onward
 from spacearm.mission.rotations import (
     Cells,

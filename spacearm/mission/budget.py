@@ -17,8 +17,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, positive
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.jacobian import prescribed_motion
-from spacearm.mechanics.momentum import base_velocity, momentum_matrix
+from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, prescribed_motion
 from spacearm.mission.attitudes import turning_axis
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, still_wheels

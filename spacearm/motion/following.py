@@ -14,14 +14,12 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.frames import PoseLike
 from spacearm.motion.events import Event
 from spacearm.motion.goal import Origin, goal_axes, started
 from spacearm.motion.motion import Motion, samples
@@ -77,13 +75,11 @@ class Followed(Motion):
         return f"Followed({self.arm.name}, {self.mode}: {self.reason})"
 
 
-@of_arm
+@of_configuration
 def follow(
-    arm: SpaceArm,
-    q0: npt.ArrayLike,
+    start: Configuration,
     path: Path,
     *,
-    base: PoseLike | None = None,
     origin: Origin = "spacecraft",
     mode: BaseMode = "free-floating",
     length: float | None = None,
@@ -96,13 +92,11 @@ def follow(
     The tip goes straight to the beginning first. Redundant arms move with the least joint rates.
 
     Args:
-        arm: The arm.
-        q0: (n,) joint positions at the start [rad] or [m].
+        start: The configuration at the start, without momentum.
         path: The corners of a polyline, (m, k) points in the task's linear rows [m] or a sequence
             of poses; or a function of the path length that gives either. Points are given along
             the task axes (see `Task.axes`), along inertial ones where these turn on the way.
             Turns count as in `Followed.s`.
-        base: Pose of the spacecraft at the start; the identity if None.
         origin: Where points are given from: "spacecraft" or "cm"; see `simulate`.
         mode: What the spacecraft does; see `generalized_jacobian`.
         length: Length of a path given as a function [m], or [rad] of a mere turn.
@@ -114,34 +108,21 @@ def follow(
         The motion up to where it ended, with the reason.
 
     Raises:
-        ConfigurationError: An argument does not make sense, or the start is singular.
-        UnsupportedError: The task has more rows than the arm has joints.
+        ConfigurationError: An argument does not make sense, or the start is singular or, where
+            limits count, beyond them.
+        UnsupportedError: The task has more rows than the arm has joints, or there is momentum.
 
     Example:
         >>> import spacearm as sa
-        >>> sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)]).reason
+        >>> sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)]).reason
         'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    return lead(started(arm.at(q0, base=base), origin), path, mode, length, speed, limits, progress)
-
-
-def lead(
-    cfg: Configuration,
-    path: Path,
-    mode: BaseMode = "free-floating",
-    length: float | None = None,
-    speed: float = 0.1,
-    limits: bool = True,
-    progress: Callable[[float, float], object] | None = None,
-) -> Followed:
-    """Lead the tip along a path as `follow` does, from a configuration.
-
-    Raises:
-        ConfigurationError: An argument does not make sense, or the start is singular or, where
-            limits count, beyond them.
-        UnsupportedError: The task has more rows than the arm has joints.
-    """
-    arm, speed = cfg.arm, positive(speed, "speed", "speed [m/s]")
+    arm, speed, cfg = start.arm, positive(speed, "speed", "speed [m/s]"), started(start, origin)
+    if cfg.momentum.any() or cfg.wheels.any():
+        raise UnsupportedError(
+            "the start has momentum on board, and sa.follow leads the tip at zero momentum only; "
+            "sa.simulate takes a law that follows a path at any momentum"
+        )
     check_start(cfg, mode, limits)
     pieces = segments(cfg, path, length)
     states, behind = [state_of(cfg, 0.0)], 0.0
@@ -184,13 +165,13 @@ def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         )
     sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
-        near = f"q0 is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"
+        near = f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"
         raise ConfigurationError(f"{near}; start elsewhere: sa.singularity(cfg).away leads away")
     beyond = np.flatnonzero((cfg.q < arm.lower) | (cfg.q > arm.upper))
     if limits and len(beyond):
         j = int(beyond[0])
         raise ConfigurationError(
-            f"q0 of joint {arm.joint_names[j]!r} is {cfg.q[j]:.6g}, its limits are "
+            f"the start of joint {arm.joint_names[j]!r} is {cfg.q[j]:.6g}, its limits are "
             f"{arm.lower[j]:.6g} and {arm.upper[j]:.6g}; limits=False ignores them"
         )
 

@@ -13,13 +13,10 @@ import numpy.typing as npt
 from spacearm.arrays import Array, finite, positive, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError
-from spacearm.model.arguments import BaseMode, of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import PoseLike
+from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller, check_controller
-from spacearm.motion.events import EVENTS
-from spacearm.motion.goal import Origin, started
-from spacearm.motion.plant import Plant
+from spacearm.motion.plant import Plant, System
 from spacearm.motion.runs.run import Runs
 from spacearm.motion.runs.setup import (
     Prepared,
@@ -29,10 +26,13 @@ from spacearm.motion.runs.setup import (
     start_state,
     wanted_events,
 )
+from spacearm.motion.simulation import Integration
 
 if TYPE_CHECKING:
     import xarray as xr
 
+COARSE = Integration(rtol=1e-6, atol=1e-8)
+"""What dispersions of many runs need."""
 FAILURES = ("controller failed", "equations failed", "step collapsed")
 """Ends of runs that are no results."""
 LOOKS = 200
@@ -53,27 +53,18 @@ UNITS = {
 """Numbers that are kept of each run, and their units."""
 
 
-@of_arm
 def simulate_many(
-    arm: SpaceArm,
-    Q0: npt.ArrayLike,
+    starts: Configuration | Sequence[Configuration],
     controller: Controller | Sequence[Controller],
     duration: float,
     *,
-    base: PoseLike | None = None,
-    origin: Origin = "spacecraft",
-    dQ0: npt.ArrayLike | None = None,
-    momentum: npt.ArrayLike | None = None,
+    dq: npt.ArrayLike | None = None,
     payload: npt.ArrayLike | None = None,
     mode: BaseMode = "free-floating",
-    limits: Sequence[str] = (),
-    rtol: float = 1e-6,
-    atol: float = 1e-8,
-    events: Sequence[str] = EVENTS,
+    plant: Plant = Plant(),
     stop: Sequence[str] = (),
-    reach: float = 1e-3,
-    method: str = "auto",
     distance: bool = False,
+    integration: Integration = COARSE,
     threads: int | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> xr.Dataset:
@@ -83,24 +74,16 @@ def simulate_many(
     plain array code run in parallel; a controller called in Python holds the others up.
 
     Args:
-        arm: The arm.
-        Q0: (m, n) joint positions at the start [rad] or [m]; (n,) if all are the same.
+        starts: m configurations of one arm, as in `simulate`; one if all start alike.
         controller: The controller of all runs, or m of one kind: with their own gains and targets.
         duration: How long each run is [s].
-        base: As in `simulate`, for all runs.
-        origin: As in `simulate`; each run has its own system CM.
-        dQ0: (m, n) or (n,) joint rates at the start; zeros if None.
-        momentum: (m, 6) or (6,) as in `simulate`; zero if None.
+        dq: (m, n) or (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         payload: (m,) point masses held at the tip [kg], as in `SpaceArm.replace`; none if None.
         mode: As in `simulate`.
-        limits: As in `simulate`.
-        rtol: Relative tolerance of each step.
-        atol: Absolute one.
-        events: What to note.
-        stop: Which of them end a run.
-        reach: How near the target is reached.
-        method: The integrator.
+        plant: As in `simulate`, for all runs.
+        stop: Which events end a run.
         distance: Whether `distance` is wanted too; it is NaN if not.
+        integration: As in `simulate`, here with tolerances of 1e-6 and 1e-8; without `dt`.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) now and then.
 
@@ -121,24 +104,29 @@ def simulate_many(
     Example:
         >>> import spacearm as sa
         >>> law = sa.JointPD(target=[0.5, 1.0], kp=5, kd=9)
-        >>> starts = [[0.3, 1.2], [0.4, 1.1]]
-        >>> ds = sa.simulate_many(sa.load("planar2"), starts, law, 1.0)
+        >>> arm = sa.load("planar2")
+        >>> starts = [arm.at(q) for q in ([0.3, 1.2], [0.4, 1.1])]
+        >>> ds = sa.simulate_many(starts, law, 1.0)
         >>> ds.turn.values.round(3)  # of the spacecraft [rad]
         array([0.026, 0.013])
     """
     import xarray as xr
 
-    arm.require_one_tip()
+    free_components(mode)
+    listed = [starts] if isinstance(starts, Configuration) else list(starts)
+    arm = _arm_of(listed)
     duration = positive(duration, "duration", "time [s]")
-    if isinstance(controller, str) or not isinstance(controller, Sequence):
-        check_controller(controller)
-    laws = [controller] if callable(controller) else list(controller)
+    if integration.dt is not None:
+        raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
+    laws = [controller] if callable(controller) or isinstance(controller, str) else list(controller)
     for law in laws:
         check_controller(law)
-    given = {"Q0": (Q0, arm.n), "dQ0": (dQ0, arm.n), "momentum": (momentum, 6)}
-    m = _number_of_runs([x for x, _ in given.values()], payload, laws, callable(controller))
-    q0, dq0, h = (_rows(x, m, size, name) for name, (x, size) in given.items())
+    shared = isinstance(starts, Configuration)
+    m = _number_of_runs(None if shared else listed, dq, payload, laws, callable(controller))
+    dq0 = _rates(dq, m, arm.n)
     arms = _with_payloads(arm, payload, m)
+    first = System(listed[0], mode, plant)
+    prepare = _prepare(first, laws, arms, stop, integration)
     looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
     found: dict[str, npt.NDArray[Any]] = {
         "success": np.zeros(m, bool),
@@ -149,21 +137,20 @@ def simulate_many(
         "ended": np.full(m, "", dtype=object),
     }
     called: dict[str, None] = {}
-    plants = [Plant(arm, mode, started(arms[0].at(q0[0], base=base), origin), limits=tuple(limits))]
-    starts = _starts(plants[0], laws, arms, (events, stop, reach))
+
+    def started(i: int) -> System:
+        cfg = listed[i % len(listed)]
+        return replace(first, start=cfg if cfg.arm is arms[i] else _loaded(cfg, arms[i]))
 
     def piece(runs: Sequence[int]) -> int:
-        mine = [
-            replace(plants[0], arm=arms[i], start=started(arms[i].at(q0[i], base=base), origin))
-            for i in runs
-        ]
-        ready = [starts(plant, i) for plant, i in zip(mine, runs, strict=True)]
-        setup, numbers = ready[0][1].setup, [one for _, one in ready]
-        y = [start_state(plant, dq0[i], h[i]) for plant, i in zip(mine, runs, strict=True)]
-        needs = max(coupled(plant, setup, h[i]) for plant, i in zip(mine, runs, strict=True))
+        mine = [started(i) for i in runs]
+        ready = [prepare(system, i) for system, i in zip(mine, runs, strict=True)]
+        y = [start_state(system, dq0[i]) for system, i in zip(mine, runs, strict=True)]
+        needs = max(coupled(system, ready[0][1].setup) for system in mine)
         side = Runs(
-            mine, [{-1: laws[i % len(laws)]} for i in runs], numbers, np.array(y), needs, looks,
-            duration, ready[0][0], (rtol, atol), method,
+            mine, [{-1: laws[i % len(laws)]} for i in runs], [one for _, one in ready],
+            np.array(y), needs, looks, duration, ready[0][0],
+            (integration.rtol, integration.atol), integration.method,
         )  # fmt: skip
         side.advance(duration)
         called.update(dict.fromkeys(side.called))
@@ -174,7 +161,7 @@ def simulate_many(
     workers = processors() if threads is None else whole(threads, "threads", 1)
     size, done = min(PIECE, -(-m // workers)), 0
     with ThreadPoolExecutor(workers) as pool:
-        for count in pool.map(piece, _pieces(plants[0], starts, m, len(laws), size)):
+        for count in pool.map(piece, _pieces(first, prepare, m, len(laws), size)):
             done += count
             if progress:
                 progress(done, m)
@@ -182,81 +169,112 @@ def simulate_many(
     data: dict[str, Any] = {name: ("run", found[name], {"units": u}) for name, u in UNITS.items()}
     data |= {name: ("run", found[name]) for name in ("success", "ended")}
     data |= {name: (joint, found[name]) for name in ("q", "dq")}
+    q0 = np.array([listed[i % len(listed)].q for i in range(m)])
     data |= {"q0": (joint, q0), "base": (pose, found["base"], {"units": "m, quaternion xyzw"})}
     attrs = {
         "arm": arm.name,
         "base_mode": mode,
-        "origin": origin,
         "duration": duration,
-        "rtol": rtol,
-        "atol": atol,
+        "rtol": integration.rtol,
+        "atol": integration.atol,
         "called": "; ".join(called),
     }
     return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
 
 
-Starts = Callable[[Plant, int], tuple[list[WantedEvent], Prepared]]
-"""The events that a run looks for, and its numbers and functions."""
+Prepare = Callable[[System, int], tuple[list[WantedEvent], Prepared]]
+"""Returns the events that a run looks for, and its numbers and functions."""
 
 
-def _starts(
-    first: Plant, laws: Sequence[Controller], arms: Sequence[SpaceArm], looked_for: Any
-) -> Starts:
+def _prepare(
+    first: System,
+    laws: Sequence[Controller],
+    arms: Sequence[SpaceArm],
+    stop: Sequence[str],
+    integration: Integration,
+) -> Prepare:
     """Return what prepares a run by its number; once for all where they do not differ."""
-    events, stop, reach = looked_for
+    kinds = (*integration.events, *stop)
 
-    def start(plant: Plant, i: int, trace: bool = True) -> tuple[list[WantedEvent], Prepared]:
+    def prepare(system: System, i: int, trace: bool = True) -> tuple[list[WantedEvent], Prepared]:
         own = {-1: laws[i % len(laws)]}
-        kinds = dict.fromkeys((*events, *stop))
-        wanted = wanted_events(plant.arm, plant.mode, kinds, stop, reach, own, None)
-        return wanted, prepared(plant, own, wanted, trace=trace)
+        wanted = wanted_events(system, kinds, stop, integration.reach, own)
+        return wanted, prepared(system, own, wanted, trace=trace)
 
-    known: tuple[list[WantedEvent], Prepared] | None = start(first, 0)
-    assert known is not None
-    if known[1].outside or len({id(arm) for arm in arms}) > 1 or first.mode == "fixed":
-        known = None
+    known = prepare(first, 0)
     several = len({id(law) for law in laws}) > 1
+    differ = several or len({id(arm) for arm in arms}) > 1 or first.mode == "fixed" or first.hold
     trace = not several or len(laws) <= KINDS
-    return lambda plant, i: start(plant, i, trace) if known is None or several else known
+    if differ or known[1].outside:
+        return lambda system, i: prepare(system, i, trace)
+    return lambda *_: known
 
 
-def _pieces(first: Plant, starts: Starts, m: int, laws: int, size: int) -> Iterator[list[int]]:
+def _pieces(first: System, prepare: Prepare, m: int, laws: int, size: int) -> Iterator[list[int]]:
     """Return the numbers of runs that go side by side: those of one setup, so many at most."""
     setups: dict[Any, list[int]] = {}
     if laws == 1:
         setups[None] = list(range(m))
     for i in range(m if laws > 1 else 0):
-        setups.setdefault(starts(first, i)[1].setup, []).append(i)
+        setups.setdefault(prepare(first, i)[1].setup, []).append(i)
     for runs in setups.values():
         yield from (runs[at : at + size] for at in range(0, len(runs), size))
 
 
+def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
+    """Return the arm of all starts.
+
+    Raises:
+        ConfigurationError: Something else is given, or several arms.
+        UnsupportedError: It has several tips.
+    """
+    if not starts or any(not isinstance(cfg, Configuration) for cfg in starts):
+        raise ConfigurationError(
+            "sa.simulate_many takes configurations of one arm: [arm.at(q) for q in Q0]"
+        )
+    arm = starts[0].arm
+    if any(cfg.arm is not arm for cfg in starts):
+        raise ConfigurationError("the starts are of several arms; give configurations of one arm")
+    arm.require_one_tip()
+    return arm
+
+
+def _loaded(cfg: Configuration, arm: SpaceArm) -> Configuration:
+    """Return the same start of an arm with a load."""
+    return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
+
+
 def _number_of_runs(
-    values: Sequence[Any], payload: npt.ArrayLike | None, laws: Sequence[Any], shared: bool
+    starts: Sequence[Configuration] | None,
+    dq: npt.ArrayLike | None,
+    payload: npt.ArrayLike | None,
+    laws: Sequence[Any],
+    shared: bool,
 ) -> int:
     """Return the number of runs that the arguments are of.
 
     Raises:
         ConfigurationError: They are of different numbers, or the laws of different kinds.
     """
-    sizes = [len(x) for x in values if x is not None and np.ndim(x) == 2]
+    sizes = [] if starts is None else [len(starts)]
+    sizes += [np.shape(dq)[0]] if dq is not None and np.ndim(dq) == 2 else []
     sizes += [np.size(payload)] if payload is not None else []
     sizes += [] if shared else [len(laws)]
     if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:
         raise ConfigurationError(
-            f"Q0, dQ0, momentum, payload and controller are of {sizes} runs; give each once or as "
-            "many times as the others, and controllers of one kind"
+            f"starts, dq, payload and controller are of {sizes} runs; give each once or as many "
+            "times as the others, and controllers of one kind"
         )
     return sizes[0] if sizes else 1
 
 
-def _rows(values: npt.ArrayLike | None, m: int, size: int, name: str) -> Array:
-    """Return (m, size) numbers, checked; one row for all, or zeros if None."""
-    if values is None:
-        return np.zeros((m, size))
-    if np.ndim(values) == 2:
-        return finite(values, (m, size), name)
-    return np.tile(finite(values, (size,), name), (m, 1))
+def _rates(dq: npt.ArrayLike | None, m: int, n: int) -> Array:
+    """Return the joint rates (m, n), checked; one row for all, or zeros if None."""
+    if dq is None:
+        return np.zeros((m, n))
+    if np.ndim(dq) == 2:
+        return finite(dq, (m, n), "dq")
+    return np.tile(finite(dq, (n,), "dq"), (m, 1))
 
 
 def _with_payloads(arm: SpaceArm, payload: npt.ArrayLike | None, m: int) -> Sequence[SpaceArm]:

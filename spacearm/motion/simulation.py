@@ -8,23 +8,22 @@ of its energy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Literal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import finite, positive
+from spacearm.arrays import finite, plain, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
-from spacearm.mechanics.momentum import momentum_vector
-from spacearm.model.arguments import BaseMode, of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import PoseLike
+from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, check_controller, check_target
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
-from spacearm.motion.plant import Motors, PassiveJoint, Plant, WheelHold, Wrench, described
+from spacearm.motion.plant import Plant, System
 from spacearm.motion.runs.run import Runs
 from spacearm.motion.runs.setup import coupled, prepared, start_state, wanted_events
 from spacearm.motion.trajectory import Trajectory
@@ -39,77 +38,82 @@ STILL = 1e2
 OUTPUTS = 1000
 
 
-@of_arm
+@dataclass(frozen=True, kw_only=True)
+class Integration:
+    """How a simulation is integrated, and what is looked for on the way.
+
+    Attributes:
+        rtol: Relative tolerance of each step.
+        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
+        dt: Spacing of the output [s]; a thousandth of the duration if None.
+        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
+            or where J* is not square the distance to the singular set falls to half a degree),
+            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
+        reach: How near the target is reached: norm of the error.
+        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
+            torques) or "auto", which begins with the first and takes the second where that pays.
+    """
+
+    rtol: float = 1e-8
+    atol: float = 1e-10
+    dt: float | None = None
+    events: Sequence[str] = EVENTS
+    reach: float = 1e-3
+    method: str = "auto"
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "reach"):
+            positive(getattr(self, name), name)
+        if self.rtol < FINEST:
+            raise ConfigurationError(f"rtol is {self.rtol}; give a number from {FINEST:.2g} on")
+        if self.dt is not None:
+            positive(self.dt, "dt", "time [s]")
+        if self.method not in METHODS:
+            raise ConfigurationError(unknown("method", self.method, METHODS))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+@of_configuration
 def simulate(
-    arm: SpaceArm,
-    q0: npt.ArrayLike,
+    start: Configuration,
     controller: Controller | Mapping[str, Controller],
     duration: float,
     *,
-    base: PoseLike | None = None,
-    origin: Origin = "spacecraft",
-    dq0: npt.ArrayLike | None = None,
-    momentum: npt.ArrayLike | None = None,
-    wheels0: npt.ArrayLike | None = None,
+    dq: npt.ArrayLike | None = None,
     mode: BaseMode = "free-floating",
-    wheels: WheelHold | Motors | None = None,
-    wrenches: Mapping[str, Wrench] | None = None,
-    thrusters: Mapping[str, Wrench] | None = None,
-    passive: Mapping[str, PassiveJoint] | Literal["described"] | None = None,
-    limits: Collection[str] = (),
+    origin: Origin = "spacecraft",
+    plant: Plant = Plant(),
+    stop: Sequence[str] = (),
     period: float | None = None,
     delay: float = 0.0,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
-    events: Sequence[str] = EVENTS,
-    stop: Sequence[str] = (),
-    reach: float = 1e-3,
-    dt: float | None = None,
-    method: str = "auto",
+    integration: Integration = Integration(),
     progress: Callable[[float, float], object] | None = None,
 ) -> Trajectory:
     """Simulate an arm under the torques of a controller.
 
     Args:
-        arm: The arm.
-        q0: (n,) joint positions at the start [rad] or [m].
+        start: The configuration at the start: joint positions, pose of the spacecraft, what the
+            wheels hold, and the momentum. Where the spacecraft's attitude is controlled only the
+            linear momentum counts.
         controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]; at
             times in any order, so that it must not remember. Plain array code is compiled, other
             code is called in Python. Of an arm with several tips a law for each, by the tip's name:
             it acts on the joints that move that tip.
         duration: How long [s].
-        base: Pose of the spacecraft at the start; the identity if None.
-        origin: Where the inertial frame has its origin: "spacecraft", as `base` says, so that
-            poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at the start, as
-            for points of a `Workspace`, `base` giving the attitude.
-        dq0: (n,) joint rates at the start; zeros if None.
-        momentum: (6,) momentum at the start [linear; angular about the system CM], inertial axes,
-            that of the wheels included; zero if None. Where the spacecraft's attitude is
-            controlled only the linear one counts.
-        wheels0: (w,) what each wheel holds at the start [N m s]; zeros if None.
+        dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        wheels: The law by which the wheels hold the attitude, or a function of time that gives the
-            torque of each, the rate of what it holds (w,) [N m]; they keep what they hold if None.
-        wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
-            link's frame along inertial axes, or functions of time that give them.
-        thrusters: The same along the axes of the link.
-        passive: Springs, damping and friction of joints by name; such a joint may have torques too;
-            "described" takes damping and dry friction of the robot's file (URDF, MJCF).
-        limits: "effort" cuts the torques to the largest of the description; "velocity" lets the
-            torque that drives a joint fall to zero between 90 % and 100 % of its largest rate.
+        origin: Where the inertial frame has its origin: "spacecraft", as the pose of the start
+            says, so that poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at
+            the start, as for points of a `Workspace`, the pose giving the attitude.
+        plant: What acts besides: wheels, wrenches, thrusters, springs and friction, motor limits.
+        stop: Events that end the run; see `Integration`.
         period: Period of a controller of fixed rate, which holds its torques in between [s]; None
             for one that acts at all times.
         delay: Time after which these torques act, up to the period [s].
-        rtol: Relative tolerance of each step.
-        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
-        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
-            or where J* is not square the distance to the singular set falls to half a degree),
-            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
-        stop: Which of them end the run.
-        reach: How near the target is reached: norm of the error.
-        dt: Spacing of the output [s]; a thousandth of the duration if None.
-        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
-            torques) or "auto", which begins with the first and takes the second where that pays.
+        integration: Tolerances, spacing of the output, and the events that are noted.
         progress: Called now and then as progress(t, duration), both simulated time [s].
 
     Returns:
@@ -124,49 +128,27 @@ def simulate(
     Example:
         >>> import spacearm as sa
         >>> law = sa.JointPD(target=[0.5, 1.0], kp=5, kd=9)
-        >>> sa.simulate(sa.load("planar2"), [0.3, 1.2], law, 5.0)
+        >>> sa.simulate(sa.load("planar2").at([0.3, 1.2]), law, 5.0)
         Trajectory(planar2, free-floating: 5 s, 1001 times, ended by duration)
     """
-    duration = positive(duration, "duration", "time [s]")
-    dt = duration / OUTPUTS if dt is None else positive(dt, "dt", "time [s]")
+    arm, duration = start.arm, positive(duration, "duration", "time [s]")
+    rates = np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq")
+    system = System(started(start, origin), mode, plant)
+    controllers = _by_tip(arm, controller)
+    if mode != "fixed" and not start.momentum[:3].any() and not plant.pushed and len(arm.tips) == 1:
+        for one in controllers.values():
+            check_target(one, system.start)
+    kinds = (*integration.events, *stop)
+    wanted = wanted_events(system, kinds, stop, integration.reach, controllers)
+    ready = prepared(system, controllers, wanted)
+    dt = duration / OUTPUTS if integration.dt is None else integration.dt
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    rtol, atol, reach = positive(rtol, "rtol"), positive(atol, "atol"), positive(reach, "reach")
-    if rtol < FINEST:
-        raise ConfigurationError(f"rtol is {rtol}; give a number from {FINEST:.2g} on")
-    if method not in METHODS:
-        raise ConfigurationError(unknown("method", method, METHODS))
-    h = momentum_vector(momentum)
-    if mode == "fixed" and h.any():
-        raise ConfigurationError(f"momentum is {momentum!r}; a fixed spacecraft takes it up")
-    dq = np.zeros(arm.n) if dq0 is None else joint_vector(arm, dq0, "dq0")
-    if isinstance(passive, str):
-        if passive != "described":
-            raise ConfigurationError(unknown("passive", passive, ("described",)))
-        passive = described(arm)
-    plant = Plant(
-        arm,
-        mode,
-        started(arm.at(q0, base=base, wheels=wheels0), origin),
-        passive or {},
-        tuple(limits),
-        wheels if isinstance(wheels, WheelHold) else None,
-        None if isinstance(wheels, WheelHold) else wheels,
-        wrenches or {},
-        thrusters or {},
-    )
-    controllers = _by_tip(arm, controller)
-    if mode != "fixed" and not h[:3].any() and not plant.pushed and len(arm.tips) == 1:
-        for one in controllers.values():
-            check_target(one, plant.start)
-    capacity = None if plant.hold is None else plant.hold.capacity
-    kinds = dict.fromkeys((*events, *stop))
-    wanted = wanted_events(arm, mode, kinds, stop, reach, controllers, capacity)
-    ready = prepared(plant, controllers, wanted)
-    y, needs = start_state(plant, dq, h), coupled(plant, ready.setup, h)
-    outputs = np.arange(0.0, duration, dt)
-    run = Runs([plant], [controllers], [ready], y[None], needs, outputs, duration, wanted,
-               (rtol, atol), method)  # fmt: skip
+    run = Runs(
+        [system], [controllers], [ready], start_state(system, rates)[None],
+        coupled(system, ready.setup), np.arange(0.0, duration, dt), duration, wanted,
+        (integration.rtol, integration.atol), integration.method,
+    )  # fmt: skip
     if period is None:
         run.advance(duration, progress)
     else:
@@ -181,19 +163,19 @@ def simulate(
     result = run.trajectory()
     if fault:
         raise NoSolutionError(f"{arm.name}: {fault}", result)
-    _audit(result, run.drift, rtol, atol)
+    _audit(result, run.drift, integration)
     return result
 
 
-def _audit(result: Trajectory, drift: float, rtol: float, atol: float) -> None:
+def _audit(result: Trajectory, drift: float, integration: Integration) -> None:
     """Check the balances of energy and momentum.
 
     Raises:
         NoSolutionError: One is off.
     """
-    still = STILL * atol / result.turnover if result.turnover > 0.0 else 0.0
+    still = STILL * integration.atol / result.turnover if result.turnover > 0.0 else 0.0
     for what, off, more in (("energy", result.imbalance, still), ("momentum", drift, 0.0)):
-        if off > AUDIT * rtol + more:
+        if off > AUDIT * integration.rtol + more:
             raise NoSolutionError(
                 f"{result.arm.name}: the balance of {what} is off by {off:.1e} of what came and "
                 "went; take smaller rtol and atol",

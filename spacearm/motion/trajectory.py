@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.mechanics.momentum import momentum_matrix
+from spacearm.mechanics.jacobian import momentum_matrix
 from spacearm.model.arguments import free_components
 from spacearm.model.arm import Configuration
 from spacearm.motion.events import Event
@@ -69,9 +69,10 @@ class Trajectory(Motion):
     }
 
     def __getitem__(self, i: int) -> Configuration:
-        cfg, floats = super().__getitem__(i), self.mode == "free-floating"
-        h = self.momentum[0] + self.impulse[i] if floats else np.zeros(6)
-        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=h)
+        cfg, kept = super().__getitem__(i), free_components(self.mode)
+        momentum = np.zeros(6)
+        momentum[:kept] = self.momentum[0, :kept] + self.impulse[i, :kept]
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=momentum)
 
     @property
     def story(self) -> str:

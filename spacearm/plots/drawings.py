@@ -9,10 +9,8 @@ from typing import Any
 from spacearm.collisions.report import CollisionReport
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
-from spacearm.mechanics.dynamics import Dynamics
-from spacearm.mechanics.impact import Capture
-from spacearm.mechanics.jacobian import PrescribedMotion
-from spacearm.mechanics.momentum import MomentumMatrix
+from spacearm.mechanics.dynamics import Capture, Dynamics
+from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
 from spacearm.mission.level import LevelEnvelope, LevelReach

@@ -30,7 +30,8 @@ from spacearm.motion.controllers import (
 )
 from spacearm.motion.goal import goal_of
 from spacearm.motion.many_runs import FAILURES, simulate_many
-from spacearm.motion.plant import LIMITS
+from spacearm.motion.plant import Plant
+from spacearm.motion.simulation import Integration
 from spacearm.singularities.risk import check_slides, risk_profile
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
@@ -359,9 +360,10 @@ class Simulations(Quantity):
         Q0 = self.q + self.spread * rng.normal(size=(last - first, arm.n))
         turned = pin.SE3(pin.rpy.rpyToMatrix(self.attitude), np.zeros(3))
         found = simulate_many(
-            arm, Q0, self.controller(arm), self.duration, mode=self.mode,
-            limits=LIMITS if self.limits else (), base=turned, origin="cm", reach=self.reach,
-            rtol=self.rtol, atol=1e-2 * self.rtol, distance=True, threads=1,
+            [arm.at(q, base=turned).centred(np.zeros(3)) for q in Q0], self.controller(arm),
+            self.duration, mode=self.mode, plant=Plant(limits=self.limits), distance=True,
+            integration=Integration(rtol=self.rtol, atol=1e-2 * self.rtol, reach=self.reach),
+            threads=1,
         )  # fmt: skip
         failed = np.isin(found["ended"], FAILURES)
         kept = {name: found[name].values for name in VARIABLES if name in found}

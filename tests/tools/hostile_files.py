@@ -204,7 +204,9 @@ def _saved(arm: sa.SpaceArm, planned: bool) -> bytes:
         ).save(path)
     else:
         pd = sa.JointPD(target=np.full(arm.n, 0.5), kp=1, kd=1)
-        sa.simulate(arm, np.full(arm.n, 0.3), pd, 0.2, dt=0.05).save(path)
+        sa.simulate(arm.at(np.full(arm.n, 0.3)), pd, 0.2, integration=sa.Integration(dt=0.05)).save(
+            path
+        )
     content = path.read_bytes()
     path.unlink()
     return content

@@ -11,7 +11,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Result, plain, read_only
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics.impact import Capture
+from spacearm.mechanics.dynamics import Capture
 from spacearm.model.arm import Configuration
 from spacearm.motion.events import Event
 from spacearm.motion.trajectory import Trajectory

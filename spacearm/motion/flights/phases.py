@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, fields
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.dynamics import generalized_velocity
-from spacearm.mechanics.impact import Capture, JointState, capture
-from spacearm.model.arm import SpaceArm
+from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
+from spacearm.model.arguments import of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event
 from spacearm.motion.flights.flight import Flight
-from spacearm.motion.simulation import simulate
+from spacearm.motion.plant import Plant
+from spacearm.motion.simulation import Integration, simulate
 from spacearm.motion.trajectory import Trajectory
 
-OWN = ("q0", "dq0", "momentum", "base", "mode", "wheels0", "progress")
-"""Arguments of `simulate` that a phase takes from the one before."""
 Laws: TypeAlias = Controller | Mapping[str, Controller]
 
 
@@ -66,42 +64,40 @@ class Phase:
     Attributes:
         controller: As in `simulate`.
         duration: How long it is at most [s].
-        then: What happens at its end. Where `options` name events that stop the phase it happens
-            at one of these only, and the flight ends if there was none.
-        options: Other arguments of `simulate`: stop, reach, limits, period, wrenches, ...
+        then: What happens at its end. Where `stop` names events it happens at one of these only,
+            and the flight ends if there was none.
+        plant: As in `simulate`, for this phase.
+        stop: As in `simulate`.
+        period: As in `simulate`.
+        delay: As in `simulate`.
+        integration: As in `simulate`.
     """
 
     controller: Laws
     duration: float
     then: Grasp | Release | None = None
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if own := [name for name in self.options if name in OWN]:
-            raise ConfigurationError(
-                f"the options of a phase name {own[0]!r}, which the flight gives; leave it out"
-            )
+    _: KW_ONLY
+    plant: Plant = Plant()
+    stop: Sequence[str] = ()
+    period: float | None = None
+    delay: float = 0.0
+    integration: Integration = Integration()
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields, the controller as its repr."""
         then = {type(self.then).__name__: self.then.to_dict()} if self.then else None
-        options = {name: plain(value) for name, value in self.options.items()}
+        rest = {f.name: plain(getattr(self, f.name)) for f in fields(self)[3:]}
         return {
-            "controller": repr(self.controller),
-            "duration": self.duration,
-            "then": then,
-            "options": options,
-        }
+            "controller": repr(self.controller), "duration": self.duration, "then": then, **rest
+        }  # fmt: skip
 
 
+@of_configuration
 def simulate_phases(
-    arm: SpaceArm,
-    q0: npt.ArrayLike,
+    start: Configuration,
     phases: Sequence[Phase],
     *,
-    base: pin.SE3 | None = None,
-    dq0: npt.ArrayLike | None = None,
-    momentum: npt.ArrayLike | None = None,
+    dq: npt.ArrayLike | None = None,
     progress: Callable[[float, float], object] | None = None,
 ) -> Flight:
     """Simulate a free-floating arm that grasps and releases bodies in flight.
@@ -112,12 +108,9 @@ def simulate_phases(
     have, and share the momentum.
 
     Args:
-        arm: The arm at the start.
-        q0: (n,) joint positions at the start [rad] or [m].
+        start: The configuration at the start, as in `simulate`.
         phases: The phases, one or more.
-        base: As in `simulate`.
-        dq0: As in `simulate`.
-        momentum: As in `simulate`.
+        dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         progress: Called now and then as progress(t, duration), both simulated time [s].
 
     Returns:
@@ -133,9 +126,8 @@ def simulate_phases(
         >>> import spacearm as sa
         >>> arm, law = sa.load("planar2"), sa.JointPD(target=[0.4, 0.9], kp=5.0, kd=5.0)
         >>> body = sa.Grasp(mass=2.0, inertia=0.1 * np.eye(3))
-        >>> flight = sa.simulate_phases(
-        ...     arm, [0.3, 1.0], [sa.Phase(law, 1.0, body), sa.Phase(law, 1.0, sa.Release())]
-        ... )
+        >>> phases = [sa.Phase(law, 1.0, body), sa.Phase(law, 1.0, sa.Release())]
+        >>> flight = sa.simulate_phases(arm.at([0.3, 1.0]), phases)
         >>> len(flight.phases), len(flight.captures)
         (2, 1)
     """
@@ -147,8 +139,7 @@ def simulate_phases(
             f"phase {int(np.argmax(grasps < 0))} releases what nothing grasped; put a phase with "
             "then=sa.Grasp(...) before it"
         )
-    total, begin, held = sum(phase.duration for phase in phases), 0.0, [arm]
-    wheels: Array | None = None
+    total, begin, held = sum(phase.duration for phase in phases), 0.0, [start.arm]
     runs: list[Trajectory] = []
     begins, events, captures = list[float](), list[Event](), list[Capture]()
     for phase in phases:
@@ -158,28 +149,32 @@ def simulate_phases(
                 progress(begin + t, total)
 
         run = simulate(
-            held[-1], q0, phase.controller, phase.duration, base=base, dq0=dq0, momentum=momentum,
-            wheels0=wheels, progress=report, **phase.options,
+            start, phase.controller, phase.duration, dq=dq, plant=phase.plant, stop=phase.stop,
+            period=phase.period, delay=phase.delay, integration=phase.integration, progress=report,
         )  # fmt: skip
         runs.append(run)
         begins.append(begin)
         events += [event._replace(t=begin + event.t) for event in run.events]
         begin += float(run.t[-1])
-        if run.ended == "interrupted" or (phase.options.get("stop") and run.ended == "duration"):
+        if run.ended == "interrupted" or (phase.stop and run.ended == "duration"):
             break
-        q0, dq0, momentum, base = run.q[-1], run.dq[-1], run.momentum[-1], run[-1].base
-        wheels = run.wheels[-1] if arm.wheels else None
+        start, dq = run[-1], run.dq[-1]
         if isinstance(phase.then, Grasp):
             captures.append(_grasp(run, phase.then))
             held.append(captures[-1].configuration.arm)
-            dq0, momentum = captures[-1].dq, captures[-1].momentum
+            start, dq = _holding(held[-1], start, captures[-1].momentum), captures[-1].dq
             detail = f"{phase.then.mass:g} kg, {captures[-1].energy_lost:.3g} J lost"
             events.append(Event(begin, "grasp", run.q[-1], detail))
         elif isinstance(phase.then, Release):
             held.pop()
-            momentum = _kept(run, held[-1])
+            start = _holding(held[-1], start, _kept(run, held[-1]))
             events.append(Event(begin, "release", run.q[-1], ""))
     return Flight(tuple(runs), np.array(begins), tuple(events), tuple(captures), runs[-1].ended)
+
+
+def _holding(arm: SpaceArm, cfg: Configuration, momentum: Array) -> Configuration:
+    """Return a configuration of an arm that holds something else now."""
+    return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=momentum)
 
 
 def _grasp(run: Trajectory, body: Grasp) -> Capture:

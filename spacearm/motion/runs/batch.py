@@ -16,7 +16,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.equations import integration
 from spacearm.equations import plant as equations
-from spacearm.mechanics.many import ArmKernel, arms_kernel
+from spacearm.mechanics.arm_kernels import ArmKernel, arms_kernel
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import SHARPNESS

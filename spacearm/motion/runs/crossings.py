@@ -14,8 +14,8 @@ from spacearm.arrays import Array
 from spacearm.equations.integration import state_of
 from spacearm.equations.measures import nearest
 from spacearm.equations.plant import crossing
-from spacearm.mechanics.many import WIDE
-from spacearm.mechanics.nearness import FADING
+from spacearm.mechanics.arm_kernels import WIDE
+from spacearm.mechanics.distance import FADING
 from spacearm.model.joints import joint_scales
 from spacearm.motion.events import DOUBTFUL, LOOK, NEAR, ROUNDING, SHARPNESS
 from spacearm.motion.runs.batch import Batch, Steps, Whole

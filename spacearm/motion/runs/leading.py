@@ -14,7 +14,7 @@ from spacearm.arrays import Array
 from spacearm.compiler.machine import processors
 from spacearm.equations import lines
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.many import ArmKernel, arms_kernel
+from spacearm.mechanics.arm_kernels import ArmKernel, arms_kernel
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.events import CLOSE, NEAR, Event

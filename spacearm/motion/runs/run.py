@@ -12,12 +12,12 @@ from spacearm.equations.integration import COLLAPSED, FAILED
 from spacearm.equations.measures import measures
 from spacearm.equations.plant import observe, parts, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
-from spacearm.mechanics import nearness
+from spacearm.mechanics import distance
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.model.arguments import free_components
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS, Event, is_exact
-from spacearm.motion.plant import Plant
+from spacearm.motion.plant import System
 from spacearm.motion.runs.batch import Batch, Steps
 from spacearm.motion.runs.crossings import Crossings, Found
 from spacearm.motion.runs.setup import Prepared, WantedEvent
@@ -35,7 +35,7 @@ class Runs:
     """Runs of one kind, side by side.
 
     Args:
-        plants: What is simulated, of each run.
+        systems: What is simulated, of each run.
         controllers: The controllers of each run by the number of the tip that they lead; -1 for one
             that acts on all joints.
         prepared: Their numbers and functions; all of one setup.
@@ -50,7 +50,7 @@ class Runs:
 
     def __init__(
         self,
-        plants: Sequence[Plant],
+        systems: Sequence[System],
         controllers: Sequence[Mapping[int, Controller]],
         prepared: Sequence[Prepared],
         y: Array,
@@ -61,9 +61,9 @@ class Runs:
         tolerances: tuple[float, float],
         method: str,
     ) -> None:
-        m, first = len(y), plants[0]
-        self.plants, self.controllers, self.duration = plants, controllers, duration
-        arms = [plant.arm for plant in plants]
+        m, first = len(y), systems[0]
+        self.systems, self.controllers, self.duration = systems, controllers, duration
+        arms = [system.arm for system in systems]
         self.batch = Batch(arms, first.mode, prepared, y, coupled, tolerances, method)
         self.wanted, self.times, self.called = list(wanted), t, prepared[0].notes
         self.batch.dense = bool(self.wanted) or len(t) > 1
@@ -134,7 +134,7 @@ class Runs:
             wanted = self.wanted[which]
             q = y[: self.batch.n].copy()
             near = None
-            if len(self.plants) == 1 and wanted.root is None and self.exact:
+            if len(self.systems) == 1 and wanted.root is None and self.exact:
                 offset = self.crossings.nearest(np.array([run]), q[None])[1][0]
                 near = None if np.isnan(offset).any() else q + self.crossings.radian * offset
             self.events[run].append(Event(float(t), wanted.kind, q, wanted.detail, near))
@@ -177,21 +177,21 @@ class Runs:
 
     def _failure(self, run: int, t: float, y: Array) -> tuple[str, BaseException]:
         """Return what fails right beyond a state, a law or the equations, and its error."""
-        failed, n, plant = "controller failed", self.batch.n, self.plants[run]
+        failed, n, system = "controller failed", self.batch.n, self.systems[run]
         if error := self.batch.outside.errors[run]:
             return failed, error
         dq = y[n : 2 * n]
         for ahead in PROBES:
             there = y.copy()
             there[:n] += ahead * dq
-            cfg = plant.configuration(there)
+            cfg = system.configuration(there)
             try:
                 for law in self.controllers[run].values():
                     law(t + ahead, cfg, dq)
             except SpaceArmError as error:
                 return failed, error
         try:
-            forward_dynamics(plant.configuration(y), dq, np.zeros(n), mode=plant.mode)
+            forward_dynamics(system.configuration(y), dq, np.zeros(n), mode=system.mode)
         except SpaceArmError as error:
             return "equations failed", error
         return failed, NoSolutionError("the controller's torque is not finite", None)
@@ -212,7 +212,7 @@ class Runs:
     def trajectory(self) -> Trajectory:
         """Return the trajectory so far, of one run."""
         self.finish()
-        batch, plant, n, at = self.batch, self.plants[0], self.batch.n, self.at
+        batch, system, n, at = self.batch, self.systems[0], self.batch.n, self.at
         t, Y = self._times(0), self.outputs[0, : self.written[0]]
         seen = batch.compute(observe, np.zeros(len(t), np.int64), {"t": t, "y": Y})
         torque, seen = seen[:, :n].copy(), seen[:, n:]
@@ -221,15 +221,14 @@ class Runs:
             held = np.vstack((np.zeros(n), [tau for _, tau in self.torques]))
             torque = held[np.searchsorted(times, t, side="right")]
         base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
-        if plant.mode == "free-floating":
-            kept += Y[0, at.momentum] - kept[0]  # as it was given, not as it was rounded
-        base = np.tile(base[0], (len(t), 1)) if plant.mode == "fixed" else base.copy()
-        impulse = Y[:, at.momentum] - Y[0, at.momentum]
-        self.drift = drift_of(kept, impulse, brought, free_components(plant.mode))
+        base = np.tile(base[0], (len(t), 1)) if system.mode == "fixed" else base.copy()
+        impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
+        kept[:, :free] += (Y[0, at.momentum] - kept[0])[:free]  # as it was given, not rounded
+        self.drift = drift_of(kept, impulse, brought, free)
         works = Y[:, at.works]
         return Trajectory(
-            arm=plant.arm,
-            mode=plant.mode,
+            arm=system.arm,
+            mode=system.mode,
             t=t,
             q=(q := Y[:, at.q].copy()),
             dq=Y[:, at.dq].copy(),
@@ -237,7 +236,7 @@ class Runs:
             torque=torque,
             momentum=kept.copy(),
             impulse=impulse,
-            wrenches=plant.acting(t, q, base) if plant.pushed else {},
+            wrenches=system.acting(t, q, base) if system.pushed else {},
             wheels=Y[:, at.wheels].copy(),
             energy=energy[:, 0].copy(),
             work=works[:, 0].copy(),
@@ -294,7 +293,7 @@ class Runs:
         for arm in dict.fromkeys(arms):
             mine = used & np.array([other is arm for other in arms])[:, None]
             Q = self.outputs[mine][:, : arm.n]
-            found[mine] = nearness.distances(arm, Q, self.plants[0].mode)[0]
+            found[mine] = distance.distances(arm, Q, self.systems[0].mode)[0]
         return found.min(axis=1)
 
 

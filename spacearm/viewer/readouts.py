@@ -1,11 +1,12 @@
-"""Readouts: a configuration and its singularity report as plain data for JSON."""
+"""Readouts: a configuration, a map and a motion as plain data for JSON."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,47 @@ from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions, collision_geometry
 from spacearm.description.model_catalogue import catalogue
 from spacearm.description.shapes import Mesh
-from spacearm.errors import SpaceArmError, listed
+from spacearm.errors import ConfigurationError, SpaceArmError, listed
+from spacearm.mechanics.distance import distances
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.singularities.map import telling_joints
 from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
-from spacearm.viewer.panel.labels import short_names
+from spacearm.singularities.sets import singular_set
+
+ENDS = r"_\-./: "
+"""What words end at, as it stands in a set of a regular expression."""
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Return names without the words that all begin and end with, as long as words remain.
+
+    A word ends at `_`, `-`, `.`, `/`, `:` or a space. What remains is never a number alone: of
+    `vispa_joint_1` and `vispa_joint_2` it is `joint_1` and `joint_2`.
+
+    Args:
+        names: The names.
+    """
+    words = [re.findall(rf"[^{ENDS}]+|[{ENDS}]+", name) for name in names]
+    if len(names) < 2 or any(len(parts) < 2 for parts in words):
+        return list(names)
+    first = _shared(words)
+    rest = [parts[first:] for parts in words]
+    last = _shared([parts[::-1] for parts in rest])
+    rest = [parts[: len(parts) - last] for parts in rest]
+    while first and any(not any(c.isalpha() for c in "".join(parts)) for parts in rest):
+        first -= 1
+        rest = [[whole[first], *parts] for whole, parts in zip(words, rest, strict=True)]
+    short = ["".join(parts).strip("_-./: ") for parts in rest]
+    return short if all(short) and len(set(short)) == len(set(names)) else list(names)
+
+
+def _shared(words: Sequence[Sequence[str]]) -> int:
+    """Return how many words all lists begin with; one at least is left of each."""
+    most = min(len(parts) for parts in words) - 1
+    columns = list(zip(*words, strict=False))[: max(most, 0)]
+    return sum(1 for _ in takewhile(lambda column: len(set(column)) == 1, columns))
+
 
 NEAR = math.radians(5.0)
 """Distance to the singular set below which a posture counts as near it [rad]."""
@@ -187,3 +225,60 @@ def _contacts(cfg: Configuration) -> list[list[str]]:
 def _over_the_plane(normal: int) -> list[float]:
     """Return the direction to view a planar arm from: near the normal of its plane."""
     return [[1.0, -0.2, 0.3], [0.2, -1.0, 0.3], [0.0, -0.35, 1.0]][normal]
+
+
+POINTS = 61
+"""Grid points in each joint: what is computed and drawn well within 100 ms."""
+RESOLUTION = np.radians(2.0)
+"""What can be told apart on the page [rad]."""
+SHARES = 100
+"""Number that stands for `FAR`."""
+
+
+def joint_map(
+    cfg: Configuration, joints: object, mode: BaseMode = "free-floating"
+) -> dict[str, Any]:
+    """Return distances to the singular set and the singular curves over two joints.
+
+    Args:
+        cfg: The configuration; its other joints are held.
+        joints: The numbers of the two joints; if None as `singular_map` chooses them.
+        mode: What the spacecraft does.
+
+    Returns:
+        Plain data: `joints`; `shares`, whole numbers up to `SHARES` by rows of the second joint,
+        from -pi to pi; `curves`, lists of points, None where they are not known exactly; `q`.
+
+    Raises:
+        ConfigurationError: The joints are no two revolute ones.
+    """
+    arm, found = cfg.arm, singular_set(cfg.arm, mode=mode)
+    pair = telling_joints(arm) if joints is None else _pair(arm, joints)
+    angles = np.linspace(-np.pi, np.pi, POINTS)
+    Q = np.tile(cfg.q, (POINTS * POINTS, 1))
+    Q[:, pair] = np.stack([angles.repeat(POINTS), np.tile(angles, POINTS)], axis=1)
+    shares = _shares(distances(arm, Q, mode)[0].reshape(POINTS, POINTS))
+    curves = None
+    if found.complete and found.codimension == 1:
+        traced = found.curves(pair, cfg.q, resolution=RESOLUTION)
+        curves = [curve[:, pair].round(4).tolist() for curve in traced]
+    return {"joints": pair, "shares": shares, "curves": curves, "q": cfg.q.tolist()}
+
+
+def _shares(distance: Array) -> list[list[int]]:
+    """Return distances, first index the first joint, as `SHARES` by rows of the second one."""
+    shares = np.clip(distance.T / FAR, 0.0, 1.0) * SHARES
+    rows: list[list[int]] = np.nan_to_num(shares, nan=0.0).round().astype(int).tolist()
+    return rows
+
+
+def _pair(arm: SpaceArm, joints: object) -> list[int]:
+    """Return the numbers of two different revolute joints, as the page gave them."""
+    if not isinstance(joints, list) or len(joints) != 2:
+        raise ConfigurationError(f"joints is {str(joints)[:40]!r}; give two numbers of joints")
+    for joint in joints:
+        if not isinstance(joint, int) or isinstance(joint, bool) or not 0 <= joint < arm.n:
+            raise ConfigurationError(f"joint index is {str(joint)[:40]!r}; give 0 to {arm.n - 1}")
+    if joints[0] == joints[1] or arm.slides[joints].any():
+        raise ConfigurationError("a map is over two different revolute joints")
+    return joints

@@ -11,13 +11,9 @@ import pytest
 from helpers.arms import load_text, random_chain, random_tree
 
 import spacearm as sa
-from spacearm.mechanics.jacobian import (
-    matrix_derivatives,
-    task_jacobian,
-    task_jacobian_derivative,
-)
-from spacearm.mechanics.many import parameters_of
-from spacearm.mechanics.nearness import nearness_of
+from spacearm.mechanics.arm_kernels import parameters_of
+from spacearm.mechanics.distance import nearness_of
+from spacearm.mechanics.jacobian import matrix_derivatives, task_jacobian, task_jacobian_derivative
 
 COMPILER = shutil.which("gcc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")

@@ -22,7 +22,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.equations.structure import Parameters, Structure
+from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import SpaceArm
 

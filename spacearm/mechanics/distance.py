@@ -37,8 +37,8 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.compiler import numbers
 from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
+from spacearm.mechanics.arm_kernels import WIDE, arms_kernel, worth_compiling
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.mechanics.many import WIDE, arms_kernel, worth_compiling
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
