@@ -26,8 +26,8 @@ from spacearm.mission.rotations import (
     spacing,
 )
 from spacearm.model.arm import SpaceArm
-from spacearm.motion.runs import leading
-from spacearm.motion.runs.leading import Settings, Table, lead_all
+from spacearm.motion import leading
+from spacearm.motion.leading import Settings, Table, lead_all
 
 Flags = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.signedinteger[Any]]

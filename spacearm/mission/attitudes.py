@@ -33,9 +33,8 @@ from spacearm.mission.attitude_search import (
 )
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
-from spacearm.motion.following import Followed, follow
-from spacearm.motion.runs.leading import Settings, table_of
-from spacearm.motion.tip_path import Path, path_start, segments
+from spacearm.motion.following import Followed, Path, follow, path_start, segments
+from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
 
 MARGIN = float(np.radians(1.0))

@@ -26,7 +26,7 @@ from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
-from spacearm.motion.runs.leading import Led, Settings, Table, lead_all
+from spacearm.motion.leading import Led, Settings, Table, lead_all
 
 RAYS = {2: 360, 3: 1000}
 """Default number of directions, in the plane and in space."""

@@ -24,9 +24,7 @@ from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jacobian
 from spacearm.model.arguments import HELD, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.motion import Motion
-from spacearm.motion.playable import Playable
-from spacearm.motion.trajectory import Trajectory
+from spacearm.motion.motion import Motion, Playable, Trajectory
 from spacearm.planning.result import Plan
 from spacearm.singularities.risk import NEAR, uniform
 

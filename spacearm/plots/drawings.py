@@ -16,7 +16,7 @@ from spacearm.mission.budget import MomentumBudget
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import Reaction, WheelSizing
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.flights.flight import Flight
+from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import (
     draw_arm,

@@ -29,9 +29,8 @@ from spacearm.motion.controllers import (
     TransposedJacobian,
 )
 from spacearm.motion.goal import goal_of
-from spacearm.motion.many_runs import FAILURES, simulate_many
 from spacearm.motion.plant import Plant
-from spacearm.motion.simulation import Integration
+from spacearm.motion.simulation import FAILURES, Integration, simulate_many
 from spacearm.singularities.risk import check_slides, risk_profile
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures

@@ -15,8 +15,8 @@ import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import plant as equations
 from spacearm.mechanics.arm_kernels import arms_kernel, parameters_of, structure_of
-from spacearm.motion.plant import PassiveJoint, System
-from spacearm.motion.runs.setup import WantedEvent, prepared, start_state
+from spacearm.motion.plant import PassiveJoint
+from spacearm.motion.system import System, WantedEvent, prepared, start_state
 
 FEW = settings(max_examples=25)
 MODES = ("free-floating", "attitude-controlled", "fixed")

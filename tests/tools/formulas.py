@@ -339,7 +339,7 @@ MUTANTS = [
         "J[:, free], drift)", "J[:, free], drift * bool(rates))", "model/test_multi_arm",
     ),
     Mutant(
-        "(36) rate of the attitude along a curve", "motion/tip_curve.py",
+        "(36) rate of the attitude along a curve", "motion/following.py",
         "[3:] @ cfg.base.rotation", "[3:] @ cfg.base.rotation.T", "motion/test_following",
     ),
     Mutant(

@@ -20,7 +20,7 @@ from spacearm.mechanics.arm_kernels import ArmKernel, arms_kernel
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import SHARPNESS
-from spacearm.motion.runs.setup import Prepared
+from spacearm.motion.system import Prepared
 
 STEPS = 128
 """Steps of a call of the integrator."""

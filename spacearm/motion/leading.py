@@ -18,8 +18,8 @@ from spacearm.mechanics.arm_kernels import ArmKernel, arms_kernel
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.events import CLOSE, NEAR, Event
+from spacearm.motion.following import Segment, segments
 from spacearm.motion.goal import Goal
-from spacearm.motion.tip_path import Segment, segments
 
 ENDS = ("arrived", "singularity", "joint limit", "tilt", "margin", "gave up")
 """How a motion ends, in the order of the numbers of `equations.lines`."""
