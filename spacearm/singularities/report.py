@@ -10,8 +10,8 @@ import numpy as np
 from numpy.linalg import norm
 
 from spacearm.arrays import Array, Progress
-from spacearm.errors import ConfigurationError, listed
-from spacearm.mechanics.distance import nearness_of, refined_at
+from spacearm.errors import ConfigurationError
+from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration
@@ -306,7 +306,7 @@ def singularity(
     k, n = J.shape
     U, sigma, V = _svd(J)
     dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
-    found = nearness_of(cfg.arm, J, dJ, error)
+    found = rank_distances_of(cfg.arm, J, dJ, error)
     rank = _rank(found.distances, tolerance)
     nearest = None
     distance, away = refined_at(cfg, found, mode)
@@ -363,5 +363,5 @@ def _rank(distances: Array, tolerance: float) -> int:
 def _kind(cfg: Configuration, tolerance: float) -> Kind:
     """Tell whether a singular configuration is kinematic or dynamic."""
     J, dJ = task_jacobian(cfg, mode="fixed"), task_jacobian_derivative(cfg, mode="fixed")
-    found = nearness_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
+    found = rank_distances_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
     return "kinematic" if _rank(found.distances, tolerance) < len(J) else "dynamic"
