@@ -15,7 +15,6 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from lxml import etree
 
-from spacearm.description.bodies import Joint
 from spacearm.description.grippers import fingers, is_hand, is_wheel, measures, shared, tip_rank
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
@@ -46,11 +45,6 @@ class _Candidate(NamedTuple):
     reason: str
     sure: bool
     joints: int
-
-
-def movable(tree: Tree, tip: str) -> list[Joint]:
-    """Return the joints between the spacecraft and a link that can move, the first one first."""
-    return [joint for joint in tree.chain(tip) if joint.movable]
 
 
 def choose_tips(tree: Tree, path: Path, tip: str | Sequence[str] | Tips | None) -> Tips:
@@ -98,10 +92,10 @@ def _check(tree: Tree, link: str) -> None:
     """Refuse a link that does not exist or is part of the spacecraft."""
     if link not in tree.links:
         raise ConfigurationError(f"tip: {unknown('link', link, tree.links)}")
-    if not movable(tree, link):
+    if not tree.movable(link):
         raise ConfigurationError(
             f"tip {link!r} is part of the spacecraft; choose a link behind a movable joint: "
-            f"{listed([link for link in tree.links if movable(tree, link)])}"
+            f"{listed([link for link in tree.links if tree.movable(link)])}"
         )
 
 
@@ -175,13 +169,13 @@ def _arms(tree: Tree) -> dict[str, tuple[str, ...]]:
 
 def _same_arm(tree: Tree, link: str, other: str) -> bool:
     """Whether the joints on the way to one of two links are on the way to the other."""
-    one, two = ({joint.name for joint in movable(tree, end)} for end in (link, other))
+    one, two = ({joint.name for joint in tree.movable(end)} for end in (link, other))
     return one <= two or two <= one
 
 
 def _count(tree: Tree, link: str) -> int:
     """Return the number of joints that move a link on their own, or by joints that mimic them."""
-    return len({tree.leader(joint).name for joint in movable(tree, link)})
+    return len({tree.leader(joint).name for joint in tree.movable(link)})
 
 
 def _on(robot: _Robot, body: str, begin: Sequence[str]) -> list[_Candidate]:
@@ -236,7 +230,7 @@ def _cargo(robot: _Robot, body: str, link: str) -> str | None:
     tree, lumps = robot.tree, robot.lumps
     mass = {name: 0.0 if part is None else part.mass for name, part in tree.links.items()}
     way = [joint.child for joint in tree.chain(link)]
-    arm = sum(mass[other] for joint in movable(tree, body)[:-1] for other in lumps[joint.child])
+    arm = sum(mass[other] for joint in tree.movable(body)[:-1] for other in lumps[joint.child])
     for name in way[way.index(body) :]:
         if name != body and mass[name] > arm > 0.0:
             return name
@@ -259,7 +253,7 @@ def _named_by_srdf(robot: _Robot, path: Path, arms: dict[str, tuple[str, ...]]) 
     found: dict[str, _Candidate] = {}
     links, file = named_tips(tree, path)
     for link in links:
-        palm = next((first[j.name] for j in movable(tree, link) if j.name in first), None)
+        palm = next((first[j.name] for j in tree.movable(link) if j.name in first), None)
         if palm is None:
             found[link] = _Candidate(link, f"{file} names it", True, _count(tree, link))
         else:

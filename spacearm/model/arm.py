@@ -22,7 +22,6 @@ from spacearm.description.tips import (
     choose_tips,
     counted,
     hold,
-    movable,
     only_tip,
     remaining,
 )
@@ -168,7 +167,7 @@ class SpaceArm(JointSpace):
     @property
     def mount(self) -> pin.SE3:
         """Pose of the first joint on the way to the tip, in the spacecraft frame."""
-        name = movable(self.tree, self.tip)[0].name
+        name = self.tree.movable(self.tip)[0].name
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
     def at(
@@ -250,7 +249,7 @@ class SpaceArm(JointSpace):
         if base_mass is not None or base_inertia is not None:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
-            tree = tree.with_mount(movable(tree, self.tip)[0], sound_pose(mount, "mount"))
+            tree = tree.with_mount(tree.movable(self.tip)[0], sound_pose(mount, "mount"))
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
         tree = tree.locked({} if locked is None else locked).with_wheels(wheels)

@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.description.tips import movable
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, unknown
 
@@ -202,7 +201,7 @@ def complete_task(asked: str | Task | None, tree: Tree, tips: Sequence[str], pat
 
 def default_task(tree: Tree, tips: Sequence[str]) -> Task:
     """Return the rows of the plane of a planar arm, else pose from 6 joints on, else position."""
-    n = min(sum(joint.mimic is None for joint in movable(tree, tip)) for tip in tips)
+    n = min(sum(joint.mimic is None for joint in tree.movable(tip)) for tip in tips)
     if (normal := tree.plane_normal()) is not None:
         x, y = (axis for i, axis in enumerate("xyz") if i != normal)
         return Task(f"{x} {y} r{'xyz'[normal]}" if n >= 3 else f"{x} {y}")
@@ -227,5 +226,5 @@ def chain_length(tree: Tree, tip: str, path: Path) -> float:
 def way_to_tip(tree: Tree, tip: str) -> float:
     """Sum the distances between successive joints [m], from the first movable one to the tip."""
     chain = tree.chain(tip)
-    first = chain.index(movable(tree, tip)[0])
+    first = chain.index(tree.movable(tip)[0])
     return sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])

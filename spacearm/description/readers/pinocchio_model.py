@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
+import coal
 import numpy as np
 import pinocchio as pin
 from pinocchio.robot_wrapper import RobotWrapper
@@ -25,7 +26,7 @@ from spacearm.description.shapes import (
     Visuals,
     capsule,
 )
-from spacearm.description.tree import Tree
+from spacearm.description.tree import Tree, free_name
 
 PinocchioModel: TypeAlias = pin.Model | RobotWrapper
 PINOCCHIO_MODELS = (pin.Model, RobotWrapper)
@@ -102,10 +103,10 @@ class _Reader:
         bodies = {f: frame for f, frame in frames.items() if frame.type == pin.BODY}
         first = next((f for f, b in bodies.items() if b.placement.isIdentity(SAME_FRAME)), None)
         leader = self._model.names[i] if first is None else bodies.pop(first).name
-        leader = forest.free_name(leader, forest.links)
+        leader = free_name(leader, forest.links.__contains__)
         whole, parts = self._shared_out(i, frames, bodies)
         forest.add(leader, _inertial(whole), self._shapes(i))
-        names = {f: forest.free_name(frame.name, forest.links) for f, frame in bodies.items()}
+        names = {f: free_name(frame.name, forest.links.__contains__) for f, frame in bodies.items()}
         for f, frame in bodies.items():
             forest.add(names[f], parts.get(f))
             above = frame.parentFrame
@@ -228,7 +229,7 @@ class _Reader:
 def _inertial(inertia: pin.Inertia) -> Inertial | None:
     if inertia.mass == 0.0 and not inertia.inertia.any():
         return None
-    return Inertial(inertia.mass, pin.SE3(np.eye(3), inertia.lever), inertia.inertia.copy())
+    return Inertial.of_spatial(inertia)
 
 
 def _limit(value: float) -> float:
@@ -237,8 +238,6 @@ def _limit(value: float) -> float:
 
 def _shape(thing: pin.GeometryObject) -> tuple[Shape, ...]:
     """Return a geometry object as shapes; an ellipsoid counts as its box."""
-    import coal
-
     pose, rgba, given = thing.placement.copy(), tuple(map(float, thing.meshColor)), thing.geometry
     if isinstance(given, coal.Box):
         return (Shape(pose, Box(tuple((2.0 * given.halfSide).tolist())), rgba),)
