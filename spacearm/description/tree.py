@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count
@@ -69,6 +69,12 @@ class Tree:
     def _into(self) -> dict[str, Joint]:
         return {joint.child: joint for joint in self.joints.values()}
 
+    def way_to(self, link: str) -> float:
+        """Sum the distances between the joints up to a link [m], from the first movable one on."""
+        chain = self.chain(link)
+        first = next(i for i, joint in enumerate(chain) if joint.movable)
+        return sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])
+
     def leaves(self) -> list[str]:
         """Return the links without children, other than those that only mark a place."""
         carriers = {joint.parent for joint in self.joints.values()}
@@ -90,13 +96,18 @@ class Tree:
         inertias = list(self.pinocchio().inertias)[1:]
         return dict(zip(self.lumps(), map(Inertial.of_spatial, inertias), strict=True))
 
-    def lumps(self) -> dict[str, list[str]]:
-        """Return the links that move as one body, by the one of them nearest to the root."""
+    @cached_property
+    def body_of(self) -> dict[str, str]:
+        """The link nearest to the root of those that move as one body with each link."""
         leader = {self.root: self.root}
         for joint in self.depth_first():
             leader[joint.child] = joint.child if joint.movable else leader[joint.parent]
+        return leader
+
+    def lumps(self) -> dict[str, list[str]]:
+        """Return the links that move as one body, by the one of them nearest to the root."""
         lumps: dict[str, list[str]] = {}
-        for link, first in leader.items():
+        for link, first in self.body_of.items():
             lumps.setdefault(first, []).append(link)
         return lumps
 
@@ -156,15 +167,8 @@ class Tree:
         """
         if not isinstance(values, Mapping):
             raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
-        leading = [joint.name for joint in self.leading()]
+        self.require_leading(values, "locked", "lock")
         for name, value in values.items():
-            joint = self.joints.get(name)
-            if joint and joint.mimic:
-                raise ConfigurationError(
-                    f"locked: joint {name!r} mimics {joint.mimic.leader!r}; lock that one"
-                )
-            if name not in leading:
-                raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
             if not isinstance(value, Real) or not abs(value) <= LARGEST:
                 raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
         values = dict(values)
@@ -194,9 +198,35 @@ class Tree:
         joints = self.depth_first() if link is None else self.chain(link)
         return [joint for joint in joints if joint.movable]
 
+    @property
+    def freedoms(self) -> int:
+        """Number of movable joints."""
+        return sum(joint.movable for joint in self.joints.values())
+
     def leading(self) -> list[Joint]:
         """Return the movable joints that mimic no other, in the order of q."""
         return [joint for joint in self.movable() if not joint.mimic]
+
+    def require_leading(self, names: Iterable[object], argument: str, verb: str) -> None:
+        """Refuse what is no name of a movable joint, or of one that mimics another.
+
+        Args:
+            names: What was given.
+            argument: Name of the argument.
+            verb: What it does to joints, for the message.
+
+        Raises:
+            ConfigurationError: There is such a name.
+        """
+        leading = [joint.name for joint in self.leading()]
+        for name in names:
+            joint = self.joints.get(name) if isinstance(name, str) else None
+            if joint and joint.movable and joint.mimic:
+                raise ConfigurationError(
+                    f"{argument}: joint {name!r} mimics {joint.mimic.leader!r}; {verb} that one"
+                )
+            if name not in leading:
+                raise ConfigurationError(f"{argument}: {unknown('movable joint', name, leading)}")
 
     def leader(self, joint: Joint) -> Joint:
         """Return the joint that a joint mimics in the end; the joint itself if it mimics none."""

@@ -139,13 +139,13 @@ class Forest:
         Raises:
             ModelError: There is none with a joint, or several with equally many.
         """
-        trees = sorted((self.tree(name, root) for root in roots), key=lambda t: -freedoms(t))
-        if not trees or freedoms(trees[0]) == 0:
+        trees = sorted((self.tree(name, root) for root in roots), key=lambda t: -t.freedoms)
+        if not trees or trees[0].freedoms == 0:
             source.fail("has no joint that can move", "describe the joints of an arm")
-        if len(trees) > 1 and freedoms(trees[1]) == freedoms(trees[0]):
-            alike = [t.root for t in trees if freedoms(t) == freedoms(trees[0])]
+        alike = [tree.root for tree in trees if tree.freedoms == trees[0].freedoms]
+        if len(alike) > 1:
             source.fail(
-                f"holds {len(alike)} robots of {freedoms(trees[0])} joints each, whose roots are "
+                f"holds {len(alike)} robots of {trees[0].freedoms} joints each, whose roots are "
                 f"{listed(alike)}",
                 "keep one of them, or join them to one spacecraft",
             )
@@ -155,11 +155,6 @@ class Forest:
                 f"it: {listed(others)}"
             )
         return trees[0]
-
-
-def freedoms(tree: Tree) -> int:
-    """Count the movable joints."""
-    return sum(joint.movable for joint in tree.joints.values())
 
 
 def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:

@@ -17,19 +17,9 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.description import shapes
 from spacearm.description.bodies import LONGEST, TRIANGLE_TOLERANCE, Inertial
 from spacearm.description.readers.source import Source
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Sphere,
-    Visuals,
-    capsule,
-    read_mesh,
-)
 from spacearm.description.tree import Tree, coupling
 from spacearm.errors import ModelError, listed
 
@@ -234,9 +224,9 @@ def with_density(source: Source, tree: Tree, density: float) -> Tree:
     found: dict[str, Inertial] = {}
     bare: list[str] = []
     for link, inertial in tree.links.items():
-        shapes = tree.visuals.get(link, Visuals())
-        if (inertial is None or inertial.mass == 0.0) and any(shapes):
-            solid = _solid(shapes.collision or shapes.visual) or _solid(shapes.visual)
+        solids = tree.visuals.get(link, shapes.Visuals())
+        if (inertial is None or inertial.mass == 0.0) and any(solids):
+            solid = _solid(solids.collision or solids.visual) or _solid(solids.visual)
             if solid is None:
                 bare.append(link)
             else:
@@ -253,14 +243,14 @@ def with_density(source: Source, tree: Tree, density: float) -> Tree:
     return replace(tree, links={**tree.links, **found})
 
 
-def _solid(shapes: Sequence[Shape]) -> pin.Inertia | None:
+def _solid(solids: Sequence[shapes.Shape]) -> pin.Inertia | None:
     """Return the inertia of solid shapes of density 1; None if no shape can be used."""
     parts: list[pin.Inertia] = []
-    rest = list(shapes)
+    rest = list(solids)
     while rest:
         first = rest.pop(0)
         solid = _solid_of(first.geometry)
-        if isinstance(first.geometry, Cylinder) and _round_ended(first, rest[:2]):
+        if isinstance(first.geometry, shapes.Cylinder) and _round_ended(first, rest[:2]):
             solid = _of_primitive(coal.Capsule(*first.geometry))
             del rest[:2]
         if solid is not None and solid.mass > 0.0:
@@ -268,27 +258,27 @@ def _solid(shapes: Sequence[Shape]) -> pin.Inertia | None:
     return sum(parts[1:], start=parts[0]) if parts else None
 
 
-def _round_ended(cylinder: Shape, ends: Sequence[Shape]) -> bool:
+def _round_ended(cylinder: shapes.Shape, ends: Sequence[shapes.Shape]) -> bool:
     """Whether a cylinder and the two shapes behind it are a `capsule`."""
-    _, *spheres = capsule(cylinder.pose, *cylinder.geometry)
+    _, *spheres = shapes.capsule(cylinder.pose, *cylinder.geometry)
     return len(ends) == 2 and all(
         end.geometry == sphere.geometry and end.pose.isApprox(sphere.pose)
         for end, sphere in zip(ends, spheres, strict=True)
     )
 
 
-def _solid_of(geometry: Geometry) -> pin.Inertia | None:
+def _solid_of(geometry: shapes.Geometry) -> pin.Inertia | None:
     """Return the inertia of a solid geometry of density 1; None if it cannot be used."""
     match geometry:
-        case Box(size):
+        case shapes.Box(size):
             return _of_primitive(coal.Box(*size))
-        case Sphere(radius):
+        case shapes.Sphere(radius):
             return _of_primitive(coal.Sphere(radius))
-        case Cylinder(radius, length):
+        case shapes.Cylinder(radius, length):
             return _of_primitive(coal.Cylinder(radius, length))
-        case Mesh(_, Path() as file, scale):
+        case shapes.Mesh(_, Path() as file, scale):
             try:
-                mesh = read_mesh(file)
+                mesh = shapes.read_mesh(file)
             except ModelError:
                 return None
             mesh.vertices = np.asarray(mesh.vertices) * scale

@@ -16,7 +16,7 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, LEAST_MASS, Array
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import SPLIT_BALL, Forest, freedoms, turns, unprefixed
+from spacearm.description.readers.forest import SPLIT_BALL, Forest, turns, unprefixed
 from spacearm.description.readers.sdf_frames import WORLD, Contents, Scope, pose, relative_to, words
 from spacearm.description.readers.source import Source, describe, evaluate
 from spacearm.description.shapes import Mesh, Shape, primitive
@@ -89,7 +89,7 @@ class _Reader:
             for joint in held:
                 del forest.joints[joint.name]
             del forest.links[WORLD]
-            if any(freedoms(forest.tree("", joint.child)) for joint in held):
+            if any(forest.tree("", joint.child).freedoms for joint in held):
                 bases = ", ".join(repr(joint.child) for joint in held)
                 source.note(
                     f"{bases} is fixed to the world: it is taken as the spacecraft, which floats "
