@@ -25,7 +25,7 @@ import spacearm as sa
 from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
 from spacearm.mechanics.floating import walk
-from spacearm.planning.timing import rest_to_rest_times
+from spacearm.planning.timing import largest_rates, rest_to_rest_times
 
 NUMBER, BUS, TIMEOUT = 40, 200.0, 60.0
 EDGE = 0.8
@@ -53,14 +53,14 @@ def arm_on(bus: float) -> sa.SpaceArm:
 def still(arm: sa.SpaceArm, path: np.ndarray) -> sa.Motion:
     """The motion with the base held."""
     base = np.tile(np.eye(7)[6], (len(path), 1))
-    return sa.Motion(arm, rest_to_rest_times(arm, path), path, base, mode="fixed")
+    return sa.Motion(arm, rest_to_rest_times(path, largest_rates(arm)), path, base, mode="fixed")
 
 
 def floating(arm: sa.SpaceArm, path: np.ndarray) -> sa.Motion:
     """The same joint motion with the base reacting."""
     rows = walk(arm.at(path[0]), path)
     base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in rows])
-    return sa.Motion(arm, rest_to_rest_times(arm, path), path, base)
+    return sa.Motion(arm, rest_to_rest_times(path, largest_rates(arm)), path, base)
 
 
 class Tree:
@@ -163,7 +163,12 @@ def solve(seed: int, bus: float, timeout: float) -> Outcome:
     miss = float(np.linalg.norm(held.tip[-1, :3] - real.tip[-1, :3]))
     begun = time.perf_counter()
     try:
-        plan = sa.plan(arm, start, pin.XYZQUATToSE3(held.tip[-1]), obstacles=boxes, timeout=timeout)
+        plan = sa.plan(
+            arm.at(start),
+            pin.XYZQUATToSE3(held.tip[-1]),
+            constraints=sa.Constraints(obstacles=boxes),
+            search=sa.Search(timeout=timeout),
+        )
     except sa.NoSolutionError as error:
         reason = str(error).split(". ")[1]
         return Outcome(True, meets, miss, f"fails: {reason}", time.perf_counter() - begun, np.nan)

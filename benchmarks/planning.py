@@ -31,8 +31,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import spacearm as sa
+from spacearm.mechanics.distance import tangent
 from spacearm.mechanics.floating import walk
-from spacearm.mechanics.nearness import tangent
 
 NUMBER, TIMEOUT = 100, 60.0
 CLEAR = np.radians(2.0)
@@ -208,7 +208,7 @@ def draw(family: str, number: int) -> Problem:
     tip = rows[-1].tip
     pose = max(arm.task.indices) > 2
     goal = tip if pose else tip.translation[arm.task.indices]
-    asked: dict[str, object] = {"mode": mode, "wheels": WHEELS} if held else {}
+    asked: dict[str, object] = {"mode": mode} if held else {}
     if family.endswith(TURNED):
         asked = {"final_attitude": rows[-1].base}
     return Problem(start, goal, float(np.abs(np.diff(Q, axis=0)).sum()), rows[-1], asked)
@@ -264,9 +264,14 @@ def solve(family: str, timeout: float, number: int) -> Outcome:
     plan, reason = None, ""
     try:
         plan = sa.plan(
-            start.arm, start.q, goal, base=start.base, limits=not family.startswith("planar"),
-            seed=0, timeout=timeout, **asked,
-        )  # fmt: skip
+            start,
+            goal,
+            constraints=sa.Constraints(
+                limits=not family.startswith("planar"), wheels=WHEELS if "mode" in asked else None
+            ),
+            search=sa.Search(timeout=timeout),
+            **asked,
+        )
     except sa.NoSolutionError as error:
         reason = str(error)
     took = time.perf_counter() - began, time.process_time() - worked

@@ -176,9 +176,12 @@ def by_spacearm(problem: Problem, timeout: float, limited: bool) -> bool:
     start = problem.start
     try:
         sa.plan(
-            start.arm, start.q, problem.goal, base=start.base, limits=limited, timeout=timeout,
+            start,
+            problem.goal,
+            constraints=sa.Constraints(limits=limited),
+            search=sa.Search(timeout=timeout),
             **problem.asked,
-        )  # fmt: skip
+        )
     except sa.NoSolutionError:
         return False
     return True

@@ -120,7 +120,11 @@ def curves(family: str, number: int) -> list[tuple[CurveOptimiser, np.ndarray, i
             start, goal, _, _, more = draw(family, i)
             limits = not family.startswith("planar")
             sa.plan(
-                start.arm, start.q, goal, base=start.base, limits=limits, timeout=TIMEOUT, **more
+                start,
+                goal,
+                constraints=sa.Constraints(limits=limits),
+                search=sa.Search(timeout=TIMEOUT),
+                **more,
             )
         except (UndrawnError, sa.NoSolutionError):
             continue

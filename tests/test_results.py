@@ -49,7 +49,7 @@ def motion():
 
 def run():
     law = sa.JointPD(target=[0.2, 0.3], kp=5.0, kd=9.0)
-    return sa.simulate(arm(), [0.1, 0.2], law, 0.5, events=())
+    return sa.simulate(arm().at([0.1, 0.2]), law, 0.5, integration=sa.Integration(events=()))
 
 
 @cache
@@ -59,14 +59,14 @@ def unsure():
 
 @cache
 def plan():
-    return sa.plan(arm(), [0.3, 1.2], sa.Joints([0.4, 1.3]))
+    return sa.plan(arm().at([0.3, 1.2]), sa.Joints([0.4, 1.3]))
 
 
 @cache
 def flight():
     law = sa.JointPD(target=[0.2, 0.3], kp=5.0, kd=9.0)
     phases = [sa.Phase(law, 0.2, sa.Grasp(mass=2.0)), sa.Phase(law, 0.2, sa.Release())]
-    return sa.simulate_phases(arm(), [0.1, 0.2], phases)
+    return sa.simulate_phases(arm().at([0.1, 0.2]), phases)
 
 
 RESULTS = {
@@ -80,12 +80,13 @@ RESULTS = {
     "CollisionReport": lambda: sa.collision_check(configuration(), sa.Obstacle.sphere(9.0)),
     "Component": lambda: singular_set().components()[0],
     "Configuration": configuration,
+    "Constraints": lambda: sa.Constraints(rates=[0.1, 0.2], obstacles=sa.Obstacle.sphere(1.0)),
     "DampedLeastSquares": lambda: sa.DampedLeastSquares(target=(1.0, 1.0)),
     "DistanceRange": lambda: sa.distance_range(unsure(), [0.3, 0.4], samples=2),
     "Dynamics": lambda: sa.forward_dynamics(configuration(), [0.1, 0.2], [1.0, 0.0]),
     "ErrorBars": lambda: sa.error_bars(configuration()),
     "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
-    "Followed": lambda: sa.follow(arm(), [0.3, 1.2], [(1.5, 1.2)]),
+    "Followed": lambda: sa.follow(arm().at([0.3, 1.2]), [(1.5, 1.2)]),
     "FeasibleAttitudes": lambda: sa.feasible_attitudes(
         arm().at([0, 1]), [(1.5, 0.2), (1.5, 0.5)], all_branches=True, samples=16
     ),
@@ -120,6 +121,7 @@ RESULTS = {
     "ShellBands": lambda: sa.shell_bands(unsure(), samples=1),
     "SingularMap": lambda: sa.singular_map(arm(), points=5),
     "SingularSet": singular_set,
+    "Search": lambda: sa.Search(seed=1),
     "SingularityReport": lambda: sa.singularity(configuration()),
     "SpaceArm": arm,
     "Study": lambda: sa.Study.parse(STUDY),
@@ -131,14 +133,16 @@ RESULTS = {
     "MomentumConservation": lambda: sa.MomentumConservation(arm()),
     "SingularityBarrier": lambda: sa.SingularityBarrier(arm(), 0.1),
     "Grasp": lambda: sa.Grasp(mass=2.0, inertia=np.eye(3)),
-    "Phase": lambda: sa.Phase(lambda _t, q, _dq: 0.0 * q, 1.0, sa.Release(), {"stop": ["target"]}),
+    "Phase": lambda: sa.Phase(lambda _t, q, _dq: 0.0 * q, 1.0, sa.Release(), stop=["target"]),
     "Release": lambda: sa.Release(),
+    "Integration": lambda: sa.Integration(rtol=1e-6, events=("target",)),
     "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
     "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),
     "Tracking": lambda: sa.Tracking(motion()),
+    "Plant": lambda: sa.Plant(wrenches={"bus": lambda t: [t, 0.0, 0.0, 0.0, 0.0, 0.0]}),
     "WheelHold": lambda: sa.WheelHold(stiffness=1.0, damping=2.0, torque=0.1, capacity=5.0),
     "Workspace": workspace,
 }

@@ -18,7 +18,7 @@ from spacearm.arrays import Array
 from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS, magnus
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics.many import arms_kernel
+from spacearm.mechanics.arm_kernels import arms_kernel
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, kinematics, still_wheels
 from spacearm.model.joints import joint_vector

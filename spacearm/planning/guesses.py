@@ -21,6 +21,7 @@ from spacearm.collisions.separation import Collisions
 from spacearm.equations.turns import GAUSS
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
+from spacearm.planning.account import SearchAccount
 from spacearm.planning.curve import sines
 from spacearm.planning.free_space import ACROSS, BEYOND, FreeSpace
 from spacearm.planning.loops import NEAR, Indices, Loops, angles, closed, lengths, matches
@@ -31,7 +32,6 @@ from spacearm.planning.many_curves import (
     turning_axes,
 )
 from spacearm.planning.optimiser import Target
-from spacearm.planning.search import Search
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
@@ -86,11 +86,11 @@ class GuessFinder:
         target: Target,
         waves: int,
         rng: np.random.Generator,
-        search: Search | None = None,
+        search: SearchAccount | None = None,
         collisions: Collisions | None = None,
     ) -> None:
         self.start, self.target, self.waves, self.rng = start, target, waves, rng
-        self.search, self._collisions = search or Search(np.inf), collisions
+        self.search, self._collisions = search or SearchAccount(np.inf), collisions
         self.arm, self.T0, self.com = start.arm, start.base.rotation, start.com
         self.axes = goal_axes(start)
         limits = target.lower, target.upper

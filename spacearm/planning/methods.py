@@ -18,13 +18,13 @@ from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.floating import attitudes, placed
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import Configuration
-from spacearm.motion.following import check_start, how_it_ended, lead
+from spacearm.motion.following import check_start, follow, how_it_ended
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
 from spacearm.planning.problem import WAVES, Problem, Rows, travel
-from spacearm.planning.search import TimeUpError
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.planning.tree import by_tree, straight_rows
 
@@ -169,7 +169,7 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
     why = ""
     for place in _loop_places(problem, target):
         there = problem.walk(problem.start, straight_rows(problem.start.q, place))
-        before = float(rest_to_rest_times(problem.start.arm, _joints(there))[-1])
+        before = float(rest_to_rest_times(_joints(there), problem.rates)[-1])
         if len(there) > 1 and problem.contact(problem.start, _joints(there)) is not None:
             continue
         finder = problem.guesses(there[-1], target)
@@ -278,11 +278,13 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
     """
     arm = start.arm
     if not steady(arm):  # the directions of the task turn on the way
-        slow = lead(start, [goal], limits=limited, progress=lambda *_: problem.search.check_time())
+        slow = follow(
+            start, [goal], limits=limited, progress=lambda *_: problem.search.check_time()
+        )
         if not slow.arrived:
             raise NoSolutionError(slow.reason, list(slow))
         return slow.q
-    from spacearm.motion.runs.leading import straight_line
+    from spacearm.motion.leading import straight_line
 
     check_start(start, "free-floating", limited)
     line = straight_line(start, goal, limited)

@@ -20,8 +20,8 @@ from scipy.optimize import minimize
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.distance import tangent
 from spacearm.mechanics.floating import attitudes, placed, walk
-from spacearm.mechanics.nearness import tangent
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, twist_between

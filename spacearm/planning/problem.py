@@ -14,15 +14,15 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import Collisions, Contact, collision_geometry
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arguments import FLOATING, HELD
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.planning.account import SearchAccount
 from spacearm.planning.guesses import GuessFinder
 from spacearm.planning.optimiser import Target
 from spacearm.planning.reactions.turns import largest_turn
-from spacearm.planning.search import Search
 from spacearm.planning.timing import rest_to_rest_times
 from spacearm.singularities.report import angle
 from spacearm.singularities.sets import prove_regular
@@ -44,6 +44,7 @@ class Problem:
         start: Configuration in which the motion begins.
         target: What the motion must achieve.
         ample: Clearance that is aimed at first.
+        rates: (n,) largest joint rates [rad/s] or [m/s].
         seed: Seed of the random first guesses.
         search: The time of the search, and its account.
         collisions: The bodies that must not meet; None if collisions do not count.
@@ -56,8 +57,9 @@ class Problem:
     start: Configuration
     target: Target
     ample: float
+    rates: Array
     seed: int
-    search: Search
+    search: SearchAccount
     collisions: Collisions | None
     held: SpaceArm | None = None
     keep: float | None = None
@@ -135,7 +137,7 @@ class Problem:
             return None
         way: Array | Course = path
         if self.collisions.obstacles:
-            way = Floating(rows(), before + rest_to_rest_times(self.start.arm, path))
+            way = Floating(rows(), before + rest_to_rest_times(path, self.rates))
         contact = self.collisions.contact(way, self.search.check_time)
         if contact is not None:
             self.search.ways["contact"] += 1

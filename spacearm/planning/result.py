@@ -16,7 +16,7 @@ from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.notebook.tables import table
-from spacearm.planning.timing import corners, course, rest_to_rest_times
+from spacearm.planning.timing import corners, course, largest_rates, rest_to_rest_times
 from spacearm.singularities.report import FAR, angle
 
 IGNORED = "collisions NOT checked (collisions=False)"
@@ -99,6 +99,7 @@ class Plan(Motion):
         method: str,
         rows: Sequence[Configuration],
         clearance: float,
+        rates: Array,
         tried: Sequence[Attempt],
         checked: str,
         apart: bool | None,
@@ -108,7 +109,7 @@ class Plan(Motion):
         arm, along = rows[0].arm, samples(rows)
         return cls(
             arm=arm,
-            t=rest_to_rest_times(arm, along["q"]),
+            t=rest_to_rest_times(along["q"], rates),
             **along,
             method=method,
             clearance=clearance,
@@ -122,8 +123,9 @@ class Plan(Motion):
 
     def __getitem__(self, i: int) -> Configuration:
         cfg = super().__getitem__(i)
-        h = self.momentum[i]
-        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=h)
+        if not self.momentum.any() and not self.wheels.any():
+            return cfg
+        return self.arm.at(cfg.q, base=cfg.base, wheels=self.wheels[i], momentum=self.momentum[i])
 
     @cached_property
     def dq(self) -> Array:
@@ -196,4 +198,4 @@ class Plan(Motion):
 def best_attempt(cfg: Configuration, rows: object, tried: Sequence[Attempt]) -> Plan:
     """Return the best attempt: rows that do not solve the problem, or the start alone."""
     best = rows if isinstance(rows, list) else [cfg]
-    return Plan.of_rows("best attempt", best, 0.0, tried, FAILED, None)
+    return Plan.of_rows("best attempt", best, 0.0, largest_rates(cfg.arm), tried, FAILED, None)

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from numbers import Real
-
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite
-from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.errors import NoSolutionError
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
-from spacearm.motion.following import lead
+from spacearm.motion.following import follow
 from spacearm.motion.goal import Goal, as_goal, goal_pose, out_of_reach
-from spacearm.planning.free_space import FAR
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.result import Joints
@@ -88,7 +85,7 @@ def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
         NoSolutionError: It is not; carries the motion towards the goal as far as J* leads.
     """
     if far := out_of_reach(cfg, goal):
-        line = lead(cfg, [as_goal(cfg, goal)], limits=limits)
+        line = follow(cfg, [as_goal(cfg, goal)], limits=limits)
         raise NoSolutionError(far, list(line))
     return goal
 
@@ -161,8 +158,6 @@ def clearance_of(cfg: Configuration, clearance: float | None) -> tuple[float, fl
     ample = min(AMPLE, 0.5 * distance)
     if clearance is None:
         return min(LEAST, 0.5 * distance), ample
-    if not isinstance(clearance, Real) or not 0.0 <= clearance <= FAR:
-        raise ConfigurationError(f"clearance is {clearance!r}; give an angle from 0 to {FAR:g} rad")
     if distance < clearance:
         raise NoSolutionError(
             f"the start has a distance of {angle(distance)} to the singular set, below the "

@@ -20,14 +20,18 @@ CORNER = 0.3
 """Rows between which the direction changes by more than this are a corner [rad]."""
 
 
-def rest_to_rest_times(arm: SpaceArm, q: Array) -> Array:
+def rest_to_rest_times(q: Array, rates: Array) -> Array:
     """Return the times (m,) at which a motion from rest to rest passes its rows (m, n) [s].
 
     The joint that is slowest for its velocity limit sets the pace of every segment. The joints come
     to rest at corners too.
+
+    Args:
+        q: (m, n) joint positions, the rows.
+        rates: (n,) largest joint rates [rad/s] or [m/s].
     """
     step = np.diff(q, axis=0)
-    pace = np.maximum((np.abs(step) / largest_rates(arm)).max(axis=1), 1e-12)
+    pace = np.maximum((np.abs(step) / rates).max(axis=1), 1e-12)
     along = np.append(0.0, np.cumsum(pace))
     t = np.zeros(len(q))
     for first, last in pairwise(corners(step)):

@@ -21,12 +21,12 @@ from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.motion.goal import goal_rows
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.guesses import CLOSE, GuessFinder, Mask
 from spacearm.planning.loops import Indices, lengths
 from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
 from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING, CurveOptimiser
 from spacearm.planning.problem import Problem, Rows
-from spacearm.planning.search import TimeUpError
 
 GROWN = 48
 """Branches that are grown, and landed, at once."""

@@ -7,14 +7,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from spacearm.arrays import Array, Result
+from spacearm.arrays import Array, Progress, Result
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.jacobian import (
-    task_jacobian,
-    task_jacobian_derivative,
-)
-from spacearm.mechanics.nearness import nearness_of, refined_at
+from spacearm.mechanics.distance import nearness_of, refined_at
+from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales

@@ -21,8 +21,8 @@ from spacearm.motion.controllers import (
     TransposedJacobian,
 )
 from spacearm.motion.goal import goal_of
-from spacearm.motion.many_runs import FAILURES, simulate_many
-from spacearm.motion.plant import LIMITS
+from spacearm.motion.plant import Plant
+from spacearm.motion.simulation import FAILURES, Integration, simulate_many
 from spacearm.sweeps.quantity import Quantity, Variable
 from spacearm.sweeps.tiles import Box
 from spacearm.sweeps.toml import Table
@@ -64,9 +64,7 @@ class Simulations(Quantity):
         if (wanted := table.take("mode", str, "free-floating")) not in modes:
             raise table.fail("mode", unknown("mode", wanted, modes))
         self.mode = modes[wanted]
-        self.limits = table.values.get("limits", [])
-        if not isinstance(self.limits, list) or any(name not in LIMITS for name in self.limits):
-            raise table.fail("limits", f"give a list of {', '.join(LIMITS)}")
+        self.limits = table.take("limits", bool, False)
         gains = Table(f"{table.where}: gains", table.values.get("gains", {}))
         names = ("kp", "kd") if self.law in STIFF else ("gain",)
         gains.knows(*names)
@@ -111,10 +109,15 @@ class Simulations(Quantity):
         Q0 = self.start + self.spread * rng.normal(size=(last - first, arm.n))
         turned = pin.SE3(pin.rpy.rpyToMatrix(self.attitude), np.zeros(3))
         found = simulate_many(
-            arm, Q0, self.controller(arm), self.duration, mode=self.mode, limits=self.limits,
-            base=turned, origin="cm", reach=self.reach,
-            rtol=self.rtol, atol=1e-2 * self.rtol, distance=True, threads=1,
-        )  # fmt: skip
+            [arm.at(q, base=turned).centred(np.zeros(3)) for q in Q0],
+            self.controller(arm),
+            self.duration,
+            mode=self.mode,
+            plant=Plant(limits=self.limits),
+            distance=True,
+            integration=Integration(rtol=self.rtol, atol=1e-2 * self.rtol, reach=self.reach),
+            threads=1,
+        )
         failed = np.isin(found["ended"], FAILURES)
         kept = {name: found[name].values for name in VARIABLES if name in found}
         return kept | {"least_distance": found["distance"].values, "failed": failed}

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from spacearm.arrays import Array, Result, whole
-from spacearm.errors import NoSolutionError
+from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
-from spacearm.motion.goal import Goal
+from spacearm.motion.goal import Goal, Origin
 from spacearm.planning.planner import plan
+from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Joints, Plan
 from spacearm.polynomial.certificate import certify
 from spacearm.singularities.report import singularity
@@ -209,7 +213,16 @@ def _family(uncertain: UncertainArm) -> Family:
 
 
 def robust_plan(
-    uncertain: UncertainArm, q0: npt.ArrayLike, goal: Goal | Joints, **options: Any
+    uncertain: UncertainArm,
+    start: Configuration,
+    goal: Goal | Joints,
+    *,
+    via: Sequence[Goal | Joints] = (),
+    final_attitude: npt.ArrayLike | pin.SE3 | float | None = None,
+    duration: float | None = None,
+    origin: Origin = "spacecraft",
+    constraints: Constraints = Constraints(),
+    search: Search = Search(),
 ) -> tuple[Plan, RobustCertificate]:
     """Plan a motion that meets no singularity, for all values in the intervals.
 
@@ -219,27 +232,47 @@ def robust_plan(
 
     Args:
         uncertain: An arm of revolute joints, as many as its task has rows.
-        q0: (n,) joint positions at the start.
-        goal: As for `plan`.
-        **options: Other arguments of `plan`.
+        start: Where it begins, a configuration of `uncertain.arm`.
+        goal: As for `plan`; so are the others.
+        via: Goals on the way.
+        final_attitude: Attitude of the spacecraft at the end.
+        duration: When the motion ends [s].
+        origin: Where the inertial frame has its origin.
+        constraints: What must hold; the clearance asked for is the least that is tried.
+        search: How to look for each plan, and for how long.
 
     Returns:
         The plan and the proof.
 
     Raises:
+        ConfigurationError: The start is of another arm, or an argument does not make sense.
         NoSolutionError: No plan was found, or none that holds for all values: carries the last.
 
     Example:
         >>> import spacearm as sa
         >>> about = sa.uncertain(sa.load("planar2"), {"link_2": {"mass": 0.1}})
-        >>> plan, proof = sa.robust_plan(about, [0.3, 1.2], sa.Joints([0.6, 0.9]))
+        >>> plan, proof = sa.robust_plan(about, about.arm.at([0.3, 1.2]), sa.Joints([0.6, 0.9]))
         >>> proof.free
         True
     """
+    if not isinstance(start, Configuration) or start.arm is not uncertain.arm:
+        raise ConfigurationError(
+            "start is no configuration of the uncertain arm; make it by uncertain.arm.at(q)"
+        )
     last: Plan | None = None
     for clearance in CLEARANCES:
+        least = max(float(np.radians(clearance)), constraints.clearance or 0.0)
         try:
-            last = plan(uncertain.arm, q0, goal, clearance=float(np.radians(clearance)), **options)
+            last = plan(
+                start,
+                goal,
+                via=via,
+                final_attitude=final_attitude,
+                duration=duration,
+                origin=origin,
+                constraints=replace(constraints, clearance=least),
+                search=search,
+            )
         except NoSolutionError:
             break
         proof = is_free_for_all(uncertain, last.q)

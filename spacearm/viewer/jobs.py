@@ -15,9 +15,10 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError, SpaceArmError, unknown
-from spacearm.mission.attitude_search import feasible_attitudes
+from spacearm.mission.attitudes import feasible_attitudes
 from spacearm.model.arm import Configuration
 from spacearm.planning.planner import plan
+from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
 from spacearm.processes import Process, Progress, WorkerError
 from spacearm.singularities.risk import risk_profile
@@ -137,9 +138,11 @@ def plan_to(
 ) -> Plan:
     """Return a motion from a configuration to a pose of the tip."""
     return plan(
-        start.arm, start.q, goal, base=start.base, obstacles=obstacles, timeout=LONGEST,
-        progress=progress,
-    )  # fmt: skip
+        start.arm.at(start.q, base=start.base),
+        goal,
+        constraints=Constraints(obstacles=obstacles),
+        search=Search(timeout=LONGEST, progress=progress),
+    )
 
 
 def planning(stage: Stage) -> Callable[..., Plan]:

@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import SingularityReport, angle, singularity
-from spacearm.viewer.panel import readouts
-from spacearm.viewer.panel.choices import Origin
-from spacearm.viewer.panel.comparison import WORDS, moved
-from spacearm.viewer.panel.grab import pulled
-from spacearm.viewer.panel.numbers import number, numbers, placement, vector
+from spacearm.viewer import readouts
+from spacearm.viewer.choices import Origin, number, numbers, placement, vector
+from spacearm.viewer.motions import WORDS, moved
+from spacearm.viewer.readouts import short_names
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -248,3 +248,152 @@ class Session:
         if self.spacecraft != "free-floating":
             code += f"report = sa.singularity(cfg, mode={self.spacecraft!r})\n"
         return {**said, **readouts.readout(self.report), "python": code}
+
+
+MOST_STEPS = 40
+START = 1e-4
+"""Damping of the first step, over the largest singular value squared."""
+CLOSE = 2e-3
+"""Share of the largest singular value within which the tip counts as there [rad]."""
+STRIDE = 0.3
+"""Largest joint motion of one step [rad] or [m]."""
+HOPELESS = 1e3
+"""Damping, likewise, from which on no step helps."""
+LESS = 1.0 - 1e-6
+"""Share of the error that has to be left at most after a step that counts."""
+BENDS = (0.1, -0.1, 0.02, -0.02)
+"""Joint motions by which a singular posture is left [rad] or [m]."""
+
+
+class Grabbed(NamedTuple):
+    """Where the arm is after the tip was pulled.
+
+    Attributes:
+        cfg: The configuration.
+        blocked: Why the tip is not where it was pulled to; empty if it is.
+    """
+
+    cfg: Configuration
+    blocked: str
+
+
+def pulled(
+    cfg: Configuration,
+    goal: pin.SE3,
+    mode: BaseMode,
+    moved: Callable[[Configuration, Array], Configuration],
+    bounds: tuple[Array, Array],
+) -> Grabbed:
+    """Bring the tip to a pose, or as near as it comes from here, along the rows of the task.
+
+    Levenberg's and Marquardt's method: steps along lost directions are damped away, and the tip
+    slides along those that are left. Joints stop at their bounds.
+
+    Args:
+        cfg: Where the arm is.
+        goal: Pose of the tip in the inertial frame.
+        mode: What the spacecraft does.
+        moved: Moves a configuration to joint positions (n,), the spacecraft with it.
+        bounds: (n,) lower and upper joint positions.
+    """
+    lower, upper = bounds
+
+    def tried(step: Array) -> tuple[Configuration, Array, float]:
+        trial = moved(cfg, np.clip(cfg.q + step, lower, upper))
+        left = _error(trial, goal)
+        return trial, left, float(np.linalg.norm(left))
+
+    error, damping, stopped = _error(cfg, goal), START, np.zeros(cfg.arm.n, dtype=bool)
+    size, largest = float(np.linalg.norm(error)), 0.0
+    for _ in range(MOST_STEPS):
+        J = task_jacobian(cfg, mode=mode)
+        largest = float(np.linalg.norm(J, 2))
+        if size <= 0.1 * CLOSE * largest:
+            break
+        J = np.where(stopped, 0.0, J)
+        normal = J.T @ J + damping * largest**2 * np.eye(cfg.arm.n)
+        step = np.linalg.solve(normal, J.T @ error)
+        step *= min(1.0, STRIDE / max(float(np.abs(step).max()), 1e-12))
+        found = tried(step)
+        hit = (found[0].q != cfg.q + step) & ~stopped
+        if found[2] < size * LESS:
+            (cfg, error, size), damping = found, max(0.2 * damping, 1e-9)
+        elif hit.any():
+            stopped |= hit
+        elif damping < HOPELESS:
+            damping *= 10.0
+        else:  # on the singular set: out of it by the joint motion that leaves the tip at rest
+            still = np.linalg.svd(J)[2][-1]
+            found = min((tried(bend * still) for bend in BENDS), key=lambda one: one[2])
+            if found[2] >= size * LESS:
+                break
+            (cfg, error, size), damping = found, START
+    return Grabbed(cfg, _reason(cfg, error, largest, mode, bounds))
+
+
+def _error(cfg: Configuration, goal: pin.SE3) -> Array:
+    """Return the task's rows (k,) of the twist that leads to a goal in one second, scaled."""
+    way = goal.translation - cfg.tip.translation
+    turn = pin.log3(goal.rotation @ cfg.tip.rotation.T)
+    twist = np.concatenate((way, turn))[:, None]
+    task = cfg.arm.task
+    return (task.scale * task.components(twist, task.axes(cfg.base.rotation)))[:, 0]
+
+
+def _reason(
+    cfg: Configuration, error: Array, largest: float, mode: BaseMode, bounds: tuple[Array, Array]
+) -> str:
+    """Return why the tip is not at its goal; empty if it is."""
+    if np.linalg.norm(error) <= CLOSE * largest:
+        return ""
+    arm, (lower, upper) = cfg.arm, bounds
+    room = 1e-6 * (upper - lower)
+    pull = task_jacobian(cfg, mode=mode).T @ error
+    pushed = ((cfg.q >= upper - room) & (pull > 0.0)) | ((cfg.q <= lower + room) & (pull < 0.0))
+    if pushed.any():
+        names = short_names(arm.joint_names)
+        ends = [names[j] for j in np.flatnonzero(pushed)]
+        where = (
+            "is at the end of its range" if len(ends) == 1 else "are at the ends of their ranges"
+        )
+        return f"The tip cannot follow: {listed(ends)} {where}"
+    return "The tip cannot follow: in this direction it has no motion left"
+
+
+REGULAR = math.radians(10.0)
+"""Distance to the singular set from which on a posture is good to begin with [rad]."""
+TRIES = 40
+BENT = 1.0
+"""Largest joint positions tried, from zero or the limit nearest to it [rad] or [m]."""
+
+
+def opening_posture(arm: SpaceArm) -> Array:
+    """Return joint positions (n,) well away from singularities, the same at every call.
+
+    Zeros, or the limits nearest to them, where they are; else a posture bent by at most a radian,
+    the first of `TRIES` that is far enough from the singular set, or the farthest of them.
+    Joints at a limit are bent away from it, so that the tip can be pulled all around.
+
+    Args:
+        arm: The arm.
+    """
+    home = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
+    rng = np.random.default_rng(0)
+    bends = np.where(arm.slides, 0.2, 1.0) * rng.uniform(-BENT, BENT, (TRIES, arm.n)).round(2)
+    best, farthest = home, _distance(arm, home)
+    for bend in bends:
+        if farthest >= REGULAR:
+            break
+        there = home + bend
+        inside = (arm.lower <= there) & (there <= arm.upper)  # else bent the other way
+        q = np.clip(np.where(inside, there, home - bend), arm.lower, arm.upper)
+        distance = _distance(arm, q)
+        if distance > farthest:
+            best, farthest = q, distance
+    return best
+
+
+def _distance(arm: SpaceArm, q: Array) -> float:
+    """Return the distance to the singular set, 0 where it is singular by rounding alone."""
+    report = singularity(arm.at(q))
+    return report.distance if report.kind == "regular" else 0.0

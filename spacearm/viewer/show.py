@@ -15,7 +15,7 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
-from spacearm.viewer.panel.opening import opening_posture
+from spacearm.viewer.session import opening_posture
 
 if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer

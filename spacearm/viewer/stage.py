@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
@@ -17,16 +18,19 @@ from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
 from spacearm.singularities.risk import RiskProfile
-from spacearm.viewer.layers.attitudes import AttitudeLayer
-from spacearm.viewer.layers.ghost import STEEL, VIOLET, Ghost, draw_axes
-from spacearm.viewer.layers.loads import LoadLayer
-from spacearm.viewer.layers.obstacles import ObstacleLayer
-from spacearm.viewer.layers.workspaces import Key, draw_risk, draw_workspace
-from spacearm.viewer.panel.comparison import Comparison
-from spacearm.viewer.panel.readouts import FAR
-from spacearm.viewer.recorder import FRAMES_PER_SECOND, Recorder
+from spacearm.viewer.layers import (
+    AttitudeLayer,
+    Key,
+    LoadLayer,
+    ObstacleLayer,
+    draw_risk,
+    draw_workspace,
+)
+from spacearm.viewer.motions import Comparison
+from spacearm.viewer.readouts import FAR
 from spacearm.viewer.scene import Scene
 from spacearm.viewer.session import Session
+from spacearm.viewer.shapes import GHOST, STEEL, VIOLET, Ghost, draw_axes
 from spacearm.viewer.window import Window
 from spacearm.workspaces.path_dependent import Workspace, centre_of
 
@@ -55,8 +59,6 @@ class Stage:
         legend: What the colours of workspaces, risk and attitudes mean.
     """
 
-    _loads: LoadLayer
-
     def __init__(self, window: Window, session: Session, motion: Motion | None = None) -> None:
         self.session, self.scene, self._window = session, Scene(window, session.arm), window
         self.hidden: set[str] = set()
@@ -71,8 +73,6 @@ class Stage:
         """Show a motion from its start, in place of the present one."""
         self.motion, self.time = motion, float(motion.t[0]) if motion else 0.0
         root, session = self.scene.root, self.session
-        if self.played >= 0:
-            self._loads.delete_held()
         for name in PLAYED if self.played >= 0 else ():
             root[name].delete()
             self.show_layer(name, name not in self.hidden)
@@ -86,7 +86,8 @@ class Stage:
         self.compare(None)
         if motion and len(motion.arm.tips) == 1:  # several tips have no one path
             self.scene.trace(motion.tip[:, :3], motion.distance / FAR)
-            Ghost(root["goal"]["end"], motion.arm, self.scene.size).place(motion[len(motion) - 1])
+            end = Ghost(root["goal"]["end"], motion.arm, self.scene.size, GHOST, 0.2)
+            end.place(motion[len(motion) - 1])
 
     def obstruct(self, around: tuple[Obstacle, ...]) -> None:
         """Draw obstacles besides those of the motion."""
@@ -137,7 +138,7 @@ class Stage:
     def show_layer(self, name: str, visible: bool) -> None:
         """Show or hide a layer."""
         self.hidden = self.hidden - {name} if visible else self.hidden | {name}
-        self.scene.show_layer(name, visible)
+        self.scene.root[name].set_property("visible", visible)
 
     def seek(self, t: float) -> None:
         """Go to a time [s]."""
@@ -223,3 +224,67 @@ class Stage:
 def packed_text(values: Array) -> str:
     """Return numbers as base64 of little-endian floats of 32 bits."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()
+
+
+FRAMES_PER_SECOND = 30
+TYPES = {"position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool"}
+
+
+class Recorder:
+    """Takes drawing commands in place of the window and keeps what changes, frame by frame.
+
+    Attributes:
+        frame: The frame that commands belong to.
+    """
+
+    def __init__(self) -> None:
+        self.frame = 0.0
+        self._tracks: dict[str, dict[str, list[dict[str, Any]]]] = {}
+
+    def __call__(self, content: dict[str, Any]) -> None:
+        """Record a lowered set_transform or set_property command at the current frame."""
+        if content["type"] == "set_property":
+            self._key(content["path"], content["property"], content["value"])
+        elif content["type"] == "set_transform":
+            matrix = np.array(content["matrix"]).reshape(4, 4).T
+            scale = np.linalg.norm(matrix[:3, :3], axis=0)
+            self._key(content["path"], "position", matrix[:3, 3].tolist())
+            self._key(content["path"], "scale", scale.tolist())
+            quaternion = pin.Quaternion(matrix[:3, :3] / scale).normalized().coeffs()
+            self._key(content["path"], "quaternion", quaternion.tolist())
+
+    def _key(self, path: str, name: str, value: Any) -> None:
+        keys = self._tracks.setdefault(path, {}).setdefault(name, [])
+        keys.append({"time": self.frame, "value": value})
+
+    def poses(self, frames: int) -> dict[str, Array]:
+        """Return (frames, 7) position [m] and quaternion x, y, z, w of nodes placed in each."""
+        found = {}
+        for path, tracks in self._tracks.items():
+            places, turns = tracks.get("position", []), tracks.get("quaternion", [])
+            if len(places) == frames:
+                rows = [(*a["value"], *b["value"]) for a, b in zip(places, turns, strict=True)]
+                found[path] = np.array(rows)
+        return found
+
+    def lower(self) -> dict[str, Any]:
+        """Return the animation as a meshcat command."""
+        return {
+            "type": "set_animation",
+            "path": "",
+            "options": {"play": False, "repetitions": 1},
+            "animations": [
+                {
+                    "path": path,
+                    "clip": {
+                        "fps": FRAMES_PER_SECOND,
+                        "name": "motion",
+                        "tracks": [
+                            {"name": f".{name}", "type": TYPES[name], "keys": keys}
+                            for name, keys in tracks.items()
+                        ],
+                    },
+                }
+                for path, tracks in self._tracks.items()
+            ],
+        }

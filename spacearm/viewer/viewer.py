@@ -4,24 +4,279 @@ from __future__ import annotations
 
 import math
 import os
+import tempfile
+import threading
 import webbrowser
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
 
-from spacearm.arrays import positive
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import Array, positive
+from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import name_part, write, write_by
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
-from spacearm.viewer.host import Host
-from spacearm.viewer.layers.still import still
-from spacearm.viewer.notebooks import embedded
-from spacearm.viewer.pictures import render, render_frames
+from spacearm.viewer.choices import chosen, number, offered
+from spacearm.viewer.jobs import BackgroundJob, layer, planning
+from spacearm.viewer.motions import WORDS, Comparison, account, compared
+from spacearm.viewer.pictures import embedded, render, render_frames, still
+from spacearm.viewer.readouts import joint_map
+from spacearm.viewer.scene import LAYERS
 from spacearm.viewer.server import Server
+from spacearm.viewer.session import Session, opening_posture
+from spacearm.viewer.stage import Stage
+from spacearm.viewer.window import Window
+from spacearm.workspaces.path_dependent import Workspace
+
+SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
+
+
+class Host:
+    """What is on show and how it is changed, from Python and by the page's messages.
+
+    Attributes:
+        window: The drawing.
+    """
+
+    def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
+        self.window = Window()
+        self._lock = threading.RLock()
+        self._edition = 0
+        self._stage = Stage(self.window, Session(cfg.arm, cfg), motion)
+        self._given: Comparison | None = None
+        self._job = BackgroundJob(self._lock, self._changed, self._finished)
+
+    @property
+    def session(self) -> Session:
+        """The configuration on show, and how the panel moves it."""
+        return self._stage.session
+
+    def _change_arm(self, message: dict[str, Any]) -> None:
+        """Show the arm that the page asks for, in the present posture if it has the same joints."""
+        before = self.session
+        with tempfile.TemporaryDirectory() as folder:
+            arm, origin, said = chosen(before.cfg, before.origin, message, Path(folder))
+            arm.require_one_tip()
+            same = arm.joint_names == before.arm.joint_names
+            q = before.cfg.q if same else opening_posture(arm)
+            session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
+            session.mode = before.mode
+            session.handle({"do": "spacecraft", "mode": before.spacecraft})
+            session.note = said
+            with self.window.replaced():
+                self._stage = Stage(self.window, session)
+        self._job.cancel()
+        self._given = None
+        self._edition += 1
+
+    # --- what is shown ----------------------------------------------------------------------
+
+    def show(self, q: npt.ArrayLike, *, base: pin.SE3 | None = None) -> None:
+        """Show another configuration.
+
+        Args:
+            q: (n,) joint positions [rad] or [m].
+            base: Pose of the spacecraft; the present one if None.
+
+        Raises:
+            ConfigurationError: q or base has the wrong shape or is not finite.
+        """
+        with self._lock:
+            cfg = self.session.cfg
+            self.session.show(cfg.arm.at(q, base=cfg.base if base is None else base))
+        self._changed()
+
+    def compare(self, other: Any) -> None:
+        """Play another motion in step with the present one, as a ghost.
+
+        Args:
+            other: The motion, or a mode: "free-floating", "attitude-controlled" or "fixed" is the
+                same joint motion with the spacecraft doing that. None ends the comparison.
+
+        Raises:
+            ConfigurationError: It is neither, or no motion plays.
+            UnsupportedError: The wheels hold momentum.
+        """
+        with self._lock:
+            if not (motion := self._stage.motion):
+                raise ConfigurationError("there is no motion to compare; view one")
+            found = None if other is None else compared(motion, other)
+            if found and not isinstance(other, str):
+                self._given = found
+            self._stage.compare(found)
+        self._changed()
+
+    def _compare_with(self, asked: object) -> None:
+        """Compare the motion with what the page names: a mode, what was given, or nothing."""
+        if asked == "given" and self._given:
+            self.compare(self._given.motion)
+        else:
+            self.compare(str(asked) if asked else None)
+
+    @property
+    def configuration(self) -> Configuration:
+        """The configuration on show, moved in the page or by `show`."""
+        with self._lock:
+            return self.session.cfg
+
+    @property
+    def q(self) -> Array:
+        """(n,) joint positions on show [rad] or [m]."""
+        return self.configuration.q.copy()
+
+    def shells(self, radii: Sequence[float] | Workspace) -> None:
+        """Draw a workspace cut open, or translucent spheres about the system CM.
+
+        Args:
+            radii: The workspace, or radii [m].
+
+        Raises:
+            ConfigurationError: A radius is not positive and finite.
+        """
+        with self._lock:
+            if isinstance(radii, Workspace):
+                self._stage.draw_shells(radii)
+            else:
+                colors = [SHELL_COLORS[i % len(SHELL_COLORS)] for i in range(len(radii))]
+                for radius in radii:
+                    if not 0.0 < radius < np.inf:
+                        raise ConfigurationError(
+                            f"shell radius is {radius}; give a positive length"
+                        )
+                self._stage.scene.shells(list(zip(radii, colors, strict=True)))
+        self._changed()
+
+    def attitudes(self, found: FeasibleAttitudes) -> None:
+        """Draw the attitudes of the spacecraft from which the tip can follow a path.
+
+        Args:
+            found: What `sa.feasible_attitudes` has found.
+        """
+        with self._lock:
+            self._stage.draw_attitudes(found)
+        self._changed()
+
+    def layer(self, name: str, visible: bool) -> None:
+        """Show or hide a layer, one of `spacearm.viewer.scene.LAYERS`.
+
+        Raises:
+            ConfigurationError: There is no such layer.
+        """
+        if name not in LAYERS:
+            raise ConfigurationError(unknown("layer", name, LAYERS))
+        self._stage.show_layer(name, visible)
+        self._changed()
+
+    def obstacles(self, obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion]) -> None:
+        """Draw obstacles besides those of the motion; plans of the page hold them off.
+
+        Args:
+            obstacles: As `sa.plan` takes them.
+
+        Raises:
+            ConfigurationError: They are none.
+        """
+        with self._lock:
+            self._stage.obstruct(obstacles_of(obstacles, self.session.arm))
+        self._changed()
+
+    def _changed(self) -> None:
+        """Have the present state drawn."""
+        self.draw()
+
+    def _finished(self, name: str, result: Any) -> None:
+        """Show what a worker has computed."""
+        if name == "plan":
+            self._given = None
+            self._stage.play(replace(result, arm=self.session.arm))
+        elif name == "shells":
+            self._stage.draw_shells(result)
+        elif name == "attitudes":
+            self._stage.draw_attitudes(result)
+        else:
+            self._stage.draw_risk(result)
+
+    # --- the panel (see server.Panel) -------------------------------------------------------
+
+    def handle(self, message: object, client: object = None) -> dict[str, Any] | None:
+        """Do what a message of the page asks; return what the one who asked is told."""
+        with self._lock:
+            kind = message.get("do") if isinstance(message, dict) else None
+            if isinstance(message, dict) and kind == "layer":
+                self.layer(str(message.get("name")), bool(message.get("visible")))
+            elif isinstance(message, dict) and kind == "time" and self._stage.motion:
+                self._stage.seek(number(message.get("t"), "time"))
+            elif isinstance(message, dict) and kind == "compare":
+                self._compare_with(message.get("with"))
+            elif kind == "plan":
+                self._job.start("plan", planning(self._stage), client)
+            elif isinstance(message, dict) and kind == "compute":
+                asked = layer(self._stage, message.get("what"), message.get("path"))
+                self._job.start(*asked, client)
+            elif kind == "cancel":
+                self._job.cancel()
+            elif kind == "poses":
+                return {"poses": self._stage.poses()}
+            elif kind == "motion":
+                return {"motion": self._told_motion()}
+            elif isinstance(message, dict) and kind == "arm":
+                self._change_arm(message)
+            elif isinstance(message, dict) and kind == "map":
+                session = self.session
+                told = joint_map(session.cfg, message.get("joints"), session.spacecraft)
+                return {"map": {**told, "spacecraft": session.spacecraft}}
+            else:
+                self.session.handle(message)
+        return None
+
+    def left(self, client: object) -> None:
+        """End what a client of the page has asked for, who is gone."""
+        with self._lock:
+            self._job.left(client)
+
+    def readout(self) -> dict[str, Any]:
+        """Return what the panel shows of the configuration."""
+        with self._lock:
+            stage = self._stage
+            state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
+            state |= {"motion": stage.motion is not None}
+            state |= {"edition": self._edition, **self._job.readout()}
+            legend = [key._asdict() for key in stage.legend]
+            return {**self.session.readout(), **state, "legend": legend}
+
+    def draw(self) -> None:
+        """Draw the configuration."""
+        with self._lock:
+            self._stage.draw()
+
+    def about(self) -> dict[str, Any]:
+        """Return what the page needs once."""
+        session = self.session
+        more = {
+            "layers": LAYERS,
+            "grid": self._stage.scene.grid._asdict(),
+            "motion": self._told_motion(),
+            "edition": self._edition,
+        }
+        return {**session.about(), **more, "choices": offered(session.arm, session.origin)}
+
+    def _told_motion(self) -> dict[str, Any] | None:
+        """Return what the page needs of the motion, and what it can be compared with."""
+        if not (motion := self._stage.motion):
+            return None
+        flown = getattr(motion, "flight", None) is not None
+        ways: dict[str, str] = {} if flown else {words: mode for mode, words in WORDS.items()}
+        given = {} if self._given is None else {self._given.name: "given"}
+        return {**account(motion, self._stage.other), "ways": {**ways, **given}}
+
 
 MOST_PICTURES = 3000
 """Largest number of pictures of a motion."""
@@ -178,7 +433,7 @@ class Viewer(Host):
     def _repr_html_(self) -> str:
         """Stand in a notebook: live while it is served, and a scene of its own once it is not."""
         with self._lock:
-            scene, cfg, shapes = self.html(), self.configuration, self._stage.scene.shapes
+            scene, cfg, shapes = self.html(), self.configuration, self._stage.scene.bodies.shapes
             picture = still(cfg, shapes, self.about()["view"])
         invitation = self._server.invitation() if self._server else None
         return embedded(scene, picture, cfg.arm.name, invitation)

@@ -57,7 +57,7 @@ def test_path_proves_or_names_the_singular_posture(tmp_path):
 @pytest.mark.slow
 def test_path_takes_saved_motions_and_refuses_other_files(tmp_path):
     arm = sa.load("planar2")
-    sa.plan(arm, [0.3, 1.2], sa.Joints([0.4, 1.3])).save(tmp_path / "plan.npz")
+    sa.plan(arm.at([0.3, 1.2]), sa.Joints([0.4, 1.3])).save(tmp_path / "plan.npz")
     assert answer("path", "planar2", tmp_path / "plan.npz")["certificate"]["free"]
     (tmp_path / "wrong.txt").write_text("1 2 3\n4 5 6\n")
     run = spacearm("path", "planar2", tmp_path / "wrong.txt")
@@ -227,7 +227,7 @@ def test_ctrl_c_in_a_plan_keeps_the_best_attempt(monkeypatch):
 
     monkeypatch.setitem(methods.METHODS, "straight", interrupted)
     with pytest.raises(sa.StoppedError, match="straight: stopped by Ctrl-C") as caught:
-        sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4))
+        sa.plan(sa.load("planar2").at([0.3, 1.2]), (0.9, 1.4))
     assert isinstance(caught.value.best, sa.Plan)
     assert len(caught.value.best.tried) == 1
 

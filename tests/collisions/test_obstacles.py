@@ -20,7 +20,7 @@ from spacearm.collisions.courses import Floating, Recorded
 from spacearm.collisions.separation import Collisions
 from spacearm.collisions.speeds import inertial_speeds
 from spacearm.mechanics.floating import walk
-from spacearm.planning.timing import rest_to_rest_times
+from spacearm.planning.timing import largest_rates, rest_to_rest_times
 from spacearm.plots.motions import draw_motion
 
 Q0, GOAL = np.array([0.3, 1.2]), (0.9, 1.4)
@@ -38,7 +38,7 @@ def arm():
 @pytest.fixture(scope="module")
 def free(arm):
     """A plan without obstacles."""
-    return sa.plan(arm, Q0, GOAL)
+    return sa.plan(arm.at(Q0), GOAL)
 
 
 def dense(rows, m=12):
@@ -276,7 +276,7 @@ def test_a_plan_around_obstacles_keeps_clear_of_them_on_the_true_motion(arm, fre
     outward = (middle - free[0].com) / np.linalg.norm(middle - free[0].com)
     ball = sa.Obstacle.sphere(0.12, pin.SE3(np.eye(3), middle + 0.12 * outward), margin=0.03)
     assert not sa.collision_check(free, ball).apart
-    plan = sa.plan(arm, Q0, GOAL, obstacles=ball)
+    plan = sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=ball))
     assert plan.apart
     assert "obstacles: sphere (0.03 m off)" in plan.checked
     assert plan.obstacles == (ball,)
@@ -290,14 +290,14 @@ def test_a_plan_around_obstacles_keeps_clear_of_them_on_the_true_motion(arm, fre
 def test_a_start_in_an_obstacle_and_other_refusals(arm, tmp_path):
     box = sa.Obstacle.box(1.0, name="hatch")
     with pytest.raises(sa.NoSolutionError, match=r"start is in collision: .* 'hatch'.*may_touch"):
-        sa.plan(arm, Q0, GOAL, obstacles=[box])
+        sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=[box]))
     with pytest.raises(sa.ConfigurationError, match="leave out collisions=False"):
-        sa.plan(arm, Q0, GOAL, obstacles=[box], collisions=False)
+        sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=[box], collisions=False))
     with pytest.raises(sa.ConfigurationError, match="obstacles holds a float"):
-        sa.plan(arm, Q0, GOAL, obstacles=[1.0])
+        sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=[1.0]))
     stranger = sa.Obstacle.box(1.0, may_touch=["link_9"])
     with pytest.raises(sa.ConfigurationError, match="unknown link of planar2 'link_9'"):
-        sa.plan(arm, Q0, GOAL, obstacles=[stranger])
+        sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(obstacles=[stranger]))
     path = tmp_path / "bare.urdf"
     path.write_text(
         robot(link("hull", 50.0), link("l1", 5.0), frame("tip"), joint("j1", "hull", "l1"),
@@ -305,7 +305,7 @@ def test_a_start_in_an_obstacle_and_other_refusals(arm, tmp_path):
     )  # fmt: skip
     bare = sa.load(path, task="x")
     with pytest.raises(sa.UnsupportedError, match="no shapes that could be held off"):
-        sa.plan(bare, [0.3], sa.Joints([0.5]), obstacles=[box])
+        sa.plan(bare.at([0.3]), sa.Joints([0.5]), constraints=sa.Constraints(obstacles=[box]))
     with pytest.raises(sa.ModelError, match="none of its links has a shape"):
         sa.Obstacle.robot(bare.at([0.0]))
 
@@ -334,7 +334,7 @@ def test_what_no_obstacle_is(make, message):
 
 
 def test_times_of_a_plan_are_those_of_its_check(free):
-    np.testing.assert_array_equal(rest_to_rest_times(free.arm, free.q), free.t)
+    np.testing.assert_array_equal(rest_to_rest_times(free.q, largest_rates(free.arm)), free.t)
 
 
 # --- what is drawn, kept and printed ----------------------------------------------------------

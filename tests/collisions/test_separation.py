@@ -74,7 +74,7 @@ def test_links_without_shapes_are_not_checked_and_the_plan_says_so(tmp_path):
     free = Collisions(arm)
     assert not free
     assert free.contact(np.zeros((1, 2))) is None
-    plan = sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    plan = sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
     assert plan.apart is None
     assert plan.checked == "collisions NOT checked: the description gives the links no shapes"
     assert "NOT checked" in plan.story
@@ -87,7 +87,7 @@ def test_visuals_stand_in_for_missing_collision_geometry(arm, bodies, tmp_path):
     drawn = sa.load(path)
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
         np.testing.assert_allclose(Collisions(drawn).distances(q), bodies.distances(q))
-    plan = sa.plan(drawn, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    plan = sa.plan(drawn.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
     assert plan.checked == "collisions checked: by their visuals hull, l1, l2"
     assert plan.apart
 
@@ -124,7 +124,11 @@ def test_catalogue_robots_have_collision_bodies_and_a_posture_without_contact(na
 def test_mda6_does_not_reach_into_its_spacecraft():
     """The tip 0.2 m above the middle of a box of 2.6 m: a plan without collisions gets there."""
     arm, q0 = sa.load("mda6"), np.radians([0, 60, -100, -50, 30, 0])
-    inside = sa.plan(arm, q0, sa.Joints(np.radians([0, 100, -170, -50, 30, 0])), collisions=False)
+    inside = sa.plan(
+        arm.at(q0),
+        sa.Joints(np.radians([0, 100, -170, -50, 30, 0])),
+        constraints=sa.Constraints(collisions=False),
+    )
     assert Collisions(arm).contact(inside.q) is not None
     assert inside.checked == "collisions NOT checked (collisions=False)"
 
@@ -167,7 +171,7 @@ def test_a_mesh_counts_as_its_convex_hull(tmp_path, bodies):
 )
 def test_plans_go_around_the_spacecraft(arm, bodies, start, goal):
     assert bodies.contact(np.array([start, goal])) is not None
-    plan = sa.plan(arm, start, sa.Joints(goal))
+    plan = sa.plan(arm.at(start), sa.Joints(goal))
     assert plan.apart
     np.testing.assert_allclose(plan.q[-1], goal, atol=1e-8)
     dense = [a + (b - a) * s for a, b in pairwise(plan.q) for s in (0.25, 0.5, 0.75)]
@@ -177,23 +181,25 @@ def test_plans_go_around_the_spacecraft(arm, bodies, start, goal):
 def test_a_start_in_collision(arm):
     q = np.array([1.2, 3.0])
     with pytest.raises(sa.NoSolutionError, match="start is in collision: 'hull' meets 'l2'"):
-        sa.plan(arm, q, sa.Joints([0.5, 0.5]))
-    assert sa.plan(arm, q, sa.Joints([1.1, 2.5]), collisions=False).q[-1] == pytest.approx(
-        [1.1, 2.5]
-    )
+        sa.plan(arm.at(q), sa.Joints([0.5, 0.5]))
+    assert sa.plan(
+        arm.at(q), sa.Joints([1.1, 2.5]), constraints=sa.Constraints(collisions=False)
+    ).q[-1] == pytest.approx([1.1, 2.5])
 
 
 def test_a_goal_in_collision(arm):
     with pytest.raises(sa.NoSolutionError, match="goal is in collision: 'hull' meets 'l2'"):
-        sa.plan(arm, [0.3, 1.0], sa.Joints([1.2, 3.0]))
+        sa.plan(arm.at([0.3, 1.0]), sa.Joints([1.2, 3.0]))
 
 
 @pytest.mark.parametrize("geometry", ["<cone/>", ""])
 def test_a_geometry_of_no_known_kind(tmp_path, geometry):
     arm = boxy(tmp_path, geometry)
     with pytest.raises(sa.ModelError, match=r"'hull' has a collision .* collisions=False"):
-        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
-    assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
+        sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
+    assert sa.plan(
+        arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]), constraints=sa.Constraints(collisions=False)
+    )
 
 
 SIZES = [
@@ -278,8 +284,10 @@ def test_meshes_without_a_hull_are_named(tmp_path, name, scale, message):
             archive.writestr("box.obj", MESHES["vast.obj"])
     arm = boxy(tmp_path, f'<mesh filename="{name}" scale="{scale}"/>')
     with pytest.raises(sa.ModelError, match=message):
-        sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
-    assert sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]), collisions=False)
+        sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
+    assert sa.plan(
+        arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]), constraints=sa.Constraints(collisions=False)
+    )
 
 
 def test_a_corner_with_more_neighbours_than_coal_counts(tmp_path):
@@ -372,5 +380,5 @@ def test_what_a_reader_of_meshes_grumbles_about_is_not_logged(tmp_path, caplog):
 def test_a_missing_mesh_is_no_proof(tmp_path):
     with pytest.warns(sa.ModelWarning, match="meshes not found"):
         arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
-    plan = sa.plan(arm, [0.3, 1.0], sa.Joints([0.5, 1.2]))
+    plan = sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
     assert plan.checked.endswith("NOT checked, without shapes: hull")

@@ -10,16 +10,10 @@ from scipy.spatial.transform import Rotation
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import lines
-from spacearm.mechanics.many import parameters_of, structure_of
-from spacearm.mechanics.nearness import tangent_singly
-from spacearm.motion.runs.leading import (
-    Settings,
-    _numbers,
-    lead_all,
-    lead_with_stops,
-    table_of,
-)
-from spacearm.motion.tip_path import segments
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.mechanics.distance import tangent_singly
+from spacearm.motion.following import segments
+from spacearm.motion.leading import Settings, _numbers, lead_all, lead_with_stops, table_of
 
 
 @given(seeds)

@@ -6,8 +6,8 @@ import pytest
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations.measures import nearest
-from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
-from spacearm.mechanics.nearness import FADING, distance_at
+from spacearm.mechanics.arm_kernels import arms_kernel, parameters_of, structure_of
+from spacearm.mechanics.distance import FADING, distance_at
 from spacearm.model.joints import joint_scales
 from spacearm.singularities.nearest import nearest_about
 

@@ -13,11 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics import many, nearness
-from spacearm.mechanics.batch import QUANTITIES, SINGLY, tips_from_centre
-from spacearm.mechanics.blocks import BLOCK
+from spacearm.mechanics import arm_kernels, distance
+from spacearm.mechanics.batch import BLOCK, QUANTITIES, SINGLY, tips_from_centre
 
-FEW = math.ceil(many.WORTH / SINGLY)  # compiled from here on
+FEW = math.ceil(arm_kernels.WORTH / SINGLY)  # compiled from here on
 MODELS = ("planar2", "planar3", "mda6", "ets7", "chaser7")
 MANY = FEW + 14  # takes the compiled path, with lanes left over
 
@@ -106,19 +105,19 @@ def test_a_held_spacecraft_is_one_without_end_of_inertia(name, mode, rng):
     """The compiled equations against the matrices."""
     arm = sa.load(name)
     Q = rng.uniform(-3, 3, (20, arm.n))
-    many, one = nearness.tangent(arm, Q, mode), nearness.tangent_singly(arm, Q, mode)
-    assert many.distance == pytest.approx(one.distance, rel=1e-9)
-    assert many.sigma == pytest.approx(one.sigma, abs=1e-13)
-    for a, b in zip(many.rows, one.rows, strict=True):
+    arm_kernels, one = distance.tangent(arm, Q, mode), distance.tangent_singly(arm, Q, mode)
+    assert arm_kernels.distance == pytest.approx(one.distance, rel=1e-9)
+    assert arm_kernels.sigma == pytest.approx(one.sigma, abs=1e-13)
+    for a, b in zip(arm_kernels.rows, one.rows, strict=True):
         assert a.T @ a == pytest.approx(b.T @ b, abs=1e-9)
 
 
 def test_distances_without_the_compiler_are_the_same(rng):
     arm = sa.load("chaser7")
     Q = rng.uniform(-3, 3, (MANY, 7))
-    many, few = (sa.evaluate(arm, rows, ("distance", "away")) for rows in (Q, Q[:5]))
-    for name in many:
-        np.testing.assert_allclose(few[name], many[name][:5], rtol=1e-9, atol=1e-12)
+    arm_kernels, few = (sa.evaluate(arm, rows, ("distance", "away")) for rows in (Q, Q[:5]))
+    for name in arm_kernels:
+        np.testing.assert_allclose(few[name], arm_kernels[name][:5], rtol=1e-9, atol=1e-12)
 
 
 def test_distances_at_singular_configurations_are_zero(rng):
@@ -195,9 +194,9 @@ def test_any_number_of_configurations(m, rng):
 def test_both_routes_agree_where_they_meet(rng):
     arm = sa.load("mda6")
     Q = rng.uniform(-3, 3, (FEW, 6))
-    many, few = sa.evaluate(arm, Q), sa.evaluate(arm, Q[1:])
+    arm_kernels, few = sa.evaluate(arm, Q), sa.evaluate(arm, Q[1:])
     for name in QUANTITIES:
-        np.testing.assert_allclose(many[name][1:], few[name], rtol=1e-9)
+        np.testing.assert_allclose(arm_kernels[name][1:], few[name], rtol=1e-9)
     J, J_few = sa.generalized_jacobians(arm, Q), sa.generalized_jacobians(arm, Q[1:])
     np.testing.assert_allclose(J[1:], J_few, atol=1e-13)
 

@@ -73,7 +73,7 @@ def test_the_integral_of_the_torque_is_the_momentum():
 
 def test_a_plan_begins_and_ends_without_momentum_and_torque():
     arm = sa.load("planar2")
-    plan = sa.plan(arm, [0.3, 1.2], (1.5, 1.5))
+    plan = sa.plan(arm.at([0.3, 1.2]), (1.5, 1.5))
     found = sa.reaction(plan)
     for values in (plan.dq, plan.ddq, found.momentum, found.torque, found.rate):
         np.testing.assert_array_equal(values[[0, -1]], 0.0)
@@ -160,7 +160,9 @@ def test_momentum_on_board_is_taken_up_by_the_wheels():
     arm = sa.load("planar2")
     h = np.array([0, 0, 0, 0, 0, 0.4])
     law = sa.JointPD(target=[0.5, 0.9], kp=5.0, kd=9.0)
-    run = sa.simulate(arm, [0.3, 1.2], law, 2.0, momentum=h, events=())
+    run = sa.simulate(
+        arm.at([0.3, 1.2], momentum=h), law, 2.0, integration=sa.Integration(events=())
+    )
     found = sa.reaction(run)
     np.testing.assert_allclose(found.on_board, np.tile(h[3:], (len(run), 1)), atol=1e-9)
     np.testing.assert_allclose(

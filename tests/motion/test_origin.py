@@ -15,13 +15,13 @@ def arm():
     return sa.load("planar2")
 
 
-def motions(arm, **options):
+def motions(arm, base=None, **options):
     """A plan, a followed path and a simulation that all lead to POINT."""
     law = sa.ResolvedRate(target=POINT, gain=2.0)
     return (
-        sa.plan(arm, START, POINT, **options),
-        sa.follow(arm, START, [POINT], **options),
-        sa.simulate(arm, START, law, 12.0, **options),
+        sa.plan(arm.at(START, base=base), POINT, **options),
+        sa.follow(arm.at(START, base=base), [POINT], **options),
+        sa.simulate(arm.at(START, base=base), law, 12.0, **options),
     )
 
 
@@ -45,24 +45,24 @@ def test_the_same_motion_in_both_frames(arm):
     com = arm.at(START).com[:2]
     for there, here in zip(motions(arm, origin="cm"), motions(arm), strict=True):
         assert type(there) is type(here)
-    shifted = sa.follow(arm, START, [POINT + com])
-    about = sa.follow(arm, START, [POINT], origin="cm")
+    shifted = sa.follow(arm.at(START), [POINT + com])
+    about = sa.follow(arm.at(START), [POINT], origin="cm")
     np.testing.assert_allclose(shifted.q[-1], about.q[-1], atol=1e-9)
 
 
 def test_a_pose_of_at_is_a_goal_as_it_is(arm):
     goal = arm.at([0.5, 1.0]).tip.translation[:2]
-    np.testing.assert_allclose(sa.plan(arm, START, goal).tip[-1, :2], goal, atol=1e-6)
+    np.testing.assert_allclose(sa.plan(arm.at(START), goal).tip[-1, :2], goal, atol=1e-6)
 
 
 def test_a_point_of_the_workspace_and_a_goal_are_the_same_point(arm):
     found, start = sa.workspace(arm), arm.at(START)
     fixed = found.regions(POINT, start=start)
     np.testing.assert_allclose(fixed.point[:2], POINT - start.com[:2], atol=1e-12)
-    plan = sa.plan(arm, START, POINT)
+    plan = sa.plan(arm.at(START), POINT)
     end = plan[-1]
     assert fixed.radius == pytest.approx(np.linalg.norm(end.tip.translation - end.com), abs=1e-6)
-    from_cm = sa.plan(arm, START, POINT, origin="cm")[-1]
+    from_cm = sa.plan(arm.at(START), POINT, origin="cm")[-1]
     radius = found.regions(POINT).radius
     assert radius == pytest.approx(np.linalg.norm(from_cm.tip.translation), abs=1e-6)
     turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.7])), np.array([3.0, -1.0, 0.0]))
@@ -87,10 +87,12 @@ def test_a_fixed_spacecraft_counts_from_its_own_cm(arm):
 
 def test_what_makes_no_sense_is_refused(arm):
     with pytest.raises(sa.ConfigurationError, match=r"unknown origin 'tip'; valid.*"):
-        sa.plan(arm, START, POINT, origin="tip")
+        sa.plan(arm.at(START), POINT, origin="tip")
     with pytest.raises(sa.ConfigurationError, match="a base that only turns"):
-        sa.follow(arm, START, [POINT], origin="cm", base=pin.SE3(np.eye(3), np.ones(3)))
-    elsewhere = sa.follow(arm, START, [POINT + 5.0], base=pin.SE3(np.eye(3), np.array([5.0, 5, 0])))
+        sa.follow(arm.at(START, base=pin.SE3(np.eye(3), np.ones(3))), [POINT], origin="cm")
+    elsewhere = sa.follow(
+        arm.at(START, base=pin.SE3(np.eye(3), np.array([5.0, 5, 0]))), [POINT + 5.0]
+    )
     assert elsewhere.origin == "as base was given"
 
 

@@ -26,7 +26,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def found(arm):
-    return sa.plan(arm, Q0, GOAL, momentum=H, detumble=True)
+    return sa.detumble(arm.at(Q0, momentum=H), GOAL)
 
 
 def spatial(axes, mark="<wheel/>", n=4):
@@ -40,21 +40,19 @@ def turned():
     """Four skew wheels, and an attitude stated."""
     arm, h = spatial(SKEW), [0.0, 0.0, 0.0, 1.0, -0.5, 0.8]
     goal, end = sa.Joints(np.full(4, 0.4)), pin.exp3(np.array([0.1, 0.2, -0.1]))
-    words = {
-        "momentum": h,
-        "wheels0": [0.1, 0.0, -0.2, 0.0],
-        "final_attitude": end,
-        "duration": 15.0,
-    }
-    return sa.plan(arm, np.zeros(4), goal, **words, detumble=True)
+    start = arm.at(np.zeros(4), wheels=[0.1, 0.0, -0.2, 0.0], momentum=h)
+    return sa.detumble(start, goal, final_attitude=end, duration=15.0)
 
 
-def flown(plan, **words):
+def flown(plan, rtol=1e-8):
     law = sa.Tracking(plan)
     return sa.simulate(
-        plan.arm, plan.q[0], law, plan.t[-1], base=plan[0].base, momentum=plan.momentum[0],
-        wheels0=plan.wheels[0], wheels=law.wheel_torques, **words,
-    )  # fmt: skip
+        plan[0],
+        law,
+        plan.t[-1],
+        plant=sa.Plant(wheels=law.wheel_torques),
+        integration=sa.Integration(rtol=rtol),
+    )
 
 
 def rates_at(run, i):
@@ -169,56 +167,64 @@ def test_the_least_time_is_that_of_the_torque():
 def test_no_plan_of_a_wheel_beats_the_least_time(arm, seed):
     h = np.zeros(6)
     h[5] = np.random.default_rng(seed).uniform(0.5, 2.5)
-    plan = sa.plan(arm, Q0, sa.Joints(Q0), momentum=h, detumble=True)
+    plan = sa.detumble(arm.at(Q0, momentum=h), sa.Joints(Q0))
     assert h[5] / 0.5 <= plan.t[-1] < 2.5 * h[5] / 0.5
 
 
 REFUSED = {
-    "hold at most 3 N m s together": {"momentum": [0, 0, 0, 0, 0, 3.5]},
-    "takes at least 4 s to take up": {"momentum": [0, 0, 0, 0, 0, 2.0], "duration": 3.9},
-    "at the start, of at most 3; unload": {"momentum": [0, 0, 0, 0, 0, 1.0], "wheels0": [3.5]},
+    "hold at most 3 N m s together": (3.5, None, None),
+    "takes at least 4 s to take up": (2.0, None, 3.9),
+    "at the start, of at most 3; unload": (1.0, [3.5], None),
 }
 
 
 @pytest.mark.parametrize("words", REFUSED)
 def test_what_wheels_cannot_take_is_said_with_the_reason(arm, words):
+    h, wheels, duration = REFUSED[words]
+    start = arm.at(Q0, wheels=wheels, momentum=[0, 0, 0, 0, 0, h])
     with pytest.raises(sa.NoSolutionError, match=words):
-        sa.plan(arm, Q0, sa.Joints(Q0), detumble=True, **REFUSED[words])
+        sa.detumble(start, sa.Joints(Q0), duration=duration)
 
 
 def test_an_attitude_that_the_wheels_cannot_hold_is_refused():
     """One wheel: at rest the momentum is along its axis; three with too little room at one."""
-    words = {"momentum": [0, 0, 0, 1, 0, 0.0], "detumble": True, "final_attitude": np.eye(3)}
+    h, goal, end = [0, 0, 0, 1, 0, 0.0], sa.Joints(np.full(4, 0.1)), np.eye(3)
     arm = spatial([[0, 0, 1]])
     with pytest.raises(sa.NoSolutionError, match="across the axes of the wheels 'wheel_0'"):
-        sa.plan(arm, np.zeros(4), sa.Joints(np.full(4, 0.1)), **words)
+        sa.detumble(arm.at(np.zeros(4), momentum=h), goal, final_attitude=end)
     arm, small = spatial(np.eye(3)), sa.WheelHold(stiffness=0, damping=0, capacity=0.8)
     with pytest.raises(sa.NoSolutionError, match=r"'wheel_0' 1 of at most 0\.8"):
-        sa.plan(arm, np.zeros(4), sa.Joints(np.full(4, 0.1)), **words, wheels=small)
+        sa.detumble(
+            arm.at(np.zeros(4), momentum=h), goal, final_attitude=end,
+            constraints=sa.Constraints(wheels=small),
+        )  # fmt: skip
 
 
 @pytest.mark.slow
 def test_the_arm_turns_one_wheel_to_the_momentum():
     """The only wheel is about z and the momentum is not: the arm must turn the spacecraft."""
     arm, h = spatial([[0, 0, 1]], n=6), np.array([0.0, 0.0, 0.0, 0.2, -0.1, 1.0])
-    plan = sa.plan(arm, np.full(6, 0.1), sa.Joints(np.full(6, 0.3)), momentum=h, detumble=True)
+    plan = sa.detumble(arm.at(np.full(6, 0.1), momentum=h), sa.Joints(np.full(6, 0.3)))
     last = plan[-1].base.rotation[:, 2]
     assert abs(last @ h[3:]) == pytest.approx(np.linalg.norm(h[3:]), rel=1e-8)
     assert_at_rest(flown(plan))
 
 
-BAD = ({"mode": "attitude-controlled"}, {"keep_attitude": 0.1}, {"method": "straight"})
+BAD = (
+    {"constraints": sa.Constraints(keep_attitude=0.1)},
+    {"search": sa.Search(method="straight")},
+)
 
 
 @pytest.mark.parametrize("words", BAD)
 def test_what_makes_no_sense_is_refused(arm, words):
     with pytest.raises(sa.ConfigurationError, match="leave out"):
-        sa.plan(arm, Q0, GOAL, momentum=H, detumble=True, **words)
+        sa.detumble(arm.at(Q0, momentum=H), GOAL, **words)
 
 
 def test_a_spacecraft_without_wheels_is_refused():
     with pytest.raises(sa.UnsupportedError, match="no wheels to take up momentum"):
-        sa.plan(sa.load("planar2"), Q0, GOAL, momentum=H, detumble=True)
+        sa.detumble(sa.load("planar2").at(Q0, momentum=H), GOAL)
 
 
 def test_an_interrupt_ends_the_search_with_what_was_tried(arm):
@@ -226,7 +232,7 @@ def test_an_interrupt_ends_the_search_with_what_was_tried(arm):
         raise KeyboardInterrupt
 
     with pytest.raises(sa.StoppedError, match=r"in 0 attempts; .* at least 2 s\. To"):
-        sa.plan(arm, Q0, sa.Joints(Q0), momentum=H, detumble=True, progress=stop)
+        sa.detumble(arm.at(Q0, momentum=H), sa.Joints(Q0), search=sa.Search(progress=stop))
 
 
 @pytest.mark.slow
@@ -235,7 +241,7 @@ def test_an_obstacle_is_kept_off(arm, found):
     ball = sa.Obstacle.sphere(0.05, sa.pose(middle))
     assert not sa.collision_check(found, ball).apart
     far = sa.Obstacle.sphere(0.05, sa.pose((-3.0, 0.0, 0.0)))
-    plan = sa.plan(arm, Q0, GOAL, momentum=H, detumble=True, obstacles=far)
+    plan = sa.detumble(arm.at(Q0, momentum=H), GOAL, constraints=sa.Constraints(obstacles=far))
     assert sa.collision_check(plan, far).apart
 
 

@@ -46,7 +46,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def found(arm):
-    return sa.plan(arm, [0.3, 1.2], (0.9, 1.4), momentum=H, duration=8.0)
+    return sa.plan(arm.at([0.3, 1.2], momentum=H), (0.9, 1.4), duration=8.0)
 
 
 def test_the_tip_arrives_at_the_stated_time(arm, found):
@@ -61,13 +61,18 @@ def test_the_tip_arrives_at_the_stated_time(arm, found):
 
 
 def test_the_plan_without_momentum_would_miss(arm):
-    still = sa.plan(arm, [0.3, 1.2], (0.9, 1.4))
+    still = sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4))
     ends = drifting_attitudes(arm, np.eye(3), still.t, still.q[None], H[3:], np.zeros(3))[0, -1]
     assert np.linalg.norm(pin.log3(ends.T @ still[-1].base.rotation)) > 0.05
 
 
-def test_a_simulation_with_the_momentum_keeps_to_the_plan(arm, found):
-    run = sa.simulate(arm, found.q[0], sa.Tracking(found), 8.0, momentum=H, rtol=1e-7)
+def test_a_simulation_with_the_momentum_keeps_to_the_plan(found):
+    run = sa.simulate(
+        found[0],
+        sa.Tracking(found),
+        8.0,
+        integration=sa.Integration(rtol=1e-7),
+    )
     assert np.linalg.norm(run.tip[-1, :2] - (0.9, 1.4)) < 1e-3
 
 
@@ -85,7 +90,7 @@ def test_wheels_that_spin_on_count(total):
     rotor = link("rotor") + joint("wheel", "spacecraft", "rotor", "continuous", inside=inside)
     text = sa.load("planar2").path.read_text().replace("</robot>", rotor + "</robot>")
     arm, h = load_text(text), [0.0, 0.0, 0.0, 0.0, 0.0, total]
-    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), momentum=h, wheels0=[0.3], duration=8.0)
+    plan = sa.plan(arm.at([0.3, 1.2], wheels=[0.3], momentum=h), (0.9, 1.4), duration=8.0)
     end = replay(plan)
     np.testing.assert_allclose(end.tip.translation[:2], (0.9, 1.4), atol=2e-8)
     np.testing.assert_array_equal(plan.wheels, [[0.3]] * len(plan))
@@ -93,8 +98,8 @@ def test_wheels_that_spin_on_count(total):
 
 
 def test_without_momentum_the_duration_stretches_the_plan(arm):
-    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4))
-    longer = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), duration=30.0)
+    plan = sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4))
+    longer = sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), duration=30.0)
     np.testing.assert_array_equal(longer.q, plan.q)
     np.testing.assert_allclose(longer.t, plan.t * (30.0 / plan.t[-1]), rtol=1e-12)
     np.testing.assert_allclose(longer.dq, plan.dq * (plan.t[-1] / 30.0), atol=1e-9)
@@ -103,19 +108,19 @@ def test_without_momentum_the_duration_stretches_the_plan(arm):
 @pytest.mark.slow
 @pytest.mark.parametrize("momentum", [None, H])
 def test_what_the_velocity_limits_forbid_is_said(arm, momentum):
-    words = {"momentum": momentum, "duration": 0.1, "timeout": 1.0}
+    start, soon = arm.at([0.3, 1.2], momentum=momentum), sa.Search(timeout=1.0)
     with pytest.raises(sa.NoSolutionError, match=r"more than the duration|reached in time"):
-        sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words)
+        sa.plan(start, (0.9, 1.4), duration=0.1, search=soon)
 
 
 @pytest.mark.slow
 def test_an_obstacle_is_kept_off_while_the_spacecraft_drifts(arm):
-    words = {"momentum": H, "duration": 12.0}
-    through = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words)
+    start = arm.at([0.3, 1.2], momentum=H)
+    through = sa.plan(start, (0.9, 1.4), duration=12.0)
     beside = through.at(4.0).tip.translation + np.array([0.12, 0.0, 0.0])
     ball = sa.Obstacle.sphere(0.06, sa.pose(beside))
     assert not sa.collision_check(through, ball).apart
-    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), **words, obstacles=ball)
+    plan = sa.plan(start, (0.9, 1.4), duration=12.0, constraints=sa.Constraints(obstacles=ball))
     assert sa.collision_check(plan, ball).apart
 
 
@@ -123,9 +128,14 @@ def test_a_longer_duration_minds_what_moves(arm):
     """A ball that is still far off when the plan ends meets the tip of a slower one."""
     far = sa.pose((0.9, 1.4 + 1.0, 0.0))
     ball = sa.Obstacle.sphere(0.1, far, twist=[0.0, -0.1, 0.0, 0.0, 0.0, 0.0])
-    plan = sa.plan(arm, [0.3, 1.2], (0.9, 1.4), obstacles=ball)
+    plan = sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), constraints=sa.Constraints(obstacles=ball))
     with pytest.raises(sa.NoSolutionError, match="meets"):
-        sa.plan(arm, [0.3, 1.2], (0.9, 1.4), obstacles=ball, duration=plan.t[-1] + 10.0)
+        sa.plan(
+            arm.at([0.3, 1.2]),
+            (0.9, 1.4),
+            duration=plan.t[-1] + 10.0,
+            constraints=sa.Constraints(obstacles=ball),
+        )
 
 
 @pytest.mark.slow
@@ -138,6 +148,6 @@ def test_spatial_arms_arrive(seed):
     t = np.linspace(0.0, 10.0, 60)
     T = drifting_attitudes(arm, np.eye(3), t, Q[None], h, np.zeros(3))[0, -1]
     goal = arm.at(Q[-1], base=pin.SE3(T, np.zeros(3))).centred(arm.at(Q[0]).com).tip
-    plan = sa.plan(arm, Q[0], goal, momentum=[0, 0, 0, *h], duration=10.0)
+    plan = sa.plan(arm.at(Q[0], momentum=[0, 0, 0, *h]), goal, duration=10.0)
     end = replay(plan)
     np.testing.assert_allclose(end.tip.homogeneous, goal.homogeneous, atol=1e-7)

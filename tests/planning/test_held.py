@@ -26,7 +26,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def found(arm):
-    return sa.plan(arm, Q0, GOAL, **HELD, wheels0=[2.0])
+    return sa.plan(arm.at(Q0, wheels=[2.0]), GOAL, **HELD)
 
 
 def whole_momentum(arm, plan, text, t):
@@ -78,12 +78,15 @@ def test_the_tip_arrives_and_the_attitude_stays(found):
 
 
 @pytest.mark.slow
-def test_a_simulation_with_wheels_that_hold_keeps_to_the_plan(arm, found):
+def test_a_simulation_with_wheels_that_hold_keeps_to_the_plan(found):
     hold = sa.WheelHold(stiffness=2000, damping=1000, torque=0.7, capacity=3.0)
     run = sa.simulate(
-        arm, found.q[0], sa.Tracking(found), found.t[-1], wheels=hold, wheels0=[2.0],
-        momentum=found.momentum[0], rtol=1e-4,
-    )  # fmt: skip
+        found[0],
+        sa.Tracking(found),
+        found.t[-1],
+        plant=sa.Plant(wheels=hold),
+        integration=sa.Integration(rtol=1e-4),
+    )
     assert np.linalg.norm(run.tip[-1, :2] - GOAL) < 1e-3
     assert np.abs(run.base[:, 5]).max() < 1e-3
     held = np.interp(found.t, run.t, run.wheels[:, 0])
@@ -93,21 +96,25 @@ def test_a_simulation_with_wheels_that_hold_keeps_to_the_plan(arm, found):
 
 def test_too_short_a_duration_is_refused_with_the_one_that_it_takes(arm):
     with pytest.raises(sa.NoSolutionError, match=r"'wheel_0' gives .* this way takes") as refused:
-        sa.plan(arm, Q0, GOAL, **HELD, duration=3.0)
+        sa.plan(arm.at(Q0), GOAL, duration=3.0, **HELD)
     needed = float(str(refused.value).split("takes ")[1].split()[0])
     assert refused.value.best.mode == "attitude-controlled"
-    plan = sa.plan(arm, Q0, GOAL, **HELD, duration=1.001 * needed)
+    plan = sa.plan(arm.at(Q0), GOAL, duration=1.001 * needed, **HELD)
     assert plan.t[-1] == 1.001 * needed
     with pytest.raises(sa.NoSolutionError, match="gives"):
-        sa.plan(arm, Q0, GOAL, **HELD, duration=0.99 * needed)
+        sa.plan(arm.at(Q0), GOAL, duration=0.99 * needed, **HELD)
 
 
 def test_momentum_scales_with_the_duration_and_its_start_counts(arm):
     """With room for momentum alone: half the room takes twice the time."""
     hold = [sa.WheelHold(stiffness=0, damping=0, capacity=c) for c in (0.4, 0.2)]
-    long, longer = (sa.plan(arm, Q0, GOAL, **HELD, wheels=one) for one in hold)
+    long, longer = (
+        sa.plan(arm.at(Q0), GOAL, constraints=sa.Constraints(wheels=one), **HELD) for one in hold
+    )
     assert longer.t[-1] == pytest.approx(2.0 * long.t[-1], rel=1e-9)
-    filled = sa.plan(arm, Q0, GOAL, **HELD, wheels=hold[0], wheels0=[-0.2])
+    filled = sa.plan(
+        arm.at(Q0, wheels=[-0.2]), GOAL, constraints=sa.Constraints(wheels=hold[0]), **HELD
+    )
     side = np.sign(long.wheels[np.abs(long.wheels).argmax(), 0])
     expected = longer.t[-1] if side < 0 else long.t[-1] * 0.4 / 0.6
     assert filled.t[-1] <= expected * (1.0 + 1e-6)
@@ -115,11 +122,11 @@ def test_momentum_scales_with_the_duration_and_its_start_counts(arm):
 
 def test_wheels_that_are_full_are_refused(arm):
     with pytest.raises(sa.NoSolutionError, match="at the start, of at most 3, "):
-        sa.plan(arm, Q0, GOAL, **HELD, wheels0=[3.5])
+        sa.plan(arm.at(Q0, wheels=[3.5]), GOAL, **HELD)
 
 
 def test_a_cm_that_moves_on_is_met_at_the_stated_time(arm):
-    plan = sa.plan(arm, Q0, GOAL, **HELD, momentum=[0.5, 0, 0, 0, 0, 1.0])
+    plan = sa.plan(arm.at(Q0, momentum=[0.5, 0, 0, 0, 0, 1.0]), GOAL, **HELD)
     np.testing.assert_allclose(plan.tip[-1, :2], GOAL, atol=5e-8)
     moved = plan.t[-1] * 0.5 / arm.mass
     np.testing.assert_allclose(plan.com[-1] - plan.com[0], [moved, 0, 0], atol=1e-9)
@@ -142,7 +149,7 @@ def test_four_wheels_share_the_momentum_of_a_spatial_arm():
     arm = load_text(text, tip="tip", task="position")
     turned = sa.pose((0.0, 0.0, 0.0), (0.3, -0.2, 0.5))
     goal = arm.at(np.full(4, 0.4), base=turned).centred(arm.at(np.zeros(4), base=turned).com).tip
-    plan = sa.plan(arm, np.zeros(4), goal.translation, **HELD, base=turned, wheels0=[1, 2, 0, -1])
+    plan = sa.plan(arm.at(np.zeros(4), base=turned, wheels=[1, 2, 0, -1]), goal.translation, **HELD)
     np.testing.assert_allclose(plan.tip[-1, :3], goal.translation, atol=1e-7)
     mark = with_wheels(random_chain(3, 4, ("revolute",)), axes, mark="")
     h = whole_momentum(arm, plan, mark, plan.t[1:-1:10])
@@ -154,7 +161,12 @@ def test_four_wheels_share_the_momentum_of_a_spatial_arm():
 def test_a_spacecraft_without_wheels_has_three():
     arm = sa.load("planar2")
     hold = sa.WheelHold(stiffness=0, damping=0, torque=0.2, capacity=1.0)
-    plan = sa.plan(arm, Q0, GOAL, **HELD, wheels=hold, momentum=[0, 0, 0, 0, 0, -0.4])
+    plan = sa.plan(
+        arm.at(Q0, momentum=[0, 0, 0, 0, 0, -0.4]),
+        GOAL,
+        constraints=sa.Constraints(wheels=hold),
+        **HELD,
+    )
     seen = sa.reaction(plan)
     assert plan.wheels.shape == (len(plan), 0)
     assert np.abs(seen.wheels).max() <= 1.0
@@ -163,18 +175,22 @@ def test_a_spacecraft_without_wheels_has_three():
 
 
 BAD = {
-    "the wheels hold": {**HELD, "wheels0": [1.0], "momentum": [0, 0, 0, 0, 0, 2.0]},
-    "attitude stays": {**HELD, "final_attitude": 0.3},
-    "wheels hold no attitude": {"wheels": sa.WheelHold(stiffness=0, damping=0)},
-    "unknown mode|no mode|mode": {"mode": "fixed"},
-    "one for each of": {**HELD, "wheels0": [1.0, 2.0]},
+    "the wheels hold": ({"wheels": [1.0], "momentum": [0, 0, 0, 0, 0, 2.0]}, HELD),
+    "attitude stays": ({}, {**HELD, "final_attitude": 0.3}),
+    "wheels hold no attitude": (
+        {},
+        {"constraints": sa.Constraints(wheels=sa.WheelHold(stiffness=0, damping=0))},
+    ),
+    "unknown mode|no mode|mode": ({}, {"mode": "fixed"}),
+    "one for each of": ({"wheels": [1.0, 2.0]}, HELD),
 }
 
 
 @pytest.mark.parametrize("words", BAD)
 def test_what_makes_no_sense_is_refused(arm, words):
+    held, asked = BAD[words]
     with pytest.raises(sa.ConfigurationError, match=words):
-        sa.plan(arm, Q0, GOAL, **BAD[words])
+        sa.plan(arm.at(Q0, **held), GOAL, **asked)
 
 
 def test_wheels_that_cannot_hold_the_attitude_are_refused():
@@ -184,7 +200,12 @@ def test_wheels_that_cannot_hold_the_attitude_are_refused():
                             '<child link="rotor_0')  # fmt: skip
         arm = load_text(text, tip="tip", task="position")
         with pytest.raises(sa.UnsupportedError, match=r"cannot take|moves with the arm"):
-            sa.plan(arm, np.zeros(3), sa.Joints(np.full(3, 0.1)), **HELD, limits=False)
+            sa.plan(
+                arm.at(np.zeros(3)),
+                sa.Joints(np.full(3, 0.1)),
+                constraints=sa.Constraints(limits=False),
+                **HELD,
+            )
 
 
 @given(seeds)

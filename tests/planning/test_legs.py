@@ -6,8 +6,8 @@ from helpers.arms import planar_pair
 from helpers.commands import spacearm
 
 import spacearm as sa
+from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.reactions.turns import largest_turn
-from spacearm.planning.search import Search, TimeUpError
 
 Q0, VIA, GOAL = [0.3, 1.2], (0.7, 1.7), (0.9, 1.4)
 
@@ -22,7 +22,7 @@ def nearest(plan, point):
 
 
 def test_the_tip_passes_the_goals_on_the_way(arm):
-    plan = sa.plan(arm, Q0, GOAL, via=[VIA, sa.Joints(Q0)])
+    plan = sa.plan(arm.at(Q0), GOAL, via=[VIA, sa.Joints(Q0)])
     assert nearest(plan, VIA) < 1e-7
     assert np.abs(plan.q[1:-1] - Q0).max(axis=1).min() < 1e-7
     np.testing.assert_allclose(plan.tip[-1, :2], GOAL, atol=1e-7)
@@ -40,7 +40,9 @@ def test_the_attitude_is_kept_by_way_of_other_goals():
     q0 = np.array([2.2, 0.9, 0.6, -0.9])
     start = pair.at(q0).tip.translation[:2]
     goal, via = start + np.array([0.15, -0.1]), start + 0.1
-    plan = sa.plan(pair, q0, goal, via=[via], keep_attitude=np.radians(0.2))
+    plan = sa.plan(
+        pair.at(q0), goal, via=[via], constraints=sa.Constraints(keep_attitude=np.radians(0.2))
+    )
     assert nearest(plan, via) < 1e-7
     np.testing.assert_allclose(plan.tip[-1, :2], goal, atol=1e-7)
     assert largest_turn(list(plan)) <= np.radians(0.2)
@@ -48,15 +50,15 @@ def test_the_attitude_is_kept_by_way_of_other_goals():
 
 def test_a_goal_on_the_way_that_cannot_be_reached_is_named(arm):
     with pytest.raises(sa.NoSolutionError, match=r"leg 2 of 3: .*out of reach|leg 2 of 3"):
-        sa.plan(arm, Q0, GOAL, via=[VIA, (9.0, 0.0)], timeout=0.5)
+        sa.plan(arm.at(Q0), GOAL, via=[VIA, (9.0, 0.0)], search=sa.Search(timeout=0.5))
 
 
 def test_momentum_and_goals_on_the_way_are_refused_together(arm):
     with pytest.raises(sa.UnsupportedError, match="at zero momentum"):
-        sa.plan(arm, Q0, GOAL, via=[VIA], momentum=[0, 0, 0, 0, 0, 0.1])
+        sa.plan(arm.at(Q0, momentum=[0, 0, 0, 0, 0, 0.1]), GOAL, via=[VIA])
 
 
-@pytest.mark.parametrize("asked", [{}, {"momentum": [0, 0, 0, 0, 0, 1.0]}, {"via": [VIA]}])
+@pytest.mark.parametrize("asked", ["at rest", "momentum", "via"])
 def test_one_interrupt_ends_the_whole_search(arm, asked):
     """Ctrl-C comes once, in whatever part of the search; nothing is begun after it."""
     calls = []
@@ -67,22 +69,27 @@ def test_one_interrupt_ends_the_whole_search(arm, asked):
             raise KeyboardInterrupt
 
     wall = sa.Obstacle.sphere(0.05, sa.pose((*GOAL, 0.0)))  # about the goal: there is no plan
-    asked = asked | ({"duration": 0.01} if "momentum" in asked else {"obstacles": wall})
+    beside = {"constraints": sa.Constraints(obstacles=wall)}
+    start, words = {
+        "at rest": (arm.at(Q0), beside),
+        "momentum": (arm.at(Q0, momentum=[0, 0, 0, 0, 0, 1.0]), {"duration": 0.01}),
+        "via": (arm.at(Q0), {"via": [VIA]} | beside),
+    }[asked]
     with pytest.raises(sa.StoppedError) as stopped:
-        sa.plan(arm, Q0, GOAL, **asked, progress=progress)
+        sa.plan(start, GOAL, search=sa.Search(progress=progress), **words)
     assert isinstance(stopped.value.best, sa.Plan)
     assert 5 <= len(calls) <= 6
 
 
 def test_a_part_ends_with_the_whole():
-    whole = Search(1e3)
+    whole = SearchAccount(1e3)
     part = whole.part(1e3)
     part.check_time()
     part.end()
     for search in (part, whole):
         with pytest.raises(TimeUpError, match="Ctrl-C"):
             search.check_time()
-    soon = Search(1e-9).part(1e3)
+    soon = SearchAccount(1e-9).part(1e3)
     with pytest.raises(TimeUpError, match="time is up"):
         soon.check_time()
 

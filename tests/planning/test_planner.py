@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import spacearm as sa
 from spacearm.planning.curve import CurveFamily
 from spacearm.planning.optimiser import CurveOptimiser, Target
-from spacearm.planning.timing import rest_to_rest_times
+from spacearm.planning.timing import largest_rates, rest_to_rest_times
 from spacearm.plots.motions import draw_motion
 
 E, B, C = np.radians([-57.936, 60.337]), np.array([1.5, 1.5]), np.array([1.0, 0.0])
@@ -46,7 +46,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def found(arm):
-    return sa.plan(arm, E, B, base=about_cm(arm, E, 0, 0, np.radians(21)))
+    return sa.plan(arm.at(E, base=about_cm(arm, E, 0, 0, np.radians(21))), B)
 
 
 # --- the open problem -----------------------------------------------------------------------
@@ -65,7 +65,7 @@ def test_the_open_problem_of_the_paper(arm, found):
     assert (np.abs(found.q) <= np.pi).all()
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     squares = sa.follow(
-        arm, E, [C, *(9 * corners), corners[0], C, B], base=found[0].base, limits=False
+        arm.at(E, base=found[0].base), [C, *(9 * corners), corners[0], C, B], limits=False
     )
     assert squares.arrived
     assert found.length < np.abs(np.diff(squares.q, axis=0)).sum() / 3
@@ -78,11 +78,22 @@ def test_times_respect_the_velocity_limits(arm, found):
     assert rates.max() > 0.9 * min(limits)
 
 
+def test_stated_rates_are_kept(arm):
+    """Half the rate takes twice the time, the path being the same; one joint may set the pace."""
+    start, goal = arm.at([0.3, 1.2]), (0.9, 1.4)
+    both, half = (sa.plan(start, goal, constraints=sa.Constraints(rates=r)) for r in (0.2, 0.1))
+    np.testing.assert_array_equal(half.q, both.q)
+    assert half.t[-1] == pytest.approx(2.0 * both.t[-1], rel=1e-12)
+    slow = sa.plan(start, goal, constraints=sa.Constraints(rates=[0.2, 0.01]))
+    rates = np.abs(np.diff(slow.q, axis=0)) / np.diff(slow.t)[:, None]
+    assert 0.009 < rates[:, 1].max() <= 0.01 * 1.001
+
+
 def test_the_joints_come_to_rest_at_corners(arm):
     corner = np.vstack(
         (np.linspace([0, 1.0], [0.5, 1.0], 30), np.linspace([0.5, 1.0], [0.5, 2.0], 60))
     )
-    t = rest_to_rest_times(arm, corner)
+    t = rest_to_rest_times(corner, largest_rates(arm))
     rates = np.diff(corner, axis=0) / np.diff(t)[:, None]
     assert np.abs(rates[28:30]).max() < 0.2 * np.abs(rates).max()
     assert np.abs(rates).max() <= 1.001 * arm.tree.joints["joint_1"].velocity
@@ -92,8 +103,11 @@ def test_the_joints_come_to_rest_at_corners(arm):
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_plan(arm, found):
     base = about_cm(arm, E, 0, 0, np.radians(21))
-    np.testing.assert_array_equal(sa.plan(arm, E, B, base=base).q, found.q)
-    loops = [sa.plan(arm, E, B, base=base, method="cycles", seed=s).q for s in (5, 5, 6)]
+    np.testing.assert_array_equal(sa.plan(arm.at(E, base=base), B).q, found.q)
+    loops = [
+        sa.plan(arm.at(E, base=base), B, search=sa.Search(method="cycles", seed=s)).q
+        for s in (5, 5, 6)
+    ]
     np.testing.assert_array_equal(loops[0], loops[1])
     assert not np.array_equal(loops[0], loops[2])
 
@@ -112,7 +126,12 @@ def test_cycles_where_one_curve_is_too_short():
     """Limits leave little room: only loops turn the spacecraft far enough."""
     arm = sa.load("planar2")
     q, far = np.radians([-134.0, -160.0]), np.array([1.2, 1.15])
-    plan = sa.plan(arm, q, far, base=about_cm(arm, q, 0, 0, 2.0), method="cycles", limits=False)
+    plan = sa.plan(
+        arm.at(q, base=about_cm(arm, q, 0, 0, 2.0)),
+        far,
+        constraints=sa.Constraints(limits=False),
+        search=sa.Search(method="cycles"),
+    )
     np.testing.assert_allclose(replay(plan).tip.translation[:2], far, atol=1e-6)
     assert plan.certificate.free
 
@@ -121,7 +140,7 @@ def test_cycles_where_one_curve_is_too_short():
 def test_attitude_first_turns_to_where_the_line_is_free(arm):
     """From E the line to B is free after a turn under the tip; the story names the turns."""
     base = about_cm(arm, E, 0, 0, np.radians(21))
-    plan = sa.plan(arm, E, B, base=base, method="attitude first", timeout=300)
+    plan = sa.plan(arm.at(E, base=base), B, search=sa.Search(method="attitude first", timeout=300))
     np.testing.assert_allclose(replay(plan).tip.translation[:2], B, atol=1e-6)
     assert "the line is free after turns of" in plan.tried[0].story
     assert plan.certificate.free
@@ -134,7 +153,9 @@ def test_attitude_first_turns_to_where_the_line_is_free(arm):
 @pytest.mark.parametrize("degrees", [-90, -30, 30, 90])
 def test_the_arm_as_attitude_actuator(arm, degrees):
     q = np.array([0.3, 1.2])
-    plan = sa.plan(arm, q, sa.Joints(q), final_attitude=np.radians(degrees), timeout=300)
+    plan = sa.plan(
+        arm.at(q), sa.Joints(q), final_attitude=np.radians(degrees), search=sa.Search(timeout=300)
+    )
     end = replay(plan)
     np.testing.assert_allclose(plan.q[-1], q, atol=1e-8)
     turn = pin.log3(pin.exp3(np.radians([0, 0, degrees])).T @ end.base.rotation)
@@ -147,7 +168,7 @@ def test_a_spatial_arm_turns_its_spacecraft(axis):
     arm = sa.load("chaser7")
     q = np.array([0.3, 0.8, -0.4, 1.1, 0.2, 0.9, 0.1])
     wanted = pin.exp3(np.radians(10) * np.eye(3)[axis])
-    plan = sa.plan(arm, q, sa.Joints(q), final_attitude=wanted, timeout=300)
+    plan = sa.plan(arm.at(q), sa.Joints(q), final_attitude=wanted, search=sa.Search(timeout=300))
     np.testing.assert_allclose(plan.q[-1], q, atol=1e-8)
     np.testing.assert_allclose(replay(plan).base.rotation, wanted, atol=1e-6)
 
@@ -158,14 +179,14 @@ def test_a_pose_of_a_planar_arm_and_a_place_of_a_spatial_one():
     goal = planar.at(
         [-0.4, 1.3, 0.6], base=pin.SE3(pin.exp3(np.array([0, 0, 1.0])), np.zeros(3))
     ).tip
-    plan = sa.plan(planar, [0.5, 0.8, -0.9], goal, limits=False)
+    plan = sa.plan(planar.at([0.5, 0.8, -0.9]), goal, constraints=sa.Constraints(limits=False))
     start_com = plan[0].com
     np.testing.assert_allclose(replay(plan).tip.homogeneous, goal.homogeneous, atol=1e-6)
     np.testing.assert_allclose(plan[-1].com, start_com, atol=1e-9)
     spatial = sa.load("chaser7", task="position")
     q = np.array([0.3, 0.8, -0.4, 1.1, 0.2, 0.6, 0.1])
     place = spatial.at(q).tip.translation + np.array([0.3, -0.2, 0.1])
-    plan = sa.plan(spatial, q, place)
+    plan = sa.plan(spatial.at(q), place)
     np.testing.assert_allclose(replay(plan).tip.translation, place, atol=1e-6)
     assert plan.certificate.free  # by five of its 35 minors, which are too large together
 
@@ -244,21 +265,26 @@ def test_the_holonomy_of_a_curve_converges_with_the_fourth_order():
         (E, (3.0, 0.0), {}, r"2\.28723 m"),
         ((0.0, 0.0), B, {}, "start is singular"),
         ((4.0, 1.0), B, {}, "limits=False"),
-        ((0.3, 0.3), B, {"clearance": 0.5}, "below the clearance of 28.6"),
-        (E, B, {"method": "straight"}, "singular after"),
-        (E, sa.Joints(E + 0.1), {"method": "straight"}, "joint space"),
-        (E, B, {"method": "joint space", "timeout": 1e-6}, "time is up"),
+        (
+            (0.3, 0.3),
+            B,
+            {"constraints": sa.Constraints(clearance=0.5)},
+            "below the clearance of 28.6",
+        ),
+        (E, B, {"search": sa.Search(method="straight")}, "singular after"),
+        (E, sa.Joints(E + 0.1), {"search": sa.Search(method="straight")}, "joint space"),
+        (E, B, {"search": sa.Search(method="joint space", timeout=1e-6)}, "time is up"),
     ],
 )
 def test_no_solution(arm, start, goal, options, message):
     with pytest.raises(sa.NoSolutionError, match=message) as caught:
-        sa.plan(arm, start, goal, **options)
+        sa.plan(arm.at(start), goal, **options)
     np.testing.assert_array_equal(caught.value.best.q[0], start)
 
 
 def test_out_of_reach_the_best_attempt_goes_until_it_is_stretched(arm):
     with pytest.raises(sa.NoSolutionError, match="comes no farther") as caught:
-        sa.plan(arm, [0.3, 1.2], (3.0, 0.0))
+        sa.plan(arm.at([0.3, 1.2]), (3.0, 0.0))
     best, reach = caught.value.best, sa.workspace(arm).reachable.max()
     R = np.linalg.norm(best.tip[:, :2] - best[0].com[:2], axis=1)
     assert 0.99 * reach < R[-1] < reach + 1e-9
@@ -273,9 +299,9 @@ def test_limits_that_exclude_every_solution(tmp_path):
     (tmp_path / "stiff.urdf").write_text(text)
     arm = sa.load(tmp_path / "stiff.urdf")
     goal = arm.at([-0.5, 1.5]).centred(arm.at([1.0, 1.0]).com).tip.translation[:2]
-    assert sa.plan(arm, [1.0, 1.0], goal, limits=False).method
+    assert sa.plan(arm.at([1.0, 1.0]), goal, constraints=sa.Constraints(limits=False)).method
     with pytest.raises(sa.NoSolutionError, match="reaches its limit") as caught:
-        sa.plan(arm, [1.0, 1.0], goal, timeout=8.0)
+        sa.plan(arm.at([1.0, 1.0]), goal, search=sa.Search(timeout=8.0))
     best = caught.value.best
     assert ((best.q >= 0.9 - 1e-9) & (best.q <= 1.1 + 1e-9)).all()
 
@@ -284,13 +310,13 @@ def test_joints_beyond_a_singularity(arm):
     beyond = sa.Joints([0.3, -1.2])
     assert sa.singularity(arm.at(beyond.q)).determinant < 0.0
     with pytest.raises(sa.NoSolutionError, match="every way between them meets a singularity"):
-        sa.plan(arm, [0.3, 1.2], beyond)
+        sa.plan(arm.at([0.3, 1.2]), beyond)
 
 
 def test_the_best_attempt_comes_along(arm):
     base = about_cm(arm, E, 0, 0, np.radians(21))
     with pytest.raises(sa.NoSolutionError) as caught:
-        sa.plan(arm, E, B, base=base, method="straight")
+        sa.plan(arm.at(E, base=base), B, search=sa.Search(method="straight"))
     best = caught.value.best
     np.testing.assert_allclose(best.tip[-1, :2], (1.6227, 1.1319), atol=1e-3)
     assert not best.tried[0].arrived
@@ -299,47 +325,74 @@ def test_the_best_attempt_comes_along(arm):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "magic"}, "'magic'"),
-        ({"timeout": 0.0}, "timeout is 0"),
-        ({"clearance": -1.0}, "clearance is -1"),
         ({"final_attitude": (1.0, 2.0)}, "an angle"),
         ({"goal": (1.0, 2.0, 3.0)}, "2 finite numbers"),
         ({"goal": sa.Joints((1.0,))}, "goal has shape"),
+        ({"constraints": sa.Constraints(rates=[1.0])}, "rates has shape|rates is"),
+        ({"constraints": sa.Constraints(rates=-1.0)}, "rates is -1"),
     ],
 )
 def test_bad_input(arm, options, message):
     with pytest.raises(sa.ConfigurationError, match=message):
-        sa.plan(arm, E, **({"goal": B} | options))
+        sa.plan(arm.at(E), **({"goal": B} | options))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "magic"}, "'magic'"),
+        ({"timeout": 0.0}, "timeout is 0"),
+        ({"timeout": "x"}, "timeout is 'x'"),
+        ({"seed": -1}, "seed is -1"),
+    ],
+)
+def test_a_search_that_makes_no_sense(options, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.Search(**options)
+
+
+def test_constraints_that_make_no_sense():
+    with pytest.raises(sa.ConfigurationError, match="clearance is -1"):
+        sa.Constraints(clearance=-1.0)
+    with pytest.raises(sa.ConfigurationError, match="leave out collisions=False"):
+        sa.Constraints(obstacles=sa.Obstacle.box(0.1), collisions=False)
+
+
+def test_what_is_asked_as_plain_data():
+    asked = sa.Constraints(rates=np.array([0.1, 0.2]), obstacles=[sa.Obstacle.box(0.1)])
+    told = json.loads(json.dumps(asked.to_dict()))
+    assert told["rates"] == [0.1, 0.2]
+    assert told["obstacles"][0]["kind"] == "box"
+    assert sa.Search(progress=print).to_dict() == {"seed": 0, "timeout": 60.0, "method": "auto"}
 
 
 @pytest.mark.parametrize(
     ("name", "goal", "options", "error", "message"),
     [
         ("planar2", sa.Joints([3.5, 1.2]), {}, sa.NoSolutionError, "goal of joint 'joint_1'"),
-        ("planar2", sa.Joints([0.3, 0.25]), {"clearance": 0.2}, sa.NoSolutionError, "the goal has"),
+        ("planar2", sa.Joints([0.3, 0.25]), {"constraints": sa.Constraints(clearance=0.2)},
+         sa.NoSolutionError, "the goal has"),
         ("planar2", sa.Joints([0.4, 1.3]), {"final_attitude": pin.exp3(np.array([0.3, 0, 0]))},
          sa.NoSolutionError, "no turn about z"),
         ("planar2", B, {"final_attitude": "x"}, sa.ConfigurationError, "final_attitude is 'x'"),
-        ("planar2", B, {"seed": -1}, sa.ConfigurationError, "seed is -1"),
-        ("planar2", B, {"timeout": "x"}, sa.ConfigurationError, "timeout is 'x'"),
         ("planar3", pin.SE3(2 * np.eye(3), np.zeros(3)), {}, sa.ConfigurationError, "target"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_said_at_once(name, goal, options, error, message):
     arm = sa.load(name)
     with pytest.raises(error, match=message):
-        sa.plan(arm, [0.3, 1.2, 0.4][: arm.n], goal, **options)
+        sa.plan(arm.at([0.3, 1.2, 0.4][: arm.n]), goal, **options)
 
 
 def test_fewer_joints_than_rows():
     with pytest.raises(sa.UnsupportedError, match="2 joints for 6 task rows"):
-        sa.plan(sa.load("planar2", task="pose"), [0.3, 1.2], sa.Joints([0.4, 1.3]))
+        sa.plan(sa.load("planar2", task="pose").at([0.3, 1.2]), sa.Joints([0.4, 1.3]))
 
 
 def test_already_there(arm):
     cfg = arm.at([0.3, 1.2])
     for goal in (cfg.tip.translation[:2], sa.Joints(cfg.q)):
-        plan = sa.plan(arm, cfg.q, goal)
+        plan = sa.plan(arm.at(cfg.q), goal)
         assert plan.length == 0.0
         assert plan.t.tolist() == [0.0]
         assert plan.certificate.free
@@ -352,7 +405,9 @@ def test_the_spacecraft_turned_under_a_tip_that_stays(name):
     cfg = arm.at(np.linspace(0.3, 1.2, arm.n))
     turn = pin.exp3(np.array([0.0, 0.0, 0.1]))
     goal = cfg.tip if name == "mda6" else cfg.tip.translation[:2]
-    plan = sa.plan(arm, cfg.q, goal, final_attitude=turn, collisions=False)
+    plan = sa.plan(
+        arm.at(cfg.q), goal, final_attitude=turn, constraints=sa.Constraints(collisions=False)
+    )
     end = replay(plan)
     np.testing.assert_allclose(end.base.rotation, turn, atol=1e-6)
     np.testing.assert_allclose(end.tip.translation, cfg.tip.translation, atol=1e-6)
@@ -363,13 +418,18 @@ def test_a_goal_and_an_attitude_that_no_posture_has(arm):
     """The goal is where the arm reaches it stretched only, and then with one attitude."""
     cfg = arm.at([0.3, 0.02]).centred(arm.at([0.3, 1.2]).com)
     with pytest.raises(sa.NoSolutionError, match="searches found joint positions at the goal"):
-        sa.plan(arm, [0.3, 1.2], cfg.tip.translation[:2], final_attitude=2.0, timeout=8.0)
+        sa.plan(
+            arm.at([0.3, 1.2]),
+            cfg.tip.translation[:2],
+            final_attitude=2.0,
+            search=sa.Search(timeout=8.0),
+        )
 
 
 def test_one_row_of_the_tip():
     """What the task leaves open counts neither for reach nor for arriving."""
     arm = sa.load("planar2", task="x")
-    plan = sa.plan(arm, [0.8, 0.6], [2.0])
+    plan = sa.plan(arm.at([0.8, 0.6]), [2.0])
     assert replay(plan).tip.translation[0] == pytest.approx(2.0, abs=1e-6)
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import spacearm as sa
-from spacearm.planning.search import Search, TimeUpError
+from spacearm.planning.account import SearchAccount, TimeUpError
 
 
 def test_the_account_names_the_constraint_that_stops_most_and_what_to_relax():
-    search = Search(1.0)
+    search = SearchAccount(1.0)
     search.postures.update(tried=600, reached=40, limits=30, side=6, usable=4)
     search.ways.update(landing=500, limits=20, contact=3)
     search.contacts["'l4' meets 'hull'"] = 3
@@ -34,7 +34,7 @@ def test_the_account_names_the_constraint_that_stops_most_and_what_to_relax():
     ],
 )
 def test_what_to_relax(postures, ways, remedy):
-    search = Search(1.0)
+    search = SearchAccount(1.0)
     search.postures.update(postures)
     search.ways.update(ways)
     assert remedy in search.verdict.partition("To relax")[2]
@@ -42,7 +42,7 @@ def test_what_to_relax(postures, ways, remedy):
 
 def test_time_is_checked_and_told():
     told = []
-    search = Search(0.05, lambda t, whole: told.append((t, whole)))
+    search = SearchAccount(0.05, lambda t, whole: told.append((t, whole)))
     search.check_time()
     time.sleep(0.06)
     with pytest.raises(TimeUpError, match="time is up"):
@@ -69,8 +69,10 @@ def test_a_search_uses_its_time_and_not_more(tmp_path):
         looks.clear()
         with pytest.raises(sa.NoSolutionError) as caught:
             sa.plan(
-                arm, [1.0, 1.0], goal, timeout=5.0,
-                progress=lambda t, _: looks.append((t, time.process_time())),
+                arm.at([1.0, 1.0]), goal,
+                search=sa.Search(
+                    timeout=5.0, progress=lambda t, _: looks.append((t, time.process_time()))
+                ),
             )  # fmt: skip
     assert looks[-1][0] == 5.0
     assert np.diff([work for _, work in looks]).max() < 0.2
@@ -86,7 +88,7 @@ def test_ctrl_c_says_what_was_tried(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(sa.StoppedError, match="planar2: no plan found in") as caught:
-        sa.plan(arm, [1.0, 1.0], goal, progress=stop)
+        sa.plan(arm.at([1.0, 1.0]), goal, search=sa.Search(progress=stop))
     assert "straight: joint 'joint_" in str(caught.value)
     assert "stopped by Ctrl-C" in str(caught.value)
 
@@ -94,7 +96,7 @@ def test_ctrl_c_says_what_was_tried(tmp_path):
 def test_limits_hold_at_every_instant():
     """Positions and rates, of the motion between its rows too."""
     arm = sa.load("planar2")
-    plan = sa.plan(arm, [0.3, 1.2], sa.Joints([arm.upper[0], 1.0]))
+    plan = sa.plan(arm.at([0.3, 1.2]), sa.Joints([arm.upper[0], 1.0]))
     for t in np.random.default_rng(0).uniform(0.0, plan.t[-1], 300):
         q = plan.at(t).q
         assert ((q >= arm.lower) & (q <= arm.upper)).all()

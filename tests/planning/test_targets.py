@@ -22,6 +22,6 @@ def rods(axes):
 
 def test_an_arm_with_joints_in_one_line_is_told_that_it_cannot_do_the_task():
     with pytest.raises(sa.NoSolutionError, match="no joint that moves the tip in some direction"):
-        sa.plan(rods("xzxxxyx"), np.full(7, 0.4), sa.Joints(np.full(7, 0.5)))
-    plan = sa.plan(rods("xzyxzyx"), np.full(7, 0.4), sa.Joints(np.full(7, 0.5)))
+        sa.plan(rods("xzxxxyx").at(np.full(7, 0.4)), sa.Joints(np.full(7, 0.5)))
+    plan = sa.plan(rods("xzyxzyx").at(np.full(7, 0.4)), sa.Joints(np.full(7, 0.5)))
     assert plan.certificate is None or plan.certificate.free

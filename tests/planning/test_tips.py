@@ -55,7 +55,7 @@ def replay(plan):
 def test_both_tips_arrive_at_once(arm):
     goal = sa.move(arm.at(Q0), Q0 + np.array([0.5, -0.4, -0.6, 0.5]))
     goals = {name: tip.translation[:2] for name, tip in zip(TIPS, goal.tips, strict=True)}
-    plan = sa.plan(arm, Q0, goals)
+    plan = sa.plan(arm.at(Q0), goals)
     end, _ = replay(plan)
     for tip, point in zip(end.tips, goals.values(), strict=True):
         np.testing.assert_allclose(tip.translation[:2], point, atol=1e-7)
@@ -70,7 +70,7 @@ def test_curves_in_joint_space_lead_both_tips(arm, bend):
     middle = sa.move(arm.at(Q0), Q0 + bend)
     goal = sa.move(middle, Q0 + np.array([0.4, 0.3, -0.5, -0.3]))
     goals = {name: tip.translation[:2] for name, tip in zip(TIPS, goal.tips, strict=True)}
-    plan = sa.plan(arm, Q0, goals, method="joint space")
+    plan = sa.plan(arm.at(Q0), goals, search=sa.Search(method="joint space"))
     end, _ = replay(plan)
     for tip, point in zip(end.tips, goals.values(), strict=True):
         np.testing.assert_allclose(tip.translation[:2], point, atol=1e-7)
@@ -79,7 +79,7 @@ def test_curves_in_joint_space_lead_both_tips(arm, bend):
 
 def test_both_arms_of_a_real_robot(dual):
     goal = sa.move(dual.at(BOTH), BOTH + np.linspace(-0.25, 0.25, 12))
-    plan = sa.plan(dual, BOTH, dict(zip(TIPS, goal.tips, strict=True)))
+    plan = sa.plan(dual.at(BOTH), dict(zip(TIPS, goal.tips, strict=True)))
     end, _ = replay(plan)
     for tip, there in zip(end.tips, goal.tips, strict=True):
         np.testing.assert_allclose(tip.homogeneous, there.homogeneous, atol=1e-7)
@@ -90,15 +90,15 @@ def test_both_arms_of_a_real_robot(dual):
 @pytest.mark.slow
 def test_one_arm_works_and_the_other_keeps_the_attitude(arm):
     goal = sa.move(arm.at(Q0), Q0 + np.array([0.5, -0.4, 0.0, 0.0])).tips[0].translation[:2]
-    free = sa.plan(arm, Q0, {"left": goal}, method="straight")
-    plan = sa.plan(arm, Q0, {"left": goal}, keep_attitude=1e-3)
+    free = sa.plan(arm.at(Q0), {"left": goal}, search=sa.Search(method="straight"))
+    plan = sa.plan(arm.at(Q0), {"left": goal}, constraints=sa.Constraints(keep_attitude=1e-3))
     assert replay(free)[1] > 0.03
     end, turn = replay(plan)
     assert plan.method == "reactionless"
     assert plan.arm.tips == ("left",)
     assert turn < 1e-4
     np.testing.assert_allclose(end.tip.translation[:2], goal, atol=1e-7)
-    run = sa.simulate(plan.arm, plan.q[0], sa.Tracking(plan), plan.t[-1], rtol=1e-6)
+    run = sa.simulate(plan[0], sa.Tracking(plan), plan.t[-1], integration=sa.Integration(rtol=1e-6))
     assert np.linalg.norm(run.tip[-1, :2] - goal) < 1e-3
     assert 2.0 * np.abs(run.base[:, 5]).max() < 1e-3
 
@@ -109,7 +109,7 @@ def test_an_arm_of_a_real_robot_keeps_the_attitude(far, kept):
     """As near as nothing, or where that would fold its wrist into it, within what is allowed."""
     arm = sa.load("dual_ur5", tip="left", joints="all")
     goal = sa.move(arm.at(BOTH), BOTH + np.append(far * np.array([1, -1, 1, 1, -1, 1]), 6 * [0]))
-    plan = sa.plan(arm, BOTH, goal.tip, keep_attitude=kept)
+    plan = sa.plan(arm.at(BOTH), goal.tip, constraints=sa.Constraints(keep_attitude=kept))
     end, turn = replay(plan)
     assert turn <= largest_turn(list(plan)) <= kept
     np.testing.assert_allclose(end.tip.homogeneous, goal.tip.homogeneous, atol=1e-7)
@@ -138,7 +138,9 @@ def test_tips_of_a_held_spacecraft_arrive_within_the_limits_of_wheels(arm):
     com, end = arm.at(Q0).com, arm.at(Q0 + np.array([0.4, -0.3, -0.5, 0.3]), base=base)
     goals = {k: t.translation[:2] for k, t in zip(TIPS, end.centred(com).tips, strict=True)}
     hold = sa.WheelHold(stiffness=0, damping=0, torque=0.5)
-    plan = sa.plan(arm, Q0, goals, mode="attitude-controlled", wheels=hold)
+    plan = sa.plan(
+        arm.at(Q0), goals, mode="attitude-controlled", constraints=sa.Constraints(wheels=hold)
+    )
     for tip, point in zip(plan[-1].tips, goals.values(), strict=True):
         np.testing.assert_allclose(tip.translation[:2], point, atol=1e-7)
     assert 0.4 < np.abs(sa.reaction(plan).torque).max() <= 0.5
@@ -151,7 +153,7 @@ def test_either_arm_with_the_other_held(tip):
     one = pair(tip).replace(locked={k: v for k, v in other.items() if k not in mine})
     q = np.array([other[name] for name in mine])
     goal = sa.move(one.at(q), q + np.array([0.3, -0.4])).tip.translation[:2]
-    end, _ = replay(sa.plan(one, q, goal))
+    end, _ = replay(sa.plan(one.at(q), goal))
     np.testing.assert_allclose(end.tip.translation[:2], goal, atol=1e-7)
 
 
@@ -175,23 +177,33 @@ def test_the_command_leads_both_tips_and_draws_them(arm, tmp_path):
 
 
 BAD = {
-    "unknown tip 'middle'": {"goal": {"middle": (0, 0)}},
-    "goal is empty": {"goal": {}},
-    "at zero momentum only": {"momentum": [0, 0, 0, 0, 0, 1.0]},
-    "leave out method": {"method": "cycles"},
-    "keep_attitude": {"keep_attitude": -1.0},
+    "unknown tip 'middle'": lambda start, _: sa.plan(start, {"middle": (0, 0)}),
+    "goal is empty": lambda start, _: sa.plan(start, {}),
+    "at zero momentum only": lambda start, goals: sa.plan(
+        start.arm.at(Q0, momentum=[0, 0, 0, 0, 0, 1.0]), goals
+    ),
+    "leave out method": lambda start, goals: sa.plan(
+        start, goals, search=sa.Search(method="cycles")
+    ),
+    "keep_attitude": lambda start, goals: sa.plan(
+        start, goals, constraints=sa.Constraints(keep_attitude=-1.0)
+    ),
 }
 
 
 @pytest.mark.parametrize("words", BAD)
 def test_what_cannot_be_done_is_said(arm, words):
-    asked = {"goal": {"left": (-2.0, 1.0), "right": (2.2, 0.3)}} | BAD[words]
     with pytest.raises(sa.SpaceArmError, match=words):
-        sa.plan(arm, Q0, **asked)
+        BAD[words](arm.at(Q0), {"left": (-2.0, 1.0), "right": (2.2, 0.3)})
 
 
 def test_an_attitude_that_cannot_be_kept_is_said():
     with pytest.raises(
         sa.NoSolutionError, match=r"turns by up to.*reactionless: 2 joints|2 joints"
     ):
-        sa.plan(sa.load("planar2"), [0.3, 1.2], (0.9, 1.4), keep_attitude=1e-3, timeout=1.0)
+        sa.plan(
+            sa.load("planar2").at([0.3, 1.2]),
+            (0.9, 1.4),
+            constraints=sa.Constraints(keep_attitude=1e-3),
+            search=sa.Search(timeout=1.0),
+        )

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics.nearness import tangent
+from spacearm.mechanics.distance import tangent
 from spacearm.model.joints import joint_scales
 
 SQUARE = ("planar2", "planar3", "mda6", "ets7")

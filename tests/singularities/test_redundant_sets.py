@@ -479,10 +479,10 @@ def test_searched_sets_have_proofs(task, n):
 def test_plans_of_redundant_arms_are_proven():
     arm = sa.load("chaser7")
     q0 = np.array([0.1, 0.9, 0.2, 1.3, -0.4, 0.8, 0.3])
-    plan = sa.plan(arm, q0, sa.Joints(q0 + 0.1), timeout=30)
+    plan = sa.plan(arm.at(q0), sa.Joints(q0 + 0.1), search=sa.Search(timeout=30))
     assert plan.certificate
     assert plan.certificate.verdict == "free"
-    followed = sa.follow(arm, q0, [arm.at(q0).tip, arm.at(q0 + 0.02).tip])
+    followed = sa.follow(arm.at(q0), [arm.at(q0).tip, arm.at(q0 + 0.02).tip])
     assert followed.certificate
 
 

@@ -45,7 +45,11 @@ def test_runs_of_a_chunk_are_those_of_simulate_many(study):
     law = sa.TransposedJacobian(target=[1.5, 1.5], kp=5.0, kd=15.0)
     for i, q0 in enumerate(Q0):
         run = sa.simulate(
-            arm, q0, law, 8.0, base=turned, origin="cm", rtol=1e-6, atol=1e-8, dt=0.04
+            arm.at(q0, base=turned),
+            law,
+            8.0,
+            origin="cm",
+            integration=sa.Integration(rtol=1e-6, atol=1e-8, dt=0.04),
         )
         assert found["first_singularity"][0, 0, i] == pytest.approx(run.singular_times[0], abs=1e-9)
         assert not found["success"][0, 0, i]

@@ -82,14 +82,16 @@ def _workspace(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
 
 def _simulated(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
     pd = sa.JointPD(target=rng.uniform(-1, 1, arm.n), kp=1, kd=1)
-    run = sa.simulate(arm, rng.uniform(-1, 1, arm.n), pd, 0.1, rtol=1e-4)
+    run = sa.simulate(
+        arm.at(rng.uniform(-1, 1, arm.n)), pd, 0.1, integration=sa.Integration(rtol=1e-4)
+    )
     return np.append(run.q.ravel(), (run.drift, run.imbalance))
 
 
 def _planned(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
     start = rng.uniform(-1, 1, arm.n)
     goal = sa.Joints(start + rng.uniform(-0.3, 0.3, arm.n))
-    return sa.plan(arm, start, goal, timeout=1).q
+    return sa.plan(arm.at(start), goal, search=sa.Search(timeout=1)).q
 
 
 def _apart(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:

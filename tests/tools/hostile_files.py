@@ -197,10 +197,16 @@ def _saved(arm: sa.SpaceArm, planned: bool) -> bytes:
     """A file that a trajectory of an arm was saved in, or a plan."""
     path = Path("saved.npz")
     if planned:
-        sa.plan(arm, np.full(arm.n, 0.3), sa.Joints(np.full(arm.n, 0.31)), timeout=4).save(path)
+        sa.plan(
+            arm.at(np.full(arm.n, 0.3)),
+            sa.Joints(np.full(arm.n, 0.31)),
+            search=sa.Search(timeout=4),
+        ).save(path)
     else:
         pd = sa.JointPD(target=np.full(arm.n, 0.5), kp=1, kd=1)
-        sa.simulate(arm, np.full(arm.n, 0.3), pd, 0.2, dt=0.05).save(path)
+        sa.simulate(arm.at(np.full(arm.n, 0.3)), pd, 0.2, integration=sa.Integration(dt=0.05)).save(
+            path
+        )
     content = path.read_bytes()
     path.unlink()
     return content

@@ -211,7 +211,7 @@ def test_shells_become_bands_around_those_of_the_arm(arm):
 
 @pytest.mark.slow
 def test_a_robust_plan_is_free_for_every_arm(about):
-    plan, proof = sa.robust_plan(about, [0.3, 1.2], sa.Joints([0.6, 0.9]))
+    plan, proof = sa.robust_plan(about, about.arm.at([0.3, 1.2]), sa.Joints([0.6, 0.9]))
     assert proof.free
     assert len(set(signs_of_samples(about, plan.q, 1000))) == 1
 

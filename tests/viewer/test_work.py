@@ -21,7 +21,7 @@ from spacearm.viewer.session import Session
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.jobs import BackgroundJob, plan_to
-    from spacearm.viewer.layers.obstacles import faces
+    from spacearm.viewer.layers import faces
 
 
 def answers(function, *given):
@@ -69,7 +69,7 @@ def test_a_worker_answers_with_a_plan_or_the_reason_why_there_is_none():
     far = pin.SE3(np.eye(3), np.array([9.0, 0.0, 0.0]))
     *_, (kind, why) = answers(plan_to, cfg, far, ())
     with pytest.raises(sa.NoSolutionError) as same:
-        sa.plan(arm, cfg.q, far)
+        sa.plan(cfg, far)
     assert (kind, type(why), str(why)) == ("failed", sa.NoSolutionError, str(same.value))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
@@ -38,11 +38,13 @@ from spacearm.cli.output import (
 )
 from spacearm.cli.plans.parsing import goals, obstacle_of
 from spacearm.cli.wording import INTERRUPTED, in_own_words
-from spacearm.errors import NoSolutionError, StoppedError, UnsupportedError
+from spacearm.errors import ConfigurationError, NoSolutionError, StoppedError, UnsupportedError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import WheelHold
+from spacearm.planning.planner import detumble as find_detumbling
 from spacearm.planning.planner import plan
+from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
 from spacearm.singularities.report import angle
 from spacearm.workspaces.path_dependent import Workspace, workspace
@@ -157,26 +159,43 @@ def plan_motion(
     check_picture(output)
     if save:
         check_suffix(save)
-    start = joint_values(arm, q0.split(), deg)
+    q = joint_values(arm, q0.split(), deg)
     target = goals(arm, goal, deg)
     way = [goal_from(arm, "--via", text, deg) for text in via or []]
     around = [obstacle_of(text, deg) for text in obstacle or []]
     try:
         with working(f"planning, at most {timeout:g} s") as tell:
-            found = plan(
-                arm, start, target, via=way,
-                base=spacecraft_pose(attitude, deg), origin=origin.value,
-                clearance=_angle(clearance, deg),
-                final_attitude=final_attitude and spacecraft_pose(final_attitude, deg),
-                limits=not no_limits, collisions=not no_collisions, method=method, seed=seed,
-                timeout=timeout, obstacles=around, momentum=momentum, duration=duration,
-                keep_attitude=_angle(keep_attitude, deg), detumble=detumble, mode=mode.value,
-                wheels=wheel_limits and _limits(*wheel_limits),
-                wheels0=None if wheels0 is None else numbers("--wheels0", wheels0),
-                progress=tell,
-            )  # fmt: skip
+            start = arm.at(
+                q,
+                base=spacecraft_pose(attitude, deg),
+                wheels=None if wheels0 is None else numbers("--wheels0", wheels0),
+                momentum=momentum,
+            )
+            asked: dict[str, Any] = {
+                "final_attitude": final_attitude and spacecraft_pose(final_attitude, deg),
+                "duration": duration,
+                "origin": origin.value,
+                "constraints": Constraints(
+                    limits=not no_limits,
+                    collisions=not no_collisions,
+                    obstacles=around,
+                    clearance=_angle(clearance, deg),
+                    keep_attitude=_angle(keep_attitude, deg),
+                    wheels=wheel_limits and _limits(*wheel_limits),
+                ),
+                "search": Search(seed=seed, timeout=timeout, method=method, progress=tell),
+            }
+            if detumble and (way or mode is Spacecraft.CONTROLLED):
+                raise ConfigurationError(
+                    "--detumble leads to one goal, and the spacecraft turns; leave out --via and "
+                    "--mode"
+                )
+            if detumble:
+                found = find_detumbling(start, target, **asked)
+            else:
+                found = plan(start, target, via=way, mode=mode.value, **asked)
         if fastest:
-            from spacearm.timing.optimal import time_optimal
+            from spacearm.planning.retiming import time_optimal
 
             wheels = wheel_limits and mode is Spacecraft.CONTROLLED and _limits(*wheel_limits)
             found = time_optimal(found, wheels=wheels or None)

@@ -11,7 +11,6 @@ from spacearm.arrays import Array
 from spacearm.model.arm import Configuration
 from spacearm.planning.detumbling.course import Course, shapes
 from spacearm.planning.optimiser import Target
-from spacearm.planning.timing import largest_rates
 from spacearm.planning.wheels.limits import Wheels
 
 TIMES = np.sin(0.5 * np.pi * (np.arange(1, 32) / 32.0)) ** 2
@@ -27,11 +26,13 @@ class Bounds:
     Attributes:
         start: Configuration at the start.
         target: What has the joint limits.
+        rates: (n,) largest joint rates [rad/s] or [m/s].
         wheels: The wheels.
     """
 
     start: Configuration
     target: Target
+    rates: Array
     wheels: Wheels
 
     def excess(self, course: Course) -> float:
@@ -72,7 +73,7 @@ class Bounds:
         off = np.maximum(largest[:n] - middle, middle - least[:n])[bound]
         names = [repr(name) for name in arm.joint_names]
         used = [off, rates[:n], np.maximum(np.abs(least[n:]), np.abs(largest[n:])), rates[n:]]
-        most = [width[bound], largest_rates(arm), self.wheels.capacity, self.wheels.torque]
+        most = [width[bound], self.rates, self.wheels.capacity, self.wheels.torque]
         words = [
             *(f"joint {name} goes beyond its limits" for name in np.array(names)[bound]),
             *(f"joint {name} moves at {x:.4g}" for name, x in zip(names, used[1], strict=True)),
@@ -102,7 +103,7 @@ class Bounds:
             np.minimum(lower, np.min(ends, axis=0)),
             np.maximum(upper, np.max(ends, axis=0)),
         )
-        rate = MARGIN * largest_rates(self.start.arm)
+        rate = MARGIN * self.rates
         return (
             np.append(lower, np.minimum(-capacity, self.wheels.start)),
             np.append(upper, np.maximum(capacity, self.wheels.start)),

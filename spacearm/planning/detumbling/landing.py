@@ -49,6 +49,7 @@ class Landing:
     Attributes:
         start: Configuration at the start.
         target: What the motion must achieve besides.
+        rates: (n,) largest joint rates [rad/s] or [m/s].
         wheels: The wheels.
         h: (3,) angular momentum about the system CM, inertial axes [N m s].
         steps: Steps of the integration.
@@ -58,6 +59,7 @@ class Landing:
 
     start: Configuration
     target: Target
+    rates: Array
     wheels: Wheels
     h: Array
     steps: int
@@ -199,7 +201,7 @@ class Landing:
 
     @cached_property
     def _bounds(self) -> Bounds:
-        return Bounds(self.start, self.target, self.wheels)
+        return Bounds(self.start, self.target, self.rates, self.wheels)
 
     @cached_property
     def _judge(self) -> CurveOptimiser:

@@ -1,4 +1,4 @@
-"""Search: plans by which arm and wheels bring a tumbling spacecraft to rest.
+"""SearchAccount: plans by which arm and wheels bring a tumbling spacecraft to rest.
 
 The angular momentum h is constant in inertial axes; when all is at rest the wheels hold it, A s =
 T^T h. Joints and wheels move along smooth curves, the attitude follows from h, and the curves are
@@ -11,7 +11,6 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +19,7 @@ from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import NoSolutionError
 from spacearm.model.arm import Configuration
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.detumbling.bounds import Bounds
 from spacearm.planning.detumbling.capacity import least_time
 from spacearm.planning.detumbling.course import WAVES, Course
@@ -28,8 +28,8 @@ from spacearm.planning.drift.bodies import kept_apart
 from spacearm.planning.drift.ramps import ramp_ends
 from spacearm.planning.problem import Problem
 from spacearm.planning.result import FAILED, Attempt, Plan, best_attempt
-from spacearm.planning.search import Search, TimeUpError
-from spacearm.planning.timing import PEAK, corners, largest_rates
+from spacearm.planning.rounds.mission import Mission
+from spacearm.planning.timing import PEAK, corners
 from spacearm.planning.wheels.limits import Wheels
 
 METHOD = "detumbling"
@@ -42,16 +42,6 @@ FINE, FEWEST = 0.04, 60
 
 SHARP = 4
 """How often there are twice as many rows where the joints would rest at a sharp turn."""
-
-
-class Mission(Protocol):
-    """What shall be planned, seen from the system CM, which has moved on when the tip arrives."""
-
-    seed: int
-    search: Search
-
-    def problem(self, moved: Array) -> Problem:
-        """Return the problem if the CM moves by (3,) [m] until the tip arrives."""
 
 
 @dataclass
@@ -140,7 +130,9 @@ class Detumbling:
             heights[1:3, :n] *= bend
         target = problem.target
         h, check_time = self.momentum[3:], self.mission.search.check_time
-        landing = Landing(self.start, target, self.wheels, h, FEWEST, bend, check_time)
+        landing = Landing(
+            self.start, target, problem.rates, self.wheels, h, FEWEST, bend, check_time
+        )
         if target.q is not None:
             heights[0, :n] = target.q - self.start.q
         toward = target.attitude if target.attitude is not None else self._guess(random, rng)
@@ -150,7 +142,7 @@ class Detumbling:
         course = Course(np.append(self.start.q, self.wheels.start), heights, lasts)
         if target.tip is not None:
             turn = landing.rows(course)[1][-1].base.rotation if target.attitude is None else toward
-            reach = largest_rates(self.start.arm) * lasts / PEAK
+            reach = problem.rates * lasts / PEAK
             turn = turn @ self.start.base.rotation.T
             ends = ramp_ends(self.start, target, turn, reach, rng, self.mission.search.check_time)
             if len(ends):
@@ -193,7 +185,9 @@ class Detumbling:
         """
         u, rows = landing.rows(course)
         arm, t = self.start.arm, course.duration * u
-        found = Plan.of_rows(METHOD, rows, problem.target.clearance, (), FAILED, None)
+        found = Plan.of_rows(
+            METHOD, rows, problem.target.clearance, problem.rates, (), FAILED, None
+        )
         base = found.base.copy()
         base[:, :3] += np.outer(t, self._speed)
         found = replace(
@@ -202,7 +196,7 @@ class Detumbling:
             base=base,
             momentum=np.tile(self.momentum, (len(t), 1)),
             wheels=course.at(u)[:, arm.n :],
-            wheel_load=Bounds(self.start, problem.target, self.wheels).load(course),
+            wheel_load=Bounds(self.start, problem.target, problem.rates, self.wheels).load(course),
             obstacles=self.obstacles,
         )
         self.best = found
@@ -213,7 +207,7 @@ class Detumbling:
 
     def _joint_time(self, still: Problem) -> float:
         """Return a time that the joints take to the goal, or a hundredth of a turn of one [s]."""
-        rate = largest_rates(self.start.arm)
+        rate = still.rates
         way = 0.01 if still.target.q is None else np.abs(still.target.q - self.start.q)
         return float(max(PEAK * (way / rate).max(), PEAK * 0.01 / rate.max()))
 

@@ -1,4 +1,4 @@
-"""Search: plans of a spacecraft with momentum, each made of one that has none.
+"""SearchAccount: plans of a spacecraft with momentum, each made of one that has none.
 
 With angular momentum h and the joints locked the spacecraft would turn by about D^-1 h t in a time
 t. So the search begins with a plan at zero momentum that starts from an attitude turned by as much,
@@ -12,7 +12,6 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -22,15 +21,16 @@ from spacearm.collisions.courses import Recorded
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.momentum import base_velocity
+from spacearm.mechanics.jacobian import base_velocity
 from spacearm.model.arm import Configuration
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.drift.arrival import Arrival
 from spacearm.planning.drift.bodies import kept_apart
 from spacearm.planning.drift.ramps import ramp_ends
 from spacearm.planning.problem import Problem
 from spacearm.planning.result import FAILED, Attempt, Plan, best_attempt
-from spacearm.planning.search import Search, TimeUpError
-from spacearm.planning.timing import PEAK, eased, largest_rates
+from spacearm.planning.rounds.mission import Mission
+from spacearm.planning.timing import PEAK, eased
 
 SLACK = 1.2
 """Time for a motion over that at zero momentum, where none is asked for: bent ways are longer."""
@@ -42,19 +42,6 @@ JOINTS, DETOUR = "joint space", 0.4
 """Name of the method of joint motions, and how far those after the first go aside [rad]."""
 FINE = 0.05
 """Largest turn of the spacecraft, and motion of a joint, from row to row [rad], [m]."""
-
-
-class Mission(Protocol):
-    """What shall be planned, seen from the system CM, which has moved on when the tip arrives."""
-
-    seed: int
-    search: Search
-
-    def problem(self, moved: Array) -> Problem:
-        """Return the problem if the CM moves by (3,) [m] until the tip arrives."""
-
-    def still(self, start: Configuration, moved: Array, number: int) -> Plan:
-        """Return a plan without momentum from another start, of several the one of this number."""
 
 
 @dataclass
@@ -134,7 +121,7 @@ class Drift:
             NoSolutionError: None is near a solution.
         """
         if not self._ends:
-            reach = largest_rates(self.start.arm) * lasts / PEAK
+            reach = problem.rates * lasts / PEAK
             rng = np.random.default_rng((self.mission.seed, len(self.tried)))
             check_time = self.mission.search.check_time
             self._ends = [
@@ -160,7 +147,9 @@ class Drift:
             NoSolutionError: They do not.
         """
         arm = self.start.arm
-        found = Plan.of_rows(method, rows, problem.target.clearance, (), FAILED, None)
+        found = Plan.of_rows(
+            method, rows, problem.target.clearance, problem.rates, (), FAILED, None
+        )
         base = found.base.copy()
         base[:, :3] += np.outer(t, self._speed)
         h, spins = (np.tile(x, (len(t), 1)) for x in (self.momentum, self.start.wheels))
@@ -168,7 +157,7 @@ class Drift:
         self.best = found
         problem.check(rows)
         over = (np.abs(np.diff(found.q, axis=0)) / np.diff(t)[:, None]).max(axis=0)
-        over /= largest_rates(arm)
+        over /= problem.rates
         if over.max() > 1.0:
             name = arm.joint_names[int(over.argmax())]
             raise NoSolutionError(f"joint {name!r} moves at {over.max():.3g} times its limit")

@@ -7,18 +7,18 @@ from dataclasses import replace
 
 from spacearm.errors import NoSolutionError
 from spacearm.model.arm import Configuration
+from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.methods import METHODS
 from spacearm.planning.problem import Problem
 from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.rounds.wish import Wish, problem_of
-from spacearm.planning.search import Search, TimeUpError
 from spacearm.planning.tips.reactionless import reactionless
 
 REACTIONLESS = "reactionless"
 """Name of the method that comes before the others where the attitude is to be kept."""
 
 
-def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
+def at_rest(cfg: Configuration, wish: Wish, seed: int, search: SearchAccount) -> Plan:
     """Return a plan at zero momentum.
 
     Raises:
@@ -28,7 +28,7 @@ def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
     problem = problem_of(cfg, wish, seed, search)
     bodies = problem.collisions
     tried: dict[str, str] = {}
-    methods = METHODS if wish.keep is None else {REACTIONLESS: reactionless, **METHODS}
+    methods = METHODS if problem.keep is None else {REACTIONLESS: reactionless, **METHODS}
     order = list(methods)
     if wish.obstacles:
         order.sort(key=lambda name: name not in (REACTIONLESS, "straight", "tree"))
@@ -50,7 +50,9 @@ def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
         apart = True if bodies is not None and bodies.bodies else None
         failed = [Attempt(name, False, story) for name, story in tried.items()]
         least = problem.target.clearance
-        found = Plan.of_rows(name, rows, least, failed, checked, apart, wish.obstacles)
+        found = Plan.of_rows(
+            name, rows, least, problem.rates, failed, checked, apart, wish.obstacles
+        )
         story = f"{found.travel}, {found.nearest}"
         arrived = Attempt(name, True, "; ".join(filter(None, (story, problem.note))))
         return replace(found, tried=(*found.tried, arrived))
@@ -58,7 +60,7 @@ def at_rest(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Plan:
     raise search.failure(_failure(problem, tried), best_attempt(cfg, problem.best, failed))
 
 
-def _in_rounds(methods: Collection[str], method: str, search: Search) -> Iterator[str]:
+def _in_rounds(methods: Collection[str], method: str, search: SearchAccount) -> Iterator[str]:
     """Yield the methods in order; again and again those that begin with random guesses."""
     yield from methods if method == "auto" else (method,)
     again = [name for name in methods if name != "straight" and method in ("auto", name)]

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal
+from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.result import Attempt, Joints, Plan, best_attempt
 from spacearm.planning.rounds.at_rest import at_rest
 from spacearm.planning.rounds.wish import Wish
-from spacearm.planning.search import Search, TimeUpError
 
 PART, SHORT = 0.5, 2.0
 """Share of the time left that a leg may take, and the least time for it [s]."""
 
 
 def by_way_of(
-    cfg: Configuration, via: Sequence[Goal | Joints], wish: Wish, seed: int, search: Search
+    cfg: Configuration, via: Sequence[Goal | Joints], wish: Wish, seed: int, search: SearchAccount
 ) -> Plan:
     """Return a plan that leads to other goals on its way.
 
@@ -40,7 +41,8 @@ def by_way_of(
         StoppedError: Ctrl-C; carries the best attempt at a leg.
     """
     count = len(via) + 1
-    keep = None if wish.keep is None else wish.keep / count
+    keep = wish.constraints.keep_attitude
+    each = replace(wish.constraints, keep_attitude=None if keep is None else keep / count)
     reasons: dict[str, None] = {}
     best: object = None
     for number in itertools.count():
@@ -50,7 +52,9 @@ def by_way_of(
                 search.check_time()
                 last = len(legs) == len(via)
                 one = wish._replace(
-                    goal=goal, keep=keep, final_attitude=wish.final_attitude if last else None
+                    goal=goal,
+                    constraints=each,
+                    final_attitude=wish.final_attitude if last else None,
                 )
                 time = search.timeout - search.elapsed
                 part = search.part(max(PART * time, SHORT))
@@ -84,8 +88,8 @@ def _joined(legs: Sequence[Plan], wish: Wish) -> Plan:
         tried += [a._replace(story=f"leg {i + 1}: {a.story}") for a in leg.tried]
     first = legs[0]
     found = Plan.of_rows(
-        methods, rows, min(leg.clearance for leg in legs), tried, first.checked, first.apart,
-        wish.obstacles,
+        methods, rows, min(leg.clearance for leg in legs),
+        wish.constraints.joint_rates(first.arm), tried, first.checked, first.apart, wish.obstacles,
     )  # fmt: skip
     if found.obstacles:
         contact = Collisions(found.arm, found.obstacles).contact(Recorded(found))

@@ -6,23 +6,23 @@ from typing import NamedTuple
 
 from spacearm.arrays import Array
 from spacearm.model.arm import Configuration
+from spacearm.planning.account import SearchAccount
 from spacearm.planning.problem import Problem
 from spacearm.planning.result import Plan
 from spacearm.planning.rounds.at_rest import at_rest
 from spacearm.planning.rounds.wish import Wish, problem_of
-from spacearm.planning.search import Search
 
 AGAIN, SHORT = ("joint space", "tree", "cycles"), 1.0
 """Methods by which a plan with momentum begins, after others, and the least time for each [s]."""
 
 
 class Mission(NamedTuple):
-    """What a plan with momentum is made of, see `drift.search.Mission`."""
+    """What a plan with momentum is made of, all seen from the system CM."""
 
     cfg: Configuration
     wish: Wish
     seed: int
-    search: Search
+    search: SearchAccount
 
     def problem(self, moved: Array) -> Problem:
         """Return the problem if the system CM moves by (3,) [m] until the tip arrives."""

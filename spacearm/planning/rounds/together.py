@@ -19,11 +19,11 @@ from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import attitudes, walk
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, goal_pose, out_of_reach
+from spacearm.planning.account import SearchAccount, TimeUpError
 from spacearm.planning.optimiser import ARRIVED, SPACING, Target
 from spacearm.planning.problem import Problem, Rows, bodies_apart, travel
 from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.rounds.wish import Wish
-from spacearm.planning.search import Search, TimeUpError
 from spacearm.planning.targets import bounds_of, clearance_of
 from spacearm.planning.tips.resolved import Aim, Bias, Resolved
 
@@ -40,7 +40,7 @@ FIRST, NEXT = 20, 60
 
 
 def together(
-    cfg: Configuration, goals: Mapping[str, Goal], wish: Wish, seed: int, search: Search
+    cfg: Configuration, goals: Mapping[str, Goal], wish: Wish, seed: int, search: SearchAccount
 ) -> Plan:
     """Return a plan at zero momentum that leads several tips to their goals.
 
@@ -56,7 +56,7 @@ def together(
         StoppedError: Ctrl-C; carries the best attempt.
     """
     arm, aims = cfg.arm, []
-    lower, upper = bounds_of(cfg, wish.limits)
+    lower, upper = bounds_of(cfg, wish.constraints.limits)
     for name, goal in goals.items():
         one = arm.replace(tip=name, joints=arm.joint_names)
         start = one.at(cfg.q, base=cfg.base).centred(cfg.com)
@@ -64,10 +64,11 @@ def together(
         if far := out_of_reach(start, pose):
             raise NoSolutionError(f"{name}: {far}", best_attempt(cfg, None, ()))
         aims.append(Aim(start, pose))
-    least, ample = clearance_of(cfg, wish.clearance)
+    least, ample = clearance_of(cfg, wish.constraints.clearance)
     target = Target(None, None, None, least, lower, upper)
-    bodies = bodies_apart(cfg, target, wish.obstacles) if wish.collisions else None
-    problem = Problem(cfg, target, ample, seed, search, bodies, wish.held, wish.keep)
+    bodies = bodies_apart(cfg, target, wish.obstacles) if wish.constraints.collisions else None
+    rates, keep = wish.constraints.joint_rates(arm), wish.constraints.keep_attitude
+    problem = Problem(cfg, target, ample, rates, seed, search, bodies, wish.held, keep)
     resolved = Resolved(aims, (lower, upper))
     methods: dict[str, Callable[[Problem, Resolved], Rows]] = {
         "straight": _straight, "joint space": _joint_space
@@ -94,7 +95,7 @@ def together(
                 break
             search.rounds += name == "joint space"
             continue
-        found = Plan.of_rows(name, rows, least, tried, checked, apart, wish.obstacles)
+        found = Plan.of_rows(name, rows, least, rates, tried, checked, apart, wish.obstacles)
         story = "; ".join(filter(None, (found.travel, problem.note)))
         return replace(found, tried=(*tried, Attempt(name, True, story)))
     stories = "; ".join(f"{one.method}: {one.story}" for one in tried)

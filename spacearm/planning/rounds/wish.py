@@ -12,28 +12,25 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import NoSolutionError
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import Goal, goal_pose
+from spacearm.planning.account import SearchAccount
 from spacearm.planning.problem import Problem, bodies_apart
+from spacearm.planning.request import Constraints
 from spacearm.planning.result import Joints, best_attempt
-from spacearm.planning.search import Search
 from spacearm.planning.targets import make_target
 
 
 class Wish(NamedTuple):
     """What a plan shall be like, as in the arguments of `plan`.
 
-    `held` is the arm itself if the search is for one on a spacecraft that does not turn; `keep` the
-    largest turn on the way [rad].
+    `held` is the arm itself if the search is for one on a spacecraft that does not turn.
     """
 
     goal: Goal | Joints
-    clearance: float | None
     final_attitude: npt.ArrayLike | pin.SE3 | float | None
-    limits: bool
-    collisions: bool
+    constraints: Constraints
     method: str
     obstacles: tuple[Obstacle, ...]
     held: SpaceArm | None = None
-    keep: float | None = None
 
     def moved(self, cfg: Configuration, by: Array) -> Wish:
         """Return the wish without obstacles, its goal moved back by (3,) [m]."""
@@ -43,17 +40,19 @@ class Wish(NamedTuple):
         return self._replace(goal=pin.SE3(pose.rotation, pose.translation - by), obstacles=())
 
 
-def problem_of(cfg: Configuration, wish: Wish, seed: int, search: Search) -> Problem:
+def problem_of(cfg: Configuration, wish: Wish, seed: int, search: SearchAccount) -> Problem:
     """Return the problem to be solved.
 
     Raises:
         NoSolutionError: No motion can solve it.
     """
     try:
+        asked = wish.constraints
         target, ample = make_target(
-            cfg, wish.goal, wish.clearance, wish.final_attitude, wish.limits
+            cfg, wish.goal, asked.clearance, wish.final_attitude, asked.limits
         )
-        bodies = bodies_apart(cfg, target, wish.obstacles) if wish.collisions else None
+        bodies = bodies_apart(cfg, target, wish.obstacles) if asked.collisions else None
     except NoSolutionError as error:
         raise NoSolutionError(str(error), best_attempt(cfg, error.best, ())) from None
-    return Problem(cfg, target, ample, seed, search, bodies, wish.held, wish.keep)
+    rates = asked.joint_rates(cfg.arm)
+    return Problem(cfg, target, ample, rates, seed, search, bodies, wish.held, asked.keep_attitude)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from spacearm.errors import NoSolutionError
+from spacearm.planning.account import TimeUpError
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.problem import Problem, Rows
-from spacearm.planning.search import TimeUpError
 from spacearm.planning.tips.resolved import Aim, Bias, Resolved
 
 FIRM = (np.inf, 1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 5.0)

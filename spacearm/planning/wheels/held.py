@@ -26,8 +26,8 @@ from spacearm.planning.result import Plan
 from spacearm.planning.timing import course
 from spacearm.planning.wheels.limits import Wheels
 
-Find: TypeAlias = Callable[[Configuration, Array, float | None], Plan]
-"""A planner: it takes the start, a momentum (6,) and the duration [s]."""
+Find: TypeAlias = Callable[[Configuration, float | None], Plan]
+"""A planner: it takes the start and the duration [s]."""
 
 BOUNDLESS = 1e9
 """Moment of inertia of a spacecraft that does not turn, over what the system has."""
@@ -35,51 +35,48 @@ TRIES, SLACK, ROUND_UP = 4, 1.05, 1.0 + 1e-9
 """Durations tried with a CM that moves, the room that the next has, and that for rounding."""
 
 
-def held_plan(
-    cfg: Configuration, wheels: Wheels, find: Find, momentum: Array, duration: float | None
-) -> Plan:
+def held_plan(cfg: Configuration, wheels: Wheels, find: Find, duration: float | None) -> Plan:
     """Return a plan with the attitude held as at the start.
 
     Args:
-        cfg: Where it begins.
+        cfg: Where it begins; the wheels hold the angular part of its momentum.
         wheels: What holds the attitude.
         find: Plans for a spacecraft that floats.
-        momentum: (6,) momentum, inertial axes; the wheels hold the angular part.
         duration: When it ends [s]; if None as soon as rates and wheels allow.
 
     Raises:
         NoSolutionError: There is none, or the wheels cannot hold it in time.
     """
-    start = boundless(cfg.arm).at(cfg.q, base=cfg.base)
-    h = np.append(momentum[:3], np.zeros(3))
+    drifting = np.append(cfg.momentum[:3], np.zeros(3))
+    start = boundless(cfg.arm).at(cfg.q, base=cfg.base, momentum=drifting)
     lasts, why = duration, ""
     for _ in range(TRIES):
         try:
-            found = find(start, h, lasts)
+            found = find(start, lasts)
         except NoSolutionError as error:
             best = error.best
             if isinstance(best, Plan):
-                best = _held(cfg, best, wheels, momentum)
+                best = _held(cfg, best, wheels)
             raise NoSolutionError("; ".join(filter(None, (str(error), why))), best) from None
         if len(found) == 1:
-            return _held(cfg, found, wheels, momentum)
+            return _held(cfg, found, wheels)
         slower, why = wheels.slowdown(load_of(cfg.arm, found.t, found.q))
         needed = float(found.t[-1]) * slower
         if slower > 1.0 and duration is not None:
             raise NoSolutionError(
                 f"{cfg.arm.name}: in {duration:.4g} s {why}; within the limits of the wheels this "
                 f"way takes {needed:.4g} s, {needed - duration:.4g} s more",
-                _held(cfg, found, wheels, momentum),
+                _held(cfg, found, wheels),
             )
-        if slower > 1.0 and not h.any():
+        if slower > 1.0 and not drifting.any():
             found = stretched(found, needed * ROUND_UP)
-        if slower <= 1.0 or not h.any():
-            plan = _held(cfg, found, wheels, momentum)
+        if slower <= 1.0 or not drifting.any():
+            plan = _held(cfg, found, wheels)
             return replace(plan, wheel_load=wheels.story(load_of(plan.arm, plan.t, plan.q)))
         lasts = SLACK * needed
     raise NoSolutionError(
         f"{cfg.arm.name}: {why} along each of the {TRIES} ways found; give a longer duration",
-        _held(cfg, found, wheels, momentum),
+        _held(cfg, found, wheels),
     )
 
 
@@ -112,13 +109,13 @@ def slowed(arm: SpaceArm, t: Array, q: Array, wheels: Wheels) -> dict[str, Any]:
     return {"t": t, "wheels": spins, "wheel_load": wheels.story(load_of(arm, t, q))}
 
 
-def _held(cfg: Configuration, found: Plan, wheels: Wheels, momentum: Array) -> Plan:
+def _held(cfg: Configuration, found: Plan, wheels: Wheels) -> Plan:
     """Return the plan of the arm itself, its attitude that of the start."""
     arm, attitude = cfg.arm, pin.SE3(cfg.base.rotation, np.zeros(3))
     rows = [
         kinematics(arm, q, attitude).centred(com) for q, com in zip(found.q, found.com, strict=True)
     ]
-    total = np.append(momentum[:3], attitude.rotation @ wheels.axes @ wheels.start)
+    total = np.append(cfg.momentum[:3], attitude.rotation @ wheels.axes @ wheels.start)
     moving, _ = momentum_and_torque(arm, found.q, found.dq, found.ddq)
     return replace(
         found,

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
-from spacearm.model.arm import Configuration
+from spacearm.model.arm import AT_REST, Configuration
 from spacearm.model.wheels import rotor
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.reactions.loads import Load
@@ -40,23 +39,17 @@ class Wheels:
     start: Array
 
     @classmethod
-    def of(
-        cls,
-        cfg: Configuration,
-        hold: WheelHold | None,
-        start: npt.ArrayLike | None,
-        momentum: Array,
-    ) -> Wheels:
+    def of(cls, cfg: Configuration, hold: WheelHold | None) -> Wheels:
         """Return the wheels of a spacecraft; three about its axes where none are described.
 
         Args:
-            cfg: Where the plan begins.
+            cfg: Where the plan begins, with the momentum that they hold and what each holds of it.
+                If one is zero it follows from the other: each wheel's share by the pseudo-inverse
+                of the axes.
             hold: Their limits; those of the description if None.
-            start: (w,) what they hold at the start [N m s]; zero, or the momentum, if None.
-            momentum: (3,) angular momentum about the system CM, inertial axes.
 
         Raises:
-            ConfigurationError: They do not hold the momentum, or another number of them.
+            ConfigurationError: They do not hold the momentum.
             UnsupportedError: A wheel is on a link that moves.
         """
         arm, count = cfg.arm, len(cfg.arm.wheels) or 3
@@ -79,12 +72,9 @@ class Wheels:
             capacity = np.array([_most(joint.velocity, rotor(arm.tree, joint)) for joint in joints])
         if hold is not None:
             torque, capacity = np.full((2, count), [[hold.torque], [hold.capacity]])
-        h = cfg.base.rotation.T @ momentum
-        if start is None:
-            held = np.linalg.pinv(axes) @ h
-        else:
-            held = finite(start, (count,), "wheels0", f"[N m s], one for each of: {listed(names)}")
-            h = h if h.any() else axes @ held
+        h = cfg.base.rotation.T @ cfg.momentum[3:]
+        held = cfg.wheels if cfg.wheels.any() else np.linalg.pinv(axes) @ h
+        h = h if h.any() else axes @ held
         if np.abs(axes @ held - h).max() > ROUNDING * max(np.abs(h).max(), 1.0):
             raise ConfigurationError(
                 f"the wheels hold {(axes @ held).round(6).tolist()} N m s at the start and the "
@@ -105,7 +95,7 @@ class Wheels:
                 f"{cfg.arm.name} has no wheels to take up momentum; load it with wheels=[...], the "
                 "names of joints"
             )
-        return cls.of(cfg, hold, cfg.wheels, np.zeros(3))
+        return cls.of(replace(cfg, momentum=AT_REST), hold)
 
     @property
     def limited(self) -> bool:

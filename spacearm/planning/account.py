@@ -1,0 +1,131 @@
+"""Account: the time that a search may take, and the account of what stops it.
+
+A search that fails says which constraint stopped most of its attempts and what to relax.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+
+from spacearm.errors import NoSolutionError, StoppedError
+from spacearm.planning.request import Progress
+
+POSTURES = {
+    "reached": "bring the tip there",
+    "limits": "lie beyond the joint limits",
+    "side": "lie on the other side of the singular set",
+    "near": "lie nearer to the singular set than the clearance",
+    "contact": "are in collision",
+}
+"""What joint positions at the goal are, by the word of the account."""
+WAYS = {
+    "landing": "do not arrive",
+    "limits": "leave the joint limits",
+    "singular": "meet a singularity or come too near to one",
+    "contact": "are in collision",
+    "turn": "turn the spacecraft too far",
+}
+"""What stops curves to the goal, likewise."""
+REMEDIES = {
+    "reached": "take a goal nearer to the system CM, a task with fewer rows, or leave "
+    "final_attitude open",
+    "limits": "limits=False ignores the joint limits",
+    "side": "start on the other side (another elbow or wrist) or give other joints at the goal",
+    "near": "ask for a smaller clearance",
+    "singular": "ask for a smaller clearance, or go by way of a posture in between (sa.Joints)",
+    "contact": "move the obstacles, lower their margins, or see how the way looks with "
+    "collisions=False",
+    "turn": "allow a larger turn, or let more joints count (joints='all')",
+    "landing": "give a longer timeout, another seed, or a posture in between (sa.Joints)",
+}
+"""What to relax."""
+
+
+class TimeUpError(NoSolutionError):
+    """The time for the search is up."""
+
+
+class SearchAccount:
+    """The time of a search and its account.
+
+    Attributes:
+        postures: How many joint positions at the goal were found, by the words of `POSTURES`.
+        ways: How many curves were stopped, by the words of `WAYS`.
+        contacts: How often which contact stopped one, in words.
+        rounds: Number of rounds begun.
+
+    Args:
+        timeout: The time that it may take [s].
+        progress: Called now and then as progress(t, timeout), both in s.
+        whole: The search that this one is a part of, which may end it sooner.
+    """
+
+    def __init__(
+        self, timeout: float, progress: Progress | None = None, whole: SearchAccount | None = None
+    ) -> None:
+        self.begun, self.timeout, self._progress = time.monotonic(), timeout, progress
+        self._whole, self._ended = whole, False
+        self.postures: Counter[str] = Counter()
+        self.ways: Counter[str] = Counter()
+        self.contacts: Counter[str] = Counter()
+        self.rounds = 0
+
+    @property
+    def elapsed(self) -> float:
+        """Time since it began [s]."""
+        return time.monotonic() - self.begun
+
+    def part(self, timeout: float) -> SearchAccount:
+        """Return a search of its own that may take this time [s], if the whole has so much left."""
+        return SearchAccount(timeout, whole=self)
+
+    def end(self) -> None:
+        """End the search, as after Ctrl-C, and the one that it is a part of."""
+        self._ended = True
+        if self._whole is not None:
+            self._whole.end()
+
+    def failure(self, message: str, best: object) -> NoSolutionError | StoppedError:
+        """Return what tells that nothing was found, and how far it came: by itself or by Ctrl-C."""
+        return (StoppedError if self._ended else NoSolutionError)(message, best)
+
+    def check_time(self) -> None:
+        """Report progress.
+
+        Raises:
+            TimeUpError: The time is up, or the search has been ended.
+        """
+        if self._ended:
+            raise TimeUpError("stopped by Ctrl-C")
+        if self._whole is not None:
+            self._whole.check_time()
+        elapsed = self.elapsed
+        if self._progress:
+            self._progress(min(elapsed, self.timeout), self.timeout)
+        if elapsed > self.timeout:
+            raise TimeUpError("the time is up (timeout)")
+
+    @property
+    def verdict(self) -> str:
+        """Which constraint stopped most attempts, and what to relax, in words."""
+        parts, cause = [], ""
+        if tried := self.postures["tried"]:
+            reached, usable = self.postures["reached"], self.postures["usable"]
+            parts.append(f"{reached} of {tried} searches found joint positions at the goal")
+            lost = {word: self.postures[word] for word in POSTURES if word != "reached"}
+            counts = [f"{lost[word]} {POSTURES[word]}" for word in lost if lost[word]]
+            if reached:
+                parts.append(f"of which {', '.join([*counts, f'{usable} can be used'])}")
+            if not usable:
+                cause = max(lost, key=lambda word: lost[word]) if reached else "reached"
+        if ways := {word: self.ways[word] for word in WAYS if self.ways[word]}:
+            counts = [f"{count} {WAYS[word]}" for word, count in ways.items()]
+            parts.append(f"of the ways tried {', '.join(counts)}")
+            landed = {word: count for word, count in ways.items() if word != "landing"}
+            cause = cause or max(landed or ways, key=lambda word: ways[word])
+        if self.contacts:
+            what, count = self.contacts.most_common(1)[0]
+            parts.append(f"most often ({count}x) {what}")
+        story = "; ".join(parts)
+        return f"{story}. To relax: {REMEDIES[cause]}" if cause else story
