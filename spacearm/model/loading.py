@@ -47,8 +47,8 @@ def load(
     they follow.
 
     Args:
-        source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml) or
-            SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
+        source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)
+            or SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
         tip: Link whose frame is the tip, or several, whose task rows are then stacked. Default:
             the links that the URDF names by <tip link>, else what an SRDF beside the file names,
             else the frame with a name for tips (tool0, hand_tcp, ee_link, ...), else the hand, else
