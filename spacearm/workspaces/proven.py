@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.polynomial.branch_and_bound import enclose
-from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.jets import Jet, Jets, stacked
 from spacearm.polynomial.trig import EPS
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import is_singular
@@ -73,21 +73,9 @@ class Equations:
         self.third = np.array([f.polynomial.derivative_bounds(3) for f in polynomials])
         self.degrees = np.array([max((1, *f.polynomial.degrees)) for f in polynomials])
 
-    def __call__(self, Q: Array) -> tuple[Array, Array]:
-        """Compute values (m, c) and derivatives (m, c, n) at Q (m, n)."""
-        jets = [f(Q, 1) for f in self.polynomials]
-        values = np.stack([jet.value for jet in jets], axis=1)
-        return values, np.stack([jet.gradient for jet in jets], axis=1)
-
-    def derivatives(self, Q: Array) -> tuple[Array, Array]:
-        """Compute first (m, c, n) and second derivatives (m, c, n, n) at Q (m, n)."""
-        jets = [f(Q, 2) for f in self.polynomials]
-        first = np.stack([jet.gradient for jet in jets], axis=1)
-        return first, np.stack([jet.hessian for jet in jets], axis=1)
-
-    def values(self, Q: Array) -> Array:
-        """Compute values (m, c) at Q (m, n)."""
-        return np.stack([f(Q).value for f in self.polynomials], axis=1)
+    def __call__(self, Q: Array, order: int = 0) -> Jet:
+        """Compute values (m, c) and derivatives up to an order, (m, c, n), at Q (m, n)."""
+        return stacked(self.polynomials, Q, order)
 
     def noise(self, largest: float) -> Array:
         """Bound the errors of values (c,) at angles up to `largest` [rad]."""
@@ -104,7 +92,7 @@ class Equations:
         """
         Q = np.clip(Q, self.low, self.high)
         for _ in range(POLISH):
-            values, slopes = self(Q)
+            values, slopes, _ = self(Q, 1)
             if np.abs(values).max(initial=0.0) < CONVERGED:
                 break
             slopes = slopes * self.free(Q)[:, None]
@@ -157,10 +145,10 @@ def tubes(f: Equations, chain: Array) -> list[Tube]:
 def _hold(f: Equations, start: Array, end: Array) -> tuple[Booleans, Array]:
     """Check which segments (m, n) hold a curve, and how far its ends may be from theirs (m,)."""
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
-    slopes, second = f.derivatives(middle)
+    _, slopes, second = f(middle, 2)
     low, high = np.minimum(start, end), np.maximum(start, end)
     noise = f.noise(float(np.abs((low, high)).max()) + 1.0)
-    sizes = np.maximum(np.abs(f.values(start)), np.abs(f.values(end))) + noise
+    sizes = np.maximum(np.abs(f(start).value), np.abs(f(end).value)) + noise
     margin = np.minimum(low - f.low, f.high - high)
     y = _pivots(np.where(margin[:, None] > AT_LIMIT, slopes, 0.0))
     own = np.take_along_axis(slopes, y[:, None], axis=2)
@@ -398,8 +386,8 @@ class Prover:
         turn *= away / np.linalg.norm(turn, axis=1, keepdims=True)
         tried = self.f.onto(np.clip(end + turn, self.f.low, self.f.high))
         near = np.linalg.norm(tried - end, axis=1) < 2.0 * away
-        found = tried[near & (np.abs(self.f.values(tried)).max(axis=1) < ON_SET)]
-        sigma = np.linalg.svd(self.f(found)[1], compute_uv=False)[:, -1]
+        found = tried[near & (np.abs(self.f(tried).value).max(axis=1) < ON_SET)]
+        sigma = np.linalg.svd(self.f(found, 1).gradient, compute_uv=False)[:, -1]
         return np.asarray(found[np.argsort(-sigma)])
 
     def _with(self, proven: Proven, chain: Array) -> Proven:
@@ -426,7 +414,7 @@ class Prover:
         while len(points) < MOST_STEPS and stride > LEAST_STRIDE and sign * (stop - R) > 0.0:
             tried = self.f.onto((q + stride * self._direction(q, sign))[None])
             there = float(self.distances(tried)[0])
-            on_set = np.abs(self.f.values(tried)).max() < ON_SET
+            on_set = np.abs(self.f(tried).value).max() < ON_SET
             near = np.linalg.norm(tried[0] - q) < 2.0 * stride
             if on_set and near and sign * (there - R) > 0.0:
                 q, R, stride = tried[0], there, min(1.5 * stride, STRIDE)
@@ -438,7 +426,7 @@ class Prover:
     def _direction(self, q: Array, sign: float) -> Array:
         """Return the direction (n,) along the set, within the box, in which R changes most."""
         g = sign * self.R2(q[None], 1).gradient[0]
-        _, slopes = self.f(q[None])
+        slopes = self.f(q[None], 1).gradient
         free = np.ones(len(q), dtype=bool)
         for _ in range(len(q)):
             d = _along(slopes[0], g, free)
