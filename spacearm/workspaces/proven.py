@@ -22,7 +22,7 @@ joints are connected.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -252,24 +252,17 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
         shells: The shells.
         farthest: A distance that the tip never exceeds [m].
     """
-    arm, mode = found.arm, found.mode
+    prover = Prover(found, box)
     if not shells:
-        return Proven((), np.empty((0, 2)))
-    shared = shared_columns(found) if found.codimension > 1 else ()
-    R2 = radius_squared(arm, mode=mode)
-    prover = Prover(
-        Equations([Jets.of(f) for f in found.triangle.equations], box),
-        Jets.of(R2),
-        lambda Q: distances(arm, Q, mode),
-        arm.n * float(np.sqrt(R2.scale)),  # |p(q) - p(q + pi)| = 2 |dp/dq| <= 2 max |p|
-        lambda q: not is_singular(arm, q, mode, shared),
-    )
-    sample = members(found, box, SAMPLE, np.random.default_rng(0))
-    wanted = merged([shell.radius for shell in shells])
-    ends = np.concatenate([np.empty((0, arm.n)), *(shell.at for shell in shells)])
-    tolerance = max(TOLERANCE, NARROW * farthest) if found.dimension > 2 else TOLERANCE
-    known = found.pieces if found.dimension == 1 and not box.limited else []
-    return prover.prove(wanted, known, ends, sample, tolerance)
+        return prover.proven
+    prover.wanted = merged([shell.radius for shell in shells])
+    prover.tolerance = max(TOLERANCE, NARROW * farthest) if found.dimension > 2 else TOLERANCE
+    if found.dimension == 1 and not box.limited:
+        for chain in found.pieces:
+            prover.add(chain)
+    prover.walk_from_ends(np.concatenate([shell.at for shell in shells]))
+    prover.walk_from_sample(members(found, box, SAMPLE, np.random.default_rng(0)))
+    return prover.proven
 
 
 def left_out(found: ExactSet, box: Box, pdw: Array, farthest: float) -> float:
@@ -306,79 +299,68 @@ def shared_columns(found: ExactSet) -> tuple[int, ...]:
 class Prover:
     """Looks for curves that prove the distances of shells.
 
+    Attributes:
+        proven: What is proven so far.
+        wanted: (k, 2) distances to prove [m].
+        tolerance: Width of parts that may be left [m].
+
     Args:
-        f: Equations of the singular set.
-        R2: The squared distance, in some unit.
-        distances: Computes R (m,) at configurations (m, n) [m].
-        slope: By how much R changes at most if no joint moves by more than 1 rad [m].
-        counts: Says whether the curve through a point (n,) is singular: of redundant arms.
+        found: The singular set, of revolute joints.
+        box: Range of the joints.
     """
 
-    def __init__(
-        self,
-        f: Equations,
-        R2: Jets,
-        distances: Callable[[Array], Array],
-        slope: float,
-        counts: Callable[[Array], bool],
-    ) -> None:
-        self.f, self.R2, self.distances, self.counts = f, R2, distances, counts
-        self.level = LEVEL * float(R2.polynomial.lipschitz.max())
-        self.slope = slope
+    def __init__(self, found: ExactSet, box: Box) -> None:
+        self.arm, self.mode = found.arm, found.mode
+        self.f = Equations([Jets.of(f) for f in found.triangle.equations], box)
+        self.shared = shared_columns(found) if found.codimension > 1 else ()
+        R2 = radius_squared(self.arm, mode=self.mode)
+        self.R2 = Jets.of(R2)
+        self.level = LEVEL * float(self.R2.polynomial.lipschitz.max())
+        # by so much R changes at most if no joint moves by more than 1 rad [m]:
+        self.slope = self.arm.n * float(np.sqrt(R2.scale))  # |p(q) - p(q + pi)| = 2 |dp/dq|
         self.rng = np.random.default_rng(0)
+        nothing: Array = np.empty((0, 2))
+        self.proven, self.wanted, self.tolerance = Proven((), nothing), nothing, 0.0
 
-    def prove(
-        self, wanted: Array, known: list[Array], ends: Array, sample: Array, tolerance: float
-    ) -> Proven:
-        """Prove the distances `wanted` (k, 2), but for parts up to `tolerance` wide [m].
+    def distances(self, Q: Array) -> Array:
+        """Compute R (m,) at configurations (m, n) [m]."""
+        return distances(self.arm, Q, self.mode)
 
-        Args:
-            wanted: Distances.
-            known: Chains of points on the set (m, n).
-            ends: (e, n) singular configurations at their ends.
-            sample: (m, n) others, from which to walk where walks from the ends do not suffice.
-            tolerance: In metres.
-        """
-        proven, vain = Proven((), np.empty((0, 2))), 0
+    def walk_from_ends(self, ends: Array) -> None:
+        """Walk from singular configurations (e, n) at the ends of the wanted distances."""
         ends = ends[np.argsort(-self.distances(ends))]
-        for chain in known:
-            proven = self._with(proven, chain)
         for end in ends:
-            proven = self._from(end, proven, wanted, tolerance)
+            self.walk_both_ways(end)
         for end in ends:  # where the derivatives of the equations vanish no curve begins
             R = float(self.distances(end[None])[0])
             for away in BESIDE:
-                missing = self._open(proven, wanted, tolerance)
+                missing = self.missing()
                 beside = self._beside(end, away)
                 if len(beside) and np.abs(missing - R).min(initial=np.inf) <= TOLERANCE:
-                    proven = self._from(beside[0], proven, wanted, tolerance)
-        R_of_sample = self.distances(sample)
-        tolerance *= COARSER
-        while len(sample) and len(missing := self._open(proven, wanted, tolerance)):
+                    self.walk_both_ways(beside[0])
+
+    def walk_from_sample(self, sample: Array) -> None:
+        """Walk from others (m, n), where walks from the ends do not suffice."""
+        R, vain = self.distances(sample), 0
+        self.tolerance *= COARSER
+        while len(sample) and vain < IN_VAIN and len(missing := self.missing()):
             low, high = missing[np.argmax(missing[:, 1] - missing[:, 0])]
-            near = np.abs(R_of_sample - self.rng.uniform(low, high)).argmin()
-            proven = self._from(sample[near], proven, wanted, tolerance)
-            left = self._open(proven, wanted, tolerance)
-            vain += bool(np.diff(left).sum() > ENOUGH * np.diff(missing).sum())
-            if vain == IN_VAIN:
-                break
-        return proven
+            self.walk_both_ways(sample[np.abs(R - self.rng.uniform(low, high)).argmin()])
+            vain += bool(np.diff(self.missing()).sum() > ENOUGH * np.diff(missing).sum())
 
-    def _from(self, start: Array, proven: Proven, wanted: Array, tolerance: float) -> Proven:
+    def walk_both_ways(self, start: Array) -> None:
         """Walk from a start (n,) while wanted distances are missing; add what it proves."""
-        missing = self._open(proven, wanted, tolerance)
-        if not len(missing):
-            return proven
-        R = float(self.distances(start[None])[0])
-        low, high = missing[np.argmin(np.abs(missing - R).min(axis=1))]
-        down, up = self.walk(start, -1.0, low), self.walk(start, 1.0, high)
-        return self._with(proven, np.concatenate((down[::-1], up[1:])))
+        missing = self.missing()
+        if len(missing):
+            R = float(self.distances(start[None])[0])
+            low, high = missing[np.argmin(np.abs(missing - R).min(axis=1))]
+            down, up = self.walk(start, -1.0, low), self.walk(start, 1.0, high)
+            self.add(np.concatenate((down[::-1], up[1:])))
 
-    @staticmethod
-    def _open(proven: Proven, wanted: Array, tolerance: float) -> Array:
+    def missing(self) -> Array:
         """Return the wanted distances that are not proven yet, (k, 2)."""
-        missing = proven.missing(wanted)
-        return missing[missing[:, 1] - missing[:, 0] > tolerance]
+        missing = self.proven.missing(self.wanted)
+        return missing[missing[:, 1] - missing[:, 0] > self.tolerance]
 
     def _beside(self, end: Array, away: float) -> Array:
         """Return points on the set (m, n) some way from an end [rad], regular ones first."""
@@ -390,19 +372,22 @@ class Prover:
         sigma = np.linalg.svd(self.f(found, 1).gradient, compute_uv=False)[:, -1]
         return np.asarray(found[np.argsort(-sigma)])
 
-    def _with(self, proven: Proven, chain: Array) -> Proven:
-        """Add what a chain of points proves."""
+    def add(self, chain: Array) -> None:
+        """Add what a chain of points (m, n) on the set proves."""
         for points, error in tubes(self.f, chain) if len(chain) > 1 else ():
             R, off = self.distances(points), error * self.slope
             low, high = R.min() + off, R.max() - off
-            more = merged([*proven.radii, np.array([low, high])])
+            more = merged([*self.proven.radii, np.array([low, high])])
             if (
                 low < high
-                and np.diff(more).sum() > np.diff(proven.radii).sum() + TOLERANCE
-                and any(self.counts(points[i]) for i in (0, len(points) // 2, -1))
+                and np.diff(more).sum() > np.diff(self.proven.radii).sum() + TOLERANCE
+                and any(self._counts(points[i]) for i in (0, len(points) // 2, -1))
             ):
-                proven = Proven((*proven.curves, points), more)
-        return proven
+                self.proven = Proven((*self.proven.curves, points), more)
+
+    def _counts(self, q: Array) -> bool:
+        """Check whether the columns that the minors share are independent at q (n,)."""
+        return not is_singular(self.arm, q, self.mode, self.shared)
 
     def walk(self, start: Array, sign: float, stop: float) -> Array:
         """Walk along the set to where R is larger (sign 1) or smaller (-1), points (m, n).
