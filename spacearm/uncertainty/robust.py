@@ -24,6 +24,7 @@ from spacearm.singularities.report import singularity
 from spacearm.uncertainty.family import Family, family_of
 from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.workspaces.path_dependent import workspace
+from spacearm.workspaces.shells import merged, without
 
 SAMPLES = 200
 """Default number of random arms."""
@@ -342,20 +343,12 @@ def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) ->
     bounds: Any = np.array(found) if len(numbers) == 1 else np.zeros((1, 0, 2))
     low = np.stack((bounds[:, :, 0].min(axis=0), bounds[:, :, 0].max(axis=0)), axis=1)
     high = np.stack((bounds[:, :, 1].min(axis=0), bounds[:, :, 1].max(axis=0)), axis=1)
-    edges = np.unique(np.concatenate([pdw.ravel() for pdw in found]))
-    middles = 0.5 * (edges[:-1] + edges[1:])
-    held = np.array([[any(a <= R <= b for a, b in pdw) for R in middles] for pdw in found])
-    held = held.reshape(len(found), len(middles))
+    sometimes = merged([shell for pdw in found for shell in pdw])
+    gaps = merged([gap for pdw in found for gap in without(sometimes, pdw)])
     return ShellBands(
         low=low,
         high=high,
-        always=_runs(edges, np.asarray(held.all(axis=0))),
-        sometimes=_runs(edges, np.asarray(held.any(axis=0))),
+        always=without(sometimes, gaps),
+        sometimes=sometimes,
         tried=len(found),
     )
-
-
-def _runs(edges: Array, inside: npt.NDArray[np.bool_]) -> Array:
-    """Return the ranges (k, 2) of neighbouring intervals that are inside."""
-    steps = np.diff(np.concatenate(([0], inside.astype(int), [0])))
-    return np.stack((edges[np.flatnonzero(steps == 1)], edges[np.flatnonzero(steps == -1)]), axis=1)

@@ -36,7 +36,7 @@ from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import is_singular
 from spacearm.singularities.polynomials import distances, minors_of, radius_squared
 from spacearm.workspaces.extent import Box, least_distance
-from spacearm.workspaces.shells import Shell, members, merged
+from spacearm.workspaces.shells import Shell, members, merged, without
 
 ILL = 1e10
 """Condition of df/dy above which no proof is tried."""
@@ -229,15 +229,6 @@ class Proven(NamedTuple):
     curves: tuple[Array, ...]
     radii: Array
 
-    def missing(self, wanted: Array) -> Array:
-        """Return the distances of `wanted` (k, 2) that are not proven, (m, 2)."""
-        parts = []
-        for low, high in wanted:
-            inner = self.radii[(self.radii[:, 1] > low) & (self.radii[:, 0] < high)]
-            edges = np.concatenate(([low], inner.ravel(), [high])).reshape(-1, 2)
-            parts.append(edges[edges[:, 1] > edges[:, 0]])
-        return np.concatenate([np.empty((0, 2)), *parts])
-
 
 def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: float) -> Proven:
     """Prove that something is singular at every distance of shells.
@@ -359,8 +350,7 @@ class Prover:
 
     def missing(self) -> Array:
         """Return the wanted distances that are not proven yet, (k, 2)."""
-        missing = self.proven.missing(self.wanted)
-        return missing[missing[:, 1] - missing[:, 0] > self.tolerance]
+        return without(self.wanted, self.proven.radii, self.tolerance)
 
     def _beside(self, end: Array, away: float) -> Array:
         """Return points on the set (m, n) some way from an end [rad], regular ones first."""
