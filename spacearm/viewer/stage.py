@@ -12,12 +12,10 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
-from spacearm.singularities.risk import RiskProfile
 from spacearm.viewer.layers import (
     AttitudeLayer,
     Key,
@@ -32,7 +30,7 @@ from spacearm.viewer.scene import Scene
 from spacearm.viewer.session import Session
 from spacearm.viewer.shapes import GHOST, STEEL, VIOLET, Ghost, draw_axes
 from spacearm.viewer.window import Window
-from spacearm.workspaces.path_dependent import Workspace, centre_of
+from spacearm.workspaces.path_dependent import centre_of
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
@@ -100,28 +98,19 @@ class Stage:
         self._obstacle_layer = ObstacleLayer(node, self.obstacles)
         self.show_layer("obstacles", "obstacles" not in self.hidden)
 
-    def draw_shells(self, space: Workspace) -> None:
-        """Draw a workspace."""
-        self._centre = space.mode
-        self._explain("shells", draw_workspace(self.scene.root["shells"], space, self._view))
-
-    def draw_risk(self, risk: RiskProfile) -> None:
-        """Draw how likely singular postures are, over the distance of the tip from the CM."""
-        self._explain("risk", draw_risk(self.scene.root["risk"], risk, self._view))
-
-    def draw_attitudes(self, found: FeasibleAttitudes) -> None:
-        """Draw the attitudes from which the tip can follow a path."""
-        self._explain("attitudes", self._attitudes.show(found))
-
-    def _explain(self, layer: str, keys: list[Key]) -> None:
+    def show_computed(self, layer: str, result: Any) -> None:
+        """Draw workspaces, the risk or feasible attitudes in the layer of that name."""
+        if layer == "attitudes":
+            keys = self._attitudes.show(result)
+        else:
+            normal = self.scene.arm.tree.plane_normal()
+            view = VIEW if normal is None else np.eye(3)[normal]  # in the frame of the layer
+            draw = draw_workspace if layer == "shells" else draw_risk
+            keys = draw(self.scene.root[layer], result, view)
+        if layer == "shells":
+            self._centre = result.mode
         self.legend = [key for key in self.legend if key.layer != layer] + keys
         self.show_layer(layer, True)
-
-    @property
-    def _view(self) -> Array:
-        """Direction from which workspaces are seen, in the frame of their layers."""
-        normal = self.scene.arm.tree.plane_normal()
-        return VIEW if normal is None else np.eye(3)[normal]
 
     def compare(self, other: Comparison | None) -> None:
         """Show another motion in step with the present one; none if None."""
