@@ -9,7 +9,6 @@ from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
@@ -22,6 +21,7 @@ from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
 from spacearm.processes import Process, Progress, WorkerError
 from spacearm.singularities.risk import risk_profile
+from spacearm.viewer.motions import some
 from spacearm.viewer.stage import Stage
 from spacearm.workspaces.path_dependent import workspace
 
@@ -185,7 +185,7 @@ def _start_and_path(stage: Stage, path: object) -> tuple[Configuration, list[pin
             raise ConfigurationError("there is no motion whose tip path could be taken")
         motion = stage.motion
         motion.arm.require_one_tip()
-        rows = np.linspace(0, len(motion) - 1, min(len(motion), MOST_CORNERS)).round().astype(int)
+        rows = some(len(motion), MOST_CORNERS)
         poses = [pin.XYZQUATToSE3(row) for row in motion.tip[rows]]
         corners = [_from(com, pose) for com, pose in zip(motion.com[rows], poses, strict=True)]
         return _at_rest(motion[0]), corners

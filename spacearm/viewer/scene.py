@@ -18,6 +18,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import SingularityReport
 from spacearm.viewer.layers import Grid, draw_grid
+from spacearm.viewer.motions import some
 from spacearm.viewer.readouts import NEAR
 from spacearm.viewer.shapes import Bodies, along, at, bar, distance_colors, overlay, tube
 from spacearm.viewer.window import Window
@@ -185,7 +186,7 @@ class Scene:
 
     def trace(self, points: Array, values: Array) -> None:
         """Draw a path (m, 3) [m], coloured by values (m,): vermilion at 0, yellow, blue at 1."""
-        rows = np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).round().astype(int)
+        rows = some(len(points), MOST_POINTS)
         geometry = tube(points[rows], distance_colors(values[rows]), 0.006 * self.size)
         material = g.MeshBasicMaterial(
             vertexColors=True, transparent=True, depthTest=False, depthWrite=False
