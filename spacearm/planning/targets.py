@@ -8,12 +8,12 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite
 from spacearm.errors import NoSolutionError
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
-from spacearm.motion.following import lead
+from spacearm.motion.following import follow
 from spacearm.motion.goal import Goal, as_goal, goal_pose, out_of_reach
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.optimiser import ARRIVED, Target
@@ -85,7 +85,7 @@ def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
         NoSolutionError: It is not; carries the motion towards the goal as far as J* leads.
     """
     if far := out_of_reach(cfg, goal):
-        line = lead(cfg, [as_goal(cfg, goal)], limits=limits)
+        line = follow(cfg, [as_goal(cfg, goal)], limits=limits)
         raise NoSolutionError(far, list(line))
     return goal
 

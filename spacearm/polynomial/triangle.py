@@ -22,7 +22,7 @@ from itertools import permutations
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import onto, shortened
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Complex, line_roots
@@ -164,8 +164,7 @@ def _roots_where_lost(
 
     Left out are those that take more equations than the roots of `others` and f.
     """
-    turning = Chart.turning(f.n)
-    jets, line = [Jets.of(g, turning) for g in others], Jets.of(f, turning)
+    jets, line = [Jets.of(g) for g in others], Jets.of(f)
     turns = 2.0 * np.pi * np.arange(2 * f.degrees[j] + 1) / (2 * f.degrees[j] + 1)
 
     def equations(X: Array) -> tuple[Array, Array]:

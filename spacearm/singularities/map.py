@@ -9,10 +9,9 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Result, whole
+from spacearm.arrays import Array, Progress, Result, whole
 from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
@@ -147,7 +146,7 @@ def telling_joints(arm: SpaceArm) -> list[int]:
     turning = np.flatnonzero(~arm.slides)
     if len(turning) < 2:
         raise ConfigurationError(f"{arm.name} has fewer than two revolute joints; a map needs two")
-    Q = chart_of(arm).positions(np.random.default_rng(0).uniform(-np.pi, np.pi, (LINES, arm.n)))
+    Q = chart_of(arm).draw(np.random.default_rng(0), LINES)
     lines = np.tile(Q[:, None, None], (1, len(turning), ON_LINE, 1))
     for i, j in enumerate(turning):
         lines[:, i, :, j] += 2.0 * np.pi * np.arange(ON_LINE) / ON_LINE

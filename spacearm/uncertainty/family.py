@@ -18,7 +18,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import SpaceArm
-from spacearm.polynomial.jets import Chart, Jets
+from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.trig import Sampler, TrigPolynomial
 from spacearm.polynomial.univariate import Complex
 from spacearm.singularities.polynomials import check_square, comparable_sampler
@@ -74,8 +74,7 @@ class Family:
 
     def jets(self) -> list[Jets]:
         """Return the S_a as what a certificate takes."""
-        chart = Chart.turning(self.control[0].n)
-        return [Jets.of(f, chart) for f in self.control]
+        return [Jets.of(f) for f in self.control]
 
     def __call__(self, q: Array, shares: Array) -> Array:
         """Evaluate S at one posture (n,) for many arms (m, p)."""

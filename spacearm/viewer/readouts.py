@@ -18,7 +18,7 @@ from spacearm.collisions.separation import Collisions, collision_geometry
 from spacearm.description.model_catalogue import catalogue
 from spacearm.description.shapes import Mesh
 from spacearm.errors import ConfigurationError, SpaceArmError, listed
-from spacearm.mechanics.nearness import distances
+from spacearm.mechanics.distance import distances
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.map import telling_joints

@@ -30,9 +30,8 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.polynomial.branch_and_bound import enclose
-from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.trig import EPS, TrigPolynomial
-from spacearm.polynomial.univariate import orders
+from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.trig import EPS
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import is_singular
 from spacearm.singularities.polynomials import distances, minors_of, radius_squared
@@ -71,7 +70,7 @@ class Equations:
         self.low = np.where(whole, -np.inf, box.low)
         self.high = np.where(whole, np.inf, box.high)
         self.polynomials = polynomials
-        self.third = np.array([_third(f.polynomial) for f in polynomials])
+        self.third = np.array([f.polynomial.derivative_bounds(3) for f in polynomials])
         self.degrees = np.array([max((1, *f.polynomial.degrees)) for f in polynomials])
 
     def __call__(self, Q: Array) -> tuple[Array, Array]:
@@ -196,12 +195,6 @@ def _change(f: Equations, second: Array, noise: Array, reach: Array) -> Array:
     return np.asarray(np.einsum("mcij,mj->mci", curvature, reach))
 
 
-def _third(f: TrigPolynomial) -> Array:
-    """Bound the third derivatives (n, n, n) everywhere."""
-    k = np.abs(np.array(np.meshgrid(*map(orders, f.degrees), indexing="ij"))).reshape(f.n, -1)
-    return np.einsum("a,ia,ja,ka->ijk", np.abs(f.coefficients).ravel(), k, k, k, optimize=True)
-
-
 def _pivots(slopes: Array) -> npt.NDArray[np.intp]:
     """Choose the joints (m, c) to solve for: columns (m, c, n), each far from those before."""
     left, chosen = slopes.copy(), []
@@ -274,12 +267,11 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
     arm, mode = found.arm, found.mode
     if not shells:
         return Proven((), np.empty((0, 2)))
-    chart = Chart.turning(arm.n)
     shared = shared_columns(found) if found.codimension > 1 else ()
     R2 = radius_squared(arm, mode=mode)
     prover = Prover(
-        Equations([Jets.of(f, chart) for f in found.triangle.equations], box),
-        Jets.of(R2, chart),
+        Equations([Jets.of(f) for f in found.triangle.equations], box),
+        Jets.of(R2),
         lambda Q: distances(arm, Q, mode),
         arm.n * float(np.sqrt(R2.scale)),  # |p(q) - p(q + pi)| = 2 |dp/dq| <= 2 max |p|
         lambda q: not is_singular(arm, q, mode, shared),

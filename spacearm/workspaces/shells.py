@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, named
+from spacearm.arrays import Array, Progress, named
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.branch_and_bound import enclose
+from spacearm.polynomial.level_set import connected
 from spacearm.polynomial.newton import bounded_extreme, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
@@ -225,16 +225,10 @@ def _ends_on_faces(found: SingularSet, box: Box) -> list[Array]:
 
 def _clipped(points: Array, edges: Pairs, box: Box) -> list[Array]:
     """Return the connected pieces of a curve or surface within the box."""
-    from scipy.sparse import csr_array  # slow to import
-    from scipy.sparse.csgraph import connected_components
-
     Q = box.fold(points)
     inside = box.holds(Q)
-    kept = edges[inside[edges].all(axis=1)]
-    m = len(points)
-    graph = csr_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(m, m))
-    _, labels = connected_components(graph, directed=False)
-    return [Q[inside & (labels == label)] for label in np.unique(labels[inside])]
+    number = np.cumsum(inside) - 1
+    return connected(Q[inside], number[edges[inside[edges].all(axis=1)]])
 
 
 GAP_SHARE = 1 / 300

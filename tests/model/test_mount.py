@@ -336,7 +336,7 @@ def test_poses_are_matrices_too():
     base = pin.SE3(pin.utils.rotate("x", 0.4), np.array([1.0, 2.0, 3.0]))
     assert arm.at(q, base=base.homogeneous).tip.isApprox(arm.at(q, base=base).tip)
     goal = sa.move(arm.at(q), [0.05] * 6).tip
-    ends = [sa.follow(arm, q, [g])[-1].q for g in (goal, goal.homogeneous)]
+    ends = [sa.follow(arm.at(q), [g])[-1].q for g in (goal, goal.homogeneous)]
     np.testing.assert_array_equal(*ends)
     with pytest.raises(sa.ConfigurationError, match="has the last row"):
         arm.at(q, base=np.ones((4, 4)))

@@ -69,8 +69,8 @@ def test_a_configuration_and_results_that_have_one(arm):
 @pytest.mark.slow
 def test_motions_are_played(arm):
     plan = sa.plan(arm.at(Q), sa.Joints([0.5, 1.0]))
-    followed = sa.follow(arm, Q, [arm.at(Q).tip.translation[:2] + np.array([0.0, 0.05])])
-    trajectory = sa.simulate(arm, Q, sa.JointPD([0.5, 1.0], kp=50.0, kd=50.0), 0.2)
+    followed = sa.follow(arm.at(Q), [arm.at(Q).tip.translation[:2] + np.array([0.0, 0.05])])
+    trajectory = sa.simulate(arm.at(Q), sa.JointPD([0.5, 1.0], kp=50.0, kd=50.0), 0.2)
     for thing in (plan, followed, trajectory, sa.Motion.of(plan)):
         viewer = sa.view(thing, open=False)
         np.testing.assert_allclose(viewer.session.cfg.q, Q, atol=1e-12)
@@ -82,7 +82,7 @@ def test_a_flight_is_played_with_what_it_holds(arm):
     body = sa.Grasp(mass=20.0, inertia=np.diag([2.0, 3.0, 4.0]), com=(0.3, 0.1, 0.0))
     phases = [sa.Phase(law, 0.2, body), sa.Phase(law, 0.1), sa.Phase(law, 0.1, sa.Release()),
               sa.Phase(law, 0.1)]  # fmt: skip
-    flight = sa.simulate_phases(arm, Q, phases)
+    flight = sa.simulate_phases(arm.at(Q), phases)
     viewer = sa.view(flight, open=False)
     motion = viewer.about()["motion"]
     assert motion["span"] == pytest.approx([0.0, 0.5])

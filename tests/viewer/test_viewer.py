@@ -607,7 +607,13 @@ def test_wheels_and_wrenches_are_drawn_while_they_act():
     law = sa.JointPD(target=[0.5], kp=1.0, kd=3.0)
     push = {"bus": lambda t: [0.0, 2.0 * (t < 1.0), 0.0, 0.0, 0.0, 0.0]}
     hold = sa.WheelHold(stiffness=50.0, damping=100.0)
-    run = sa.simulate(arm, [0.1], law, 4.0, wheels=hold, wrenches=push, dt=0.1)
+    run = sa.simulate(
+        arm.at([0.1]),
+        law,
+        4.0,
+        plant=sa.Plant(wheels=hold, wrenches=push),
+        integration=sa.Integration(dt=0.1),
+    )
     with pytest.warns(sa.ModelWarning, match="no visuals"):
         viewer = sa.view(run, open=False)
     for t, pushed in ((0.5, True), (3.0, False)):

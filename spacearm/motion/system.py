@@ -1,10 +1,10 @@
-"""A plant and its controllers as what the equations of a run take: a setup and its numbers."""
+"""A system and its controllers as what the equations of a run take: a setup and its numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,18 +17,34 @@ from spacearm.compiler.expressions import asarray
 from spacearm.compiler.users import over_symbols
 from spacearm.equations.laws import Law, Source, State
 from spacearm.equations.plant import Event, Pushed, Setup, moving, parts
-from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.many import parameters_of, structure_of
-from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import sound_pose
-from spacearm.model.joints import joint_vector
+from spacearm.model.joints import joint_name, joint_vector
 from spacearm.motion import controllers as law_types
 from spacearm.motion.controllers import Controller, JointPD, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
-from spacearm.motion.plant import PassiveJoint, Plant, checked_wrench, wheel_torques
-from spacearm.motion.runs.users import Example, TracedConfiguration, copied, not_traced, values_of
+from spacearm.motion.plant import (
+    Motors,
+    PassiveJoint,
+    Plant,
+    WheelHold,
+    Wrench,
+    checked_wrench,
+    described,
+    wheel_torques,
+    wrench_at,
+)
+from spacearm.motion.user_functions import (
+    Example,
+    TracedConfiguration,
+    copied,
+    not_traced,
+    values_of,
+)
 from spacearm.singularities.report import NO_INVERSE
 
 KINDS: dict[type, str] = {
@@ -43,6 +59,112 @@ EXAMPLES = 3
 """States or times at which a function that is traced is compared with its own values."""
 Outside = Callable[[float, Array], Array]
 """A function called outside: of time and the state, which only laws and events get."""
+
+
+@dataclass(frozen=True)
+class System:
+    """An arm at its start, and what acts on it besides its controllers; checked.
+
+    Attributes:
+        start: Configuration at the start.
+        mode: What the spacecraft does.
+        plant: What acts.
+    """
+
+    start: Configuration
+    mode: BaseMode
+    plant: Plant
+
+    def __post_init__(self) -> None:
+        free_components(self.mode)
+        arm, h, wheels = self.arm, self.start.momentum, self.plant.wheels
+        if self.mode == "fixed" and h.any():
+            raise ConfigurationError(
+                f"momentum of the start is {h.tolist()}; a fixed spacecraft takes it up"
+            )
+        for link, *_ in self.pushed:
+            if link not in arm.tree.links:
+                raise ConfigurationError(unknown("link", link, arm.tree.links))
+        for name in self.passive:
+            joint_name(arm, name)
+        if wheels is None:
+            return
+        if self.mode != "free-floating":
+            raise ConfigurationError(
+                f"wheels turn the spacecraft and mode is {self.mode!r}; give mode='free-floating'"
+            )
+        if not arm.wheels:
+            raise UnsupportedError(
+                f"{arm.name} has no wheels; load it with wheels=[...], the names of joints"
+            )
+        if self.motors is not None:
+            wheel_torques(self.motors(0.0), len(arm.wheels))
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm."""
+        return self.start.arm
+
+    @property
+    def hold(self) -> WheelHold | None:
+        """The law of the wheels, if they hold the attitude."""
+        return self.plant.wheels if isinstance(self.plant.wheels, WheelHold) else None
+
+    @property
+    def motors(self) -> Motors | None:
+        """The torques of the wheels over time, if they are given."""
+        return None if isinstance(self.plant.wheels, WheelHold) else self.plant.wheels
+
+    @cached_property
+    def passive(self) -> Mapping[str, PassiveJoint]:
+        """Springs, damping and friction of joints, by name."""
+        given = self.plant.passive
+        return described(self.arm) if isinstance(given, str) else given
+
+    @property
+    def pushed(self) -> list[tuple[str, Wrench, bool]]:
+        """As in `Plant`."""
+        return self.plant.pushed
+
+    def configuration(self, y: Array) -> Configuration:
+        """Return the configuration in a state, see `equations.plant`."""
+        arm, n = self.arm, self.arm.n
+        q, quaternion = y[:n].copy(), y[2 * n : 2 * n + 4]
+        if self.mode == "fixed":
+            placed = kinematics(arm, q, self.start.base)
+        else:
+            attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
+            turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
+            placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
+        h = y[2 * n + 7 : 2 * n + 13]
+        if not arm.wheels and not h.any():
+            return placed
+        return arm.at(q, base=placed.base, wheels=y[2 * n + 17 :], momentum=h)
+
+    def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
+        """Return the wrenches on each link that is pushed, along inertial axes.
+
+        Args:
+            t: (m,) times [s].
+            q: (m, n) joint positions.
+            base: (m, 7) poses of the spacecraft.
+
+        Returns:
+            (m, 6) [force [N]; torque [N m]] at the origin of the link's frame, by its name.
+        """
+        model, data = self.arm.model, pin.Data(self.arm.model)
+        found: dict[str, Array] = {link: np.zeros((len(t), 6)) for link, *_ in self.pushed}
+        for i, time in enumerate(t):
+            if self.plant.thrusters:
+                pose = pin.XYZQUATToSE3(base[i])
+                pin.framesForwardKinematics(model, data, kinematics(self.arm, q[i], pose).full)
+            for link, wrench, own in self.pushed:
+                values = wrench_at(link, wrench, float(time))
+                if own:
+                    R = data.oMf[model.getFrameId(link, pin.BODY)].rotation
+                    values = (values.reshape(2, 3) @ R.T).ravel()
+                found[link][i] += values
+        return found
 
 
 class WantedEvent(NamedTuple):
@@ -131,15 +253,15 @@ def checked(check: Check) -> str:
 
 
 class Preparation:
-    """The functions of a plant and its controllers, as they are sorted: traced or outside.
+    """The functions of a system and its controllers, as they are sorted: traced or outside.
 
     Args:
-        plant: The plant.
+        system: The system.
         trace: Whether users' functions are traced where that can be done.
     """
 
-    def __init__(self, plant: Plant, trace: bool = True) -> None:
-        self.plant, self.trace = plant, trace
+    def __init__(self, system: System, trace: bool = True) -> None:
+        self.system, self.trace = system, trace
         self.outside: dict[str, Outside] = {}
         self.notes: list[str] = []
 
@@ -159,7 +281,7 @@ class Preparation:
             outside: What is called outside, checks included.
             used: The same as equations call it, if they do so otherwise.
         """
-        values, used_with = values_of(function), (self.plant.arm, self.plant.mode, what)
+        values, used_with = values_of(function), (self.system.arm, self.system.mode, what)
         ask = partial(not_traced, function, traced, examples)
         why = checked(Check(values, used_with, ask, function)) if self.trace else "too many"
         if not why:
@@ -197,49 +319,48 @@ class Preparation:
 
 
 def prepared(
-    plant: Plant,
+    system: System,
     controllers: Mapping[int, Controller],
     wanted: Sequence[WantedEvent] = (),
     *,
     trace: bool = True,
 ) -> Prepared:
-    """Return a plant and its controllers as what the equations take.
+    """Return a system and its controllers as what the equations take.
 
     Args:
-        plant: The plant.
+        system: The system.
         controllers: The controllers by the number of the tip that they lead; -1 for one that acts
             on all joints.
         wanted: The events that are looked for.
         trace: Whether users' functions are traced where that can be done.
     """
-    todo = Preparation(plant, trace)
+    todo = Preparation(system, trace)
     events = [(event, event.root) for event in wanted if event.root is not None]
-    motors, count = plant.motors, len(plant.arm.wheels)
+    motors, count = system.motors, len(system.arm.wheels)
     laws, numbers = [], []
     for i, (tip, controller) in enumerate(controllers.items()):
         law, values = _law(todo, i, tip, controller)
         laws.append(law)
-        numbers += [np.ravel(values[name]) for name, _ in law.numbers(plant.arm.n)]
+        numbers += [np.ravel(values[name]) for name, _ in law.numbers(system.arm.n)]
     setup = Setup(
         laws=tuple(laws),
-        wheels=tuple(_body(plant.arm, wheel.frame) for wheel in plant.arm.wheels),
-        holds=plant.hold is not None,
+        wheels=tuple(_body(system.arm, wheel.frame) for wheel in system.arm.wheels),
+        holds=system.hold is not None,
         motors=None if motors is None else todo.over_time(
             "motors", "the torque of the wheels", motors, lambda tau: wheel_torques(tau, count)
         ),
-        pushed=tuple(_pushed(todo, i) for i in range(len(plant.pushed))),
-        passive=bool(plant.passive),
-        effort="effort" in plant.limits,
-        speed="velocity" in plant.limits,
+        pushed=tuple(_pushed(todo, i) for i in range(len(system.pushed))),
+        passive=bool(system.passive),
+        limits=system.plant.limits,
         events=tuple(root for _, root in events),
     )  # fmt: skip
     todo.outside |= {
-        f"event{i}": partial(_value, plant, event.value)
+        f"event{i}": partial(_value, system, event.value)
         for i, (event, _) in enumerate(events)
         if event.value is not None
     }
-    given = _plant_numbers(plant, setup, [event.bound for event, _ in events])
-    flat = [np.ravel(given[name]) for name, _ in setup.plant_shapes(plant.arm.n)]
+    given = _plant_numbers(system, setup, [event.bound for event, _ in events])
+    flat = [np.ravel(given[name]) for name, _ in setup.plant_shapes(system.arm.n)]
     return Prepared(
         setup, np.concatenate([np.zeros(0), *numbers]), np.concatenate(flat), todo.outside,
         tuple(todo.notes),
@@ -247,24 +368,20 @@ def prepared(
 
 
 def wanted_events(
-    arm: SpaceArm,
-    mode: BaseMode,
+    system: System,
     kinds: Collection[str],
     stop: Collection[str],
     reach: float,
     controllers: Mapping[int, Any],
-    capacity: float | None,
 ) -> list[WantedEvent]:
     """Return the events of some kinds.
 
     Args:
-        arm: The arm.
-        mode: What the spacecraft does.
+        system: The system.
         kinds: Names in `EVENTS`.
         stop: Those that end the run.
         reach: The distance at which a target counts as reached.
         controllers: The controllers by the number of their tip.
-        capacity: Largest momentum of a wheel; None if they cannot be full [N m s].
 
     Raises:
         ConfigurationError: A kind does not exist.
@@ -273,13 +390,14 @@ def wanted_events(
         if kind not in EVENTS:
             raise ConfigurationError(unknown("event", kind, EVENTS))
     found: list[WantedEvent] = []
+    arm = system.arm
 
     def add(
         kind: str, detail: str, root: Event | None, bound: float = 0.0, value: Any = None
     ) -> None:
         found.append(WantedEvent(root, bound, value, kind, detail, kind in stop))
 
-    if "singularity" in kinds and has_determinant(arm, mode):
+    if "singularity" in kinds and has_determinant(arm, system.mode):
         add("singularity", "S = 0", Event("determinant"))
     elif "singularity" in kinds:
         add("singularity", CLOSE, None)
@@ -299,37 +417,37 @@ def wanted_events(
                     return float(np.linalg.norm(error(t, cfg)))
 
                 add("target", detail, Event("own", i), reach, miss)
-    if "wheel full" in kinds and capacity is not None:
+    if "wheel full" in kinds and system.hold is not None:
         for i, wheel in enumerate(arm.wheels):
-            add("wheel full", wheel.name, Event("wheel", i), capacity)
+            add("wheel full", wheel.name, Event("wheel", i), system.hold.capacity)
     return found
 
 
-def start_state(plant: Plant, dq: Array, momentum: Array) -> Array:
+def start_state(system: System, dq: Array) -> Array:
     """Return the state at the start."""
-    cfg, where = plant.start, parts(plant.arm.n, len(plant.arm.wheels))
+    cfg, where = system.start, parts(system.arm.n, len(system.arm.wheels))
     y = np.zeros(where.wheels.stop)
     y[where.q], y[where.dq] = cfg.q, dq
     y[where.attitude] = pin.SE3ToXYZQUAT(cfg.base)[3:]
-    y[where.com], y[where.momentum], y[where.wheels] = cfg.com, momentum, cfg.wheels
+    y[where.com], y[where.momentum], y[where.wheels] = cfg.com, cfg.momentum, cfg.wheels
     return y
 
 
-def coupled(plant: Plant, setup: Setup, momentum: Array) -> int:
+def coupled(system: System, setup: Setup) -> int:
     """Return how many leading components of the state its rate depends on.
 
     Without wrenches the momentum stays and the system CM moves evenly, whatever the arm does; the
     attitude counts where there is momentum, or a law that may look at it.
     """
-    where = parts(plant.arm.n, len(plant.arm.wheels))
+    where, momentum = parts(system.arm.n, len(system.arm.wheels)), system.start.momentum
     if setup.wheels:
         return where.wheels.stop
     if setup.pushed:
         return where.momentum.stop
-    if np.any(momentum[:3]):
+    if momentum[:3].any():
         return where.com.stop
     joints_only = all(law.kind == "joints" for law in setup.laws)
-    return where.dq.stop if joints_only and not np.any(momentum) else where.attitude.stop
+    return where.dq.stop if joints_only and not momentum.any() else where.attitude.stop
 
 
 def _body(arm: SpaceArm, frame: int) -> int:
@@ -341,7 +459,7 @@ def _law(
     todo: Preparation, i: int, tip: int, controller: Controller
 ) -> tuple[Law, dict[str, npt.ArrayLike]]:
     """Return a controller as a law, with its numbers by name."""
-    arm, n = todo.plant.arm, todo.plant.arm.n
+    arm, n = todo.system.arm, todo.system.arm.n
     joints = tuple(joints_of(arm, tip)) if tip >= 0 and len(arm.tips) > 1 else None
     law = Law(KINDS.get(type(controller), "own"), tip=max(tip, 0), joints=joints)
     if law.kind == "own":
@@ -366,7 +484,7 @@ def _tip_law(
     todo: Preparation, i: int, controller: law_types.TipLaw, law: Law
 ) -> tuple[Law, dict[str, npt.ArrayLike]]:
     """Return a law that leads a tip, with its numbers."""
-    arm, task = todo.plant.arm, todo.plant.arm.task
+    arm, task = todo.system.arm, todo.system.arm.task
     k = len(task.rows)
     numbers: dict[str, npt.ArrayLike] = {}
     first = controller.goal(0.0)
@@ -429,14 +547,14 @@ def joints_of(arm: SpaceArm, tip: int) -> Array:
 
 def _own_law(todo: Preparation, i: int, controller: Controller) -> Source:
     """Return a user's law."""
-    plant = todo.plant
-    arm, n = plant.arm, plant.arm.n
+    system = todo.system
+    arm, n = system.arm, system.arm.n
 
     def torque(values: npt.ArrayLike) -> Array:
         return joint_vector(arm, values, "the controller's torque")
 
     def outside(t: float, y: Array) -> Array:
-        return torque(controller(t, plant.configuration(y), y[n : 2 * n].copy()))
+        return torque(controller(t, system.configuration(y), y[n : 2 * n].copy()))
 
     law = over_symbols(controller)
 
@@ -445,12 +563,12 @@ def _own_law(todo: Preparation, i: int, controller: Controller) -> Source:
         return _array(law(state.t, cfg, copied(state.dq)))
 
     def traced(t: Any, y: Any) -> Any:
-        return of_state(symbols, _placed(plant, t, y))
+        return of_state(symbols, _placed(system, t, y))
 
     def examples() -> Iterator[Example]:
         rng = np.random.default_rng(0)
         for _ in range(EXAMPLES):
-            y = start_state(plant, rng.normal(size=n), np.zeros(6))
+            y = start_state(system, rng.normal(size=n))
             y[:n] = rng.uniform(-1.0, 1.0, n)
             t = float(rng.uniform(0.0, 100.0))
             yield (t, y), outside(t, y)
@@ -459,19 +577,19 @@ def _own_law(todo: Preparation, i: int, controller: Controller) -> Source:
     return todo.source(f"law{i}", what, controller, traced, examples, outside, of_state)
 
 
-def _placed(plant: Plant, t: Any, y: Any) -> State:
+def _placed(system: System, t: Any, y: Any) -> State:
     """Return a state of symbols."""
-    arm = plant.arm
+    arm = system.arm
     setup = Setup(wheels=(0,) * len(arm.wheels))
-    numbers = np.concatenate((plant.start.base.translation, np.zeros(3 * len(arm.wheels))))
-    tree, p = structure_of(arm, plant.mode), parameters_of(arm)
+    numbers = np.concatenate((system.start.base.translation, np.zeros(3 * len(arm.wheels))))
+    tree, p = structure_of(arm, system.mode), parameters_of(arm)
     return moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup).state
 
 
 def _pushed(todo: Preparation, i: int) -> Pushed:
     """Return what is pushed by wrench i."""
-    arm = todo.plant.arm
-    link, wrench, own = todo.plant.pushed[i]
+    arm = todo.system.arm
+    link, wrench, own = todo.system.pushed[i]
     source = None
     if callable(wrench):
         source = todo.over_time(f"wrench{i}", f"the wrench on {link!r}", wrench,
@@ -480,10 +598,10 @@ def _pushed(todo: Preparation, i: int) -> Pushed:
 
 
 def _value(
-    plant: Plant, value: Callable[[float, Configuration], float], t: float, y: Array
+    system: System, value: Callable[[float, Configuration], float], t: float, y: Array
 ) -> Array:
     """Return the value of an event function that is called outside."""
-    return np.array([value(t, plant.configuration(y))])
+    return np.array([value(t, system.configuration(y))])
 
 
 def _array(values: Any) -> Any:
@@ -494,21 +612,21 @@ def _array(values: Any) -> Any:
         return asarray(values)
 
 
-def _plant_numbers(plant: Plant, setup: Setup, bounds: list[float]) -> dict[str, Array]:
-    """Return the numbers of a plant by name; (n,) each of springs, friction and joint limits."""
-    arm, hold = plant.arm, plant.hold
+def _plant_numbers(system: System, setup: Setup, bounds: list[float]) -> dict[str, Array]:
+    """Return the numbers of a system by name; (n,) each of springs, friction and joint limits."""
+    arm, hold = system.arm, system.hold
     still = PassiveJoint(slip=1.0)
-    passive = [plant.passive.get(name, plant.passive.get(f"q{j + 1}", still))
+    passive = [system.passive.get(name, system.passive.get(f"q{j + 1}", still))
                for j, name in enumerate(arm.joint_names)]  # fmt: skip
     names = ("stiffness", "relaxed", "damping", "friction", "slip")
     described = [arm.tree.joints[name] for name in arm.joint_names]
     frames = [arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement
-              for link, *_ in plant.pushed]  # fmt: skip
+              for link, *_ in system.pushed]  # fmt: skip
     wrenches = [np.zeros(6) if callable(wrench) else checked_wrench(link, wrench)
-                for link, wrench, _ in plant.pushed]  # fmt: skip
+                for link, wrench, _ in system.pushed]  # fmt: skip
     axes = [arm.model.frames[wheel.frame].placement.rotation @ wheel.axis for wheel in arm.wheels]
     known = {
-        "base": plant.start.base.translation,
+        "base": system.start.base.translation,
         "axes": np.array(axes).reshape(-1, 3),
         "places": np.array([frame.translation for frame in frames]),
         "turns": np.array([frame.rotation for frame in frames]),
@@ -526,6 +644,6 @@ def _plant_numbers(plant: Plant, setup: Setup, bounds: list[float]) -> dict[str,
             "torque": np.full(count, hold.torque),
             "capacity": np.full(count, hold.capacity),
             "hold": np.array([hold.stiffness, hold.damping]),
-            "level": plant.start.base.rotation,
+            "level": system.start.base.rotation,
         }
     return known

@@ -96,7 +96,8 @@ def test_plans_are_tracked_to_their_times(name):
     assert fast.certificate.free == plan.certificate.free
     assert fast.apart == plan.apart
     for motion in (plan, fast):
-        run = sa.simulate(arm, q0, sa.Tracking(motion), motion.t[-1], rtol=1e-6)
+        how = sa.Integration(rtol=1e-6)
+        run = sa.simulate(motion[0], sa.Tracking(motion), motion.t[-1], integration=how)
         off = CubicSpline(run.t, run.tip[:, :3])(motion.t) - motion.tip[:, :3]
         assert np.linalg.norm(off, axis=1).max() < 1e-3
         assert np.abs(run.tip[-1, :3] - motion.tip[-1, :3]).max() < 1e-5
@@ -151,7 +152,7 @@ def test_tracking_brings_an_arm_back_to_its_motion():
     arm = sa.load("planar2")
     fast = sa.time_optimal(straight(arm, [0.3, 1.2], [0.9, 0.7]), torque=20.0)
     law = sa.Tracking(fast, rate=4.0)
-    run = sa.simulate(arm, [0.35, 1.15], law, fast.t[-1] + 4.0)
+    run = sa.simulate(arm.at([0.35, 1.15]), law, fast.t[-1] + 4.0)
     np.testing.assert_allclose(run.q[-1], fast.q[-1], atol=1e-4)
     assert np.abs(law.error(fast.t[-1] + 1.0, arm.at(fast.q[-1]))).max() < 1e-12
     assert law.to_dict()["rate"] == 4.0

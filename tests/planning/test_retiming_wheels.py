@@ -86,9 +86,12 @@ def test_a_simulation_with_wheels_that_hold_keeps_to_the_times():
     fast = sa.time_optimal(plan, torque=1e3)
     strong = sa.WheelHold(stiffness=2000, damping=1000, torque=0.7, capacity=3.0)
     run = sa.simulate(
-        plan.arm, fast.q[0], sa.Tracking(fast), fast.t[-1], wheels=strong, wheels0=[2.0],
-        momentum=fast.momentum[0], rtol=1e-4,
-    )  # fmt: skip
+        fast[0],
+        sa.Tracking(fast),
+        fast.t[-1],
+        plant=sa.Plant(wheels=strong),
+        integration=sa.Integration(rtol=1e-4),
+    )
     assert np.linalg.norm(run.tip[-1, :2] - GOAL) < 1e-3
     assert np.abs(run.base[:, 5]).max() < 1e-3
     held = np.interp(fast.t, run.t, run.wheels[:, 0])
