@@ -17,7 +17,7 @@ from spacearm.errors import StoppedError as StoppedError
 from spacearm.errors import StoreError as StoreError
 from spacearm.errors import SweepError as SweepError
 from spacearm.errors import UnsupportedError as UnsupportedError
-from spacearm.export.c_files import to_c as to_c
+from spacearm.export.functions import to_c as to_c
 from spacearm.export.functions import to_casadi as to_casadi
 from spacearm.export.functions import to_jax as to_jax
 from spacearm.export.inverse_kinematics import (
@@ -34,25 +34,25 @@ from spacearm.mechanics.barycentric_formulation import barycentric as barycentri
 from spacearm.mechanics.batch import evaluate as evaluate
 from spacearm.mechanics.batch import generalized_jacobians as generalized_jacobians
 from spacearm.mechanics.batch import joint_accelerations as joint_accelerations
+from spacearm.mechanics.dynamics import Capture as Capture
 from spacearm.mechanics.dynamics import Dynamics as Dynamics
+from spacearm.mechanics.dynamics import capture as capture
 from spacearm.mechanics.dynamics import forward_dynamics as forward_dynamics
 from spacearm.mechanics.dynamics import generalized_inertia as generalized_inertia
 from spacearm.mechanics.dynamics import inverse_dynamics as inverse_dynamics
 from spacearm.mechanics.dynamics import kinetic_energy as kinetic_energy
 from spacearm.mechanics.floating import move as move
-from spacearm.mechanics.impact import Capture as Capture
-from spacearm.mechanics.impact import capture as capture
+from spacearm.mechanics.jacobian import MomentumMatrix as MomentumMatrix
 from spacearm.mechanics.jacobian import PrescribedMotion as PrescribedMotion
+from spacearm.mechanics.jacobian import base_velocity as base_velocity
 from spacearm.mechanics.jacobian import fixed_base_jacobian as fixed_base_jacobian
 from spacearm.mechanics.jacobian import generalized_jacobian as generalized_jacobian
 from spacearm.mechanics.jacobian import (
     generalized_jacobian_derivative as generalized_jacobian_derivative,
 )
 from spacearm.mechanics.jacobian import generalized_jacobian_rate as generalized_jacobian_rate
+from spacearm.mechanics.jacobian import momentum_matrix as momentum_matrix
 from spacearm.mechanics.jacobian import prescribed_motion as prescribed_motion
-from spacearm.mechanics.momentum import MomentumMatrix as MomentumMatrix
-from spacearm.mechanics.momentum import base_velocity as base_velocity
-from spacearm.mechanics.momentum import momentum_matrix as momentum_matrix
 from spacearm.mission.attitudes import FeasibleAttitudes as FeasibleAttitudes
 from spacearm.mission.attitudes import feasible_attitudes as feasible_attitudes
 from spacearm.mission.budget import MomentumBudget as MomentumBudget
@@ -77,21 +77,21 @@ from spacearm.motion.controllers import Reactionless as Reactionless
 from spacearm.motion.controllers import ResolvedRate as ResolvedRate
 from spacearm.motion.controllers import TransposedJacobian as TransposedJacobian
 from spacearm.motion.events import Event as Event
-from spacearm.motion.flights.flight import Flight as Flight
-from spacearm.motion.flights.phases import Grasp as Grasp
-from spacearm.motion.flights.phases import Phase as Phase
-from spacearm.motion.flights.phases import Release as Release
-from spacearm.motion.flights.phases import simulate_phases as simulate_phases
+from spacearm.motion.flights import Flight as Flight
+from spacearm.motion.flights import Grasp as Grasp
+from spacearm.motion.flights import Phase as Phase
+from spacearm.motion.flights import Release as Release
+from spacearm.motion.flights import simulate_phases as simulate_phases
 from spacearm.motion.following import Followed as Followed
 from spacearm.motion.following import follow as follow
-from spacearm.motion.many_runs import simulate_many as simulate_many
 from spacearm.motion.motion import Motion as Motion
+from spacearm.motion.motion import Trajectory as Trajectory
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
 from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import WheelHold as WheelHold
 from spacearm.motion.simulation import Integration as Integration
 from spacearm.motion.simulation import simulate as simulate
-from spacearm.motion.trajectory import Trajectory as Trajectory
+from spacearm.motion.simulation import simulate_many as simulate_many
 from spacearm.planning.planner import detumble as detumble
 from spacearm.planning.planner import plan as plan
 from spacearm.planning.request import Constraints as Constraints
@@ -99,6 +99,8 @@ from spacearm.planning.request import Search as Search
 from spacearm.planning.result import Attempt as Attempt
 from spacearm.planning.result import Joints as Joints
 from spacearm.planning.result import Plan as Plan
+from spacearm.planning.retiming import time_optimal as time_optimal
+from spacearm.planning.tracking import Tracking as Tracking
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
@@ -119,8 +121,6 @@ from spacearm.singularities.sets import FoundSet as FoundSet
 from spacearm.singularities.sets import singular_set as singular_set
 from spacearm.sweeps.runner import sweep as sweep
 from spacearm.sweeps.study import Study as Study
-from spacearm.timing.optimal import time_optimal as time_optimal
-from spacearm.timing.tracking import Tracking as Tracking
 from spacearm.uncertainty.intervals import UncertainArm as UncertainArm
 from spacearm.uncertainty.intervals import uncertain as uncertain
 from spacearm.uncertainty.robust import DistanceRange as DistanceRange

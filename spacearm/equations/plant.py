@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.equations.dynamics import Loads, accelerations, twists
-from spacearm.equations.jacobian import task_jacobian_at
+from spacearm.equations.kinematics import Parameters, Structure, posture, task_jacobian_at
 from spacearm.equations.laws import (
     Law,
     Pose,
@@ -29,9 +29,7 @@ from spacearm.equations.laws import (
     quaternion_rate,
     rotation_vector,
 )
-from spacearm.equations.linear import minors
-from spacearm.equations.posture import posture
-from spacearm.equations.structure import Parameters, Structure
+from spacearm.equations.linear_algebra import minors
 
 SLOWING = 0.9
 """Share of its largest rate from which the torque that drives a joint falls, to zero there."""

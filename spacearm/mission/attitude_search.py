@@ -14,8 +14,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array
-from spacearm.mechanics.blocks import Progress
+from spacearm.arrays import Array, Progress
 from spacearm.mission.branches import MORE_STEPS, STEPS, all_branches, branch, onward
 from spacearm.mission.rotations import (
     Cells,
@@ -27,8 +26,8 @@ from spacearm.mission.rotations import (
     spacing,
 )
 from spacearm.model.arm import SpaceArm
-from spacearm.motion.runs import leading
-from spacearm.motion.runs.leading import Settings, Table, lead_all
+from spacearm.motion import leading
+from spacearm.motion.leading import Settings, Table, lead_all
 
 Flags = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.signedinteger[Any]]

@@ -19,9 +19,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, named, plain, positive, whole
+from spacearm.arrays import Array, Progress, Result, named, plain, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.mission.attitude_search import (
     ENDS,
     PathTrials,
@@ -34,9 +33,8 @@ from spacearm.mission.attitude_search import (
 )
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
-from spacearm.motion.following import Followed, follow
-from spacearm.motion.runs.leading import Settings, table_of
-from spacearm.motion.tip_path import Path, path_start, segments
+from spacearm.motion.following import Followed, Path, follow, path_start, segments
+from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
 
 MARGIN = float(np.radians(1.0))
@@ -211,11 +209,8 @@ class FeasibleAttitudes(Result):
             UnsupportedError: There is momentum, with which `sa.follow` cannot deal.
             NoSolutionError: There is no posture with the tip there.
         """
-        if self.momentum.any():
-            raise UnsupportedError("sa.follow leads the tip at zero momentum only")
-        cfg = self.start(i)
         length = self.length if callable(self.path) else None
-        return follow(cfg, self.path, length=length, speed=self.speed, limits=self.limits)
+        return follow(self.start(i), self.path, length=length, speed=self.speed, limits=self.limits)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data, with share and error; functions as None."""

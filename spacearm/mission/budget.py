@@ -17,15 +17,14 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, positive
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.jacobian import prescribed_motion
-from spacearm.mechanics.momentum import base_velocity, momentum_matrix
+from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, prescribed_motion
 from spacearm.mission.attitudes import turning_axis
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, still_wheels
+from spacearm.motion.following import Segment
 from spacearm.motion.goal import goal_rows
+from spacearm.motion.leading import ENDS, Led, Settings, lead_all, table_of
 from spacearm.motion.motion import Motion
-from spacearm.motion.runs.leading import ENDS, Led, Settings, lead_all, table_of
-from spacearm.motion.tip_path import Segment
 
 HORIZON = 3600.0
 """Default longest time looked at [s]."""

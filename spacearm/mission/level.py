@@ -17,17 +17,16 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, positive, whole
+from spacearm.arrays import Array, Progress, Result, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
-from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mission.attitudes import sound_margin, turning_axis
 from spacearm.mission.rotations import angle_between, evenly_spread
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
-from spacearm.motion.runs.leading import Led, Settings, Table, lead_all
+from spacearm.motion.leading import Led, Settings, Table, lead_all
 
 RAYS = {2: 360, 3: 1000}
 """Default number of directions, in the plane and in space."""

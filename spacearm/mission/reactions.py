@@ -16,19 +16,15 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, positive, whole
+from spacearm.arrays import Array, Progress, Result, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError
-from spacearm.mechanics.blocks import Progress
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
-from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.mechanics.momentum import base_velocity, momentum_matrix
-from spacearm.mechanics.nearness import distance_at
+from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jacobian
 from spacearm.model.arguments import HELD, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.motion import Motion
-from spacearm.motion.playable import Playable
-from spacearm.motion.trajectory import Trajectory
+from spacearm.motion.motion import Motion, Playable, Trajectory
 from spacearm.planning.result import Plan
 from spacearm.singularities.risk import NEAR, uniform
 

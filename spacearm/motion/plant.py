@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, finite, plain
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.model.arguments import BaseMode, free_components
-from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.model.joints import joint_name
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.model.arm import SpaceArm
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
@@ -120,7 +116,7 @@ class Plant:
         if not isinstance(self.limits, (bool, np.bool_)):
             raise ConfigurationError(f"limits is {self.limits!r}; give True or False")
         for link, wrench, _ in self.pushed:
-            _wrench_at(link, wrench, 0.0)
+            wrench_at(link, wrench, 0.0)
         if isinstance(self.passive, str):
             if self.passive != "described":
                 raise ConfigurationError(unknown("passive", self.passive, ("described",)))
@@ -146,112 +142,6 @@ class Plant:
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
 
 
-@dataclass(frozen=True)
-class System:
-    """An arm at its start, and what acts on it besides its controllers; checked.
-
-    Attributes:
-        start: Configuration at the start.
-        mode: What the spacecraft does.
-        plant: What acts.
-    """
-
-    start: Configuration
-    mode: BaseMode
-    plant: Plant
-
-    def __post_init__(self) -> None:
-        free_components(self.mode)
-        arm, h, wheels = self.arm, self.start.momentum, self.plant.wheels
-        if self.mode == "fixed" and h.any():
-            raise ConfigurationError(
-                f"momentum of the start is {h.tolist()}; a fixed spacecraft takes it up"
-            )
-        for link, *_ in self.pushed:
-            if link not in arm.tree.links:
-                raise ConfigurationError(unknown("link", link, arm.tree.links))
-        for name in self.passive:
-            joint_name(arm, name)
-        if wheels is None:
-            return
-        if self.mode != "free-floating":
-            raise ConfigurationError(
-                f"wheels turn the spacecraft and mode is {self.mode!r}; give mode='free-floating'"
-            )
-        if not arm.wheels:
-            raise UnsupportedError(
-                f"{arm.name} has no wheels; load it with wheels=[...], the names of joints"
-            )
-        if self.motors is not None:
-            wheel_torques(self.motors(0.0), len(arm.wheels))
-
-    @property
-    def arm(self) -> SpaceArm:
-        """The arm."""
-        return self.start.arm
-
-    @property
-    def hold(self) -> WheelHold | None:
-        """The law of the wheels, if they hold the attitude."""
-        return self.plant.wheels if isinstance(self.plant.wheels, WheelHold) else None
-
-    @property
-    def motors(self) -> Motors | None:
-        """The torques of the wheels over time, if they are given."""
-        return None if isinstance(self.plant.wheels, WheelHold) else self.plant.wheels
-
-    @cached_property
-    def passive(self) -> Mapping[str, PassiveJoint]:
-        """Springs, damping and friction of joints, by name."""
-        given = self.plant.passive
-        return described(self.arm) if isinstance(given, str) else given
-
-    @property
-    def pushed(self) -> list[tuple[str, Wrench, bool]]:
-        """As in `Plant`."""
-        return self.plant.pushed
-
-    def configuration(self, y: Array) -> Configuration:
-        """Return the configuration in a state, see `equations.plant`."""
-        arm, n = self.arm, self.arm.n
-        q, quaternion = y[:n].copy(), y[2 * n : 2 * n + 4]
-        if self.mode == "fixed":
-            placed = kinematics(arm, q, self.start.base)
-        else:
-            attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
-            turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
-            placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
-        h = y[2 * n + 7 : 2 * n + 13]
-        if not arm.wheels and not h.any():
-            return placed
-        return arm.at(q, base=placed.base, wheels=y[2 * n + 17 :], momentum=h)
-
-    def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
-        """Return the wrenches on each link that is pushed, along inertial axes.
-
-        Args:
-            t: (m,) times [s].
-            q: (m, n) joint positions.
-            base: (m, 7) poses of the spacecraft.
-
-        Returns:
-            (m, 6) [force [N]; torque [N m]] at the origin of the link's frame, by its name.
-        """
-        model, data = self.arm.model, pin.Data(self.arm.model)
-        found: dict[str, Array] = {link: np.zeros((len(t), 6)) for link, *_ in self.pushed}
-        for i, time in enumerate(t):
-            if self.plant.thrusters:
-                pose = pin.XYZQUATToSE3(base[i])
-                pin.framesForwardKinematics(model, data, kinematics(self.arm, q[i], pose).full)
-            for link, wrench, own in self.pushed:
-                values = _wrench_at(link, wrench, float(time))
-                if own:
-                    R = data.oMf[model.getFrameId(link, pin.BODY)].rotation
-                    values = (values.reshape(2, 3) @ R.T).ravel()
-                found[link][i] += values
-        return found
-
-
 def wheel_torques(values: npt.ArrayLike, count: int) -> Array:
     """Return the torques of the wheels at a time, checked."""
     return finite(values, (count,), "wheels", "[N m], one for each wheel")
@@ -262,7 +152,7 @@ def checked_wrench(link: str, values: npt.ArrayLike) -> Array:
     return finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")
 
 
-def _wrench_at(link: str, wrench: Wrench, t: float) -> Array:
+def wrench_at(link: str, wrench: Wrench, t: float) -> Array:
     """Return a wrench at a time, checked."""
     return checked_wrench(link, wrench(t) if callable(wrench) else wrench)
 

@@ -8,25 +8,38 @@ of its energy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import finite, plain, positive
+from spacearm.arrays import Array, finite, plain, positive, whole
+from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
-from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, check_controller, check_target
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
-from spacearm.motion.plant import Plant, System
-from spacearm.motion.runs.run import Runs
-from spacearm.motion.runs.setup import coupled, prepared, start_state, wanted_events
-from spacearm.motion.trajectory import Trajectory
+from spacearm.motion.motion import Trajectory
+from spacearm.motion.plant import Plant
+from spacearm.motion.run import Runs
+from spacearm.motion.system import (
+    Prepared,
+    System,
+    WantedEvent,
+    coupled,
+    prepared,
+    start_state,
+    wanted_events,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 METHODS = ("auto", "DOP853", "Rodas5P")
 FINEST = 100.0 * float(np.finfo(np.float64).eps)
@@ -196,3 +209,260 @@ def _by_tip(
         if tip not in arm.tips:
             raise ConfigurationError(unknown("tip", tip, arm.tips))
     return {arm.tips.index(tip): law for tip, law in controller.items()}
+
+
+COARSE = Integration(rtol=1e-6, atol=1e-8)
+"""What dispersions of many runs need."""
+FAILURES = ("controller failed", "equations failed", "step collapsed")
+"""Ends of runs that are no results."""
+LOOKS = 200
+"""Outputs of a run over which the least sigma_min and the largest turn are taken."""
+PIECE = 256
+"""Runs side by side, between two reports."""
+KINDS = 8
+"""So many functions of users are compiled; of more, all are called in Python."""
+UNITS = {
+    "time_to_target": "s",
+    "first_singularity": "s",
+    "sigma_min": "as in sa.singularity",
+    "turn": "rad",
+    "distance": "rad",
+    "t": "s",
+    "imbalance": "1",
+}
+"""Numbers that are kept of each run, and their units."""
+
+
+def simulate_many(
+    starts: Configuration | Sequence[Configuration],
+    controller: Controller | Sequence[Controller],
+    duration: float,
+    *,
+    dq: npt.ArrayLike | None = None,
+    payload: npt.ArrayLike | None = None,
+    mode: BaseMode = "free-floating",
+    plant: Plant = Plant(),
+    stop: Sequence[str] = (),
+    distance: bool = False,
+    integration: Integration = COARSE,
+    threads: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> xr.Dataset:
+    """Simulate m runs of an arm, side by side on all processors.
+
+    Each run is the one that `simulate` makes of the same arguments. Laws of `sa` and functions of
+    plain array code run in parallel; a controller called in Python holds the others up.
+
+    Args:
+        starts: m configurations of one arm, as in `simulate`; one if all start alike.
+        controller: The controller of all runs, or m of one kind: with their own gains and targets.
+        duration: How long each run is [s].
+        dq: (m, n) or (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
+        payload: (m,) point masses held at the tip [kg], as in `SpaceArm.replace`; none if None.
+        mode: As in `simulate`.
+        plant: As in `simulate`, for all runs.
+        stop: Which events end a run.
+        distance: Whether `distance` is wanted too; it is NaN if not.
+        integration: As in `simulate`, here with tolerances of 1e-6 and 1e-8; without `dt`.
+        threads: Number of threads; one per available processor if None.
+        progress: Called as progress(done, m) now and then.
+
+    Returns:
+        A dataset along "run": `success` (the target was reached), `time_to_target`,
+        `first_singularity` (first time at which one was noted) [s], `sigma_min` (least), `turn`
+        (largest turn of the spacecraft from its start [rad]) and `distance` (least distance to the
+        singular set to first order [rad]) of 200 instants and the end, `t` (end [s]), `imbalance`
+        (as `Trajectory.imbalance`, of the end), `ended`, `q0`, and `q`, `dq` and `base` at the end.
+        Times that there are not are NaN. A run that fails does not end the others: it has
+        "controller failed", "equations failed" or "step collapsed" in `ended`. The attribute
+        `called` names the functions that were called in Python, and why.
+
+    Raises:
+        ConfigurationError: An argument does not make sense.
+        UnsupportedError: The arm has several tips.
+
+    Example:
+        >>> import spacearm as sa
+        >>> law = sa.JointPD(target=[0.5, 1.0], kp=5, kd=9)
+        >>> arm = sa.load("planar2")
+        >>> starts = [arm.at(q) for q in ([0.3, 1.2], [0.4, 1.1])]
+        >>> ds = sa.simulate_many(starts, law, 1.0)
+        >>> ds.turn.values.round(3)  # of the spacecraft [rad]
+        array([0.026, 0.013])
+    """
+    import xarray as xr
+
+    free_components(mode)
+    listed = [starts] if isinstance(starts, Configuration) else list(starts)
+    arm = _arm_of(listed)
+    duration = positive(duration, "duration", "time [s]")
+    if integration.dt is not None:
+        raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
+    laws = [controller] if callable(controller) or isinstance(controller, str) else list(controller)
+    for law in laws:
+        check_controller(law)
+    shared = isinstance(starts, Configuration)
+    m = _number_of_runs(None if shared else listed, dq, payload, laws, callable(controller))
+    dq0 = _rates(dq, m, arm.n)
+    arms = _with_payloads(arm, payload, m)
+    first = System(listed[0], mode, plant)
+    prepare = _prepare(first, laws, arms, stop, integration)
+    looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
+    found: dict[str, npt.NDArray[Any]] = {
+        "success": np.zeros(m, bool),
+        **{name: np.full(m, np.nan) for name in UNITS},
+        "q": np.full((m, arm.n), np.nan),
+        "dq": np.full((m, arm.n), np.nan),
+        "base": np.full((m, 7), np.nan),
+        "ended": np.full(m, "", dtype=object),
+    }
+    called: dict[str, None] = {}
+
+    def started(i: int) -> System:
+        cfg = listed[i % len(listed)]
+        return replace(first, start=cfg if cfg.arm is arms[i] else _loaded(cfg, arms[i]))
+
+    def piece(runs: Sequence[int]) -> int:
+        mine = [started(i) for i in runs]
+        ready = [prepare(system, i) for system, i in zip(mine, runs, strict=True)]
+        y = [start_state(system, dq0[i]) for system, i in zip(mine, runs, strict=True)]
+        needs = max(coupled(system, ready[0][1].setup) for system in mine)
+        side = Runs(
+            mine, [{-1: laws[i % len(laws)]} for i in runs], [one for _, one in ready],
+            np.array(y), needs, looks, duration, ready[0][0],
+            (integration.rtol, integration.atol), integration.method,
+        )  # fmt: skip
+        side.advance(duration)
+        called.update(dict.fromkeys(side.called))
+        for name, values in side.summary(distance).items():
+            found[name][runs] = values
+        return len(runs)
+
+    workers = processors() if threads is None else whole(threads, "threads", 1)
+    size, done = min(PIECE, -(-m // workers)), 0
+    with ThreadPoolExecutor(workers) as pool:
+        for count in pool.map(piece, _pieces(first, prepare, m, len(laws), size)):
+            done += count
+            if progress:
+                progress(done, m)
+    joint, pose = ("run", "joint"), ("run", "pose")
+    data: dict[str, Any] = {name: ("run", found[name], {"units": u}) for name, u in UNITS.items()}
+    data |= {name: ("run", found[name]) for name in ("success", "ended")}
+    data |= {name: (joint, found[name]) for name in ("q", "dq")}
+    q0 = np.array([listed[i % len(listed)].q for i in range(m)])
+    data |= {"q0": (joint, q0), "base": (pose, found["base"], {"units": "m, quaternion xyzw"})}
+    attrs = {
+        "arm": arm.name,
+        "base_mode": mode,
+        "duration": duration,
+        "rtol": integration.rtol,
+        "atol": integration.atol,
+        "called": "; ".join(called),
+    }
+    return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
+
+
+Prepare = Callable[[System, int], tuple[list[WantedEvent], Prepared]]
+"""Returns the events that a run looks for, and its numbers and functions."""
+
+
+def _prepare(
+    first: System,
+    laws: Sequence[Controller],
+    arms: Sequence[SpaceArm],
+    stop: Sequence[str],
+    integration: Integration,
+) -> Prepare:
+    """Return what prepares a run by its number; once for all where they do not differ."""
+    kinds = (*integration.events, *stop)
+
+    def prepare(system: System, i: int, trace: bool = True) -> tuple[list[WantedEvent], Prepared]:
+        own = {-1: laws[i % len(laws)]}
+        wanted = wanted_events(system, kinds, stop, integration.reach, own)
+        return wanted, prepared(system, own, wanted, trace=trace)
+
+    known = prepare(first, 0)
+    several = len({id(law) for law in laws}) > 1
+    differ = several or len({id(arm) for arm in arms}) > 1 or first.mode == "fixed" or first.hold
+    trace = not several or len(laws) <= KINDS
+    if differ or known[1].outside:
+        return lambda system, i: prepare(system, i, trace)
+    return lambda *_: known
+
+
+def _pieces(first: System, prepare: Prepare, m: int, laws: int, size: int) -> Iterator[list[int]]:
+    """Return the numbers of runs that go side by side: those of one setup, so many at most."""
+    setups: dict[Any, list[int]] = {}
+    if laws == 1:
+        setups[None] = list(range(m))
+    for i in range(m if laws > 1 else 0):
+        setups.setdefault(prepare(first, i)[1].setup, []).append(i)
+    for runs in setups.values():
+        yield from (runs[at : at + size] for at in range(0, len(runs), size))
+
+
+def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
+    """Return the arm of all starts.
+
+    Raises:
+        ConfigurationError: Something else is given, or several arms.
+        UnsupportedError: It has several tips.
+    """
+    if not starts or any(not isinstance(cfg, Configuration) for cfg in starts):
+        raise ConfigurationError(
+            "sa.simulate_many takes configurations of one arm: [arm.at(q) for q in Q0]"
+        )
+    arm = starts[0].arm
+    if any(cfg.arm is not arm for cfg in starts):
+        raise ConfigurationError("the starts are of several arms; give configurations of one arm")
+    arm.require_one_tip()
+    return arm
+
+
+def _loaded(cfg: Configuration, arm: SpaceArm) -> Configuration:
+    """Return the same start of an arm with a load."""
+    return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
+
+
+def _number_of_runs(
+    starts: Sequence[Configuration] | None,
+    dq: npt.ArrayLike | None,
+    payload: npt.ArrayLike | None,
+    laws: Sequence[Any],
+    shared: bool,
+) -> int:
+    """Return the number of runs that the arguments are of.
+
+    Raises:
+        ConfigurationError: They are of different numbers, or the laws of different kinds.
+    """
+    sizes = [] if starts is None else [len(starts)]
+    sizes += [np.shape(dq)[0]] if dq is not None and np.ndim(dq) == 2 else []
+    sizes += [np.size(payload)] if payload is not None else []
+    sizes += [] if shared else [len(laws)]
+    if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:
+        raise ConfigurationError(
+            f"starts, dq, payload and controller are of {sizes} runs; give each once or as many "
+            "times as the others, and controllers of one kind"
+        )
+    return sizes[0] if sizes else 1
+
+
+def _rates(dq: npt.ArrayLike | None, m: int, n: int) -> Array:
+    """Return the joint rates (m, n), checked; one row for all, or zeros if None."""
+    if dq is None:
+        return np.zeros((m, n))
+    if np.ndim(dq) == 2:
+        return finite(dq, (m, n), "dq")
+    return np.tile(finite(dq, (n,), "dq"), (m, 1))
+
+
+def _with_payloads(arm: SpaceArm, payload: npt.ArrayLike | None, m: int) -> Sequence[SpaceArm]:
+    """Return the arm of each run."""
+    if payload is None:
+        return [arm] * m
+    masses = finite(payload, (m,), "payload", "[kg], one for each run")
+    kinds = {mass: arm.replace(payload=mass) if mass > 0.0 else arm for mass in set(masses)}
+    if min(kinds) < 0.0:
+        raise ConfigurationError(f"payload has {min(kinds):g} kg; give masses from 0 on")
+    return [kinds[mass] for mass in masses]

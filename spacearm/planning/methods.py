@@ -284,7 +284,7 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
         if not slow.arrived:
             raise NoSolutionError(slow.reason, list(slow))
         return slow.q
-    from spacearm.motion.runs.leading import straight_line
+    from spacearm.motion.leading import straight_line
 
     check_start(start, "free-floating", limited)
     line = straight_line(start, goal, limited)

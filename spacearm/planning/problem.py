@@ -14,9 +14,9 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import Collisions, Contact, collision_geometry
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arguments import FLOATING, HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.planning.account import SearchAccount

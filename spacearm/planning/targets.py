@@ -8,8 +8,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite
 from spacearm.errors import NoSolutionError
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector

@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.blocks import Progress
 from spacearm.mission.level import level_envelope, level_reach
 from spacearm.mission.reactions import PERCENTILES, size_wheels
 from spacearm.model.arguments import of_arm

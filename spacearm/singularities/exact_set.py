@@ -16,10 +16,9 @@ from numbers import Integral
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, whole
+from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import conditions
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector

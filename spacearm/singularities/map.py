@@ -9,10 +9,9 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Result, whole
+from spacearm.arrays import Array, Progress, Result, whole
 from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector

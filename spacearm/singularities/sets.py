@@ -13,9 +13,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from spacearm.arrays import Array, whole
+from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.certificate import Certificate

@@ -19,9 +19,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, named, plain, shape_of, whole
+from spacearm.arrays import Array, Progress, Result, finite, named, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, named
+from spacearm.arrays import Array, Progress, named
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.branch_and_bound import enclose

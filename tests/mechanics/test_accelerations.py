@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics.blocks import BLOCK
+from spacearm.mechanics.batch import BLOCK
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
 FEW = 50

@@ -16,8 +16,8 @@ from spacearm.mission.rotations import (
     nearest_of,
     spacing,
 )
-from spacearm.motion.runs.leading import Settings, lead_all, table_of
-from spacearm.motion.tip_path import segments
+from spacearm.motion.following import segments
+from spacearm.motion.leading import Settings, lead_all, table_of
 
 A, LINE = np.radians([-57.936, 60.337]), [(2.0, 0.0), (1.5, 1.5)]  # figure 5
 

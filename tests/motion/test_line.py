@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 import spacearm as sa
 from spacearm.motion.goal import as_goal
-from spacearm.motion.runs.leading import POINTS, straight_line
+from spacearm.motion.leading import POINTS, straight_line
 
 
 @pytest.mark.parametrize(

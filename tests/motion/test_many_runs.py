@@ -6,7 +6,7 @@ from helpers.arms import load_text
 from helpers.wheels import WHEELS, with_wheels
 
 import spacearm as sa
-from spacearm.motion.many_runs import COARSE
+from spacearm.motion.simulation import COARSE
 
 ARM = sa.load("planar2")
 RNG = np.random.default_rng(0)

@@ -6,9 +6,8 @@ from helpers.arms import load_text, random_tree
 
 import spacearm as sa
 from spacearm.motion.events import clear_of_singularities
-from spacearm.motion.plant import System
-from spacearm.motion.runs.run import Runs
-from spacearm.motion.runs.setup import coupled, prepared, start_state
+from spacearm.motion.run import Runs
+from spacearm.motion.system import System, coupled, prepared, start_state
 
 
 def oscillator(kp):

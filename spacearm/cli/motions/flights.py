@@ -25,8 +25,7 @@ from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS
-from spacearm.motion.flights.flight import Flight
-from spacearm.motion.flights.phases import Grasp, Phase, Release, simulate_phases
+from spacearm.motion.flights import Flight, Grasp, Phase, Release, simulate_phases
 from spacearm.motion.goal import goal_of
 from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench
 from spacearm.motion.simulation import Integration

@@ -43,10 +43,10 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
+from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import PassiveJoint, Plant, WheelHold
 from spacearm.motion.simulation import Integration, simulate
-from spacearm.motion.trajectory import Trajectory
 
 MOST = 10
 """Number of events that are printed."""

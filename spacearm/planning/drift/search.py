@@ -21,7 +21,7 @@ from spacearm.collisions.courses import Recorded
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.momentum import base_velocity
+from spacearm.mechanics.jacobian import base_velocity
 from spacearm.model.arm import Configuration
 from spacearm.planning.account import TimeUpError
 from spacearm.planning.drift.arrival import Arrival

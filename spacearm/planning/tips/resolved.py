@@ -18,8 +18,7 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import move, placed
-from spacearm.mechanics.jacobian import generalized_jacobian
-from spacearm.mechanics.momentum import base_response
+from spacearm.mechanics.jacobian import base_response, generalized_jacobian
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_rows, twist_between
 from spacearm.planning.many_curves import turning_axes

@@ -25,9 +25,8 @@ import pinocchio as pin
 
 from spacearm.compiler.users import LIBRARIES, names_in
 from spacearm.equations.dynamics import inertia, inverse_dynamics
-from spacearm.equations.jacobian import jacobian_at
+from spacearm.equations.kinematics import Structure, jacobian_at
 from spacearm.equations.laws import Pose, State
-from spacearm.equations.structure import Structure
 from spacearm.errors import UnsupportedError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -66,7 +65,7 @@ def not_traced(
         traced: The same, of arrays.
         examples: Gives arguments of `traced`, and what the function itself gives.
     """
-    from spacearm.compiler.trace import interpreted, trace
+    from spacearm.compiler.symbols import interpreted, trace
 
     if why := keeps(function):
         return why

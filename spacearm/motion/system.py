@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,18 +17,34 @@ from spacearm.compiler.expressions import asarray
 from spacearm.compiler.users import over_symbols
 from spacearm.equations.laws import Law, Source, State
 from spacearm.equations.plant import Event, Pushed, Setup, moving, parts
-from spacearm.errors import ConfigurationError, unknown
-from spacearm.mechanics.many import parameters_of, structure_of
-from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import sound_pose
-from spacearm.model.joints import joint_vector
+from spacearm.model.joints import joint_name, joint_vector
 from spacearm.motion import controllers as law_types
 from spacearm.motion.controllers import Controller, JointPD, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
-from spacearm.motion.plant import PassiveJoint, System, checked_wrench, wheel_torques
-from spacearm.motion.runs.users import Example, TracedConfiguration, copied, not_traced, values_of
+from spacearm.motion.plant import (
+    Motors,
+    PassiveJoint,
+    Plant,
+    WheelHold,
+    Wrench,
+    checked_wrench,
+    described,
+    wheel_torques,
+    wrench_at,
+)
+from spacearm.motion.user_functions import (
+    Example,
+    TracedConfiguration,
+    copied,
+    not_traced,
+    values_of,
+)
 from spacearm.singularities.report import NO_INVERSE
 
 KINDS: dict[type, str] = {
@@ -43,6 +59,112 @@ EXAMPLES = 3
 """States or times at which a function that is traced is compared with its own values."""
 Outside = Callable[[float, Array], Array]
 """A function called outside: of time and the state, which only laws and events get."""
+
+
+@dataclass(frozen=True)
+class System:
+    """An arm at its start, and what acts on it besides its controllers; checked.
+
+    Attributes:
+        start: Configuration at the start.
+        mode: What the spacecraft does.
+        plant: What acts.
+    """
+
+    start: Configuration
+    mode: BaseMode
+    plant: Plant
+
+    def __post_init__(self) -> None:
+        free_components(self.mode)
+        arm, h, wheels = self.arm, self.start.momentum, self.plant.wheels
+        if self.mode == "fixed" and h.any():
+            raise ConfigurationError(
+                f"momentum of the start is {h.tolist()}; a fixed spacecraft takes it up"
+            )
+        for link, *_ in self.pushed:
+            if link not in arm.tree.links:
+                raise ConfigurationError(unknown("link", link, arm.tree.links))
+        for name in self.passive:
+            joint_name(arm, name)
+        if wheels is None:
+            return
+        if self.mode != "free-floating":
+            raise ConfigurationError(
+                f"wheels turn the spacecraft and mode is {self.mode!r}; give mode='free-floating'"
+            )
+        if not arm.wheels:
+            raise UnsupportedError(
+                f"{arm.name} has no wheels; load it with wheels=[...], the names of joints"
+            )
+        if self.motors is not None:
+            wheel_torques(self.motors(0.0), len(arm.wheels))
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm."""
+        return self.start.arm
+
+    @property
+    def hold(self) -> WheelHold | None:
+        """The law of the wheels, if they hold the attitude."""
+        return self.plant.wheels if isinstance(self.plant.wheels, WheelHold) else None
+
+    @property
+    def motors(self) -> Motors | None:
+        """The torques of the wheels over time, if they are given."""
+        return None if isinstance(self.plant.wheels, WheelHold) else self.plant.wheels
+
+    @cached_property
+    def passive(self) -> Mapping[str, PassiveJoint]:
+        """Springs, damping and friction of joints, by name."""
+        given = self.plant.passive
+        return described(self.arm) if isinstance(given, str) else given
+
+    @property
+    def pushed(self) -> list[tuple[str, Wrench, bool]]:
+        """As in `Plant`."""
+        return self.plant.pushed
+
+    def configuration(self, y: Array) -> Configuration:
+        """Return the configuration in a state, see `equations.plant`."""
+        arm, n = self.arm, self.arm.n
+        q, quaternion = y[:n].copy(), y[2 * n : 2 * n + 4]
+        if self.mode == "fixed":
+            placed = kinematics(arm, q, self.start.base)
+        else:
+            attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
+            turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
+            placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
+        h = y[2 * n + 7 : 2 * n + 13]
+        if not arm.wheels and not h.any():
+            return placed
+        return arm.at(q, base=placed.base, wheels=y[2 * n + 17 :], momentum=h)
+
+    def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
+        """Return the wrenches on each link that is pushed, along inertial axes.
+
+        Args:
+            t: (m,) times [s].
+            q: (m, n) joint positions.
+            base: (m, 7) poses of the spacecraft.
+
+        Returns:
+            (m, 6) [force [N]; torque [N m]] at the origin of the link's frame, by its name.
+        """
+        model, data = self.arm.model, pin.Data(self.arm.model)
+        found: dict[str, Array] = {link: np.zeros((len(t), 6)) for link, *_ in self.pushed}
+        for i, time in enumerate(t):
+            if self.plant.thrusters:
+                pose = pin.XYZQUATToSE3(base[i])
+                pin.framesForwardKinematics(model, data, kinematics(self.arm, q[i], pose).full)
+            for link, wrench, own in self.pushed:
+                values = wrench_at(link, wrench, float(time))
+                if own:
+                    R = data.oMf[model.getFrameId(link, pin.BODY)].rotation
+                    values = (values.reshape(2, 3) @ R.T).ravel()
+                found[link][i] += values
+        return found
 
 
 class WantedEvent(NamedTuple):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
@@ -10,21 +11,193 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, finite
 from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.floating import placed, walk
-from spacearm.model.arm import Configuration
+from spacearm.mechanics.dynamics import inverse_dynamics
+from spacearm.mechanics.floating import attitudes, placed, walk
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
-from spacearm.planning.reactions.loads import load_of
+from spacearm.planning.reactions.loads import load_of, momentum_and_torque
 from spacearm.planning.result import Plan
+from spacearm.planning.timing import corners, largest_rates
 from spacearm.planning.wheels.held import slowed
 from spacearm.planning.wheels.limits import Wheels
 from spacearm.singularities.report import angle
-from spacearm.timing.limits import Limits
-from spacearm.timing.smooth_path import bent, smooth_pieces
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits of a motion, infinite where there is none.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft does.
+        rate: (n,) largest joint rates [rad/s] or [m/s].
+        acceleration: (n,) largest joint accelerations [rad/s^2] or [m/s^2].
+        torque: (n,) largest torques [N m] or forces [N].
+        wheels: The wheels that hold the attitude; None if none do.
+    """
+
+    arm: SpaceArm
+    mode: BaseMode
+    rate: Array
+    acceleration: Array
+    torque: Array
+    wheels: Wheels | None = None
+
+    @classmethod
+    def of(
+        cls,
+        arm: SpaceArm,
+        mode: BaseMode,
+        rate: npt.ArrayLike | None,
+        acceleration: npt.ArrayLike | None,
+        torque: npt.ArrayLike | None,
+        wheels: Wheels | None = None,
+    ) -> Limits:
+        """Return the limits given, those of the description in place of None.
+
+        Raises:
+            ConfigurationError: One is no positive number, nor one per joint.
+            UnsupportedError: Neither accelerations nor torques have limits.
+        """
+        efforts = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+        found = cls(
+            arm=arm,
+            mode=mode,
+            rate=_bounds(arm, rate, "rate", largest_rates(arm)),
+            acceleration=_bounds(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
+            torque=_bounds(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
+            wheels=wheels,
+        )
+        unlimited = np.isinf(found.acceleration) & np.isinf(found.torque)
+        if unlimited.any():
+            name = arm.joint_names[int(unlimited.argmax())]
+            raise UnsupportedError(
+                f"{arm.name}: nothing limits how fast joint {name!r} changes its rate: its "
+                "description gives no effort; give torque or acceleration"
+            )
+        return found
+
+    def load(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the shares of the limits that accelerations (n,) take.
+
+        Torques come first, those of wheels last.
+        """
+        tau = inverse_dynamics(self.arm.at(q), dq, ddq, mode=self.mode).tau
+        used, most = np.append(tau, ddq), np.append(self.torque, self.acceleration)
+        if self.wheels is not None:
+            spun = momentum_and_torque(self.arm, q[None], dq[None], ddq[None])[1][0]
+            used = np.append(used, self.wheels.shares @ spun)
+            most = np.append(most, self.wheels.torque)
+        return np.asarray(used / most)[np.isfinite(most)]
+
+    def fastest(self, q: Array, slope: Array) -> Array:
+        """Return the rates (m,) of a path's parameter at which joints or wheels are at a limit.
+
+        Args:
+            q: (m, n) joint positions on the path.
+            slope: (m, n) their derivative by the parameter.
+        """
+        with np.errstate(divide="ignore"):
+            found = (self.rate / np.abs(slope)).min(axis=1)
+        if self.wheels is None:
+            return found
+        taken = momentum_and_torque(self.arm, q, slope, np.zeros_like(slope))[0]
+        return np.minimum(found, self.wheels.fastest(taken))
+
+    def slowdown(self, q: Array, dq: Array, ddq: Array) -> float:
+        """Return the factor by which a motion (m, n) must be slower for the limits to hold.
+
+        At zero momentum and without gravity torques fall with its square.
+        """
+        rate = (np.abs(dq) / self.rate).max()
+        load = max(np.abs(self.load(*row)).max() for row in zip(q, dq, ddq, strict=True))
+        return float(max(rate, np.sqrt(load)))
+
+
+def _bounds(arm: SpaceArm, given: npt.ArrayLike | None, name: str, default: Array) -> Array:
+    """Return a limit for each joint (n,)."""
+    if given is None:
+        return default
+    shape = (arm.n,) if np.iterable(given) else ()
+    bounds = finite(given, shape, name, "(the largest one, for all joints or for each)")
+    if not (bounds > 0.0).all():
+        raise ConfigurationError(f"{name} is {given!r}; give positive numbers")
+    return np.broadcast_to(bounds, arm.n)
+
+
+SHAPES = 3
+"""Number of waves 1 - cos(2 pi k u) by which rows are bent."""
+BENT = 1e-5
+"""Height of a wave by which the turn of the spacecraft is differentiated [rad]."""
+TURNED = 1e-10
+"""Error of the last attitude that is left [rad]."""
+STEPS = 8
+"""Newton steps until then."""
+
+
+def smooth_pieces(q: Array, divided: int) -> list[CubicSpline]:
+    """Return twice differentiable curves (n,) through joint positions, from corner to corner.
+
+    The parameter of each begins at 0 and grows with the length of the straight lines between its
+    knots.
+
+    Args:
+        q: (m, n) joint positions.
+        divided: Knots in each straight line between rows: the more, the nearer the curves are to
+            these lines, and the sharper they bend.
+    """
+    rows = q[np.append(True, np.abs(np.diff(q, axis=0)).max(axis=1) > 0.0)]
+    share = np.arange(divided * (len(rows) - 1) + 1) / divided
+    knots = np.column_stack([np.interp(share, np.arange(len(rows)), x) for x in rows.T])
+    pieces = pairwise(corners(np.diff(knots, axis=0)))
+    return [_curve(knots[first : last + 1]) for first, last in pieces]
+
+
+def _curve(knots: Array) -> CubicSpline:
+    """Return a cubic spline through knots (m, n)."""
+    length = np.linalg.norm(np.diff(knots, axis=0), axis=1)
+    return CubicSpline(np.append(0.0, np.cumsum(length)), knots)
+
+
+def bent(motion: Motion, q: Array) -> Array:
+    """Return rows bent a little so that a floating spacecraft ends with the attitude it had.
+
+    A curve through the rows of a motion turns the spacecraft by a little more or less than the
+    straight lines between them. Smooth waves, zero at both ends, make up for it, so that the
+    tip, too, ends where it did.
+
+    Args:
+        motion: The motion, at zero momentum.
+        q: (m, n) rows along a path near its own, with the same ends.
+    """
+    u = np.linspace(0.0, 2.0 * np.pi, len(q))[:, None, None]
+    waves = (1.0 - np.cos(u * np.arange(1, SHAPES + 1))) * np.ones((motion.arm.n, 1))
+    height = np.zeros((motion.arm.n, SHAPES))
+    last = pin.Quaternion(np.array(motion.base[-1, 3:])).normalized().matrix()
+
+    def rows(height: Array) -> Array:
+        return q + (waves * height).sum(axis=2)
+
+    def left(height: Array) -> Array:
+        return pin.log3(attitudes(motion[0], rows(height))[-1].T @ last)
+
+    miss = left(height)
+    if np.linalg.norm(miss) > TURNED:
+        each = BENT * np.eye(height.size).reshape(-1, *height.shape)
+        slope = np.column_stack([(left(height + one) - miss) / BENT for one in each])
+        for _ in range(STEPS):
+            height = height - np.linalg.lstsq(slope, miss)[0].reshape(height.shape)
+            miss = left(height)
+            if np.linalg.norm(miss) <= TURNED:
+                break
+    return rows(height)
+
 
 AnyMotion = TypeVar("AnyMotion", bound=Motion)
 
