@@ -36,7 +36,7 @@ from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.results import Result
+from spacearm.results import Cell, Description, Measure, Result, Table, joint_values
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
@@ -375,9 +375,26 @@ class Capture(Result):
             for link, frame in frames.items()
         }
 
-    def __repr__(self) -> str:
-        name = self.configuration.arm.name
-        return f"Capture({name}: {self.energy_lost:.6g} J lost, w_0 = {self.twist[3:]} rad/s)"
+    def describe(self) -> Description:
+        """Describe the velocities, the momentum and the impulse of the grasp."""
+        cfg, angular = self.configuration, self.twist[3:]
+        rates = joint_values(self.dq, cfg.arm.slides, per="/s")
+        facts: dict[str, Cell] = {
+            "spacecraft, velocity": Measure(self.twist[:3], "m/s"),
+            "spacecraft, angular velocity": Measure(angular, "rad/s"),
+            "momentum": Measure(self.momentum[:3], "kg m/s"),
+            "angular momentum about the CM": Measure(self.momentum[3:], "kg m²/s"),
+            "impulse on the tip": Measure(self.impulse[:3], "N s"),
+            "angular impulse on the tip": Measure(self.impulse[3:], "N m s"),
+            **dict(zip(cfg.arm.joint_names, rates, strict=True)),
+        }
+        turn = np.degrees(np.linalg.norm(angular))
+        return Description(
+            title=f"{cfg.arm.name} after the grasp",
+            verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.4g}°/s",
+            notes=["inertial axes; a plastic impact"],
+            tables=[Table.facts(facts)],
+        )
 
 
 @of_configuration
