@@ -323,9 +323,16 @@ def found_shells(
         searches.expect(len(left))
         i = left[0].component
         shell = shell_about(
-            found.arm, found.mode, equations, pieces[i], box, i,
-            step=searches.step, within=within, counts=singular,
-        )  # fmt: skip
+            found.arm,
+            found.mode,
+            equations,
+            pieces[i],
+            box,
+            i,
+            step=searches.step,
+            within=within,
+            counts=singular,
+        )
         shells.append(shell)
         low, high = shell.radius + np.array((-NEGLIGIBLE, NEGLIGIBLE))
         left = [part for part in left[1:] if part.radius[0] < low or part.radius[1] > high]
