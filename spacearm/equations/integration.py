@@ -104,7 +104,7 @@ class Progress(NamedTuple):
     turns: Any = 0.0
 
 
-def _sum(weights: Sequence[float], stages: Sequence[Any]) -> Any:
+def weighted_sum(weights: Sequence[float], stages: Sequence[Any]) -> Any:
     """Compute a weighted sum of stages."""
     found: Any = 0.0
     for weight, stage in zip(weights, stages, strict=False):
@@ -125,12 +125,12 @@ def explicit_step(
     """Take a step of DOP853 from a state y (N,) with the rate dy."""
     K = [dy]
     for a, c in zip(of.A[1:], of.C[1:], strict=False):
-        last = y + h * _sum(a, K)
+        last = y + h * weighted_sum(a, K)
         K.append(rate(t + c * h, last))
-    end = y + h * _sum(of.B, K)
+    end = y + h * weighted_sum(of.B, K)
     K.append(rate(t + h, end))
-    fifth = _norm(xp, problem, y, end, _sum(of.E5, K))
-    both = fifth + 0.01 * _norm(xp, problem, y, end, _sum(of.E3, K))
+    fifth = _norm(xp, problem, y, end, weighted_sum(of.E5, K))
+    both = fifth + 0.01 * _norm(xp, problem, y, end, weighted_sum(of.E3, K))
     some = xp.where(both > 0.0, both, 1.0)
     error = h * fifth / xp.sqrt(some * problem.counted)
     changed, apart = ((K[12] - K[11]) ** 2).sum(), ((end - last) ** 2).sum()
@@ -138,9 +138,9 @@ def explicit_step(
     curves = [end - y]
     if dense:
         for a, c in zip(of.A_DENSE, of.C[13:], strict=True):
-            K.append(rate(t + c * h, y + h * _sum(a, K)))
+            K.append(rate(t + c * h, y + h * weighted_sum(a, K)))
         curves += [h * dy - curves[0], 2.0 * curves[0] - h * (K[12] + dy)]
-        curves += [h * _sum(d, K) for d in of.D]
+        curves += [h * weighted_sum(d, K) for d in of.D]
     else:
         curves += [0.0 * y] * (CURVES - 1)
     error = error + 0.0 * K[12].sum()  # no number where there is no rate at the end
@@ -200,12 +200,12 @@ def implicit_step(
     at, f = y, dy
     for i in range(8):
         if i > 0:
-            at = at + U[-1] if i > 5 else y + _sum(of.SHARES[i], U)
+            at = at + U[-1] if i > 5 else y + weighted_sum(of.SHARES[i], U)
             f = rate(t + of.TIMES[i] * h, at)
         right = f + h * of.SLOPES[i] * slope
-        U.append(solved(right + _sum(of.COUPLINGS[i], U) / h if i else right))
+        U.append(solved(right + weighted_sum(of.COUPLINGS[i], U) / h if i else right))
     end = at + U[7]
-    k = [_sum(curve, U) for curve in of.CURVES]
+    k = [weighted_sum(curve, U) for curve in of.CURVES]
     middle = 0.5 * (y + end + 0.5 * (k[0] + 0.5 * (k[1] + 0.5 * k[2])))
     slope = (end - y + 0.25 * (k[1] + k[2])) / h
     between = solved(rate(t + 0.5 * h, middle) - slope)  # how far the dense output is off
