@@ -136,7 +136,7 @@ def lead(
                        sense, c.h)  # fmt: skip
 
     slope = xp.procedure(slope)
-    look = xp.procedure(lambda q: distance(xp, tree, p, q, FADING, c.radians)[0])
+    to_set = xp.procedure(lambda q: distance(xp, tree, p, q, FADING, c.radians)[0])
 
     def judged(seen: Seen, y: Any, arc: Any, d: Any, arrived: Any) -> Seen:
         room = reduce(xp.minimum, xp.minimum(y[:n] - c.lower, c.upper - y[:n]))
@@ -147,7 +147,7 @@ def lead(
     y = xp.concatenate([q, attitude, xp.row(pieces, first)[:1]])
     k, sense = slope(y, first, zero)
     sense = sense if square else zero
-    d = look(q)
+    d = to_set(q)
     never = np.inf + zero
     seen = judged(
         Seen(zero + RUNNING, zero, never, zero, never, zero, xp.stack([never] * 15).reshape(3, 5)),
@@ -171,7 +171,7 @@ def lead(
         piece = xp.where(at_end & (piece < last), piece + 1.0, piece)
         stop = xp.where(met, stop + c.spacing, stop)
         k, sign = slope(y, piece, sense)
-        d = look(y[:n])
+        d = to_set(y[:n])
         signed = xp.where(sign * sense < 0.0, -d, d) if square else d
         after = judged(seen, y, arc, signed, arrived)
         some = xp.where(error > 1e-12, error, 1e-12)
