@@ -36,8 +36,9 @@ def listen(port: int | None) -> socket.socket:
 
     A notebook may show more scenes than the range has ports.
     """
-    for candidate in [*range(FIRST_PORT, LAST_PORT), 0] if port is None else [port]:
-        with suppress(OSError, OverflowError):
+    ports = [*range(FIRST_PORT, LAST_PORT), 0] if port is None else [port]
+    for candidate in (number for number in ports if 0 <= number < 2**16):
+        with suppress(OSError):
             listener = socket.create_server((LOOPBACK, candidate), backlog=128)
             listener.setblocking(False)
             return listener
