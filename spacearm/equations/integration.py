@@ -32,7 +32,7 @@ STABLE = 6.1
 STIFF, TRIAL = 15, 20
 """Steps that look stiff, nearly in a row, until DOP853 gives up; steps of Rodas5P that DOP853 could
 have taken as cheaply until it comes back."""
-PATIENCE = 500
+HOLDOFF = 500
 """Steps of DOP853 after its return until stiffness counts again."""
 ROUNDING = 2.0**-52
 SMALL = 1e-3
@@ -80,7 +80,7 @@ class Step(NamedTuple):
     eigenvalue: Any
 
 
-class Progress(NamedTuple):
+class RunState(NamedTuple):
     """Where a run stands.
 
     Attributes:
@@ -89,7 +89,7 @@ class Progress(NamedTuple):
         h: Length of the next step; 0 if none was chosen.
         status: One of RUNNING, FINISHED, FAILED, COLLAPSED, CHANGES.
         stiff: Steps that count for a change of the method.
-        calm: Steps until stiffness counts.
+        holdoff: Steps until stiffness counts.
         eigenvalue: The one that limited steps of DOP853 last [1/s].
         turns: Number of rows that were written.
     """
@@ -99,7 +99,7 @@ class Progress(NamedTuple):
     h: Any
     status: Any
     stiff: Any
-    calm: Any
+    holdoff: Any
     eigenvalue: Any
     turns: Any = 0.0
 
@@ -253,14 +253,14 @@ def advance(
     xp: Any,
     rate: Rate,
     problem: Problem,
-    start: Progress,
+    start: RunState,
     end: Any,
     *,
     most: int,
     implicit: bool = False,
     switches: Any = 0.0,
     dense: bool = True,
-) -> tuple[Progress, Any]:
+) -> tuple[RunState, Any]:
     """Take up to `most` steps, rejected ones included, towards the time `end`.
 
     Args:
@@ -289,7 +289,7 @@ def advance(
     first = first_step(xp, rate, problem, start.t, start.y, dy, end)
     h = xp.where(start.h > 0.0, start.h, first)
 
-    def step(t: Any, y: Any, dy: Any, h: Any, ceiling: Any, status: Any, stiff: Any, calm: Any,
+    def step(t: Any, y: Any, dy: Any, h: Any, ceiling: Any, status: Any, stiff: Any, holdoff: Any,
              eigenvalue: Any, turns: Any) -> Any:  # fmt: skip
         goes, last = status <= 0.0, end - t <= h
         taken = xp.minimum(h, end - t)
@@ -315,9 +315,9 @@ def advance(
         else:
             limited = taken * found.eigenvalue > STABLE
             now = xp.where(limited, stiff + 1.0, xp.maximum(stiff - 0.5, 0.0))
-            now = xp.where(xp.logical_and(good, calm <= 0.0), now, stiff)
+            now = xp.where(xp.logical_and(good, holdoff <= 0.0), now, stiff)
             eigenvalue = xp.where(xp.logical_and(good, limited), found.eigenvalue, eigenvalue)
-            calm = xp.where(good, xp.maximum(calm - 1.0, 0.0), calm)
+            holdoff = xp.where(good, xp.maximum(holdoff - 1.0, 0.0), holdoff)
             changes = now >= STIFF
         changes = xp.logical_and(changes, switches > 0.0)
         status = xp.where(xp.logical_and(changes, status <= 0.0), float(CHANGES), status)
@@ -328,13 +328,13 @@ def advance(
         dy = xp.where(good, found.dy, dy)
         ceiling = xp.where(good, MOST, 1.0)
         more = status <= 0.0
-        return t, y, dy, next_h, ceiling, status, now, calm, eigenvalue, turns + 1.0, more, kept
+        return t, y, dy, next_h, ceiling, status, now, holdoff, eigenvalue, turns + 1.0, more, kept
 
     zero = 0.0 * start.t
-    begun = (start.t, start.y, dy, h, zero + MOST, status, start.stiff + zero, start.calm + zero,
+    begun = (start.t, start.y, dy, h, zero + MOST, status, start.stiff + zero, start.holdoff + zero,
              start.eigenvalue + zero, zero)  # fmt: skip
     *found, rows = xp.while_any(step, *begun, most=most, keep=True)
     now = [
         xp.where(status <= 0.0, after, before) for after, before in zip(found, begun, strict=True)
     ]
-    return Progress(now[0], now[1], now[3], *now[5:]), rows
+    return RunState(now[0], now[1], now[3], *now[5:]), rows
