@@ -157,7 +157,7 @@ def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
         part = links.get(link)
         if part is None or part.mass == 0.0:
             raise ModelError(
-                f"link {link!r} has no mass; name one of: {listed(arm.whole.bodies())}"
+                f"link {link!r} has no mass; name one of: {listed(arm.whole.massive())}"
             )
         for kind, value in kinds.items():
             if kind not in KINDS:
