@@ -264,7 +264,7 @@ def _clipped(found: ExactSet, box: Box) -> list[Array]:
     if found.dimension == 2:
         mesh = found.surface()
         edges = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
-        points = np.zeros((len(mesh.vertices), found.arm.n))
+        points: Array = np.zeros((len(mesh.vertices), found.arm.n))
         points[:, list(found.relevant)] = mesh.vertices
         pieces = [(points, edges)]
     else:
