@@ -93,9 +93,9 @@ from spacearm.motion.trajectory import Trajectory as Trajectory
 from spacearm.planning.planner import detumble as detumble
 from spacearm.planning.planner import plan as plan
 from spacearm.planning.request import Constraints as Constraints
+from spacearm.planning.request import Joints as Joints
 from spacearm.planning.request import Search as Search
 from spacearm.planning.result import Attempt as Attempt
-from spacearm.planning.result import Joints as Joints
 from spacearm.planning.result import Plan as Plan
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate

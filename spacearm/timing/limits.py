@@ -12,9 +12,8 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.planning.reactions.loads import momentum_and_torque
+from spacearm.planning.reactions import Wheels, momentum_and_torque
 from spacearm.planning.timing import largest_rates
-from spacearm.planning.wheels.limits import Wheels
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,16 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 from spacearm.arrays import Array
-from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
+from spacearm.collisions.swept_motion import Recorded
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.floating import placed, walk
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
-from spacearm.planning.reactions.loads import load_of
+from spacearm.planning.reactions import Wheels, load_of
 from spacearm.planning.result import Plan
-from spacearm.planning.wheels.held import slowed
-from spacearm.planning.wheels.limits import Wheels
+from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.singularities.report import angle
 from spacearm.timing.limits import Limits
 from spacearm.timing.smooth_path import bent, smooth_pieces

@@ -10,7 +10,7 @@ from helpers.commands import spacearm
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
-from spacearm.planning.reactions.turns import largest_turn
+from spacearm.planning.reactions import largest_turn
 
 Q0 = np.array([2.2, 0.9, 0.6, -0.9])
 HOME = np.array([0.3, -1.2, 1.5, -0.8, -1.3, 0.2])
