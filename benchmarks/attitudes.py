@@ -16,9 +16,9 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.mission.starts import branch
-from spacearm.motion.runs.leading import Settings, lead_all, table_of
-from spacearm.motion.tip_path import segments
+from spacearm.mission.branches import branch
+from spacearm.motion.following import segments
+from spacearm.motion.leading import Settings, lead_all, table_of
 
 ROUNDS = 5
 NUMBER = 10_000

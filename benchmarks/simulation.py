@@ -64,7 +64,10 @@ def ours(arm: sa.SpaceArm, q0: np.ndarray, law: object) -> Iterator[tuple[str, R
         yield (
             f"rtol {rtol:g}",
             lambda rtol=rtol: sa.simulate(
-                arm, q0, law, DURATION, rtol=rtol, atol=1e-2 * rtol, dt=DURATION, events=()
+                arm.at(q0),
+                law,
+                DURATION,
+                integration=sa.Integration(rtol=rtol, atol=1e-2 * rtol, dt=DURATION, events=()),
             ).q[-1],
         )
 
@@ -184,7 +187,12 @@ def compare(name: str) -> None:
     for make in (joint_law, tip_law):
         law = make(arm, q0)
         exact = sa.simulate(
-            arm, q0, law, DURATION, rtol=1e-13, atol=1e-15, dt=DURATION, method="DOP853", events=()
+            arm.at(q0),
+            law,
+            DURATION,
+            integration=sa.Integration(
+                rtol=1e-13, atol=1e-15, dt=DURATION, events=(), method="DOP853"
+            ),
         ).q[-1]
 
         begun = time.perf_counter()
@@ -237,9 +245,9 @@ def many(runs: int = 10_000) -> None:
     H = np.diag(sa.generalized_inertia(arm.at(q0)))
     law = sa.JointPD(target=[0.4, -0.2, 0.6, 0.1, 0.3, -0.3, 0.2], kp=0.25 * H, kd=H)
     Q0 = q0 + rng.normal(scale=0.05, size=(runs, 7))
-    sa.simulate_many(arm, Q0[:2], law, DURATION)
+    sa.simulate_many([arm.at(q) for q in Q0[:2]], law, DURATION)
     start = time.perf_counter()
-    found = sa.simulate_many(arm, Q0, law, DURATION)
+    found = sa.simulate_many([arm.at(q) for q in Q0], law, DURATION)
     seconds = time.perf_counter() - start
     print(f"{runs:,} runs of {DURATION:g} s of chaser7 under JointPD: {seconds:.0f} s")
     print(f"  largest imbalance of energy {float(found.imbalance.max()):.1e}")
@@ -249,7 +257,7 @@ def first() -> None:
     """Simulate in a process that finds no compiled code, and in one that finds it."""
     run = (
         "import time; import spacearm as sa; arm = sa.load('planar2'); start = time.perf_counter();"
-        "sa.simulate(arm, [0.1, 0.4], sa.JointPD(target=[0.1, 0.5], kp=1.0, kd=1.0), 0.1);"
+        "sa.simulate(arm.at([0.1, 0.4]), sa.JointPD(target=[0.1, 0.5], kp=1.0, kd=1.0), 0.1);"
         "print(f'{time.perf_counter() - start:.1f} s, of processor time with all imports '"
         "f'{time.process_time():.1f} s')"
     )

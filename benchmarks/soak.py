@@ -78,7 +78,7 @@ def simulation() -> Job:
             target = lambda t, start=start: 0.4 * np.sin(0.2 * (start + t) + np.arange(2))  # noqa: E731
             law = sa.JointPD(target=target, kp=0.25 * H, kd=H)
             motion = sa.simulate(
-                arm, state["q"], law, duration, dq0=state["dq"], base=state["base"]
+                arm.at(state["q"], base=state["base"]), law, duration, dq=state["dq"]
             )
             state.update(t=start + duration, q=motion.q[-1], dq=motion.dq[-1])
             state["base"] = pin.XYZQUATToSE3(motion.base[-1])

@@ -35,7 +35,7 @@ def cases() -> Iterator[Case]:
     yield "planar2, stiff JointPD", arm, np.array([0.1, 0.2]), law, 40.0, {}
     law = sa.JointPD(target=[0.5, 0.6], kp=4.0, kd=8.0)
     friction = {name: sa.PassiveJoint(friction=0.5, slip=1e-4) for name in arm.joint_names}
-    yield "planar2, friction", arm, np.array([0.3, 0.9]), law, 40.0, {"passive": friction}
+    yield "planar2, friction", arm, np.array([0.3, 0.9]), law, 40.0, sa.Plant(passive=friction)
     arm, q0 = sa.load("chaser7"), np.full(7, 0.3)
     H = np.diag(sa.generalized_inertia(arm.at(q0)))
     goal = [0.4, -0.2, 0.6, 0.1, 0.3, -0.3, 0.2]
@@ -49,9 +49,14 @@ def run(case: Case, method: str, rtol: float) -> np.ndarray:
     """Return joint positions and rates at twenty times."""
     _, arm, q0, law, duration, acts = case
     found = sa.simulate(
-        arm, q0, law, duration, rtol=rtol, atol=1e-2 * rtol, method=method, dt=duration / 20,
-        events=(), **acts,
-    )  # fmt: skip
+        arm.at(q0),
+        law,
+        duration,
+        integration=sa.Integration(
+            rtol=rtol, atol=1e-2 * rtol, dt=duration / 20, events=(), method=method
+        ),
+        plant=acts,
+    )
     return np.hstack((found.q, found.dq))
 
 

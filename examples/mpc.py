@@ -71,7 +71,7 @@ def main():
         guess = x[:, HELD:], u[:, HELD:]
     law = sa.TransposedJacobian(target=GOAL, kp=5.0, kd=15.0)
     base = placed(arm, ATTITUDE).base
-    stalled = sa.simulate(arm, START, law, 40.0, base=base, events=())
+    stalled = sa.simulate(arm.at(START, base=base), law, 40.0)
     misses = {
         "transposed Jacobian, 40 s": np.linalg.norm(stalled.tip[-1][:2] - GOAL),
         "predictive control, 30 s": np.linalg.norm(cfg.tip.translation[:2] - GOAL),

@@ -87,7 +87,9 @@ def view() -> None:
 def simulation_planar2() -> Figure:
     """Figures 5 and 6: the transposed Jacobian law meets a singularity and never arrives."""
     law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
-    return draw_motion(sa.simulate(sa.load("planar2"), START, law, 200.0, base=start(21.0)), TARGET)
+    return draw_motion(
+        sa.simulate(sa.load("planar2").at(START, base=start(21.0)), law, 200.0), TARGET
+    )
 
 
 def figure_7() -> Figure:
@@ -95,7 +97,7 @@ def figure_7() -> Figure:
     arm, C = sa.load("planar2"), np.array([1.0, 0.0])
     square = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     path = [C, *(9 * square), square[0], C, TARGET]
-    run = sa.follow(arm, START, path, base=start(20.94), limits=False)
+    run = sa.follow(arm.at(START, base=start(20.94)), path, limits=False)
     return draw_workspace(sa.workspace(arm), run.tip[:, :2])
 
 

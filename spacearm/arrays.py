@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import singledispatch
 from numbers import Integral, Real
@@ -17,6 +17,8 @@ from spacearm.errors import ConfigurationError
 
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
 """Shapes stand in the docstrings."""
+Progress: TypeAlias = Callable[[int, int], object]
+"""Called as progress(done, total)."""
 
 LARGEST = 1e12
 """Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are

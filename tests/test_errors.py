@@ -43,13 +43,13 @@ def rest(*_):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: sa.simulate(arm(), [0, 1], rest, "1"), "duration is '1'; give a positive time"),
-        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, dt="1"), "dt is '1'; give a positive time"),
-        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, atol=-1.0), "atol is -1.0"),
-        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, rtol=-1.0), "rtol is -1.0"),
-        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, rtol=1e-15), "rtol is 1e-15; .* from 2"),
-        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, method=["BDF"]), "unknown method"),
-        (lambda: sa.simulate(arm(), [0, 1], rest, 1.0, mode=["fixed"]), "unknown mode"),
+        (lambda: sa.simulate(arm().at([0, 1]), rest, "1"), "duration is '1'; give a positive time"),
+        (lambda: sa.Integration(dt="1"), "dt is '1'; give a positive time"),
+        (lambda: sa.Integration(atol=-1.0), "atol is -1.0"),
+        (lambda: sa.Integration(rtol=-1.0), "rtol is -1.0"),
+        (lambda: sa.Integration(rtol=1e-15), "rtol is 1e-15; .* from 2"),
+        (lambda: sa.Integration(method=["BDF"]), "unknown method"),
+        (lambda: sa.simulate(arm().at([0, 1]), rest, 1.0, mode=["fixed"]), "unknown mode"),
         (lambda: sa.Search(method=["straight"]), "unknown method"),
         (lambda: sa.Search(seed=1.0), "seed is 1.0; give a whole number"),
         (lambda: sa.Search(timeout=np.nan), "timeout is nan"),
@@ -89,7 +89,15 @@ def test_numbers_of_numpy_are_numbers():
     plan = sa.plan(arm().at([0.3, 1.2]), sa.Joints([0.4, 1.1]), constraints=kept, search=soon)
     assert plan.clearance == np.float32(0.01)
     assert len(sa.singular_set(arm()).sample(np.int64(3))) == 3
-    assert sa.simulate(arm(), [0, 1], rest, np.float32(0.5), rtol=np.float64(1e-6)).t[-1] == 0.5
+    assert (
+        sa.simulate(
+            arm().at([0, 1]),
+            rest,
+            np.float32(0.5),
+            integration=sa.Integration(rtol=np.float64(1e-6)),
+        ).t[-1]
+        == 0.5
+    )
 
 
 @pytest.mark.parametrize(
@@ -193,10 +201,13 @@ FIRST_DAY = {
         "a Model is none; load one: arm = sa.load",
     ),
     "a word for a law": (
-        lambda: sa.simulate(arm(), [0, 1], "joints", 5),
+        lambda: sa.simulate(arm().at([0, 1]), "joints", 5),
         "controller is 'joints'; give a law, such as sa.JointPD",
     ),
-    "a class for a law": (lambda: sa.simulate(arm(), [0, 1], sa.JointPD, 5), "such as sa.JointPD"),
+    "a class for a law": (
+        lambda: sa.simulate(arm().at([0, 1]), sa.JointPD, 5),
+        "such as sa.JointPD",
+    ),
     "the text of a URDF": (
         lambda: sa.load('<robot name="r"><link name="bus"/></robot>'),
         "is the text of a robot file, not its path; write it to a file first",

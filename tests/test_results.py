@@ -49,7 +49,7 @@ def motion():
 
 def run():
     law = sa.JointPD(target=[0.2, 0.3], kp=5.0, kd=9.0)
-    return sa.simulate(arm(), [0.1, 0.2], law, 0.5, events=())
+    return sa.simulate(arm().at([0.1, 0.2]), law, 0.5, integration=sa.Integration(events=()))
 
 
 @cache
@@ -66,7 +66,7 @@ def plan():
 def flight():
     law = sa.JointPD(target=[0.2, 0.3], kp=5.0, kd=9.0)
     phases = [sa.Phase(law, 0.2, sa.Grasp(mass=2.0)), sa.Phase(law, 0.2, sa.Release())]
-    return sa.simulate_phases(arm(), [0.1, 0.2], phases)
+    return sa.simulate_phases(arm().at([0.1, 0.2]), phases)
 
 
 RESULTS = {
@@ -86,7 +86,7 @@ RESULTS = {
     "Dynamics": lambda: sa.forward_dynamics(configuration(), [0.1, 0.2], [1.0, 0.0]),
     "ErrorBars": lambda: sa.error_bars(configuration()),
     "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
-    "Followed": lambda: sa.follow(arm(), [0.3, 1.2], [(1.5, 1.2)]),
+    "Followed": lambda: sa.follow(arm().at([0.3, 1.2]), [(1.5, 1.2)]),
     "FeasibleAttitudes": lambda: sa.feasible_attitudes(
         arm().at([0, 1]), [(1.5, 0.2), (1.5, 0.5)], all_branches=True, samples=16
     ),
@@ -133,14 +133,16 @@ RESULTS = {
     "MomentumConservation": lambda: sa.MomentumConservation(arm()),
     "SingularityBarrier": lambda: sa.SingularityBarrier(arm(), 0.1),
     "Grasp": lambda: sa.Grasp(mass=2.0, inertia=np.eye(3)),
-    "Phase": lambda: sa.Phase(lambda _t, q, _dq: 0.0 * q, 1.0, sa.Release(), {"stop": ["target"]}),
+    "Phase": lambda: sa.Phase(lambda _t, q, _dq: 0.0 * q, 1.0, sa.Release(), stop=["target"]),
     "Release": lambda: sa.Release(),
+    "Integration": lambda: sa.Integration(rtol=1e-6, events=("target",)),
     "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
     "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),
     "Tracking": lambda: sa.Tracking(motion()),
+    "Plant": lambda: sa.Plant(wrenches={"bus": lambda t: [t, 0.0, 0.0, 0.0, 0.0, 0.0]}),
     "WheelHold": lambda: sa.WheelHold(stiffness=1.0, damping=2.0, torque=0.1, capacity=5.0),
     "Workspace": workspace,
 }

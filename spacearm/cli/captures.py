@@ -8,15 +8,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from spacearm.cli.options import (
-    AsJson,
-    Attitude,
-    joint_values,
-    on_a_model,
-    spacecraft_pose,
-)
+from spacearm.cli.options import AsJson, Attitude, joint_values, on_a_model, spacecraft_pose
 from spacearm.cli.output import err, number, out, print_json, table, vector
-from spacearm.mechanics.impact import Capture, capture
+from spacearm.mechanics.dynamics import Capture, capture
 from spacearm.model.arm import SpaceArm
 
 Three = tuple[float, float, float]

@@ -28,6 +28,7 @@ from spacearm.description.model_catalogue import arms, catalogue
 from spacearm.errors import ConfigurationError, listed
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
+from spacearm.model.joints import warn_outside
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 
@@ -221,6 +222,22 @@ def spacecraft_pose(attitude: tuple[float, float, float], deg: bool) -> pin.SE3:
     if not np.isfinite(rpy).all():
         raise ConfigurationError(f"--attitude is {attitude}; give three finite angles")
     return pose(rpy=rpy)
+
+
+def start_of(
+    arm: SpaceArm,
+    q: Array,
+    base: pin.SE3,
+    wheels: Array | None = None,
+    momentum: Sequence[float] | None = None,
+) -> Configuration:
+    """Return the start of a motion.
+
+    Warns:
+        ModelWarning: Joints are outside their limits, or look like degrees.
+    """
+    warn_outside(arm, q, "--q0")
+    return arm.at(q, base=base, wheels=wheels, momentum=momentum)
 
 
 def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.SE3:

@@ -21,7 +21,7 @@ from spacearm.cli.output import out, working
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
-from spacearm.viewer.panel.comparison import WORDS
+from spacearm.viewer.motions import WORDS
 from spacearm.viewer.show import view as show
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from math import copysign, isinf, isnan
 
 from spacearm.compiler.expressions import Expression, Operand, Tape, TracingError
 from spacearm.compiler.operations import OPERATIONS
-from spacearm.compiler.symbols import Region
-from spacearm.compiler.trace import Traced
+from spacearm.compiler.symbols import Region, Traced
 
 LOOP = """\
     for (k = 0; k < {most}; k++) {{

@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from spacearm.compiler.lanes import Lanes
 from spacearm.compiler.machine import Code, fuses, is_kept, width
-from spacearm.compiler.symbols import Rows
-from spacearm.compiler.trace import Traced, trace
+from spacearm.compiler.symbols import Rows, Traced, trace
 
 Array = npt.NDArray[np.float64]
 

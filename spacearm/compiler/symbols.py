@@ -1,12 +1,13 @@
-"""The array library of symbols: what stands for NumPy where a function is traced.
+"""Functions traced: the array library of symbols, loops and procedures, derivatives.
 
 Arrays hold expressions and numbers as NumPy's arrays of objects. `xp` of the equations is this
-module, `spacearm.compiler.numbers`, or `jax.numpy` with the same loops.
+module, `spacearm.compiler.numbers`, or `jax.numpy` with the same loops. `trace` runs a function
+once over symbols and returns what it wrote down.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -14,11 +15,12 @@ from itertools import count, islice
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from spacearm.compiler import derivatives
 from spacearm.compiler.expressions import (
     Expression,
     Operand,
+    Symbols,
     Tape,
     TracingError,
     as_mask,
@@ -28,6 +30,7 @@ from spacearm.compiler.expressions import (
     symbols,
     where,
 )
+from spacearm.compiler.operations import OPERATIONS
 
 __all__ = [
     "Outside", "Region", "Rows", "Table", "asarray", "gradient", "hold", "procedure", "repeat",
@@ -44,7 +47,7 @@ def __getattr__(name: str) -> Any:
 
 def gradient(function: Callable[[Any], Any], at: Any) -> Any:
     """Return the derivatives (n,) of a function of n variables, which returns a number."""
-    return symbols(derivatives.gradient(symbols(function(at)), at))
+    return symbols(derivatives(symbols(function(at)), at))
 
 
 @dataclass(eq=False)
@@ -269,3 +272,158 @@ def _results(call: Expression, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
 def _arrays(values: Iterator[Expression], shapes: Sequence[tuple[int, ...]]) -> list[Any]:
     """Return expressions, as many as are needed, as arrays of shapes."""
     return [symbols(asarray([*islice(values, int(np.prod(s)))]).reshape(s)) for s in shapes]
+
+
+CONSTANT = frozenset(name for name, each in OPERATIONS.items() if each.pullback is None)
+"""Operations whose derivatives are zero."""
+
+
+def derivatives(of: Operand, by: Any) -> Any:
+    """Return the derivatives of an expression by an array of variables, in the shape of these.
+
+    Reverse mode, from the last operation back: Griewank & Walther, Evaluating Derivatives, 2nd ed.,
+    SIAM 2008, chapter 3. All of them together take a few times as many operations as the expression
+    itself. What stands in `hold`, and all comparisons, have derivatives zero.
+
+    Where `by` has numbers in place of variables, the derivatives are zero. Of a selection only the
+    side that is taken counts; but if the derivative of the other is infinite there, 0 times that is
+    NaN, and the operand must be selected as well.
+
+    Raises:
+        TracingError: The expression depends on the variables through a loop, procedure or table, or
+            stands in another loop than they.
+    """
+    by = asarray(by)
+    variables = [o for o in by.flat if isinstance(o, Expression)]
+    found = np.full(by.shape, 0.0, dtype=object).view(Symbols)
+    if not isinstance(of, Expression) or all(o.tape.depth > of.tape.depth for o in variables):
+        return found
+    if any(o.tape is not of.tape for o in variables):
+        raise TracingError("an expression and variables of its derivative stand in other loops")
+    depends = {o.number for o in variables}
+    needed = of.tape.needed([of])
+    for e in needed:
+        if e.operation not in CONSTANT and any(
+            o.tape is of.tape and o.number in depends for o in e.expressions()
+        ):
+            depends.add(e.number)
+    slopes: dict[int, Any] = {of.number: 1.0}
+    for e in reversed(needed):
+        if e.number in depends and e.operation != "var" and e.number in slopes:
+            if e.operation not in OPERATIONS:
+                raise TracingError(f"no derivative is taken through a {e.operation}")
+            pullback: Any = OPERATIONS[e.operation].pullback
+            shares = pullback(slopes[e.number], e, *e.operands)
+            for o, share in zip(e.operands, shares, strict=True):
+                if isinstance(o, Expression) and o.tape is of.tape and o.number in depends:
+                    slopes[o.number] = share + slopes.get(o.number, 0.0)
+    found.ravel()[:] = [slopes.get(getattr(o, "number", -1), 0.0) for o in by.flat]
+    return found
+
+
+Shape = tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """A function as tapes.
+
+    Attributes:
+        shared: Tape of what is the same for all lanes.
+        tape: Tape of the rest.
+        numbers: Names and shapes of the arguments that all lanes share.
+        inputs: Names and shapes of those of each lane.
+        tables: The tables.
+        outside: The functions called as it runs.
+        outputs: What it returns: arrays of expressions, or `Rows`.
+        single: Whether it returns an array, not a tuple of arrays.
+    """
+
+    shared: Tape
+    tape: Tape
+    numbers: dict[str, Shape]
+    inputs: dict[str, Shape]
+    tables: dict[str, Table]
+    outside: dict[str, Outside]
+    outputs: list[Any]
+    single: bool
+
+    def flat(self, output: Any) -> list[Operand]:
+        """Return the elements of an output that is no `Rows`; masks as 1 and 0."""
+        return flat(self.tape, [output])
+
+
+def trace(
+    function: Callable[..., Any],
+    inputs: Mapping[str, Shape],
+    numbers: Mapping[str, Shape] | None = None,
+    tables: Mapping[str, int] | None = None,
+    outside: Mapping[str, int] | None = None,
+) -> Traced:
+    """Trace a function.
+
+    Args:
+        function: Called with arrays of symbols, tables and functions by name; returns an array or
+            a tuple of arrays. Masks that it returns are 1 and 0.
+        inputs: Shapes of the arguments that each lane has its own of.
+        numbers: Shapes of those that all lanes share.
+        tables: Numbers of columns of tables.
+        outside: Numbers of results of functions that are called as it runs.
+
+    Raises:
+        TracingError: The function branches on a symbol, or does what else cannot be traced.
+    """
+    shared = Tape()
+    tape = Tape(shared)
+    numbers, looked = dict(numbers or {}), {n: Table(n, c) for n, c in (tables or {}).items()}
+    called = {name: Outside(name, count) for name, count in (outside or {}).items()}
+    arguments = dict(zip(inputs, variables(tape, "input", list(inputs.values())), strict=True))
+    arguments |= zip(numbers, variables(shared, "number", list(numbers.values())), strict=True)
+    with tracing(tape), np.errstate(all="ignore"):
+        found = function(**arguments, **looked, **called)
+    single = not isinstance(found, tuple)
+    outputs = [found] if single else list(found)
+    if any(isinstance(o, Rows) and o.loop.tape is not tape for o in outputs):
+        raise TracingError("rows that are returned are kept by a loop that stands in no other")
+    traced = Traced(shared, tape, numbers, dict(inputs), looked, called, outputs, single)
+    for output in outputs:
+        if not isinstance(output, Rows):
+            traced.flat(output)  # raises what is wrong with it here
+    return traced
+
+
+def interpreted(
+    traced: Traced, inputs: Mapping[str, Any], numbers: Mapping[str, Any] | None = None
+) -> list[npt.NDArray[np.float64]]:
+    """Compute the outputs (m, *shape) by NumPy, operation by operation, without compiling.
+
+    Args:
+        traced: The function.
+        inputs: (m, *shape) of each input.
+        numbers: What all lanes share.
+
+    Raises:
+        TracingError: It has a loop, a procedure or a table.
+    """
+    m = len(next(iter(inputs.values())))
+    given = [column for name in traced.inputs for column in np.reshape(inputs[name], (m, -1)).T]
+    shared = [number for name in traced.numbers for number in np.ravel((numbers or {})[name])]
+    values: dict[Expression, Any] = {}
+
+    def value(o: Operand) -> Any:
+        return values[o] if isinstance(o, Expression) else o
+
+    with np.errstate(all="ignore"):
+        for tape, arguments in ((traced.shared, iter(shared)), (traced.tape, iter(given))):
+            for e in tape.written:
+                if e.operation == "var":
+                    values[e] = next(arguments)
+                elif e.operation in OPERATIONS:
+                    values[e] = OPERATIONS[e.operation].numpy(*map(value, e.operands))
+                else:
+                    raise TracingError(f"a {e.operation} is not run by NumPy")
+    outputs = []
+    for output in traced.outputs:
+        columns = [np.broadcast_to(value(o), m) for o in traced.flat(output)]
+        outputs.append(np.array(columns, dtype=float).T.reshape(m, *np.shape(output)))
+    return outputs

@@ -12,10 +12,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacearm.equations.jacobian import base_twist
-from spacearm.equations.linear import eliminated, pivots, solve
-from spacearm.equations.posture import COLUMNS, ROWS, SYMMETRIC, Posture, about, posture
-from spacearm.equations.structure import Parameters, Structure
+from spacearm.equations.kinematics import (
+    COLUMNS,
+    ROWS,
+    SYMMETRIC,
+    Parameters,
+    Posture,
+    Structure,
+    about,
+    base_twist,
+    posture,
+)
+from spacearm.equations.linear_algebra import eliminated, pivots, solve
 
 
 class Loads(NamedTuple):

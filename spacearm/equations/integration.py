@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.equations import tableaus as of
-from spacearm.equations.linear import factors, substitute
+from spacearm.equations.linear_algebra import factors, substitute
 
 CURVES = 7
 """Coefficients of the dense output of a step, for each component."""

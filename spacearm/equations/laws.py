@@ -15,11 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.equations.dynamics import inverse_dynamics
-from spacearm.equations.jacobian import jacobian_at
-from spacearm.equations.linear import reciprocal
-from spacearm.equations.posture import Posture
-from spacearm.equations.singular_values import bidiagonal, reflected, reflector, unreflected
-from spacearm.equations.structure import Mode, Structure
+from spacearm.equations.kinematics import Mode, Posture, Structure, jacobian_at
+from spacearm.equations.linear_algebra import (
+    bidiagonal,
+    reciprocal,
+    reflected,
+    reflector,
+    unreflected,
+)
 from spacearm.equations.turns import cross_matrix
 
 UPSIDE_DOWN = 1e-9 - 1.0

@@ -15,13 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacearm.equations.jacobian import jacobian_at, response
+from spacearm.equations.kinematics import Parameters, Structure, jacobian_at, posture, response
 from spacearm.equations.laws import attitude, quaternion_rate
-from spacearm.equations.linear import solve
+from spacearm.equations.linear_algebra import Reflection, reflector, solve, unreflected
 from spacearm.equations.measures import distance
-from spacearm.equations.posture import posture
-from spacearm.equations.singular_values import Reflection, reflector, unreflected
-from spacearm.equations.structure import Parameters, Structure
 from spacearm.equations.turns import right_jacobian, rotation
 
 ARRIVED, SINGULAR, LIMIT, TILTED, MARGIN = range(5)

@@ -20,11 +20,21 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.equations.jacobian import jacobian, task_jacobian, task_jacobian_at, tip_twist
-from spacearm.equations.linear import minors, reciprocal
-from spacearm.equations.posture import COLUMNS, ROWS, SYMMETRIC, about, momenta, posture
-from spacearm.equations.singular_values import bidiagonal, least_with_vectors
-from spacearm.equations.structure import Parameters, Structure
+from spacearm.equations.kinematics import (
+    COLUMNS,
+    ROWS,
+    SYMMETRIC,
+    Parameters,
+    Structure,
+    about,
+    jacobian,
+    momenta,
+    posture,
+    task_jacobian,
+    task_jacobian_at,
+    tip_twist,
+)
+from spacearm.equations.linear_algebra import bidiagonal, least_with_vectors, minors, reciprocal
 
 MOST_MINORS = 250
 """Maximal minors of a task Jacobian that S is made of; more would make endless code."""

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spacearm.equations.dynamics import Loads, accelerations, twists
-from spacearm.equations.jacobian import task_jacobian_at
+from spacearm.equations.kinematics import Parameters, Structure, posture, task_jacobian_at
 from spacearm.equations.laws import (
     Law,
     Pose,
@@ -29,9 +29,7 @@ from spacearm.equations.laws import (
     quaternion_rate,
     rotation_vector,
 )
-from spacearm.equations.linear import minors
-from spacearm.equations.posture import posture
-from spacearm.equations.structure import Parameters, Structure
+from spacearm.equations.linear_algebra import minors
 
 SLOWING = 0.9
 """Share of its largest rate from which the torque that drives a joint falls, to zero there."""
@@ -81,8 +79,7 @@ class Setup(NamedTuple):
         motors: Where the torques of the wheels over time come from, else.
         pushed: What is pushed.
         passive: Whether joints have springs or friction.
-        effort: Whether torques are cut to the largest.
-        speed: Whether they fall near the largest rates.
+        limits: Whether torques are cut to the largest, and fall near the largest rates.
         events: The event functions.
     """
 
@@ -92,8 +89,7 @@ class Setup(NamedTuple):
     motors: Source | None = None
     pushed: tuple[Pushed, ...] = ()
     passive: bool = False
-    effort: bool = False
-    speed: bool = False
+    limits: bool = False
     events: tuple[Event, ...] = ()
 
     def law_shapes(self, n: int) -> tuple[Shapes, ...]:
@@ -107,7 +103,7 @@ class Setup(NamedTuple):
         return (
             ("base", (3,)),
             *((name, (n,)) for name in (joint if self.passive else ())),
-            *((name, (n,)) for name in ("effort",) * self.effort + ("speed",) * self.speed),
+            *((name, (n,)) for name in (("effort", "speed") if self.limits else ())),
             ("axes", (w, 3)),
             *((("spread", (w, 3)), ("torque", (w,)), ("capacity", (w,)), ("hold", (2,)),
                ("level", (3, 3))) if self.holds else ()),
@@ -221,9 +217,8 @@ def _asked(xp: Any, now: Moving, setup: Setup, calls: Calls) -> Any:
 def _cut(xp: Any, now: Moving, setup: Setup, tau: Any) -> Any:
     """Cut torques to what the joints can give at their rates."""
     dq, given = now.state.dq, now.given
-    if setup.effort:
+    if setup.limits:
         tau = xp.minimum(xp.maximum(tau, -given["effort"]), given["effort"])
-    if setup.speed:
         share = xp.absolute(dq) / given["speed"]
         rest = xp.maximum((1.0 - share) / (1.0 - SLOWING), 0.0)
         drives = xp.logical_and(share > SLOWING, tau * dq > 0.0)

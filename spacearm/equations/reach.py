@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacearm.equations.structure import Array, Parameters, Structure
+from spacearm.equations.kinematics import Array, Parameters, Structure
 
 SWEEPS = 4
 """How often each joint is moved in the search for the nearest point."""

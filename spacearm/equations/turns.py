@@ -13,10 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from spacearm.equations.jacobian import connection_at, jacobian_at
-from spacearm.equations.linear import solve
-from spacearm.equations.posture import posture
-from spacearm.equations.structure import Parameters, Structure
+from spacearm.equations.kinematics import Parameters, Structure, connection_at, jacobian_at, posture
+from spacearm.equations.linear_algebra import solve
 
 GAUSS = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
 """Gauss-Legendre nodes of an interval, as shares of it."""

@@ -1,34 +1,51 @@
-"""An arm as functions of JAX and CasADi, and what all exported functions need to know of it."""
+"""An arm as functions of JAX, of CasADi, and of C.
+
+The C is a header and a source that need nothing but <math.h>.
+"""
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
-from typing import Any
+from pathlib import Path
+from string import Template
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.equations import dynamics, jacobian, measures, posture
-from spacearm.equations.structure import Parameters, Structure
+from spacearm.arrays import Array
+from spacearm.compiler import symbols
+from spacearm.compiler.c_code import Code, number
+from spacearm.compiler.symbols import Shape, derivatives, trace
+from spacearm.equations import dynamics, kinematics, measures
+from spacearm.equations.kinematics import Parameters, Structure
+from spacearm.equations.linear_algebra import bidiagonal
+from spacearm.equations.measures import distance, singularity
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.files import name_part, write
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.mechanics.distance import FADING
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.singularities.polynomials import plane_of_motion, probes
+from spacearm.model.joints import joint_scales
+from spacearm.singularities.polynomials import plane_of_motion
 
 Function = Callable[..., Any]
 
 EQUATIONS: dict[str, tuple[Function, tuple[str, ...]]] = {
-    "jacobian": (jacobian.jacobian, ("q",)),
-    "task_jacobian": (jacobian.task_jacobian, ("q",)),
-    "connection": (jacobian.connection, ("q",)),
-    "momentum": (posture.momentum, ("q",)),
-    "base_inertia": (posture.base_inertia, ("q",)),
-    "centre": (posture.centre, ("q",)),
-    "tip_position": (posture.tip_position, ("q",)),
-    "tip_rotation": (posture.tip_rotation, ("q",)),
+    "jacobian": (kinematics.jacobian, ("q",)),
+    "task_jacobian": (kinematics.task_jacobian, ("q",)),
+    "connection": (kinematics.connection, ("q",)),
+    "momentum": (kinematics.momentum, ("q",)),
+    "base_inertia": (kinematics.base_inertia, ("q",)),
+    "centre": (kinematics.centre, ("q",)),
+    "tip_position": (kinematics.tip_position, ("q",)),
+    "tip_rotation": (kinematics.tip_rotation, ("q",)),
     "S": (measures.singularity, ("q",)),
     "generalized_inertia": (dynamics.generalized_inertia, ("q",)),
     "forward_dynamics": (dynamics.forward_dynamics, ("q", "dq", "tau")),
@@ -219,7 +236,7 @@ def structure_in(arm: SpaceArm, mode: BaseMode) -> Structure:
     Raises:
         ConfigurationError: There is no such mode.
     """
-    return replace(structure_of(arm, mode), normal=plane_of_motion(arm, probes(arm)))
+    return replace(structure_of(arm, mode), normal=plane_of_motion(arm))
 
 
 def symbolic(p: Parameters) -> Parameters:
@@ -238,3 +255,306 @@ def chosen(names: str | Sequence[str]) -> tuple[str, ...]:
         if name not in Parameters._fields:
             raise ConfigurationError(unknown("parameter", name, Parameters._fields))
     return wanted
+
+
+ROUNDING = 16.0 * 2.0**-52
+"""Rounding of the bounds of sigma_min, as a share of |T|, for each element of T."""
+
+
+class Exported(NamedTuple):
+    """A function of C.
+
+    Attributes:
+        comment: What the header says of it.
+        function: Called as function(xp, structure, parameters, *arguments).
+        arguments: Names of arrays (n,) that it takes.
+        outputs: Names of the arrays and numbers that it writes, in order.
+        returned: Name of the number that it returns, which is its first; empty if there is none.
+        jacobian: Whether `function` is called with J* (6 tips, n) in place of the arguments.
+    """
+
+    comment: str
+    function: Callable[..., Any]
+    arguments: tuple[str, ...]
+    outputs: tuple[str, ...]
+    returned: str = ""
+    jacobian: bool = False
+
+
+def singularity_gradient(xp: Any, tree: Structure, p: Parameters, q: Any) -> Any:
+    """Compute S and its gradient (n,) by the joints."""
+    S = singularity(xp, tree, p, q)
+    return S, derivatives(S, q)
+
+
+def sigma_min(xp: Any, tree: Structure, _: Parameters, J: Any) -> Any:
+    """Compute bounds of the least singular value of the task Jacobian from J*."""
+    if tree.n < len(tree.rows):  # singular everywhere
+        return 0.0, 0.0
+    T = tree.scale * J[np.array(tree.rows)]
+    form = bidiagonal(xp, T)
+    sigma = xp.sqrt(form.least(xp))
+    margin = ROUNDING * T.size * xp.sqrt((T * T).sum())
+    return xp.maximum(sigma - margin, 0.0), sigma + margin
+
+
+def distance_to_set(xp: Any, tree: Structure, p: Parameters, q: Any, *, unit: Array) -> Any:
+    """Compute the distance to the singular set to first order, and the way out (n,)."""
+    if tree.n < len(tree.rows):  # singular everywhere
+        return 0.0, 0.0 * unit
+    far, _, rows = distance(xp, tree, p, q, FADING, unit)
+    return far, unit * rows[0]
+
+
+EXPORTED = {
+    "jacobian": Exported(
+        "J*, the motion of the tip per joint rate: rows [linear; angular], row by row.",
+        *EQUATIONS["jacobian"], ("J",),
+    ),
+    "connection": Exported(
+        "-D^-1 D_q: the spacecraft turns with w_0 = connection dq at zero momentum, row by row.",
+        *EQUATIONS["connection"], ("connection",),
+    ),
+    "momentum": Exported(
+        "A_q, momentum [linear; angular about the system CM] per joint rate, row by row.",
+        *EQUATIONS["momentum"], ("A",),
+    ),
+    "forward_dynamics": Exported(
+        "Joint accelerations at zero momentum, without external wrenches.",
+        *EQUATIONS["forward_dynamics"], ("ddq",),
+    ),
+    "singularity": Exported(
+        "S, zero exactly where the task Jacobian is singular.", *EQUATIONS["S"], (), "S"
+    ),
+    "singularity_gradient": Exported(
+        "S, and its gradient by the joints.", singularity_gradient, ("q",), ("gradient",), "S"
+    ),
+    "sigma_min": Exported(
+        "Bounds of the least singular value of the task Jacobian.",
+        sigma_min, ("q",), ("lower", "upper"), jacobian=True,
+    ),
+    "distance": Exported(
+        "Distance to the singular set to first order [rad], INFINITY where nothing leads there,\n"
+        " * and away, the motion of the joints per radian of it.",
+        distance_to_set, ("q",), ("away",), "distance",
+    ),
+}  # fmt: skip
+"""The functions of C, by what their names end with."""
+
+
+@of_arm
+def to_c(
+    arm: SpaceArm,
+    folder: str | os.PathLike[str],
+    *,
+    mode: BaseMode = "free-floating",
+    parameters: str | Sequence[str] = (),
+) -> tuple[Path, Path]:
+    """Write an arm as C99: J*, momentum, dynamics, S, sigma_min, the distance to the singular set.
+
+    The code needs nothing but <math.h>, allocates nothing and keeps no state; loops have a bound.
+    Names in the code begin with the name of the arm, NAME here; matrices are written row by row, in
+    spacecraft axes.
+
+    - `NAME_jacobian(q, J)`: J* (6 tips, n) of (35).
+    - `NAME_connection(q, connection)`: -D^-1 D_q (3, n) of (33c).
+    - `NAME_momentum(q, A)`: A_q (6, n), [linear; angular about the system CM] per joint rate.
+    - `NAME_forward_dynamics(q, dq, tau, ddq)`: joint accelerations at zero momentum.
+    - `NAME_singularity(q)`: S, which is zero exactly where the task Jacobian is singular.
+    - `NAME_singularity_gradient(q, gradient)`: its gradient; returns S.
+    - `NAME_sigma_min(q, &lower, &upper)`: bounds of the least singular value of the task Jacobian,
+      apart by rounding.
+    - `NAME_distance(q, away)`: the distance to the singular set to first order [rad], INFINITY
+      where nothing leads there; `away` (n,) is its gradient, joint motion per radian of distance.
+
+    With `parameters`, the numbers of that name are no constants: `NAME_parameters` is a struct of
+    them, `NAME_nominal` the arm's own, and all functions take a pointer to one after q, dq
+    and tau.
+    `NAME_singularity_by_parameters(q, p, &gradient)` writes the gradient of S by them into another.
+
+    Args:
+        arm: The arm.
+        folder: Where the files are written, NAME.h and NAME.c.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        parameters: Names of what the functions take in a struct: any of "masses", "centres",
+            "inertias", "joint_positions", "joint_rotations", "tip_positions", "tip_rotations".
+
+    Returns:
+        The paths of header and source.
+
+    Raises:
+        ConfigurationError: There is no such mode or parameter.
+
+    Example:
+        >>> import spacearm as sa
+        >>> header, source = sa.to_c(sa.load("planar2"), ".")
+        >>> "double planar2_singularity(const double q[2]);" in header.read_text()
+        True
+    """
+    tree, numbers = structure_in(arm, mode), parameters_of(arm)
+    varied = {which: np.asarray(getattr(numbers, which)) for which in chosen(parameters)}
+    name = re.sub(r"\W", "_", name_part(arm.name), flags=re.ASCII)
+    name = name if name[:1].isalpha() else f"arm_{name}"
+    writer = _Writer(name, tree, numbers, varied)
+    for ending, what in EXPORTED.items():
+        if ending == "distance":
+            what = what._replace(function=partial(what.function, unit=joint_scales(arm)))
+        writer.write(ending, what)
+    words = {"name": name, "NAME": name.upper(), "arm": _comment(arm), "mode": mode}
+    words |= {"N": str(tree.n), "K": str(len(tree.rows))}
+    if varied:
+        writer.write_by_parameters()
+        words["fields"] = "\n".join(
+            f"    double {which}{''.join(f'[{size}]' for size in values.shape)};"
+            for which, values in varied.items()
+        )
+        words["values"] = ",\n".join(f"    {_braces(values)}" for values in varied.values())
+    header = HEADER.substitute(
+        words,
+        struct=STRUCT.substitute(words) if varied else "",
+        declarations="\n".join(writer.declarations),
+    )
+    source = "\n".join((
+        SOURCE.substitute(words),
+        *([NOMINAL.substitute(words)] if varied else []),
+        *writer.code.functions,
+        *writer.definitions,
+    ))  # fmt: skip
+    there = Path(folder) / f"{name}.h", Path(folder) / f"{name}.c"
+    return write(there[0], header.encode()), write(there[1], source.encode())
+
+
+class _Writer:
+    """The functions of an arm as C.
+
+    Args:
+        name: What their names begin with.
+        tree: The structure of the arm.
+        numbers: Its numbers.
+        varied: Those that the functions take.
+    """
+
+    def __init__(
+        self, name: str, tree: Structure, numbers: Parameters, varied: dict[str, Array]
+    ) -> None:
+        self.name, self.tree, self.varied = name, tree, varied
+        self.numbers = symbolic(numbers)
+        self.code = Code(f"{name}_part")
+        self.declarations: list[str] = []
+        self.definitions: list[str] = []
+
+    def write(self, ending: str, what: Exported) -> None:
+        """Write a function."""
+
+        def function(**given: Any) -> Any:
+            p = self.numbers._replace(**{which: given.pop(which) for which in self.varied})
+            return what.function(symbols, self.tree, p, *given.values())
+
+        shapes: dict[str, Shape] = dict.fromkeys(what.arguments, (self.tree.n,))
+        if what.jacobian:
+            shapes = {"J": (6 * len(self.tree.tips), self.tree.n)}
+        traced = trace(function, shapes | {n: v.shape for n, v in self.varied.items()})
+        wanted, texts = [], [what.returned] if what.returned else []
+        for name, output in zip(what.outputs, traced.outputs[len(texts) :], strict=True):
+            shape = np.shape(output)
+            wanted.append(f"double {name}[{' * '.join(map(str, shape))}]" if shape
+                          else f"double *{name}")  # fmt: skip
+            texts += ([f"{name}[{i}]" for i in range(int(np.prod(shape)))] if shape
+                      else [f"*{name}"])  # fmt: skip
+        self._finish(ending, what, traced, wanted, texts)
+
+    def write_by_parameters(self) -> None:
+        """Write S with its gradient by the numbers that the functions take."""
+
+        def function(q: Any, **varied: Any) -> Any:
+            S = singularity(symbols, self.tree, self.numbers._replace(**varied), q)
+            return S, *(derivatives(S, symbol) for symbol in varied.values())
+
+        shapes = {"q": (self.tree.n,)} | {n: v.shape for n, v in self.varied.items()}
+        what = Exported("S, and its gradient by the parameters.", singularity, ("q",), (), "S")
+        texts = ["S", *self._elements("gradient->")]
+        wanted = [f"{self.name}_parameters *gradient"]
+        self._finish("singularity_by_parameters", what, trace(function, shapes), wanted, texts)
+
+    def _finish(
+        self, ending: str, what: Exported, traced: Any, wanted: list[str], texts: list[str]
+    ) -> None:
+        """Write declaration and definition of a function whose outputs are `wanted`."""
+        given = [f"const double {name}[{self.tree.n}]" for name in what.arguments]
+        given += [f"const {self.name}_parameters *p"] if self.varied else []
+        names = [*what.arguments, *(["p"] if self.varied else [])]
+        inputs = [f"{name}[{i}]" for name, shape in traced.inputs.items()
+                  if name not in self.varied for i in range(int(np.prod(shape)))]  # fmt: skip
+        body = self.code.body(traced, [*inputs, *self._elements("p->")], texts)
+        if what.jacobian and "J[" in body:
+            call = f"{self.name}_jacobian({', '.join(names)}, J);"
+            body = f"    double J[{len(inputs)}];\n    {call}\n{body}"
+        unused = [f"    (void){name};\n" for name in names if not re.search(rf"\b{name}\b", body)]
+        kind = "double" if what.returned else "void"
+        head = f"{kind} {self.name}_{ending}({', '.join((*given, *wanted))})"
+        first = f"    double {what.returned};\n" if what.returned else ""
+        last = f"    return {what.returned};\n" if what.returned else ""
+        self.declarations.append(f"/* {what.comment} */\n{head};\n")
+        self.definitions.append(f"{head}\n{{\n{first}{''.join(unused)}{body}\n{last}}}\n")
+
+    def _elements(self, before: str) -> list[str]:
+        """Return the elements of the struct as C."""
+        return [
+            f"{before}{which}{''.join(f'[{i}]' for i in index)}"
+            for which, values in self.varied.items() for index in np.ndindex(values.shape)
+        ]  # fmt: skip
+
+
+def _braces(values: Array) -> str:
+    """Return numbers as C initialises arrays of arrays."""
+    inner = (_braces(row) if np.ndim(row) else number(row) for row in values)
+    return f"{{{', '.join(inner)}}}"
+
+
+def _comment(arm: SpaceArm) -> str:
+    """Return what the header says of the arm; nothing of it can end the comment."""
+    text = f"{arm.name}: joints {', '.join(arm.joint_names)}; tip {', '.join(arm.tips)}; "
+    text += f"task {arm.task.names}"
+    return re.sub(r"[^ -~]|[*/\\?]", "_", text)
+
+
+HEADER = Template("""\
+/* $arm.
+ * The spacecraft is $mode. Written by spacearm; SI units, radians, spacecraft axes. */
+#ifndef ${NAME}_H
+#define ${NAME}_H
+
+#define ${NAME}_JOINTS $N
+#define ${NAME}_ROWS $K
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+$struct
+$declarations
+#ifdef __cplusplus
+}
+#endif
+#endif
+""")
+
+STRUCT = Template("""
+/* Numbers of the arm, SI units: body 0 is the spacecraft, joint i (from 0) carries body i + 1. */
+typedef struct {
+$fields
+} ${name}_parameters;
+
+extern const ${name}_parameters ${name}_nominal; /* the arm's own */
+""")
+
+NOMINAL = Template("""\
+const ${name}_parameters ${name}_nominal = {
+$values
+};
+""")
+
+SOURCE = Template("""\
+#include "$name.h"
+
+#include <math.h>
+""")

@@ -53,7 +53,7 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> Path:
 
     Example:
         >>> import spacearm as sa
-        >>> way = sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)])
+        >>> way = sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)])
         >>> path = sa.write_motion(way, "way.csv")
         >>> path.read_text().split(",")[:2]
         ['t [s]', 'q joint_1 [rad]']

@@ -1,34 +1,157 @@
-"""Many configurations or states at once: measures, Jacobians, accelerations, determinants."""
+"""Many configurations or states at once: measures, Jacobians, accelerations, determinants.
+
+Configurations are read, checked and done in blocks, on several threads with little memory.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import mmap
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import NO_NUMBERS, Array
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array, Progress, whole
+from spacearm.compiler.machine import processors
 from spacearm.equations import measures
-from spacearm.equations.jacobian import jacobian
+from spacearm.equations.kinematics import jacobian
 from spacearm.equations.plant import Pushed, Setup, loaded_accelerations
-from spacearm.errors import ConfigurationError, ModelError, unknown
-from spacearm.mechanics.blocks import Progress, fill, joint_rows, results_for
-from spacearm.mechanics.dynamics import forward_dynamics
-from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
-from spacearm.mechanics.many import (
+from spacearm.errors import ConfigurationError, ModelError, listed, unknown
+from spacearm.mechanics.arm_kernels import (
     WIDE,
-    arms_kernel,
+    ArmKernel,
     evaluated,
     parameters_of,
     structure_of,
     worth_compiling,
 )
-from spacearm.mechanics.nearness import distances
+from spacearm.mechanics.distance import distances
+from spacearm.mechanics.dynamics import forward_dynamics
+from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
 from spacearm.model.arguments import BaseMode, free_components, of_arm
 from spacearm.model.arm import SpaceArm
+
+BLOCK = 16384
+"""Configurations per thread and block: their data fit the processor cache."""
+LEAST = 1024
+"""So many are not divided between threads: to start one takes as long."""
+
+BLOCKS_MAPPED = 32
+"""Number of blocks after which pages of memory maps are released."""
+
+
+def results_for(array: Array | None, shape: tuple[int, ...], what: str) -> Array:
+    """Check an array of floats that results are written to, or make one if None."""
+    if array is None:
+        return np.empty(shape)
+    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
+        raise ConfigurationError(
+            f"{what} is {getattr(array, 'dtype', type(array).__name__)} of shape "
+            f"{np.shape(array)}; give an array of floats of shape {shape}"
+        )
+    if not array.flags.writeable:
+        raise ConfigurationError(f"{what} is read-only; give one that can be written to")
+    return array
+
+
+def joint_rows(arm: SpaceArm, values: npt.ArrayLike, what: str) -> Array:
+    """Check values (m, n), a row for each state, and return them, not copied if they are an array.
+
+    Raises:
+        ConfigurationError: They are no numbers, or have another shape.
+    """
+    try:
+        array: npt.NDArray[Any] = values if isinstance(values, np.ndarray) else np.asarray(values)
+    except NO_NUMBERS as error:
+        raise ConfigurationError(f"{what} holds no numbers: {error}") from None
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, arm.n)
+    if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != arm.n:
+        raise ConfigurationError(
+            f"{what} has shape {array.shape} and type {array.dtype}; {arm.name} needs real numbers "
+            f"of shape (m, {arm.n}), one column for each of: {listed(arm.joint_names)}"
+        )
+    return array
+
+
+def read_block(Q: Array, block: slice) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+    """Read one block of Q (m, n), and the numbers of its rows that are no joint positions.
+
+    These rows are zero.
+    """
+    q = np.ascontiguousarray(Q[block], dtype=np.float64)
+    none = np.zeros(0, dtype=np.intp)
+    if not q.size or (q.min() >= -LARGEST and q.max() <= LARGEST):
+        return q, none
+    wrong = np.flatnonzero(~(np.abs(q) <= LARGEST).all(axis=1))
+    q = q.copy()
+    q[wrong] = 0.0
+    return q, wrong
+
+
+def fill(
+    results: Mapping[str, Array],
+    rows: Mapping[str, Array],
+    compute: Callable[[dict[str, Array], dict[str, Array | None]], Mapping[str, Array]],
+    threads: int | None,
+    progress: Progress | None,
+) -> None:
+    """Compute results (m, ...) of rows (m, ...), block by block, on several threads.
+
+    Args:
+        results: What is written to; NaN where a row is not finite.
+        rows: What is read.
+        compute: Gives results of some rows; also takes the places that compiled code may write to.
+        threads: Number of threads; one per available processor if None.
+        progress: Called as progress(done, m) after each block.
+    """
+
+    def do(block: slice) -> None:
+        read = {name: read_block(values, block) for name, values in rows.items()}
+        places: dict[str, Array | None] = {name: values[block] for name, values in results.items()}
+        for name, place in places.items():
+            if place is not None and (place.dtype != np.float64 or not place.flags.c_contiguous):
+                places[name] = None
+        found = compute({name: values for name, (values, _) in read.items()}, places)
+        for name, values in results.items():
+            if found[name] is not places[name]:
+                values[block] = found[name]
+            for _, wrong in read.values():
+                values[block][wrong] = np.nan
+
+    m = len(next(iter(rows.values())))
+    threads = processors() if threads is None else whole(threads, "threads", 1)
+    size = min(BLOCK, max(-(-m // threads), LEAST))
+    blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
+    maps = [_memory_map(array) for array in (*rows.values(), *results.values())]
+    with ThreadPoolExecutor(threads) as pool:
+        done = pool.map(do, blocks) if len(blocks) > 1 else map(do, blocks)
+        try:
+            for i, _ in enumerate(done):
+                for memory_map in maps if i % BLOCKS_MAPPED == 0 else ():
+                    if memory_map is not None:
+                        memory_map.madvise(mmap.MADV_DONTNEED)
+                if progress:
+                    progress(blocks[i].stop, m)
+        except BaseException:  # Ctrl-C too: only what has begun is waited for
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _memory_map(array: Array) -> mmap.mmap | None:
+    """Return the memory map behind an array, if any: its pages can be released once used."""
+    owner: object = array
+    while isinstance(owner, np.ndarray):
+        if isinstance(owner, np.memmap) and owner.mode == "c":
+            return None  # changes to a private copy are in memory only
+        owner = owner.base
+    return owner if isinstance(owner, mmap.mmap) else None
+
 
 QUANTITIES = ("sigma_min", "manipulability", "condition", "determinant", "radius")
 """The measures that take J* alone."""
@@ -109,9 +232,8 @@ def evaluate(
     def compute(rows: Rows, places: Mapping[str, Array | None]) -> dict[str, Array]:
         written = [places[name] for name in own]
         found = dict(zip(own, _measured(arm, rows["q"], own, many=m, out=written), strict=True))
-        if len(own) < len(results):
-            found |= zip(NEARNESS, distances(arm, rows["q"], many=m), strict=True)
-        return found
+        near = () if len(own) == len(results) else distances(arm, rows["q"], many=m)
+        return found | dict(zip(NEARNESS, near, strict=False))
 
     fill(results, {"q": Q}, compute, threads, progress)
     return results
@@ -135,7 +257,7 @@ def _measured(
     rows = max(len(Q), many)
     if names and worth_compiling(rows, SINGLY):
         options = {"names": names}
-        kernel = arms_kernel([arm], mode, measures.measures, options, lanes=WIDE, rows=rows)
+        kernel = ArmKernel([arm], mode, measures.measures, options, lanes=WIDE, rows=rows)
         found: Sequence[Array] = kernel({"q": Q}, out=out)
         return found
     columns = np.full((len(names), len(Q)), np.nan)
@@ -188,7 +310,7 @@ def generalized_jacobians(
     arm.require_one_tip()
     Q = joint_rows(arm, Q, "Q")
     J = results_for(out, (len(Q), 6, arm.n), "out")
-    kernel = arms_kernel([arm], "free-floating", jacobian, rows=len(Q))
+    kernel = ArmKernel([arm], "free-floating", jacobian, rows=len(Q))
 
     def compute(rows: Rows, places: Mapping[str, Array | None]) -> Rows:
         if worth_compiling(len(Q), SINGLY):
@@ -313,7 +435,7 @@ def _accelerated(
     given = {name: values for name, values in rows.items() if not name.startswith("wrench")}
     if links:
         given["wrenches"] = np.stack([rows[f"wrench on {link}"] for link in links], axis=1)
-    kernel = arms_kernel([arm], mode, loaded_accelerations, {"setup": setup})
+    kernel = ArmKernel([arm], mode, loaded_accelerations, {"setup": setup})
     found: Array = kernel(given, {"placed": placed}, out=[place])
     return found
 

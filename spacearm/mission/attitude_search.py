@@ -1,181 +1,330 @@
-"""The search for the attitudes from which the tip can follow a path."""
+"""The search for attitudes: a path followed from many of them, each from its best posture.
+
+Of planar arms on a ring of angles, where the ends of the feasible intervals are found; of spatial
+arms in cells of equal volume of all rotations, which are divided at the border.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
-from spacearm.arrays import Array, positive, whole
-from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
-from spacearm.mission.attitudes import Ball, FeasibleAttitudes
-from spacearm.model.arguments import of_configuration
-from spacearm.model.arm import Configuration, SpaceArm, still_wheels
-from spacearm.motion.tip_path import Path, path_start, segments
-from spacearm.planning.many_curves import turning_axes
+from spacearm.arrays import Array, Progress
+from spacearm.mission.branches import MORE_STEPS, STEPS, all_branches, branch, onward
+from spacearm.mission.rotations import (
+    Cells,
+    attitudes,
+    cells,
+    children,
+    evenly_spread,
+    nearest_of,
+    spacing,
+)
+from spacearm.model.arm import SpaceArm
+from spacearm.motion import leading
+from spacearm.motion.leading import Settings, Table, lead_all
 
-MARGIN = float(np.radians(1.0))
-"""Default least distance to the singular set [rad]."""
-RING = 720
-"""Default number of attitudes of a planar arm."""
-LEVEL = 2
-"""Default level of cells of a spatial arm: 4,608 attitudes."""
+Flags = npt.NDArray[np.bool_]
+Integers = npt.NDArray[np.signedinteger[Any]]
+
+ENDS = (*leading.ENDS, "no start")
+"""How following the path ended; without a start no posture has the tip at its beginning."""
+NO_START = ENDS.index("no start")
+TRIES = 12
+"""Random postures tried at each attitude where all branches are looked for."""
+
+PARTS = 33
+"""Each round looks at so many parts of the gap between an angle inside and one outside."""
+SHARP = 5e-7
+"""Width of that gap at which its middle is an end [rad]."""
+WAVE = 0.2
+"""Angle over which postures are followed from one attitude to the next [rad]."""
+EACH = 32
+"""Angles that are added about a least or largest distance that seems to cross the margin."""
+
+REACH = 1.5
+"""Cells are neighbours up to so many spacings apart."""
+AXES, SHELLS, ROUNDS = 400, 8, 4
+"""Axes about which the largest ball is probed, at so many angles at a time, in so many rounds."""
 
 
-@of_configuration
-def feasible_attitudes(
-    start: Configuration,
-    path: Path,
-    *,
-    all_branches: bool = False,
-    length: float | None = None,
-    margin: float = MARGIN,
-    speed: float = 0.1,
-    limits: bool = True,
-    samples: int | None = None,
-    refine: int = 1,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> FeasibleAttitudes:
-    """Find the attitudes of the spacecraft from which the tip can follow a path.
+class Outcome(NamedTuple):
+    """What came of following a path from m attitudes.
 
-    The path is given relative to the system CM, along inertial axes, and begins with its first
-    corner: at each attitude the arm takes a posture with the tip there, and the tip then follows
-    the path by J*, as `sa.follow` does. The attitude is feasible if the tip arrives, no
-    configuration on the way is nearer than `margin` to the singular set (to first order, as
-    `SingularityReport.distance`), and no joint leaves its limits. All attitudes are followed at
-    once. `python benchmarks/attitudes.py` prints how long it takes.
+    Attributes:
+        attitude: (m, 4) attitudes of the spacecraft at the start, quaternions xyzw.
+        q: (m, n) postures at the start, NaN where there is none.
+        ended: (m,) how it ended, an index in `ENDS`.
+        s: (m,) length of path behind the tip.
+        distance: (m,) least distance to the singular set [rad]; pi where it is more, to first
+            order.
+        slack: (m,) least distance of a joint to its limits [rad] or [m].
+        tilt: (m,) largest turn of the spacecraft on the way [rad].
+    """
+
+    attitude: Array
+    q: Array
+    ended: Integers
+    s: Array
+    distance: Array
+    slack: Array
+    tilt: Array
+
+    def take(self, which: Integers | Flags) -> Outcome:
+        """Return some of them."""
+        return Outcome._make(column[which] for column in self)
+
+    def posture_near(self, attitude: Array) -> Array:
+        """Return the postures (k, n) of the attitudes that are nearest to others (k, 4)."""
+        known = np.flatnonzero(np.isfinite(self.q[:, 0]))
+        nearest, _ = nearest_of(self.attitude[known], attitude)
+        return self.q[known[nearest]]
+
+
+def joined(outcomes: Sequence[Outcome]) -> Outcome:
+    """Return all outcomes as one."""
+    return Outcome._make(np.concatenate(column) for column in zip(*outcomes, strict=True))
+
+
+class PathTrials(NamedTuple):
+    """A path, and how it is followed from many attitudes.
+
+    Attributes:
+        arm: The arm.
+        start: Pose of the tip at the beginning of the path, from the system CM.
+        paths: The path.
+        settings: What ends the motion; `care` is the least distance to the singular set [rad].
+        q0: (n,) the posture whose branch is followed; None for all that are found.
+        first: (4,) the attitude at which it is near the start.
+        seed: Of the random postures.
+    """
+
+    arm: SpaceArm
+    start: pin.SE3
+    paths: Table
+    settings: Settings
+    q0: Array | None
+    first: Array
+    seed: int
+
+    def feasible(self, found: Outcome) -> Flags:
+        """Return (m,) whether the tip arrived and kept the least distance."""
+        return np.asarray((found.ended == 0) & (found.distance >= self.settings.care))
+
+    def at(self, attitude: Array, reach: float, progress: Progress | None = None) -> Outcome:
+        """Follow the path from all attitudes (m, 4), neighbours up to `reach` [rad] apart."""
+        if self.q0 is None:
+            q = self._all_branches(attitude)
+        else:
+            q = branch(self.arm, self.start, attitude, self.q0, self.first, reach)[:, None]
+        return self._follow(attitude, q, progress)
+
+    def near(self, attitude: Array, seed: Array, border: bool = False) -> Outcome:
+        """Follow the path from attitudes (m, 4), postures on the branches of others (m, n) nearby.
+
+        Args:
+            attitude: (m, 4) attitudes.
+            seed: (m, n) postures.
+            border: Whether they may be near the border of what can be reached.
+        """
+        steps = MORE_STEPS if border else STEPS
+        q = onward(self.arm, self.start, attitude, seed, steps)[:, None]
+        if self.q0 is None and not border:
+            q = np.concatenate((q, self._all_branches(attitude)), axis=1)
+        return self._follow(attitude, q)
+
+    def _all_branches(self, attitude: Array) -> Array:
+        """Return postures (m, tries, n) on all branches that random ones lead to."""
+        rng = np.random.default_rng(self.seed)
+        return all_branches(self.arm, self.start, attitude, TRIES, rng)
+
+    def _follow(self, attitude: Array, q: Array, progress: Progress | None = None) -> Outcome:
+        """Follow the path from attitudes (m, 4) and postures (m, c, n); return the best of each."""
+        m, c, n = q.shape
+        there = np.isfinite(q).all(axis=2).ravel()
+        each, flat = np.repeat(attitude, c, axis=0), q.reshape(-1, n)
+        columns = [np.full(m * c, x) for x in (NO_START, 0.0, 0.0, -np.inf, 0.0)]
+        if there.any():
+            led = lead_all(
+                self.arm, flat[there], each[there], self.paths, None, self.settings, progress
+            )
+            found = (led.ended, led.s, np.minimum(led.distance, np.pi), led.slack, led.tilt)
+            for column, values in zip(columns, found, strict=True):
+                column[there] = values
+        ended, s, distance, *_ = columns
+        rank = np.where(ended == 0, 1e9 + distance, s) - np.where(ended == NO_START, 1.0, 0.0)
+        best = np.arange(m) * c + rank.reshape(m, c).argmax(axis=1)
+        return Outcome(attitude, flat[best], *(column[best] for column in columns))
+
+
+# --- planar arms: a ring of angles ----------------------------------------------------------
+
+
+def turned_about(axis: int, angle: Array) -> Array:
+    """Return the attitudes (..., 4) turned about an axis by angles (...), quaternions xyzw."""
+    quaternion = np.zeros((*angle.shape, 4))
+    quaternion[..., axis], quaternion[..., 3] = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    return quaternion
+
+
+def search_ring(
+    trials: PathTrials, axis: int, samples: int, progress: Progress | None
+) -> tuple[Outcome, Array, Array]:
+    """Follow the path from attitudes all around, and find the ends of the feasible intervals.
 
     Args:
-        start: A posture and an attitude with the tip near the beginning of the path. The postures
-            at other attitudes are those it goes over into while the spacecraft turns and the tip is
-            held: the same branch, up to where the arm cannot reach or its Jacobian with the
-            attitude held is singular. The attitude of a planar arm must be a turn about the normal
-            of its plane. With momentum, which must be angular, the result depends on `speed`.
-        path: As for `follow`, from the system CM [m]; its first corner is where the tip begins.
-        all_branches: Look for all branches from random postures instead, which may miss some, and
-            take the best at each attitude; the posture of `start` does not count.
-        length: Length of a path given as a function [m] or [rad].
-        margin: Least distance to the singular set [rad]; zero asks only that none is met.
-        speed: Speed of the tip along the path [m/s], or [rad/s] in a mere turn.
-        limits: Whether joint limits count.
-        samples: Number of attitudes tried at first: of planar arms 720 if None; of others at least
-            so many cells of equal volume, 72 times a power of 8, 4,608 if None.
-        refine: How many times the cells at the border are divided into eight, for spatial arms.
-        seed: Seed of the random postures.
-        progress: Called as progress(done, attitudes) during the first pass.
+        trials: The path.
+        axis: The normal of the arm's plane.
+        samples: Number of attitudes, evenly spread.
+        progress: Called as progress(done, samples).
 
     Returns:
-        The attitudes tried with what came of each, the intervals of a planar arm, the largest ball.
-
-    Raises:
-        ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips or fewer joints than its task rows, or the task
-            singles out directions that turn with the spacecraft, or the wheels hold momentum.
-        NoSolutionError: From the start no posture was found with the tip at the beginning of the
-            path.
-
-    Example:
-        >>> import numpy as np
-        >>> import spacearm as sa
-        >>> arm = sa.load("planar2")
-        >>> start = arm.at(np.radians([-57.936, 60.337]))
-        >>> found = sa.feasible_attitudes(start, [(2.0, 0.0), (1.5, 1.5)])
-        >>> np.degrees(found.intervals).round(3)
-        array([[57.335, 65.156]])
+        The outcomes by growing angle; the angles (m,) from -pi to pi; the intervals (k, 2).
     """
-    arm = start.arm
-    arm.require_one_tip()
-    axis = turning_axis(arm)
-    if not (isinstance(margin, float | int) and 0.0 <= margin < np.pi):
-        raise ConfigurationError(f"margin is {margin!r}; give an angle from 0 on [rad]")
-    speed = positive(speed, "speed", "speed [m/s]")
-    h = start.momentum
-    if h[:3].any():
-        raise ConfigurationError(
-            f"momentum has the linear part {h[:3].tolist()}; the path is given from the system CM, "
-            "which that moves: leave it zero"
+    gap = 2.0 * np.pi / samples
+    angle = -np.pi + gap * (np.arange(samples) + 0.5)
+    found = trials.at(turned_about(axis, angle), max(1.5 * gap, WAVE), progress)
+    more = _suspects(found, trials.settings.care, angle, gap)
+    if len(more):
+        nearest = np.round((more + np.pi) / gap - 0.5).astype(int) % samples
+        found = joined((found, trials.near(turned_about(axis, more), found.q[nearest])))
+        angle = np.concatenate((angle, more))
+        order = np.argsort(angle)
+        angle, found = angle[order], found.take(order)
+    inside = trials.feasible(found)
+    if inside.all() or not inside.any():
+        whole = np.array([[-np.pi, np.pi]]) if inside.all() else np.zeros((0, 2))
+        return found, angle, whole
+    last = np.flatnonzero(inside & ~np.roll(inside, -1))  # intervals end behind these,
+    first = np.flatnonzero(inside & ~np.roll(inside, 1))  # and begin before those
+    within = np.append(last, first)
+    into = np.append(np.roll(angle, -1)[last], np.roll(angle, 1)[first])
+    sense = np.repeat((1.0, -1.0), (len(last), len(first)))
+    start = angle[within]
+    width = sense * (into - start) % (2.0 * np.pi)
+    ends = _ends(trials, axis, start, sense * width, found.q[within])
+    low, high = np.sort(_wrapped(ends[len(last) :])), ends[: len(last)]
+    intervals = [(a, a + ((high - a) % (2.0 * np.pi)).min()) for a in low]
+    return found, angle, np.array(intervals)
+
+
+def _ends(trials: PathTrials, axis: int, start: Array, width: Array, q: Array) -> Array:
+    """Return the angles (e,) at which feasible attitudes end, between `start` and start + width."""
+    finer = trials.settings._replace(tolerance=1e-10, least_stride=0.002)
+    trials = trials._replace(settings=finer)
+    shares = np.arange(-1, PARTS + 2) / PARTS  # one more at each side: the search was coarser
+    while len(width) and np.abs(width).max() > SHARP:
+        at = start[:, None] + width[:, None] * shares
+        seed = np.repeat(q, len(shares), axis=0)
+        found = trials.near(turned_about(axis, at.ravel()), seed, border=True)
+        ok = trials.feasible(found).reshape(at.shape)
+        falls = ok[:, :-1] & ~ok[:, 1:]
+        k = np.where(
+            falls.any(axis=1), falls.argmax(axis=1), np.where(ok.all(axis=1), PARTS + 1, 0)
         )
-    still_wheels(start, "which turns with the spacecraft; leave wheels out")
-    first = _attitude(start, axis)
-    cfg = start.centred(np.zeros(3))
-    tip = path_start(cfg, path)
-    pieces = segments(cfg, path, length, tip)
-    posture = None if all_branches else start.q
-
-    from spacearm.mission.ring import survey_ring
-    from spacearm.mission.sphere import at_border, largest_ball, survey_sphere, volume
-    from spacearm.mission.survey import Survey
-    from spacearm.motion.runs.leading import Settings, table_of
-
-    settings = Settings(h[3:] / speed, limits, care=margin)
-    survey = Survey(arm, tip, table_of([pieces]), settings, posture, first, seed)
-    weight: Array
-    intervals: Array | None = None
-    if axis is not None:
-        number = RING if samples is None else whole(samples, "samples", 8)
-        survey = survey.closely()
-        found, angle, ends = survey_ring(survey, axis, margin, number, progress)
-        ahead, behind = np.roll(angle, -1) - angle, angle - np.roll(angle, 1)
-        weight = (ahead % (2.0 * np.pi) + behind % (2.0 * np.pi)) / (4.0 * np.pi)
-        inside = found.feasible(margin)
-        border = (inside != np.roll(inside, 1)) | (inside != np.roll(inside, -1))
-        ball, cell = _longest(axis, ends), np.zeros((len(angle), 3), dtype=np.int64)
-        intervals = ends
-    else:
-        least = 72 * 8**LEVEL if samples is None else whole(samples, "samples", 1)
-        level = max(0, int(np.ceil(np.log2(least / 72.0) / 3.0 - 1e-9)))
-        found, of, levels = survey_sphere(
-            survey, margin, level, whole(refine, "refine", 0), progress
-        )
-        cell = np.column_stack((levels, of))
-        weight, border = volume(levels), at_border(found, levels, margin)
-        ball = Ball(*largest_ball(survey, found, margin)) if found.feasible(margin).any() else None
-    return FeasibleAttitudes(
-        arm=arm, path=path, margin=float(margin), limits=limits, momentum=h, speed=speed,
-        length=sum(piece.length for piece in pieces), **found._asdict(), weight=weight, axis=axis,
-        intervals=intervals, cell=cell, border=border, ball=ball,
-    )  # fmt: skip
+        each = np.arange(len(start))
+        start, width = at[each, k], width / PARTS
+        q_new = found.q.reshape(*at.shape, -1)[each, k]
+        q = np.where(np.isfinite(q_new), q_new, q)
+    return start + 0.5 * width
 
 
-def turning_axis(arm: SpaceArm) -> int | None:
-    """Return the axis about which a planar arm turns its spacecraft; None for spatial arms.
+def _suspects(found: Outcome, margin: float, angle: Array, gap: float) -> Array:
+    """Return angles to be added where a parabola through three distances crosses the margin."""
+    d = np.where(found.ended == 0, found.distance, np.nan)
+    before, after = np.roll(d, 1), np.roll(d, -1)
+    same = (before >= margin) == (d >= margin)
+    same &= (after >= margin) == (d >= margin)
+    curve, slope = before + after - 2.0 * d, 0.5 * (after - before)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        vertex = d - 0.5 * slope * slope / curve
+        crosses = same & (np.abs(slope) <= np.abs(curve)) & ((vertex >= margin) != (d >= margin))
+    shares = (np.arange(EACH) + 0.5) / EACH * 2.0 - 1.0
+    return _wrapped((angle[crosses][:, None] + gap * shares).ravel())
 
-    Raises:
-        UnsupportedError: The path cannot be followed in all rows of the task, or the rows depend on
-            the attitude.
+
+def _wrapped(angle: Array) -> Array:
+    """Return angles between -pi and pi."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi
+
+
+# --- spatial arms: cells of all rotations ---------------------------------------------------
+
+
+def search_cells(
+    trials: PathTrials, level: int, refine: int, progress: Progress | None
+) -> tuple[Outcome, Cells, Cells]:
+    """Follow the path from attitudes all over the rotations, more of them at the border.
+
+    Args:
+        trials: The path.
+        level: Of the cells, 12 4^level directions times 6 2^level rolls.
+        refine: How many times cells at the border are divided into eight.
+        progress: Called as progress(done, attitudes).
+
+    Returns:
+        The outcomes in the middles of all cells; the cells (m, 2); their levels (m,).
     """
-    if arm.task.k > arm.n:
-        raise UnsupportedError(
-            f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
-            "followed in all of them"
-        )
-    axes = turning_axes(arm)
-    axis = axes[0] if len(axes) == 1 else None
-    if not arm.task.singled_out <= {axis}:
-        raise UnsupportedError(
-            f"the task {arm.task.names!r} of {arm.name} singles out directions that turn with the "
-            "spacecraft, so that its rows depend on the attitude; take position, orientation or "
-            "pose, or the rows in the plane of a planar arm"
-        )
-    return axis
+    of = cells(level)
+    found = trials.at(attitudes(of, level), REACH * spacing(len(of)), progress)
+    levels = np.full(len(of), level)
+    for finer in range(level + 1, level + refine + 1):
+        border = (levels == finer - 1) & at_border(found, trials.feasible(found), levels)
+        if not border.any():
+            break
+        inner = children(of[border])
+        middles = attitudes(inner, finer)
+        more = trials.near(middles, found.posture_near(middles))
+        found = joined((found.take(~border), more))
+        of = np.concatenate((of[~border], inner))
+        levels = np.concatenate((levels[~border], np.full(len(inner), finer)))
+    return found, of, levels
 
 
-def _attitude(start: Configuration, axis: int | None) -> Array:
-    """Return the attitude (4,) of a start, checked, as a quaternion xyzw."""
-    R = start.base.rotation
-    if axis is not None and R[axis, axis] < 1.0 - 1e-9:
-        raise ConfigurationError(
-            f"base turns the plane of the arm; give a turn about {'xyz'[axis]}, the normal of it"
-        )
-    return np.asarray(pin.Quaternion(R).coeffs())
+def volume(levels: Cells) -> Array:
+    """Return the share (m,) of all rotations in each cell."""
+    return 1.0 / (72.0 * 8.0**levels)
 
 
-def _longest(axis: int, intervals: Array) -> Ball | None:
-    """Return the longest interval as a ball."""
-    if not len(intervals):
-        return None
-    low, high = intervals[np.argmax(np.diff(intervals)[:, 0])]
-    quaternion = np.zeros(4)
-    quaternion[axis], quaternion[3] = np.sin(0.25 * (low + high)), np.cos(0.25 * (low + high))
-    return Ball(quaternion, float(0.5 * (high - low)))
+def at_border(found: Outcome, inside: Flags, levels: Cells) -> Flags:
+    """Return (m,) which cells have a neighbour that is feasible where they are not, or is not."""
+    border = np.zeros(len(inside), dtype=bool)
+    if inside.all() or not inside.any():
+        return border
+    reach = REACH * spacing(int(72 * 8 ** levels.max()))
+    wide = REACH * spacing(int(72 * 8 ** levels.min()))
+    for of, to in ((inside, ~inside), (~inside, inside)):
+        _, apart = nearest_of(found.attitude[to], found.attitude[of])
+        border[of] = apart <= np.where(levels[of] == levels.max(), reach, wide)
+    return border
+
+
+def largest_ball(trials: PathTrials, found: Outcome) -> tuple[Array, float]:
+    """Return the feasible attitude (4,) farthest from those that are not, and how far [rad].
+
+    From the middle found in the sample the attitudes on turns about `AXES` axes are followed, to
+    find how far each turn may go.
+    """
+    inside = trials.feasible(found)
+    if inside.all():
+        return found.attitude[np.argmax(found.distance)], np.pi
+    _, room = nearest_of(found.attitude[~inside], found.attitude[inside])
+    i = np.flatnonzero(inside)[np.argmax(room)]
+    low, high, centre = 0.0, min(1.3 * float(room.max()), np.pi), found.attitude[i]
+    axes = evenly_spread(AXES)
+    for _ in range(ROUNDS):
+        shells = low + (high - low) * (np.arange(SHELLS) + 1.0) / SHELLS
+        turns = (shells[:, None, None] * axes).reshape(-1, 3)
+        around = (Rotation.from_rotvec(turns) * Rotation.from_quat(centre)).as_quat()
+        ok = trials.feasible(trials.near(around, found.posture_near(around)))
+        whole = ok.reshape(SHELLS, AXES).all(axis=1)
+        if whole.all():
+            return centre, high
+        first = int(whole.argmin())
+        low, high = (shells[first - 1] if first else low), float(shells[first])
+    return centre, float(low)

@@ -17,12 +17,13 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Result, positive
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.jacobian import prescribed_motion
-from spacearm.mechanics.momentum import base_velocity, momentum_matrix
-from spacearm.mission.attitude_search import turning_axis
+from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, prescribed_motion
+from spacearm.mission.attitudes import turning_axis
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, still_wheels
+from spacearm.motion.following import Segment
 from spacearm.motion.goal import goal_rows
+from spacearm.motion.leading import ENDS, Led, Settings, lead_all, table_of
 from spacearm.motion.motion import Motion
 
 HORIZON = 3600.0
@@ -157,30 +158,26 @@ def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str,
 
     The path of the tip is one point, its length the share of the horizon that has passed.
     """
-    from spacearm.mission.growth import waiting
-    from spacearm.motion.runs.leading import ENDS, Led, Settings, lead_all
-
-    centred = cfg.centred(np.zeros(3))
+    tip, attitude = cfg.centred(np.zeros(3)).tip, np.asarray(pin.SE3ToXYZQUAT(cfg.base)[3:])
     settings = Settings(horizon * cfg.momentum[3:], limits, tolerance=1e-9)
-    attitude = np.asarray(pin.SE3ToXYZQUAT(cfg.base)[3:])
 
     def led(shares: Array) -> Led:
         m = len(shares)
+        held = [[Segment(share, lambda _: tip, lambda _: np.zeros(6), True)] for share in shares]
         return lead_all(
-            cfg.arm, np.tile(cfg.q, (m, 1)), np.tile(attitude, (m, 1)),
-            waiting(centred.tip, shares), np.arange(m), settings,
+            cfg.arm, np.tile(cfg.q, (m, 1)), np.tile(attitude, (m, 1)), table_of(held),
+            np.arange(m), settings,
         )  # fmt: skip
 
     whole = led(np.ones(1))
     lasts, ended = float(whole.s[0]), int(whole.ended[0])
-    kind = "horizon" if ended == 0 else ENDS[ended]
     if lasts <= 1e-9:
-        return 0.0, "cannot", _still(cfg)
+        return 0.0, "cannot", _motion(cfg, np.zeros(1), cfg.q[None], attitude[None])
     shares = np.linspace(0.0, lasts, SAMPLES)
     found = led(shares[1:] * (1.0 - 1e-9))
-    q, turned = found.q, found.attitude
-    motion = _motion(cfg, horizon * shares, np.vstack((cfg.q, q)), np.vstack((attitude, turned)))
-    return horizon * lasts, kind, motion
+    q, turned = np.vstack((cfg.q, found.q)), np.vstack((attitude, found.attitude))
+    kind = "horizon" if ended == 0 else ENDS[ended]
+    return horizon * lasts, kind, _motion(cfg, horizon * shares, q, turned)
 
 
 def _carry(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str, Motion]:
@@ -188,28 +185,28 @@ def _carry(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str
 
     The joints have the least rates with D_q dq = h, by the classical Runge-Kutta method.
     """
-    arm, h, q, t = cfg.arm, cfg.momentum[3:], cfg.q.copy(), 0.0
-    rows, times = [q], [0.0]
+    arm, h, q, t = cfg.arm, cfg.momentum[3:], cfg.q, 0.0
+    rows, times = [q], [t]
 
-    def rate(at: Array) -> Array | None:
-        D_q = momentum_matrix(arm.at(at, base=cfg.base)).A_q[3:]
+    def rate(q: Array) -> Array:
+        """Return the joint rates (n,), NaN where none have the momentum."""
+        if np.isnan(q).any():
+            return q
+        D_q = momentum_matrix(arm.at(q, base=cfg.base)).A_q[3:]
         dq = np.linalg.lstsq(D_q, h, rcond=1e-9)[0]
-        return dq if np.linalg.norm(D_q @ dq - h) <= CARRIED * np.linalg.norm(h) else None
+        carried = np.linalg.norm(D_q @ dq - h) <= CARRIED * np.linalg.norm(h)
+        return dq if carried else np.full(arm.n, np.nan)
 
     ended = "horizon"
-    while t < horizon:
-        k = [rate(q)]
-        if k[0] is None:
+    while t < horizon and ended == "horizon":
+        k1 = rate(q)
+        step = min(STEP / float(np.abs(k1).max()), horizon - t)
+        k2 = rate(q + 0.5 * step * k1)
+        k3 = rate(q + 0.5 * step * k2)
+        dq = (k1 + 2.0 * k2 + 2.0 * k3 + rate(q + step * k3)) / 6.0
+        if np.isnan(dq).any():
             ended = "cannot"
             break
-        step = min(STEP / float(np.abs(k[0]).max()), horizon - t)
-        for share in (0.5, 0.5, 1.0):
-            k.append(None if k[-1] is None else rate(q + share * step * k[-1]))
-        sound = [each for each in k if each is not None]
-        if len(sound) < 4:
-            ended = "cannot"
-            break
-        dq = (sound[0] + 2.0 * sound[1] + 2.0 * sound[2] + sound[3]) / 6.0
         if limits:
             with np.errstate(divide="ignore"):
                 room = np.where(dq > 0.0, arm.upper - q, q - arm.lower) / np.abs(dq)
@@ -218,11 +215,8 @@ def _carry(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str
         q, t = q + step * dq, t + step
         rows.append(q)
         times.append(t)
-        if ended != "horizon" or step == 0.0:
-            break
     t_, keep = np.unique(times, return_index=True)
-    motion = _motion(cfg, t_, np.array(rows)[keep], None)
-    return t, ended, motion
+    return t, ended, _motion(cfg, t_, np.array(rows)[keep], None)
 
 
 def _motion(cfg: Configuration, t: Array, q: Array, attitude: Array | None) -> Motion:
@@ -234,8 +228,3 @@ def _motion(cfg: Configuration, t: Array, q: Array, attitude: Array | None) -> M
         poses.append(pin.SE3ToXYZQUAT(there.base))
     mode: BaseMode = "free-floating" if attitude is not None else "attitude-controlled"
     return Motion(cfg.arm, t, q, np.array(poses), mode=mode)
-
-
-def _still(cfg: Configuration) -> Motion:
-    """Return a motion of one sample."""
-    return Motion(cfg.arm, np.zeros(1), cfg.q[None], pin.SE3ToXYZQUAT(cfg.base)[None])

@@ -3,26 +3,30 @@
 Straight lines of the tip are followed in all directions until the spacecraft has turned too far.
 Broken lines go farther: cells of space are reached one from the next, by whatever way turns the
 spacecraft least, since its attitude depends on the path (w_0 dt is no differential of a function).
+An envelope has both over the mass of the bus.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, positive, whole
+from spacearm.arrays import Array, Progress, Result, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
-from spacearm.mission.attitude_search import turning_axis
-from spacearm.mission.rotations import sphere
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.mission.attitudes import sound_margin, turning_axis
+from spacearm.mission.rotations import angle_between, evenly_spread
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
-from spacearm.motion.following import Followed, lead
+from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
+from spacearm.motion.leading import Led, Settings, Table, lead_all
 
 RAYS = {2: 360, 3: 1000}
 """Default number of directions, in the plane and in space."""
@@ -30,6 +34,12 @@ SHARE = 0.25
 """Default distance of cells, as a share of what straight lines reach on average."""
 MOST = {2: 60, 3: 12}
 """Most cells from the tip's start to the border of what is searched."""
+STATES = 2
+"""States that are kept of each cell: the spacecraft's attitude there depends on the way."""
+FOLLOWING = Settings(tolerance=1e-8, stride=0.01)
+"""How accurately lines are followed."""
+
+Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,7 +125,7 @@ class LevelReach(Result):
         cfg = self.start()
         poses = [pin.SE3(cfg.tip.rotation, corner) for corner in corners[::-1]]
         goals = [as_goal(cfg, pose) for pose in poses]
-        return lead(cfg, goals, limits=self.limits)
+        return follow(cfg, goals, limits=self.limits)
 
     def __repr__(self) -> str:
         unit = "m^3" if self.axis is None else "m^2"
@@ -124,6 +134,47 @@ class LevelReach(Result):
             f"LevelReach({self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°: straight "
             f"lines from {self.straight.min():.4g} to {self.straight.max():.4g} m, "
             f"{self.volume:.4g} {unit}{broken})"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LevelEnvelope(Result):
+    """How far the tip can go with a level spacecraft, over bus masses (b,) and turns (t,).
+
+    Attributes:
+        arm: The arm; its own bus is replaced.
+        base_mass: (b,) masses of the spacecraft [kg].
+        tilt: (t,) largest turns of the spacecraft [rad].
+        least: (b, t) how far the tip can go in the worst direction [m].
+        mean: (b, t) how far it can go on average over all directions [m].
+        volume: (b, t) volume that straight lines reach [m^3]; of planar arms the area [m^2].
+        travel: Length of the lines for the following [m].
+        turn: (b,) median turn of the spacecraft by lines of this length in all directions [rad];
+            NaN where none can be followed.
+        largest_turn: (b,) the largest of them [rad].
+        followed: (b,) share of the directions in which they can be followed.
+        same_density: Whether the inertia of the bus grows as mass^(5/3), else as the mass.
+    """
+
+    arm: SpaceArm
+    base_mass: Array
+    tilt: Array
+    least: Array
+    mean: Array
+    volume: Array
+    travel: float
+    turn: Array
+    largest_turn: Array
+    followed: Array
+    same_density: bool
+
+    def __repr__(self) -> str:
+        turns = ", ".join(
+            f"{np.degrees(turn):.3g}° at {mass:g} kg"
+            for turn, mass in zip(self.turn, self.base_mass, strict=True)
+        )
+        return (
+            f"LevelEnvelope({self.arm.name}: {self.travel:g} m of the tip turn the bus by {turns})"
         )
 
 
@@ -172,33 +223,100 @@ def level_reach(
         >>> bool(reach.straight.min() > 0.03)
         True
     """
-    from spacearm.mission.growth import Line, grow, reach_of, shoot
-
-    axis, cfg = level_start(start)
+    axis, cfg = _level_start(start)
     arm = start.arm
-    tilt = positive(tilt, "tilt", "angle [rad]")
-    if not (isinstance(margin, float | int) and 0.0 <= margin < np.pi):
-        raise ConfigurationError(f"margin is {margin!r}; give an angle from 0 on [rad]")
+    tilt, margin = positive(tilt, "tilt", "angle [rad]"), sound_margin(margin)
     dimension = 3 if axis is None else 2
     number = RAYS[dimension] if directions is None else whole(directions, "directions", 4)
-    line = Line(cfg, tilt, float(margin), limits)
-    rays = _directions(axis, number)
-    led = shoot(line, rays, reach_of(arm), progress)
+    ends = FOLLOWING._replace(limits=limits, most_tilt=tilt, margin=margin)
+    rays, farthest = _directions(axis, number), _longest_reach(arm)
+    led = _along_rays(cfg, rays, farthest, ends, progress)
     point: Array = cfg.tip.translation[None]
     turn: Array = np.zeros(1)
     parent, size = np.array([-1]), 1.0
     if planned:
         size = SHARE * float(led.s.mean()) if cell is None else positive(cell, "cell", "size [m]")
-        count = min(int(np.ceil(2.0 * reach_of(arm) / size)), MOST[dimension])
-        point, turn, parent = grow(line, axis, size, count)
+        count = min(int(np.ceil(2.0 * farthest / size)), MOST[dimension])
+        point, turn, parent = _grown(cfg, ends, axis, size, count)
     return LevelReach(
         arm=arm, q0=cfg.q.copy(), attitude=pin.SE3ToXYZQUAT(cfg.base)[3:], tip=cfg.tip.translation,
-        tilt=tilt, margin=float(margin), limits=limits, axis=axis, direction=rays,
+        tilt=tilt, margin=margin, limits=limits, axis=axis, direction=rays,
         straight=led.s, ended=led.ended, point=point, turn=turn, parent=parent, cell=size,
     )  # fmt: skip
 
 
-def level_start(start: Configuration) -> tuple[int | None, Configuration]:
+@of_configuration
+def level_envelope(
+    start: Configuration,
+    tilts: Sequence[float],
+    base_masses: Sequence[float],
+    *,
+    travel: float = 0.1,
+    same_density: bool = True,
+    directions: int | None = None,
+    limits: bool = True,
+    progress: Progress | None = None,
+) -> LevelEnvelope:
+    """Compute how far the tip can go over the mass of the bus and the turn allowed.
+
+    Args:
+        start: As in `level_reach`; the mass of its bus is replaced.
+        tilts: Largest turns of the spacecraft [rad].
+        base_masses: Masses of the spacecraft [kg].
+        travel: Length of a straight line of the tip whose turn is computed as well [m].
+        same_density: Whether the inertia of the bus grows as mass^(5/3), as that of larger buses
+            of one shape and density; else it grows as the mass. The mount stays where it is.
+        directions: As in `level_reach`.
+        limits: As in `level_reach`.
+        progress: Called as progress(done, masses).
+
+    Returns:
+        Reach over bus masses and turns, and the turn by lines of the length `travel`.
+
+    Raises:
+        ConfigurationError: An argument does not make sense.
+        UnsupportedError: The task does not fit, or there is momentum.
+
+    Example:
+        >>> import spacearm as sa
+        >>> start = sa.load("planar2").at([-0.6, 1.4])
+        >>> light, heavy = sa.level_envelope(start, [0.02], [30.0, 300.0]).turn
+        >>> bool(heavy < 0.1 * light)
+        True
+    """
+    travel = positive(travel, "travel", "length [m]")
+    masses: Array = np.array([positive(m, "base_masses", "mass [kg]") for m in base_masses])
+    angles: Array = np.array([positive(t, "tilts", "angle [rad]") for t in tilts])
+    if not (len(masses) and len(angles)):
+        raise ConfigurationError("tilts or base_masses is empty; give one value or several")
+    arm = start.arm
+    bus = arm.model.inertias[1]
+    shape = (len(masses), len(angles))
+    least, mean, volume = np.empty(shape), np.empty(shape), np.empty(shape)
+    turn, largest, followed = (np.full(len(masses), np.nan) for _ in range(3))
+    for i, mass in enumerate(masses):
+        ratio = mass / bus.mass
+        inertia = bus.inertia * ratio ** (5.0 / 3.0 if same_density else 1.0)
+        heavier = arm.replace(base_mass=float(mass), base_inertia=inertia)
+        begin = heavier.at(start.q, base=start.base, wheels=start.wheels, momentum=start.momentum)
+        for j, tilt in enumerate(angles):
+            found = level_reach(begin, float(tilt), directions=directions, limits=limits)
+            least[i, j], mean[i, j] = found.straight.min(), found.straight.mean()
+            volume[i, j] = found.volume
+        ends = FOLLOWING._replace(limits=limits, most_tilt=np.pi)
+        led = _along_rays(begin.centred(np.zeros(3)), found.direction, travel, ends)
+        arrived = led.ended == 0
+        followed[i] = arrived.mean()
+        if arrived.any():
+            turn[i], largest[i] = np.median(led.tilt[arrived]), led.tilt[arrived].max()
+        if progress:
+            progress(i + 1, len(masses))
+    return LevelEnvelope(
+        arm, masses, angles, least, mean, volume, travel, turn, largest, followed, same_density
+    )
+
+
+def _level_start(start: Configuration) -> tuple[int | None, Configuration]:
     """Return the normal of a planar arm and the start, checked, the system CM at the origin."""
     arm = start.arm
     arm.require_one_tip()
@@ -221,9 +339,105 @@ def level_start(start: Configuration) -> tuple[int | None, Configuration]:
 def _directions(axis: int | None, number: int) -> Array:
     """Return unit vectors (number, 3), in the plane with this normal or in space."""
     if axis is None:
-        return sphere(number)
+        return evenly_spread(number)
     angle = 2.0 * np.pi * np.arange(number) / number
     x, y = ((axis + 1) % 3, (axis + 2) % 3)
     rays = np.zeros((number, 3))
     rays[:, x], rays[:, y] = np.cos(angle), np.sin(angle)
     return rays
+
+
+def _longest_reach(arm: SpaceArm) -> float:
+    """Return the length of the arm from the spacecraft to the tip, all joints included [m]."""
+    tree, p = structure_of(arm), parameters_of(arm)
+    chain = tree.reaches[0] > 0.0
+    lengths = np.linalg.norm(p.joint_positions[chain], axis=1)
+    slides = chain & np.array(tree.slides[1:])
+    spans = np.abs(tree.gains[slides]) @ np.nan_to_num(arm.upper - arm.lower, posinf=0.0)
+    return float(lengths.sum() + np.linalg.norm(p.tip_positions[0]) + spans.sum())
+
+
+def _attitude(cfg: Configuration) -> Array:
+    """Return the attitude of the spacecraft (4,), quaternion xyzw."""
+    return np.asarray(pin.SE3ToXYZQUAT(cfg.base)[3:])
+
+
+def _along_rays(
+    start: Configuration,
+    rays: Array,
+    length: float,
+    ends: Settings,
+    progress: Progress | None = None,
+) -> Led:
+    """Follow straight lines from a start in directions (d, 3)."""
+    m, tip = len(rays), start.tip
+    corners = np.tile(tip.translation, (m, 1))
+    paths = _straight(corners, corners + length * rays, tip.rotation)
+    q, attitude = np.tile(start.q, (m, 1)), np.tile(_attitude(start), (m, 1))
+    return lead_all(start.arm, q, attitude, paths, np.arange(m), ends, progress)
+
+
+def _straight(start: Array, end: Array, attitude: Array) -> Table:
+    """Return straight paths (m, 3) to (m, 3), the attitude (3, 3) of the tip kept."""
+    m, way = len(start), end - start
+    length, none = np.linalg.norm(way, axis=1), np.zeros(m)
+    turns = np.tile(np.append(attitude.ravel(), np.zeros(9)), (m, 1))
+    return Table(
+        first=np.arange(m + 1),
+        pieces=np.column_stack((none, length, np.arange(m), none + 1.0)),
+        intervals=np.hstack((start, end, way, way, turns)),
+    )
+
+
+def _grown(
+    start: Configuration, ends: Settings, axis: int | None, cell: float, count: int
+) -> tuple[Array, Array, Integers]:
+    """Reach cells of a grid one from the next by straight lines.
+
+    Args:
+        start: Where the first lines begin, the system CM at the origin.
+        ends: What ends a line.
+        axis: The normal of a planar arm's plane; None in space.
+        cell: Distance of neighbouring cells [m].
+        count: Cells from the start to the border of the grid.
+
+    Returns:
+        The middles (p, 3) of the cells reached, the start's first, once for each state; the turn of
+        the spacecraft in each state (p,); the state (p,) from which it is reached, -1 of the start.
+    """
+    arm, tip, home = start.arm, start.tip, _attitude(start)
+    steps = np.array([
+        step for step in product((-1, 0, 1), repeat=3)
+        if any(step) and (axis is None or step[axis] == 0)
+        and (axis is not None or np.abs(step).sum() == 1)
+    ])  # fmt: skip
+    q, attitude = start.q[None], home[None]
+    place, parent, turn = np.zeros((1, 3), dtype=np.int64), np.array([-1]), np.zeros(1)
+    known = {(0, 0, 0): STATES}
+    last = np.array([0])
+    while len(last):
+        origin = np.repeat(last, len(steps))
+        goal = (place[last][:, None] + steps).reshape(-1, 3)
+        room = [known.get(tuple(g), 0) < STATES for g in goal.tolist()]
+        kept = np.array(room) & (np.linalg.norm(goal, axis=1) <= count)
+        origin, goal = origin[kept], goal[kept]
+        if not len(goal):
+            break
+        corners = tip.translation + cell * np.stack((place[origin], goal))
+        paths = _straight(corners[0], corners[1], tip.rotation)
+        led = lead_all(
+            arm, q[origin], attitude[origin], paths, np.arange(len(goal)), ends, home=home
+        )  # fmt: skip
+        tilt = np.asarray(angle_between(led.attitude, home))
+        new: list[int] = []
+        for i in np.argsort(tilt, kind="stable"):  # the least turned first
+            where = tuple(goal[i].tolist())
+            if led.ended[i] == 0 and known.get(where, 0) < STATES:
+                known[where] = known.get(where, 0) + 1
+                new.append(int(i))
+        first = len(place)
+        place, parent = np.vstack((place, goal[new])), np.append(parent, origin[new])
+        q, attitude = np.vstack((q, led.q[new])), np.vstack((attitude, led.attitude[new]))
+        turn = np.append(turn, tilt[new])
+        last = np.arange(first, len(place))
+    return tip.translation + cell * place, turn, parent.astype(np.int64)

@@ -18,8 +18,8 @@ from spacearm.arrays import Array
 
 Cells = npt.NDArray[np.int64]
 
-RING = np.array([2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4])
-TURN = np.array([1, 3, 5, 7, 0, 2, 4, 6, 1, 3, 5, 7])
+FACE_RING = np.array([2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4])
+FACE_TURN = np.array([1, 3, 5, 7, 0, 2, 4, 6, 1, 3, 5, 7])
 
 
 def count(level: int) -> tuple[int, int]:
@@ -29,10 +29,7 @@ def count(level: int) -> tuple[int, int]:
 
 def cells(level: int) -> Cells:
     """Return all cells of a level, (m, 2): direction, roll."""
-    directions, rolls = count(level)
-    return np.stack(np.meshgrid(np.arange(directions), np.arange(rolls), indexing="ij"), 2).reshape(
-        -1, 2
-    )
+    return np.indices(count(level)).reshape(2, -1).T
 
 
 def children(of: Cells) -> Cells:
@@ -57,13 +54,13 @@ def directions(pixel: Cells, level: int) -> tuple[Array, Array]:
     for bit in range(level):
         x |= (rest >> (2 * bit) & 1) << bit
         y |= (rest >> (2 * bit + 1) & 1) << bit
-    ring = RING[face] * side - x - y - 1
+    ring = FACE_RING[face] * side - x - y - 1
     north, south = ring < side, ring > 3 * side
     length = np.where(north, ring, np.where(south, 4 * side - ring, side))
     cap = length * length / (3.0 * side * side)
     z = np.where(north, 1.0 - cap, np.where(south, cap - 1.0, (2 * side - ring) * 2.0 / 3.0 / side))
     shift = np.where(north | south, 0, (ring - side) & 1)
-    place = (TURN[face] * length + x - y + 1 + shift) // 2
+    place = (FACE_TURN[face] * length + x - y + 1 + shift) // 2
     return z, (place - 0.5 * (shift + 1)) * (0.5 * np.pi / length)
 
 
@@ -72,26 +69,10 @@ def spacing(number: int) -> float:
     return float(2.0 * (np.pi**2 / number) ** (1 / 3))
 
 
-class Neighbours:
-    """The nearest of given attitudes.
-
-    Args:
-        of: (m, 4) quaternions xyzw.
-    """
-
-    def __init__(self, of: Array) -> None:
-        self.number, self.tree = len(of), KDTree(np.vstack((of, -of)))
-
-    def nearest(self, to: Array) -> tuple[Any, Any]:
-        """Return the numbers of the nearest (k,), and how far they are [rad]."""
-        chord, found = self.tree.query(to)
-        return found % self.number, angle(chord)
-
-    def within(self, reach: float) -> Cells:
-        """Return all pairs (p, 2) of attitudes up to so far apart [rad]."""
-        pairs = self.tree.query_pairs(2.0 * np.sin(0.25 * reach), output_type="ndarray")
-        pairs = np.unique(np.sort(pairs % self.number, axis=1), axis=0)
-        return pairs[pairs[:, 0] < pairs[:, 1]]
+def nearest_of(given: Array, to: Array) -> tuple[Any, Any]:
+    """Return which of given attitudes (m, 4) are nearest to others (k, 4), and how far [rad]."""
+    chord, found = KDTree(np.vstack((given, -given))).query(to)
+    return found % len(given), angle(chord)
 
 
 def angle(chord: Any) -> Any:
@@ -105,7 +86,7 @@ def angle_between(a: Array, b: Array) -> Any:
     return angle(apart)
 
 
-def sphere(m: int) -> Array:
+def evenly_spread(m: int) -> Array:
     """Return unit vectors (m, 3), evenly spread by the golden angle."""
     z = 1.0 - (2.0 * np.arange(m) + 1.0) / m
     around = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(m)

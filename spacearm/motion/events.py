@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from spacearm.arrays import Array, plain
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.jacobian import singular_values
-from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import steady

@@ -8,27 +8,270 @@ is the unit vector with J* dq - x' ds = 0, and the singularity is the point wher
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from itertools import pairwise
+from numbers import Real
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
+import pinocchio as pin
 
 from spacearm.arrays import Array, positive
-from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.mechanics.jacobian import singular_values
-from spacearm.model.arguments import BaseMode, of_arm
-from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.frames import PoseLike
-from spacearm.motion.events import Event
-from spacearm.motion.goal import Origin, goal_axes, started
+from spacearm.compiler import numbers
+from spacearm.equations.laws import quaternion_rate
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.mechanics.dynamics import spacecraft_twist
+from spacearm.mechanics.jacobian import generalized_jacobian, singular_values
+from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm, kinematics
+from spacearm.motion.events import (
+    CLOSE,
+    Event,
+    EventFinder,
+    EventFunction,
+    clear_of_singularities,
+    limit_functions,
+    with_nearest,
+)
+from spacearm.motion.goal import (
+    Goal,
+    Origin,
+    goal_axes,
+    goal_pose,
+    goal_rows,
+    started,
+    twist_between,
+)
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.motion.tip_curve import TipCurve, state_of
-from spacearm.motion.tip_path import Path, segments
 from spacearm.singularities.report import NO_INVERSE
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+
+Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
+"""The corners of a polyline, or a function of path length [m]."""
+
+DIFFERENCE = 1e-6
+"""Half the length over which the direction of a path is taken [m]."""
+
+
+class Segment(NamedTuple):
+    """A smooth piece of path.
+
+    Attributes:
+        length: Its length [m].
+        pose: The tip pose at a length along it; what the task leaves open does not matter.
+        twist: (6,) the derivative of the pose with respect to that length.
+        straight: Whether that derivative is constant.
+    """
+
+    length: float
+    pose: Callable[[float], pin.SE3]
+    twist: Callable[[float], Array]
+    straight: bool
+
+
+def path_start(cfg: Configuration, path: Path) -> pin.SE3:
+    """Return the pose with which a path begins.
+
+    Raises:
+        ConfigurationError: The path has no beginning.
+    """
+    if callable(path):
+        return goal_pose(cfg, path(0.0))
+    try:
+        return goal_pose(cfg, next(iter(path)))
+    except (TypeError, StopIteration):
+        raise _no_path(path) from None
+
+
+def segments(
+    cfg: Configuration, path: Path, length: float | None, start: pin.SE3 | None = None
+) -> list[Segment]:
+    """Return the path in smooth pieces, from where the tip is.
+
+    Args:
+        cfg: The configuration at the start.
+        path: The path.
+        length: Length of a path given as a function [m]; None for a polyline.
+        start: A pose from which to go to the path instead.
+
+    Raises:
+        ConfigurationError: The path or its length does not make sense.
+    """
+    if callable(path):
+        length = positive(length, "length", "length [m] of the path, which is a function")
+        first = _line(cfg, cfg.tip if start is None else start, goal_pose(cfg, path(0.0)))
+        return [*first, _curve(cfg, path, length)]
+    if length is not None:
+        raise ConfigurationError(f"length is {length}; a polyline has its own, leave it out")
+    try:
+        whole = list(path)
+    except TypeError:
+        whole = []
+    if not whole or any(isinstance(corner, Real) for corner in whole):  # one point, perhaps
+        raise _no_path(path)
+    corners = [goal_pose(cfg, corner) for corner in whole]
+    poses = [cfg.tip if start is None else start, *corners]
+    pieces = [_line(cfg, *pair) for pair in pairwise(poses)]
+    found = [segment for piece in pieces for segment in piece]
+    if not found:
+        raise ConfigurationError("path ends where the tip is; there is nothing to follow")
+    return found
+
+
+def _no_path(path: object) -> ConfigurationError:
+    return ConfigurationError(
+        f"path is {path!r}; give corners (one: [goal]), or a function of path length"
+    )
+
+
+def _line(cfg: Configuration, start: pin.SE3, end: pin.SE3) -> list[Segment]:
+    """Return a straight line with a constant angular velocity, nothing if it has no length.
+
+    Turns count by the task's length [m/rad], 1 m/rad where it has none.
+    """
+    task = cfg.arm.task
+    whole = twist_between(start, end)
+    rows = goal_rows(cfg, whole)
+    linear = np.array(task.indices) < 3
+    length = float(np.linalg.norm(np.where(linear, rows, rows * (task.length or 1.0))))
+    if length < 1e-12:
+        return []
+    twist = whole / length
+
+    def pose(s: float) -> pin.SE3:
+        turned = pin.exp3(s * twist[3:]) @ start.rotation
+        return pin.SE3(turned, start.translation + s * twist[:3])
+
+    return [Segment(length, pose, lambda _: twist, True)]
+
+
+def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> Segment:
+    """Return a path given as a function of its length, its direction by differences."""
+
+    def pose(s: float) -> pin.SE3:
+        return goal_pose(cfg, path(s))
+
+    def twist(s: float) -> Array:
+        low, high = max(s - DIFFERENCE, 0.0), min(s + DIFFERENCE, length)
+        return twist_between(pose(low), pose(high)) / (high - low)
+
+    return Segment(length, pose, twist, False)
+
+
+RETURN = 10.0
+"""Rate at which the tip returns to its path from rounding errors [1/m]."""
+RTOL, ATOL = 1e-10, 1e-11
+SPACING = 0.02
+"""Largest distance between outputs along the curve in (q, s) [rad], [m]."""
+
+
+class TipCurve:
+    """The curve of states (q, attitude quaternion, s) along which the tip follows one segment.
+
+    Args:
+        cfg: Configuration at its start.
+        segment: The segment.
+        mode: What the spacecraft does.
+        limits: Whether joint limits end it.
+    """
+
+    def __init__(self, cfg: Configuration, segment: Segment, mode: BaseMode, limits: bool) -> None:
+        self.arm, self.start, self.segment = cfg.arm, cfg, segment
+        self.mode, self.limits = mode, limits
+        self.square = self.arm.task.k == self.arm.n
+        self.sense = np.sign(self.determinant(state_of(cfg, 0.0))) if self.square else 1.0
+
+    def configuration(self, y: Array) -> Configuration:
+        """Return the configuration in a state; the system CM stays, or the spacecraft if fixed."""
+        n = self.arm.n
+        if self.mode == "fixed":
+            return self.arm.at(y[:n], base=self.start.base)
+        attitude = pin.Quaternion(y[n : n + 4] / np.linalg.norm(y[n : n + 4]))
+        turned = kinematics(self.arm, y[:n].copy(), pin.SE3(attitude, np.zeros(3)))
+        return turned.centred(self.start.com)
+
+    def jacobian(self, cfg: Configuration) -> Array:
+        """Return the rows (k, n) of J* that the task names."""
+        return goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
+
+    def determinant(self, y: Array) -> float:
+        """Return det J*, which has opposite signs on the two sides of a singularity."""
+        return float(np.linalg.det(self.jacobian(self.configuration(y))))
+
+    def room(self, y: Array) -> float:
+        """Return the distance to the singular set, less what counts as singular [rad]."""
+        cfg = self.configuration(y)
+        return clear_of_singularities(cfg, self.mode, goal_axes(cfg))
+
+    def tangent(self, cfg: Configuration, s: float) -> Array:
+        """Return the unit vector (dq, ds) along the curve.
+
+        Of a redundant arm the joint rates are the least; of others ds changes its sign with det J*,
+        so that the curve goes on beyond a singularity, back along the path.
+        """
+        J = self.jacobian(cfg)
+        back = RETURN * twist_between(cfg.tip, self.segment.pose(s))
+        x = goal_rows(cfg, self.segment.twist(s) + back)
+        if not self.square:
+            along = np.append(np.linalg.pinv(J) @ x, 1.0)
+            return along / np.linalg.norm(along)
+        along = np.linalg.svd(np.column_stack((J, -x)))[2][-1]
+        return along * self.sense * np.sign(np.linalg.det(J)) * np.sign(along[-1])
+
+    def rate(self, _: float, y: Array) -> Array:
+        """Return the derivative of the state with respect to the length of the curve."""
+        cfg = self.configuration(y)
+        along = self.tangent(cfg, float(y[-1]))
+        dq, ds = along[:-1], along[-1]
+        w = spacecraft_twist(cfg, dq, self.mode)[3:] @ cfg.base.rotation
+        turning = quaternion_rate(numbers, y[-5:-1], w)
+        return np.concatenate((dq, turning, [ds]))
+
+    def end_functions(self) -> list[EventFunction]:
+        """Return the functions whose roots end the segment."""
+        singular = EventFunction("singularity", f", {CLOSE}", lambda _, y: self.room(y), True)
+        if self.square:
+            singular = EventFunction("singularity", "", lambda _, y: self.determinant(y), False)
+        length = self.segment.length
+        arrived = EventFunction("arrived", "", lambda _, y: length - float(y[-1]), True)
+        return [singular, arrived, *(limit_functions(self.arm) if self.limits else [])]
+
+    def integrate(self, progress: Callable[[float, float], object] | None) -> tuple[Array, Event]:
+        """Return the states (m, n + 5) up to the end, and the event that ends the segment.
+
+        Raises:
+            NoSolutionError: The integrator fails.
+        """
+        from scipy import integrate  # slow to import
+
+        y0 = state_of(self.start, 0.0)
+        method: Callable[..., OdeSolver] = integrate.DOP853
+        solver = method(self.rate, 0.0, y0, np.inf, rtol=RTOL, atol=ATOL)
+        finder = EventFinder(self.end_functions(), self.arm.n, 0.0, y0)
+        states: list[Array] = []
+        while True:
+            if failure := solver.step():
+                raise NoSolutionError(f"{self.arm.name}: the path cannot be followed: {failure}")
+            if progress:
+                progress(float(solver.y[-1]), self.segment.length)
+            piece, end = solver.dense_output(), solver.t
+            found = finder.in_step(piece, end)
+            if found:
+                end = found[0].t
+            steps = 1 + int((end - solver.t_old) / SPACING)
+            states.append(piece(np.linspace(solver.t_old, end, steps + 1)[1:]).T)
+            if found:
+                return np.vstack(states), with_nearest(found[0], self.arm, self.mode)
+
+
+def state_of(cfg: Configuration, s: float) -> Array:
+    """Return the state (q, attitude quaternion, s)."""
+    return np.concatenate((cfg.q, pin.SE3ToXYZQUAT(cfg.base)[3:], [s]))
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -77,13 +320,11 @@ class Followed(Motion):
         return f"Followed({self.arm.name}, {self.mode}: {self.reason})"
 
 
-@of_arm
+@of_configuration
 def follow(
-    arm: SpaceArm,
-    q0: npt.ArrayLike,
+    start: Configuration,
     path: Path,
     *,
-    base: PoseLike | None = None,
     origin: Origin = "spacecraft",
     mode: BaseMode = "free-floating",
     length: float | None = None,
@@ -96,13 +337,11 @@ def follow(
     The tip goes straight to the beginning first. Redundant arms move with the least joint rates.
 
     Args:
-        arm: The arm.
-        q0: (n,) joint positions at the start [rad] or [m].
+        start: The configuration at the start, without momentum.
         path: The corners of a polyline, (m, k) points in the task's linear rows [m] or a sequence
             of poses; or a function of the path length that gives either. Points are given along
             the task axes (see `Task.axes`), along inertial ones where these turn on the way.
             Turns count as in `Followed.s`.
-        base: Pose of the spacecraft at the start; the identity if None.
         origin: Where points are given from: "spacecraft" or "cm"; see `simulate`.
         mode: What the spacecraft does; see `generalized_jacobian`.
         length: Length of a path given as a function [m], or [rad] of a mere turn.
@@ -114,34 +353,21 @@ def follow(
         The motion up to where it ended, with the reason.
 
     Raises:
-        ConfigurationError: An argument does not make sense, or the start is singular.
-        UnsupportedError: The task has more rows than the arm has joints.
+        ConfigurationError: An argument does not make sense, or the start is singular or, where
+            limits count, beyond them.
+        UnsupportedError: The task has more rows than the arm has joints, or there is momentum.
 
     Example:
         >>> import spacearm as sa
-        >>> sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)]).reason
+        >>> sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)]).reason
         'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    return lead(started(arm.at(q0, base=base), origin), path, mode, length, speed, limits, progress)
-
-
-def lead(
-    cfg: Configuration,
-    path: Path,
-    mode: BaseMode = "free-floating",
-    length: float | None = None,
-    speed: float = 0.1,
-    limits: bool = True,
-    progress: Callable[[float, float], object] | None = None,
-) -> Followed:
-    """Lead the tip along a path as `follow` does, from a configuration.
-
-    Raises:
-        ConfigurationError: An argument does not make sense, or the start is singular or, where
-            limits count, beyond them.
-        UnsupportedError: The task has more rows than the arm has joints.
-    """
-    arm, speed = cfg.arm, positive(speed, "speed", "speed [m/s]")
+    arm, speed, cfg = start.arm, positive(speed, "speed", "speed [m/s]"), started(start, origin)
+    if cfg.momentum.any() or cfg.wheels.any():
+        raise UnsupportedError(
+            "the start has momentum on board, and sa.follow leads the tip at zero momentum only; "
+            "sa.simulate takes a law that follows a path at any momentum"
+        )
     check_start(cfg, mode, limits)
     pieces = segments(cfg, path, length)
     states, behind = [state_of(cfg, 0.0)], 0.0
@@ -184,13 +410,13 @@ def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         )
     sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
-        near = f"q0 is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"
+        near = f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"
         raise ConfigurationError(f"{near}; start elsewhere: sa.singularity(cfg).away leads away")
     beyond = np.flatnonzero((cfg.q < arm.lower) | (cfg.q > arm.upper))
     if limits and len(beyond):
         j = int(beyond[0])
         raise ConfigurationError(
-            f"q0 of joint {arm.joint_names[j]!r} is {cfg.q[j]:.6g}, its limits are "
+            f"the start of joint {arm.joint_names[j]!r} is {cfg.q[j]:.6g}, its limits are "
             f"{arm.lower[j]:.6g} and {arm.upper[j]:.6g}; limits=False ignores them"
         )
 

@@ -14,7 +14,6 @@ from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.barycentric_formulation import barycentric
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
-from spacearm.model.joints import warn_outside
 
 Goal: TypeAlias = npt.ArrayLike | pin.SE3
 """A point in the task's linear rows [m], along the goal axes, or a pose."""
@@ -29,7 +28,7 @@ def started(cfg: Configuration, origin: Origin) -> Configuration:
     """Return the start of a motion in the inertial frame in which its points and poses are given.
 
     Args:
-        cfg: The start, as `SpaceArm.at` makes it of joint positions and `base`.
+        cfg: The start, as `SpaceArm.at` makes it.
         origin: "spacecraft": the frame of `base`, which is the identity where none is given, so
             that the spacecraft starts at the origin and the poses of `SpaceArm.at` are goals as
             they are. "cm": the frame whose origin is the system CM at the start, as for points of
@@ -38,13 +37,9 @@ def started(cfg: Configuration, origin: Origin) -> Configuration:
     Raises:
         ConfigurationError: The origin is none of the two, or it is "cm" and the base has a
             position.
-
-    Warns:
-        ModelWarning: Joints are outside their limits, or look like degrees.
     """
     if origin not in get_args(Origin):
         raise ConfigurationError(unknown("origin", origin, get_args(Origin)))
-    warn_outside(cfg.arm, cfg.q, "q0")
     if origin == "spacecraft":
         return cfg
     if cfg.base.translation.any():

@@ -1,4 +1,4 @@
-"""The plant of a simulation: an arm with all that acts on it."""
+"""The plant of a simulation: what acts on an arm besides its controller."""
 
 from __future__ import annotations
 
@@ -8,20 +8,15 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, finite, plain
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
-from spacearm.model.arguments import BaseMode, free_components
-from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.model.joints import joint_name
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.model.arm import SpaceArm
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
 Motors: TypeAlias = Callable[[float], npt.ArrayLike]
 """A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m]."""
-Limit = Literal["effort", "velocity"]
-LIMITS: tuple[Limit, ...] = ("effort", "velocity")
 
 
 class PassiveJoint(NamedTuple):
@@ -94,65 +89,45 @@ class WheelHold:
                 raise ConfigurationError(f"{name} of the wheels is {value!r}; give one from 0 on")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plant:
-    """An arm and what acts on it besides its controllers; checked.
+    """What acts on a simulated arm besides its controller.
 
     Attributes:
-        arm: The arm.
-        mode: What the spacecraft does.
-        start: Configuration at the start.
-        passive: Springs, damping and friction of joints, by name.
-        limits: The limits of the joints that cut the torques.
-        hold: What the wheels do; None if they keep what they hold.
-        motors: The torques of the wheels over time; None if `hold` tells them.
-        wrenches: Wrenches on links, inertial axes, by name.
-        thrusters: Wrenches on links along their own axes, by name.
+        wheels: The law by which the wheels hold the attitude, or a function of time that gives the
+            torque of each, the rate of what it holds (w,) [N m]; they keep what they hold if None.
+        wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
+            link's frame along inertial axes, or functions of time that give them.
+        thrusters: The same along the axes of the link.
+        passive: Springs, damping and friction of joints by name; such a joint may have torques too;
+            "described" takes damping and dry friction of the robot's file (URDF, MJCF).
+        limits: Whether the motors keep the limits of the description: torques are cut to the
+            largest effort, and the torque that drives a joint falls to zero between 90 % and 100 %
+            of its largest velocity.
     """
 
-    arm: SpaceArm
-    mode: BaseMode
-    start: Configuration
-    passive: Mapping[str, PassiveJoint] = field(default_factory=dict)
-    limits: tuple[str, ...] = ()
-    hold: WheelHold | None = None
-    motors: Motors | None = None
+    wheels: WheelHold | Motors | None = None
     wrenches: Mapping[str, Wrench] = field(default_factory=dict)
     thrusters: Mapping[str, Wrench] = field(default_factory=dict)
+    passive: Mapping[str, PassiveJoint] | Literal["described"] = field(default_factory=dict)
+    limits: bool = False
 
     def __post_init__(self) -> None:
-        free_components(self.mode)
-        for limit in self.limits:
-            if limit not in LIMITS:
-                raise ConfigurationError(unknown("limit", limit, LIMITS))
-        links = self.arm.tree.links
-        for link in (*self.wrenches, *self.thrusters):
-            if link not in links:
-                raise ConfigurationError(unknown("link", link, links))
-        for link, wrench in (*self.wrenches.items(), *self.thrusters.items()):
-            _wrench_at(link, wrench, 0.0)
+        if not isinstance(self.limits, (bool, np.bool_)):
+            raise ConfigurationError(f"limits is {self.limits!r}; give True or False")
+        for link, wrench, _ in self.pushed:
+            wrench_at(link, wrench, 0.0)
+        if isinstance(self.passive, str):
+            if self.passive != "described":
+                raise ConfigurationError(unknown("passive", self.passive, ("described",)))
+            return
         for name, joint in self.passive.items():
-            joint_name(self.arm, name)
             values = np.array(joint, dtype=np.float64)
             if not (np.abs(values) <= LARGEST).all() or joint.slip <= 0.0 or joint.damping < 0.0:
                 raise ConfigurationError(
                     f"passive joint {name!r} is {joint!r}; give finite numbers, damping from 0 on "
                     "and slip above 0"
                 )
-        if self.hold is not None or self.motors is not None:
-            self._check_wheels()
-        if self.motors is not None:
-            wheel_torques(self.motors(0.0), len(self.arm.wheels))
-
-    def _check_wheels(self) -> None:
-        if self.mode != "free-floating":
-            raise ConfigurationError(
-                f"wheels turn the spacecraft and mode is {self.mode!r}; give mode='free-floating'"
-            )
-        if not self.arm.wheels:
-            raise UnsupportedError(
-                f"{self.arm.name} has no wheels; load it with wheels=[...], the names of joints"
-            )
 
     @property
     def pushed(self) -> list[tuple[str, Wrench, bool]]:
@@ -162,42 +137,9 @@ class Plant:
             *((link, wrench, True) for link, wrench in self.thrusters.items()),
         ]
 
-    def configuration(self, y: Array) -> Configuration:
-        """Return the configuration in a state, see `equations.plant`."""
-        arm, n = self.arm, self.arm.n
-        q, quaternion = y[:n].copy(), y[2 * n : 2 * n + 4]
-        if self.mode == "fixed":
-            placed = kinematics(arm, q, self.start.base)
-        else:
-            attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
-            turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
-            placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
-        return arm.at(q, base=placed.base, wheels=y[2 * n + 17 :]) if arm.wheels else placed
-
-    def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
-        """Return the wrenches on each link that is pushed, along inertial axes.
-
-        Args:
-            t: (m,) times [s].
-            q: (m, n) joint positions.
-            base: (m, 7) poses of the spacecraft.
-
-        Returns:
-            (m, 6) [force [N]; torque [N m]] at the origin of the link's frame, by its name.
-        """
-        model, data = self.arm.model, pin.Data(self.arm.model)
-        found: dict[str, Array] = {link: np.zeros((len(t), 6)) for link, *_ in self.pushed}
-        for i, time in enumerate(t):
-            if self.thrusters:
-                pose = pin.XYZQUATToSE3(base[i])
-                pin.framesForwardKinematics(model, data, kinematics(self.arm, q[i], pose).full)
-            for link, wrench, own in self.pushed:
-                values = _wrench_at(link, wrench, float(time))
-                if own:
-                    R = data.oMf[model.getFrameId(link, pin.BODY)].rotation
-                    values = (values.reshape(2, 3) @ R.T).ravel()
-                found[link][i] += values
-        return found
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data, functions as their repr."""
+        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def wheel_torques(values: npt.ArrayLike, count: int) -> Array:
@@ -210,6 +152,13 @@ def checked_wrench(link: str, values: npt.ArrayLike) -> Array:
     return finite(values, (6,), f"the wrench on {link!r}", "[force [N]; torque [N m]]")
 
 
-def _wrench_at(link: str, wrench: Wrench, t: float) -> Array:
+def wrench_at(link: str, wrench: Wrench, t: float) -> Array:
     """Return a wrench at a time, checked."""
     return checked_wrench(link, wrench(t) if callable(wrench) else wrench)
+
+
+def _plain(value: Any) -> Any:
+    """Return a field of a plant as plain data, functions as their repr."""
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
+    return repr(value) if callable(value) else plain(value)

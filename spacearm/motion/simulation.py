@@ -8,26 +8,38 @@ of its energy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Literal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import finite, positive
+from spacearm.arrays import Array, finite, plain, positive, whole
+from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
-from spacearm.mechanics.momentum import momentum_vector
-from spacearm.model.arguments import BaseMode, of_arm
-from spacearm.model.arm import SpaceArm
-from spacearm.model.frames import PoseLike
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, check_controller, check_target
 from spacearm.motion.events import EVENTS
 from spacearm.motion.goal import Origin, started
-from spacearm.motion.plant import Motors, PassiveJoint, Plant, WheelHold, Wrench, described
-from spacearm.motion.runs.run import Runs
-from spacearm.motion.runs.setup import coupled, prepared, start_state, wanted_events
-from spacearm.motion.trajectory import Trajectory
+from spacearm.motion.motion import Trajectory
+from spacearm.motion.plant import Plant
+from spacearm.motion.run import Runs
+from spacearm.motion.system import (
+    Prepared,
+    System,
+    WantedEvent,
+    coupled,
+    prepared,
+    start_state,
+    wanted_events,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 METHODS = ("auto", "DOP853", "Rodas5P")
 FINEST = 100.0 * float(np.finfo(np.float64).eps)
@@ -39,77 +51,82 @@ STILL = 1e2
 OUTPUTS = 1000
 
 
-@of_arm
+@dataclass(frozen=True, kw_only=True)
+class Integration:
+    """How a simulation is integrated, and what is looked for on the way.
+
+    Attributes:
+        rtol: Relative tolerance of each step.
+        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
+        dt: Spacing of the output [s]; a thousandth of the duration if None.
+        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
+            or where J* is not square the distance to the singular set falls to half a degree),
+            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
+        reach: How near the target is reached: norm of the error.
+        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
+            torques) or "auto", which begins with the first and takes the second where that pays.
+    """
+
+    rtol: float = 1e-8
+    atol: float = 1e-10
+    dt: float | None = None
+    events: Sequence[str] = EVENTS
+    reach: float = 1e-3
+    method: str = "auto"
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "reach"):
+            positive(getattr(self, name), name)
+        if self.rtol < FINEST:
+            raise ConfigurationError(f"rtol is {self.rtol}; give a number from {FINEST:.2g} on")
+        if self.dt is not None:
+            positive(self.dt, "dt", "time [s]")
+        if self.method not in METHODS:
+            raise ConfigurationError(unknown("method", self.method, METHODS))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+@of_configuration
 def simulate(
-    arm: SpaceArm,
-    q0: npt.ArrayLike,
+    start: Configuration,
     controller: Controller | Mapping[str, Controller],
     duration: float,
     *,
-    base: PoseLike | None = None,
-    origin: Origin = "spacecraft",
-    dq0: npt.ArrayLike | None = None,
-    momentum: npt.ArrayLike | None = None,
-    wheels0: npt.ArrayLike | None = None,
+    dq: npt.ArrayLike | None = None,
     mode: BaseMode = "free-floating",
-    wheels: WheelHold | Motors | None = None,
-    wrenches: Mapping[str, Wrench] | None = None,
-    thrusters: Mapping[str, Wrench] | None = None,
-    passive: Mapping[str, PassiveJoint] | Literal["described"] | None = None,
-    limits: Collection[str] = (),
+    origin: Origin = "spacecraft",
+    plant: Plant = Plant(),
+    stop: Sequence[str] = (),
     period: float | None = None,
     delay: float = 0.0,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
-    events: Sequence[str] = EVENTS,
-    stop: Sequence[str] = (),
-    reach: float = 1e-3,
-    dt: float | None = None,
-    method: str = "auto",
+    integration: Integration = Integration(),
     progress: Callable[[float, float], object] | None = None,
 ) -> Trajectory:
     """Simulate an arm under the torques of a controller.
 
     Args:
-        arm: The arm.
-        q0: (n,) joint positions at the start [rad] or [m].
+        start: The configuration at the start: joint positions, pose of the spacecraft, what the
+            wheels hold, and the momentum. Where the spacecraft's attitude is controlled only the
+            linear momentum counts.
         controller: Called as controller(t, cfg, dq), returns (n,) torques [N m] or forces [N]; at
             times in any order, so that it must not remember. Plain array code is compiled, other
             code is called in Python. Of an arm with several tips a law for each, by the tip's name:
             it acts on the joints that move that tip.
         duration: How long [s].
-        base: Pose of the spacecraft at the start; the identity if None.
-        origin: Where the inertial frame has its origin: "spacecraft", as `base` says, so that
-            poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at the start, as
-            for points of a `Workspace`, `base` giving the attitude.
-        dq0: (n,) joint rates at the start; zeros if None.
-        momentum: (6,) momentum at the start [linear; angular about the system CM], inertial axes,
-            that of the wheels included; zero if None. Where the spacecraft's attitude is
-            controlled only the linear one counts.
-        wheels0: (w,) what each wheel holds at the start [N m s]; zeros if None.
+        dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         mode: What the spacecraft does; see `generalized_jacobian`.
-        wheels: The law by which the wheels hold the attitude, or a function of time that gives the
-            torque of each, the rate of what it holds (w,) [N m]; they keep what they hold if None.
-        wrenches: Wrenches (6,) [force [N]; torque [N m]] on links by name, at the origin of the
-            link's frame along inertial axes, or functions of time that give them.
-        thrusters: The same along the axes of the link.
-        passive: Springs, damping and friction of joints by name; such a joint may have torques too;
-            "described" takes damping and dry friction of the robot's file (URDF, MJCF).
-        limits: "effort" cuts the torques to the largest of the description; "velocity" lets the
-            torque that drives a joint fall to zero between 90 % and 100 % of its largest rate.
+        origin: Where the inertial frame has its origin: "spacecraft", as the pose of the start
+            says, so that poses of `SpaceArm.at` are goals as they are; or "cm", the system CM at
+            the start, as for points of a `Workspace`, the pose giving the attitude.
+        plant: What acts besides: wheels, wrenches, thrusters, springs and friction, motor limits.
+        stop: Events that end the run; see `Integration`.
         period: Period of a controller of fixed rate, which holds its torques in between [s]; None
             for one that acts at all times.
         delay: Time after which these torques act, up to the period [s].
-        rtol: Relative tolerance of each step.
-        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
-        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
-            or where J* is not square the distance to the singular set falls to half a degree),
-            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
-        stop: Which of them end the run.
-        reach: How near the target is reached: norm of the error.
-        dt: Spacing of the output [s]; a thousandth of the duration if None.
-        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
-            torques) or "auto", which begins with the first and takes the second where that pays.
+        integration: Tolerances, spacing of the output, and the events that are noted.
         progress: Called now and then as progress(t, duration), both simulated time [s].
 
     Returns:
@@ -124,49 +141,27 @@ def simulate(
     Example:
         >>> import spacearm as sa
         >>> law = sa.JointPD(target=[0.5, 1.0], kp=5, kd=9)
-        >>> sa.simulate(sa.load("planar2"), [0.3, 1.2], law, 5.0)
+        >>> sa.simulate(sa.load("planar2").at([0.3, 1.2]), law, 5.0)
         Trajectory(planar2, free-floating: 5 s, 1001 times, ended by duration)
     """
-    duration = positive(duration, "duration", "time [s]")
-    dt = duration / OUTPUTS if dt is None else positive(dt, "dt", "time [s]")
+    arm, duration = start.arm, positive(duration, "duration", "time [s]")
+    rates = np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq")
+    system = System(started(start, origin), mode, plant)
+    controllers = _by_tip(arm, controller)
+    if mode != "fixed" and not start.momentum[:3].any() and not plant.pushed and len(arm.tips) == 1:
+        for one in controllers.values():
+            check_target(one, system.start)
+    kinds = (*integration.events, *stop)
+    wanted = wanted_events(system, kinds, stop, integration.reach, controllers)
+    ready = prepared(system, controllers, wanted)
+    dt = duration / OUTPUTS if integration.dt is None else integration.dt
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    rtol, atol, reach = positive(rtol, "rtol"), positive(atol, "atol"), positive(reach, "reach")
-    if rtol < FINEST:
-        raise ConfigurationError(f"rtol is {rtol}; give a number from {FINEST:.2g} on")
-    if method not in METHODS:
-        raise ConfigurationError(unknown("method", method, METHODS))
-    h = momentum_vector(momentum)
-    if mode == "fixed" and h.any():
-        raise ConfigurationError(f"momentum is {momentum!r}; a fixed spacecraft takes it up")
-    dq = np.zeros(arm.n) if dq0 is None else joint_vector(arm, dq0, "dq0")
-    if isinstance(passive, str):
-        if passive != "described":
-            raise ConfigurationError(unknown("passive", passive, ("described",)))
-        passive = described(arm)
-    plant = Plant(
-        arm,
-        mode,
-        started(arm.at(q0, base=base, wheels=wheels0), origin),
-        passive or {},
-        tuple(limits),
-        wheels if isinstance(wheels, WheelHold) else None,
-        None if isinstance(wheels, WheelHold) else wheels,
-        wrenches or {},
-        thrusters or {},
-    )
-    controllers = _by_tip(arm, controller)
-    if mode != "fixed" and not h[:3].any() and not plant.pushed and len(arm.tips) == 1:
-        for one in controllers.values():
-            check_target(one, plant.start)
-    capacity = None if plant.hold is None else plant.hold.capacity
-    kinds = dict.fromkeys((*events, *stop))
-    wanted = wanted_events(arm, mode, kinds, stop, reach, controllers, capacity)
-    ready = prepared(plant, controllers, wanted)
-    y, needs = start_state(plant, dq, h), coupled(plant, ready.setup, h)
-    outputs = np.arange(0.0, duration, dt)
-    run = Runs([plant], [controllers], [ready], y[None], needs, outputs, duration, wanted,
-               (rtol, atol), method)  # fmt: skip
+    run = Runs(
+        [system], [controllers], [ready], start_state(system, rates)[None],
+        coupled(system, ready.setup), np.arange(0.0, duration, dt), duration, wanted,
+        (integration.rtol, integration.atol), integration.method,
+    )  # fmt: skip
     if period is None:
         run.advance(duration, progress)
     else:
@@ -181,19 +176,19 @@ def simulate(
     result = run.trajectory()
     if fault:
         raise NoSolutionError(f"{arm.name}: {fault}", result)
-    _audit(result, run.drift, rtol, atol)
+    _audit(result, run.drift, integration)
     return result
 
 
-def _audit(result: Trajectory, drift: float, rtol: float, atol: float) -> None:
+def _audit(result: Trajectory, drift: float, integration: Integration) -> None:
     """Check the balances of energy and momentum.
 
     Raises:
         NoSolutionError: One is off.
     """
-    still = STILL * atol / result.turnover if result.turnover > 0.0 else 0.0
+    still = STILL * integration.atol / result.turnover if result.turnover > 0.0 else 0.0
     for what, off, more in (("energy", result.imbalance, still), ("momentum", drift, 0.0)):
-        if off > AUDIT * rtol + more:
+        if off > AUDIT * integration.rtol + more:
             raise NoSolutionError(
                 f"{result.arm.name}: the balance of {what} is off by {off:.1e} of what came and "
                 "went; take smaller rtol and atol",
@@ -214,3 +209,260 @@ def _by_tip(
         if tip not in arm.tips:
             raise ConfigurationError(unknown("tip", tip, arm.tips))
     return {arm.tips.index(tip): law for tip, law in controller.items()}
+
+
+COARSE = Integration(rtol=1e-6, atol=1e-8)
+"""What dispersions of many runs need."""
+FAILURES = ("controller failed", "equations failed", "step collapsed")
+"""Ends of runs that are no results."""
+LOOKS = 200
+"""Outputs of a run over which the least sigma_min and the largest turn are taken."""
+PIECE = 256
+"""Runs side by side, between two reports."""
+KINDS = 8
+"""So many functions of users are compiled; of more, all are called in Python."""
+UNITS = {
+    "time_to_target": "s",
+    "first_singularity": "s",
+    "sigma_min": "as in sa.singularity",
+    "turn": "rad",
+    "distance": "rad",
+    "t": "s",
+    "imbalance": "1",
+}
+"""Numbers that are kept of each run, and their units."""
+
+
+def simulate_many(
+    starts: Configuration | Sequence[Configuration],
+    controller: Controller | Sequence[Controller],
+    duration: float,
+    *,
+    dq: npt.ArrayLike | None = None,
+    payload: npt.ArrayLike | None = None,
+    mode: BaseMode = "free-floating",
+    plant: Plant = Plant(),
+    stop: Sequence[str] = (),
+    distance: bool = False,
+    integration: Integration = COARSE,
+    threads: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> xr.Dataset:
+    """Simulate m runs of an arm, side by side on all processors.
+
+    Each run is the one that `simulate` makes of the same arguments. Laws of `sa` and functions of
+    plain array code run in parallel; a controller called in Python holds the others up.
+
+    Args:
+        starts: m configurations of one arm, as in `simulate`; one if all start alike.
+        controller: The controller of all runs, or m of one kind: with their own gains and targets.
+        duration: How long each run is [s].
+        dq: (m, n) or (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
+        payload: (m,) point masses held at the tip [kg], as in `SpaceArm.replace`; none if None.
+        mode: As in `simulate`.
+        plant: As in `simulate`, for all runs.
+        stop: Which events end a run.
+        distance: Whether `distance` is wanted too; it is NaN if not.
+        integration: As in `simulate`, here with tolerances of 1e-6 and 1e-8; without `dt`.
+        threads: Number of threads; one per available processor if None.
+        progress: Called as progress(done, m) now and then.
+
+    Returns:
+        A dataset along "run": `success` (the target was reached), `time_to_target`,
+        `first_singularity` (first time at which one was noted) [s], `sigma_min` (least), `turn`
+        (largest turn of the spacecraft from its start [rad]) and `distance` (least distance to the
+        singular set to first order [rad]) of 200 instants and the end, `t` (end [s]), `imbalance`
+        (as `Trajectory.imbalance`, of the end), `ended`, `q0`, and `q`, `dq` and `base` at the end.
+        Times that there are not are NaN. A run that fails does not end the others: it has
+        "controller failed", "equations failed" or "step collapsed" in `ended`. The attribute
+        `called` names the functions that were called in Python, and why.
+
+    Raises:
+        ConfigurationError: An argument does not make sense.
+        UnsupportedError: The arm has several tips.
+
+    Example:
+        >>> import spacearm as sa
+        >>> law = sa.JointPD(target=[0.5, 1.0], kp=5, kd=9)
+        >>> arm = sa.load("planar2")
+        >>> starts = [arm.at(q) for q in ([0.3, 1.2], [0.4, 1.1])]
+        >>> ds = sa.simulate_many(starts, law, 1.0)
+        >>> ds.turn.values.round(3)  # of the spacecraft [rad]
+        array([0.026, 0.013])
+    """
+    import xarray as xr
+
+    free_components(mode)
+    listed = [starts] if isinstance(starts, Configuration) else list(starts)
+    arm = _arm_of(listed)
+    duration = positive(duration, "duration", "time [s]")
+    if integration.dt is not None:
+        raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
+    laws = [controller] if callable(controller) or isinstance(controller, str) else list(controller)
+    for law in laws:
+        check_controller(law)
+    shared = isinstance(starts, Configuration)
+    m = _number_of_runs(None if shared else listed, dq, payload, laws, callable(controller))
+    dq0 = _rates(dq, m, arm.n)
+    arms = _with_payloads(arm, payload, m)
+    first = System(listed[0], mode, plant)
+    prepare = _prepare(first, laws, arms, stop, integration)
+    looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
+    found: dict[str, npt.NDArray[Any]] = {
+        "success": np.zeros(m, bool),
+        **{name: np.full(m, np.nan) for name in UNITS},
+        "q": np.full((m, arm.n), np.nan),
+        "dq": np.full((m, arm.n), np.nan),
+        "base": np.full((m, 7), np.nan),
+        "ended": np.full(m, "", dtype=object),
+    }
+    called: dict[str, None] = {}
+
+    def started(i: int) -> System:
+        cfg = listed[i % len(listed)]
+        return replace(first, start=cfg if cfg.arm is arms[i] else _loaded(cfg, arms[i]))
+
+    def piece(runs: Sequence[int]) -> int:
+        mine = [started(i) for i in runs]
+        ready = [prepare(system, i) for system, i in zip(mine, runs, strict=True)]
+        y = [start_state(system, dq0[i]) for system, i in zip(mine, runs, strict=True)]
+        needs = max(coupled(system, ready[0][1].setup) for system in mine)
+        side = Runs(
+            mine, [{-1: laws[i % len(laws)]} for i in runs], [one for _, one in ready],
+            np.array(y), needs, looks, duration, ready[0][0],
+            (integration.rtol, integration.atol), integration.method,
+        )  # fmt: skip
+        side.advance(duration)
+        called.update(dict.fromkeys(side.called))
+        for name, values in side.summary(distance).items():
+            found[name][runs] = values
+        return len(runs)
+
+    workers = processors() if threads is None else whole(threads, "threads", 1)
+    size, done = min(PIECE, -(-m // workers)), 0
+    with ThreadPoolExecutor(workers) as pool:
+        for count in pool.map(piece, _pieces(first, prepare, m, len(laws), size)):
+            done += count
+            if progress:
+                progress(done, m)
+    joint, pose = ("run", "joint"), ("run", "pose")
+    data: dict[str, Any] = {name: ("run", found[name], {"units": u}) for name, u in UNITS.items()}
+    data |= {name: ("run", found[name]) for name in ("success", "ended")}
+    data |= {name: (joint, found[name]) for name in ("q", "dq")}
+    q0 = np.array([listed[i % len(listed)].q for i in range(m)])
+    data |= {"q0": (joint, q0), "base": (pose, found["base"], {"units": "m, quaternion xyzw"})}
+    attrs = {
+        "arm": arm.name,
+        "base_mode": mode,
+        "duration": duration,
+        "rtol": integration.rtol,
+        "atol": integration.atol,
+        "called": "; ".join(called),
+    }
+    return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
+
+
+Prepare = Callable[[System, int], tuple[list[WantedEvent], Prepared]]
+"""Returns the events that a run looks for, and its numbers and functions."""
+
+
+def _prepare(
+    first: System,
+    laws: Sequence[Controller],
+    arms: Sequence[SpaceArm],
+    stop: Sequence[str],
+    integration: Integration,
+) -> Prepare:
+    """Return what prepares a run by its number; once for all where they do not differ."""
+    kinds = (*integration.events, *stop)
+
+    def prepare(system: System, i: int, trace: bool = True) -> tuple[list[WantedEvent], Prepared]:
+        own = {-1: laws[i % len(laws)]}
+        wanted = wanted_events(system, kinds, stop, integration.reach, own)
+        return wanted, prepared(system, own, wanted, trace=trace)
+
+    known = prepare(first, 0)
+    several = len({id(law) for law in laws}) > 1
+    differ = several or len({id(arm) for arm in arms}) > 1 or first.mode == "fixed" or first.hold
+    trace = not several or len(laws) <= KINDS
+    if differ or known[1].outside:
+        return lambda system, i: prepare(system, i, trace)
+    return lambda *_: known
+
+
+def _pieces(first: System, prepare: Prepare, m: int, laws: int, size: int) -> Iterator[list[int]]:
+    """Return the numbers of runs that go side by side: those of one setup, so many at most."""
+    setups: dict[Any, list[int]] = {}
+    if laws == 1:
+        setups[None] = list(range(m))
+    for i in range(m if laws > 1 else 0):
+        setups.setdefault(prepare(first, i)[1].setup, []).append(i)
+    for runs in setups.values():
+        yield from (runs[at : at + size] for at in range(0, len(runs), size))
+
+
+def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
+    """Return the arm of all starts.
+
+    Raises:
+        ConfigurationError: Something else is given, or several arms.
+        UnsupportedError: It has several tips.
+    """
+    if not starts or any(not isinstance(cfg, Configuration) for cfg in starts):
+        raise ConfigurationError(
+            "sa.simulate_many takes configurations of one arm: [arm.at(q) for q in Q0]"
+        )
+    arm = starts[0].arm
+    if any(cfg.arm is not arm for cfg in starts):
+        raise ConfigurationError("the starts are of several arms; give configurations of one arm")
+    arm.require_one_tip()
+    return arm
+
+
+def _loaded(cfg: Configuration, arm: SpaceArm) -> Configuration:
+    """Return the same start of an arm with a load."""
+    return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
+
+
+def _number_of_runs(
+    starts: Sequence[Configuration] | None,
+    dq: npt.ArrayLike | None,
+    payload: npt.ArrayLike | None,
+    laws: Sequence[Any],
+    shared: bool,
+) -> int:
+    """Return the number of runs that the arguments are of.
+
+    Raises:
+        ConfigurationError: They are of different numbers, or the laws of different kinds.
+    """
+    sizes = [] if starts is None else [len(starts)]
+    sizes += [np.shape(dq)[0]] if dq is not None and np.ndim(dq) == 2 else []
+    sizes += [np.size(payload)] if payload is not None else []
+    sizes += [] if shared else [len(laws)]
+    if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:
+        raise ConfigurationError(
+            f"starts, dq, payload and controller are of {sizes} runs; give each once or as many "
+            "times as the others, and controllers of one kind"
+        )
+    return sizes[0] if sizes else 1
+
+
+def _rates(dq: npt.ArrayLike | None, m: int, n: int) -> Array:
+    """Return the joint rates (m, n), checked; one row for all, or zeros if None."""
+    if dq is None:
+        return np.zeros((m, n))
+    if np.ndim(dq) == 2:
+        return finite(dq, (m, n), "dq")
+    return np.tile(finite(dq, (n,), "dq"), (m, 1))
+
+
+def _with_payloads(arm: SpaceArm, payload: npt.ArrayLike | None, m: int) -> Sequence[SpaceArm]:
+    """Return the arm of each run."""
+    if payload is None:
+        return [arm] * m
+    masses = finite(payload, (m,), "payload", "[kg], one for each run")
+    kinds = {mass: arm.replace(payload=mass) if mass > 0.0 else arm for mass in set(masses)}
+    if min(kinds) < 0.0:
+        raise ConfigurationError(f"payload has {min(kinds):g} kg; give masses from 0 on")
+    return [kinds[mass] for mass in masses]

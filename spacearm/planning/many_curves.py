@@ -38,8 +38,7 @@ Turns: TypeAlias = Callable[[Array, Indices], Array]
 @lru_cache(maxsize=64)
 def turning_axes(arm: SpaceArm) -> tuple[int, ...]:
     """Return the axes about which an arm turns its spacecraft: the normal of a plane, or all."""
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
-    normal = plane_of_motion(arm, [arm.at(q) for q in Q])
+    normal = plane_of_motion(arm)
     return (0, 1, 2) if normal is None else (normal,)
 
 

@@ -18,7 +18,7 @@ from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.floating import attitudes, placed
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import Configuration
-from spacearm.motion.following import check_start, how_it_ended, lead
+from spacearm.motion.following import check_start, follow, how_it_ended
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
@@ -269,11 +269,13 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
     """
     arm = start.arm
     if not steady(arm):  # the directions of the task turn on the way
-        slow = lead(start, [goal], limits=limited, progress=lambda *_: problem.account.check_time())
+        slow = follow(
+            start, [goal], limits=limited, progress=lambda *_: problem.account.check_time()
+        )
         if not slow.arrived:
             raise NoSolutionError(slow.reason, list(slow))
         return slow.q
-    from spacearm.motion.runs.leading import straight_line
+    from spacearm.motion.leading import straight_line
 
     check_start(start, "free-floating", limited)
     line = straight_line(start, goal, limited)

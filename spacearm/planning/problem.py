@@ -16,14 +16,14 @@ from spacearm.collisions.separation import Collisions, Contact, collision_geomet
 from spacearm.collisions.swept_motion import Floating, Recorded, SweptMotion
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import singular_values, task_jacobian
-from spacearm.mechanics.nearness import distance_at
 from spacearm.model.arguments import FLOATING, HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_vector
-from spacearm.motion.following import lead
+from spacearm.motion.following import follow
 from spacearm.motion.goal import as_goal, goal_pose, out_of_reach
 from spacearm.planning.account import SearchAccount
 from spacearm.planning.guesses import GuessFinder
@@ -337,7 +337,7 @@ def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
         NoSolutionError: It is not; carries the motion towards the goal as far as J* leads.
     """
     if far := out_of_reach(cfg, goal):
-        line = lead(cfg, [as_goal(cfg, goal)], limits=limits)
+        line = follow(cfg, [as_goal(cfg, goal)], limits=limits)
         raise NoSolutionError(far, list(line))
     return goal
 

@@ -9,18 +9,14 @@ from typing import Any
 from spacearm.collisions.report import CollisionReport
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
-from spacearm.mechanics.dynamics import Dynamics
-from spacearm.mechanics.impact import Capture
-from spacearm.mechanics.jacobian import PrescribedMotion
-from spacearm.mechanics.momentum import MomentumMatrix
+from spacearm.mechanics.dynamics import Capture, Dynamics
+from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
-from spacearm.mission.envelope import LevelEnvelope
-from spacearm.mission.level import LevelReach
-from spacearm.mission.reactions import Reaction
-from spacearm.mission.wheel_sizing import WheelSizing
+from spacearm.mission.level import LevelEnvelope, LevelReach
+from spacearm.mission.reactions import Reaction, WheelSizing
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.flights.flight import Flight
+from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import (
     draw_arm,

@@ -11,10 +11,8 @@ from matplotlib.patches import Wedge
 from spacearm.errors import ConfigurationError
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.mission.budget import MomentumBudget
-from spacearm.mission.envelope import LevelEnvelope
-from spacearm.mission.level import LevelReach
-from spacearm.mission.reactions import Reaction
-from spacearm.mission.wheel_sizing import PERCENTILES, WheelSizing
+from spacearm.mission.level import LevelEnvelope, LevelReach
+from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing
 from spacearm.plots.style import (
     BLUE,
     COLOURS,

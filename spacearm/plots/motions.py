@@ -12,7 +12,7 @@ from matplotlib.patches import Annulus, Circle
 
 from spacearm.arrays import Array, finite, shape_of
 from spacearm.model.arm import Configuration
-from spacearm.motion.flights.flight import Flight
+from spacearm.motion.flights import Flight
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import draw_stick_figure

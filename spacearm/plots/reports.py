@@ -11,21 +11,10 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from spacearm.arrays import Array
-from spacearm.mechanics.dynamics import Dynamics
-from spacearm.mechanics.impact import Capture
-from spacearm.mechanics.jacobian import PrescribedMotion
-from spacearm.mechanics.momentum import MomentumMatrix
+from spacearm.mechanics.dynamics import Capture, Dynamics
+from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
 from spacearm.plots.configurations import draw_stick_figure, in_plane
-from spacearm.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    RED,
-    axes_for,
-    headline,
-    panels_for,
-    style,
-)
+from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, headline, panels_for, style
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 

@@ -50,8 +50,7 @@ class Restriction(NamedTuple):
 
         None if that takes more than `MOST_TERMS` coefficients.
         """
-        reach = np.abs(np.stack((start, start + step)) - f.chart.centre).max(axis=(0, 1))
-        terms = _length(f, reach, np.abs(step).max(axis=0) / 2.0)
+        terms = _length(f, start, step)
         if terms > MOST_TERMS:
             return None
         N = int(np.ceil(terms))
@@ -76,13 +75,17 @@ class Restriction(NamedTuple):
 
 def curvature(f: Jets, start: Array, step: Array) -> Array:
     """Bound |g''| along segments from `start` by `step` (S, n), with respect to t from 0 to 1."""
-    reach = np.abs(np.stack((start, start + step)) - f.chart.centre).max(axis=(0, 1))
-    B, size = f.curvature(reach / f.chart.half), np.abs(step)
+    B, size = f.curvature(_reach(f, start, step) / f.chart.half), np.abs(step)
     return np.asarray(np.einsum("mi,ij,mj->m", size, B, size))
 
 
-def _length(f: Jets, reach: Array, half_step: Array) -> float:
-    """Return how many Chebyshev coefficients give a polynomial along a segment to rounding.
+def _reach(f: Jets, start: Array, step: Array) -> Array:
+    """Return the largest distance (n,) of segments from the middle of each joint's range."""
+    return np.asarray(np.abs(np.stack((start, start + step)) - f.chart.centre).max(axis=(0, 1)))
+
+
+def _length(f: Jets, start: Array, step: Array) -> float:
+    """Return how many Chebyshev coefficients give a polynomial along segments to rounding.
 
     On the Bernstein ellipse rho, |g| <= M, and the error of N coefficients is at most
     4 M rho^(1 - N) / (rho - 1): Trefethen, Approximation Theory and Approximation Practice (2013),
@@ -90,6 +93,7 @@ def _length(f: Jets, reach: Array, half_step: Array) -> float:
     """
     if not f.scale:
         return 1.0
+    reach, half_step = _reach(f, start, step), np.abs(step).max(axis=0) / 2.0
     bounds = np.log([f.bound(reach, half_step, rho) for rho in ELLIPSES])
     wanted = np.log(INTERPOLATED * f.scale * (ELLIPSES - 1.0) / 4.0)
     N = 2.0 + np.maximum(bounds - wanted, 0.0) / np.log(ELLIPSES)
@@ -160,6 +164,27 @@ def certify(
     return _Path(list(polynomials), path, singular).certificate(progress)
 
 
+class _Intervals(NamedTuple):
+    """Parts of a path: (m,) positions of their ends, (p, m) values of the polynomials there."""
+
+    low: Array
+    high: Array
+    left: Array
+    right: Array
+
+    def where(self, chosen: Any) -> _Intervals:
+        """Return some of them."""
+        return _Intervals(*(numbers[..., chosen] for numbers in self))
+
+    def halved(self, middle: Array, values: Array) -> _Intervals:
+        """Return the halves, in the order of the path."""
+        lower = self._replace(high=middle, right=values)
+        upper = self._replace(low=middle, left=values)
+        both = (np.concatenate(pair, axis=-1) for pair in zip(lower, upper, strict=True))
+        halves = _Intervals(*both)
+        return halves.where(np.argsort(halves.low, kind="stable"))
+
+
 class _Path:
     """A path and the polynomials along it; position s = i + t is at t on segment i."""
 
@@ -168,6 +193,7 @@ class _Path:
     ) -> None:
         self.path = path if len(path) > 1 else path.repeat(2, axis=0)
         self.step = np.diff(self.path, axis=0)
+        self.longest = np.abs(self.step).max(axis=1)
         self.polynomials, self.singular = polynomials, singular
         self.scale = np.array([S.scale or 1.0 for S in polynomials])
         largest = float(np.abs(path).max(initial=0.0))
@@ -179,62 +205,56 @@ class _Path:
 
     def certificate(self, progress: Callable[[int, int], object] | None = None) -> Certificate:
         """Halve intervals until all are free or the first one that is not has been found."""
-        m = len(self.step)
-        values = self.values(np.arange(m + 1.0))
-        low, high = np.arange(m + 0.0), np.arange(m + 0.0) + 1.0
-        left, right = values[:, :-1], values[:, 1:]
-        open_ = ~self.is_free(low, high, left, right)
-        if open_.any():
-            self.restrict(np.flatnonzero(open_))
-            parts = np.linspace(0.0, 1.0, PIECES + 1)
-            low = (low[open_, None] + parts[:-1]).ravel()
-            high = np.concatenate((low[1:], [0.0]))
-            high[PIECES - 1 :: PIECES] = np.arange(m + 0.0)[open_] + 1.0
-            left = self.values(low)
-            right = np.concatenate((left[:, 1:], np.zeros((len(left), 1))), axis=1)
-            right[:, PIECES - 1 :: PIECES] = values[:, 1:][:, open_]
-        else:
-            low = low[:0]
-        blocked = self.blocked(values, np.arange(m + 1.0))
-        while len(low):
-            open_ = ~self.is_free(low, high, left, right) & (low <= blocked)
-            low, high, left, right = low[open_], high[open_], left[:, open_], right[:, open_]
+        m, ends = len(self.step), np.arange(len(self.step) + 1.0)
+        values = self.values(ends)
+        segments = _Intervals(ends[:-1], ends[1:], values[:, :-1], values[:, 1:])
+        open_ = self.open_of(segments.where(~self.is_free(segments)))
+        blocked = self.blocked(values, ends)
+        while True:
+            open_ = open_.where(~self.is_free(open_) & (open_.low <= blocked))
             if progress:
-                progress(int(WHOLE * (1.0 - float((high - low).sum()) / m)), WHOLE)
-            if not len(low):
+                progress(int(WHOLE * (1.0 - float((open_.high - open_.low).sum()) / m)), WHOLE)
+            if not open_.low.size:
                 break
             if len(self.polynomials) == 1:  # nothing after a proven root matters
-                crossing = self.signs(left)[0] * self.signs(right)[0] < 0
+                crossing = (self.signs(open_.left) * self.signs(open_.right))[0] < 0
                 if crossing.any():
-                    first = int(np.argmax(crossing))
-                    low, high = low[: first + 1], high[: first + 1]
-                    left, right = left[:, : first + 1], right[:, : first + 1]
-                    if first == 0 and self.is_monotone(low[0], high[0]):
-                        return self.refusal(self.root(low[0], high[0]), "singular")
+                    open_ = open_.where(slice(int(np.argmax(crossing)) + 1))
+                    if crossing[0] and self.is_monotone(open_.low[0], open_.high[0]):
+                        return self.result("singular", self.root(open_.low[0], open_.high[0]))
+            low, high = open_.low, open_.high
             middle = 0.5 * (low + high)
-            narrow = (high - low) * self.length(low) <= NARROW
+            narrow = (high - low) * self.longest[self.segment(low)] <= NARROW
             narrow |= (middle == low) | (middle == high)  # no number lies between
             if narrow[0] or len(low) > MOST:
-                return self.refusal(middle[0], self.verdict(low[0], high[0]))
+                return self.result(self.verdict(low[0], high[0]), middle[0])
             values = self.values(middle)
             blocked = min(blocked, self.blocked(values, middle))
-            order = np.argsort(np.concatenate((low, middle)), kind="stable")
-            low, high = np.concatenate((low, middle))[order], np.concatenate((middle, high))[order]
-            left = np.concatenate((left, values), axis=1)[:, order]
-            right = np.concatenate((values, right), axis=1)[:, order]
+            open_ = open_.halved(middle, values)
         if np.isfinite(blocked):
-            return self.refusal(blocked, self.verdict(blocked, blocked))
-        noise = float((self.noise / self.scale).max())
-        return Certificate(True, None, None, float(self.margin), "free", noise)
+            return self.result(self.verdict(blocked, blocked), blocked)
+        return self.result("free")
 
-    def point(self, s: Array) -> Array:
-        """Return the configurations (m, n) at positions (m,)."""
-        i = np.minimum(s.astype(np.int_), len(self.step) - 1)
-        return self.path[i] + (s - i)[:, None] * self.step[i]
+    def open_of(self, segments: _Intervals) -> _Intervals:
+        """Divide segments into intervals, on which the polynomials are evaluated by series."""
+        if not segments.low.size:
+            return segments
+        self.restrict(segments.low.astype(np.intp))
+        s = segments.low[:, None] + np.linspace(0.0, 1.0, PIECES + 1)
+        low, high = s[:, :-1].ravel(), s[:, 1:].ravel()
+        left = self.values(low)
+        within = left.reshape(len(left), -1, PIECES)[:, :, 1:]
+        right = np.concatenate((within, segments.right[:, :, None]), axis=2)
+        return _Intervals(low, high, left, right.reshape(len(left), -1))
 
-    def length(self, s: Array) -> Array:
-        """Return the largest joint motion along the segments at positions (m,) [rad]."""
-        return np.abs(self.step).max(axis=1)[np.minimum(s.astype(np.int_), len(self.step) - 1)]
+    def segment(self, s: Any) -> npt.NDArray[np.intp]:
+        """Return the numbers of the segments that hold positions (m,)."""
+        return np.minimum(np.asarray(s).astype(np.intp), len(self.step) - 1)
+
+    def point(self, s: Any) -> Array:
+        """Return the configurations (m, n) at positions (m,), or the one (n,) at a position."""
+        i = self.segment(s)
+        return np.asarray(self.path[i] + np.asarray(s - i)[..., None] * self.step[i])
 
     def restrict(self, segments: npt.NDArray[np.intp]) -> None:
         """Evaluate by series from now on, along these segments, where they are short enough."""
@@ -262,10 +282,10 @@ class _Path:
         """Return signs (p, m) of values; 0 where they may be rounding."""
         return np.where(np.abs(values) > self.noise[:, None], np.sign(values), 0.0)
 
-    def is_free(self, low: Array, high: Array, left: Array, right: Array) -> Any:
-        """Check which intervals (m,) hold no common root, from the values (p, m) at their ends."""
-        i = low.astype(np.int_)
-        sag = self.curvature[:, i] * ((high - low) ** 2 / 8.0)
+    def is_free(self, parts: _Intervals) -> Any:
+        """Check which intervals (m,) hold no common root, from the values at their ends."""
+        low, high, left, right = parts
+        sag = self.curvature[:, low.astype(np.intp)] * ((high - low) ** 2 / 8.0)
         least = np.minimum(np.abs(left), np.abs(right)) - sag * (1.0 + 1e-12)
         return ((left * right > 0.0) & (least > self.noise[:, None])).any(axis=0)
 
@@ -274,39 +294,34 @@ class _Path:
         nothing = (self.signs(values) == 0.0).all(axis=0)
         return float(s[nothing].min(initial=np.inf))
 
+    def along(self, i: int, t: float, order: int = 0) -> tuple[Array, Array]:
+        """Compute values (p,) and, of order 1, slopes (p,) at a place on segment i."""
+        jets = [S((self.path[i] + t * self.step[i])[None], order) for S in self.polynomials]
+        slopes = [jet.gradient[0] @ self.step[i] for jet in jets] if order else []
+        return np.array([jet.value[0] for jet in jets]), np.array(slopes)
+
     def is_monotone(self, low: float, high: float) -> bool:
         """Check whether the one polynomial is proven to be monotone on an interval."""
         i = int(low)
-        (S,), middle = self.polynomials, self.point(np.array([0.5 * (low + high)]))
-        slope = float(S(middle, 1).gradient[0] @ self.step[i])
-        return abs(slope) > self.curvature[0, i] * (high - low) + self.noise[0]
+        slope = abs(float(self.along(i, 0.5 * (low + high) - i, 1)[1][0]))
+        return bool(slope > self.curvature[0, i] * (high - low) + self.noise[0])
 
     def root(self, low: float, high: float) -> float:
         """Find the one root between positions where the one polynomial has different signs."""
         from scipy.optimize import brentq  # slow to import
 
-        (S,), i = self.polynomials, int(low)
-
-        def g(t: float) -> float:
-            return float(S((self.path[i] + t * self.step[i])[None]).value[0])
-
-        return i + float(brentq(g, low - i, high - i, xtol=1e-15, rtol=1e-15))
+        i = int(low)
+        ends = low - i, high - i
+        return i + float(brentq(lambda t: self.along(i, t)[0][0], *ends, xtol=1e-15, rtol=1e-15))
 
     def best(self, s: float) -> float:
         """Return the position near s at which the polynomials are least, by Gauss-Newton steps."""
-        i = min(int(s), len(self.step) - 1)
-
-        def at(t: float) -> tuple[Array, Array]:
-            jets = [S((self.path[i] + t * self.step[i])[None], 1) for S in self.polynomials]
-            g = np.array([jet.value[0] for jet in jets]) / self.scale
-            return g, np.array([jet.gradient[0] @ self.step[i] for jet in jets]) / self.scale
-
-        t = s - i
-        g, slope = at(t)
+        i = int(self.segment(s))
+        t, (g, slope) = s - i, self.along(i, s - i, 1) / self.scale
         for _ in range(REFINEMENTS):
             change = float(g @ slope) / max(float(slope @ slope), 1e-300)
             better = float(np.clip(t - np.clip(change, -CLOSE, CLOSE), 0.0, 1.0))
-            new, new_slope = at(better)
+            new, new_slope = self.along(i, better, 1) / self.scale
             if new @ new >= g @ g:
                 break
             t, g, slope = better, new, new_slope
@@ -315,21 +330,19 @@ class _Path:
     def verdict(self, low: float, high: float) -> Verdict:
         """Say whether a root is proven about an interval that is not free."""
         if len(self.polynomials) > 1:
-            at = self.point(np.array([self.best(0.5 * (low + high))]))[0]
+            at = self.point(self.best(0.5 * (low + high)))
             return "singular" if self.singular is not None and self.singular(at) else "undecided"
-        i = min(int(low), len(self.step) - 1)
-        for away in np.geomspace(1e-12, 1e-4, 9) / max(
-            float(self.length(np.array([low]))[0]), 1e-4
-        ):
+        i = int(self.segment(low))
+        for away in np.geomspace(1e-12, 1e-4, 9) / max(float(self.longest[i]), 1e-4):
             ends = np.clip((low - away, high + away), i, i + 1.0)
             signs = self.signs(np.array([self.polynomials[0](self.point(ends)).value]))[0]
             if signs[0] * signs[1] < 0:
                 return "singular"
         return "undecided"
 
-    def refusal(self, s: float, verdict: Verdict) -> Certificate:
-        """Return the certificate of a path that is not free from position s on."""
-        segment = min(int(s), len(self.step) - 1)
-        at = self.point(np.array([s]))[0]
+    def result(self, verdict: Verdict, s: float | None = None) -> Certificate:
+        """Return the certificate of a path that is free, or not free from position s on."""
         noise = float((self.noise / self.scale).max())
-        return Certificate(False, at, segment, 0.0, verdict, noise)
+        if s is None:
+            return Certificate(True, None, None, float(self.margin), verdict, noise)
+        return Certificate(False, self.point(s), int(self.segment(s)), 0.0, verdict, noise)

@@ -1,6 +1,6 @@
 """Values, gradients and second derivatives of a polynomial at many points, by nested contraction.
 
-Each coordinate is an angle q, with the basis 1, cos q, sin q, cos 2q, ..., or the position of a
+Each coordinate is an angle q, with the basis 1, cos q, ..., sin q, ..., or the position of a
 sliding joint, d = centre + half cos(angle): cos(k angle) = T_k((d - centre) / half), a Chebyshev
 polynomial, so that a polynomial in d is one in its angle. One coordinate after the other is
 contracted, the largest first; derivatives up to an order are carried along.
@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array
-from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.polynomial.trig import TrigPolynomial, derivative_bounds
 from spacearm.polynomial.univariate import orders
 
 BLOCK = 1 << 20
@@ -58,6 +58,10 @@ class Chart:
         """Return the positions of angles (..., n)."""
         return np.where(self.slides, self.centre + self.half * np.cos(angles), angles)
 
+    def draw(self, rng: np.random.Generator, *shape: int) -> Array:
+        """Draw positions (..., n) of uniform angles."""
+        return self.positions(rng.uniform(-np.pi, np.pi, (*shape, len(self.slides))))
+
 
 class Jet(NamedTuple):
     """Value and derivatives at m points.
@@ -91,10 +95,11 @@ class Jets:
         return self.polynomial.scale
 
     @classmethod
-    def of(cls, f: TrigPolynomial, chart: Chart) -> Jets:
-        """Return a polynomial divided by its scale."""
+    def of(cls, f: TrigPolynomial, chart: Chart | None = None) -> Jets:
+        """Return a polynomial divided by its scale; of revolute joints if there is no chart."""
         size = f.scale or 1.0
-        return cls(TrigPolynomial(f.coefficients / size, f.error / size), chart)
+        own = TrigPolynomial(f.coefficients / size, f.error / size)
+        return cls(own, chart or Chart.turning(f.n))
 
     def noise(self, largest: float = np.pi) -> float:
         """Bound the difference of a computed value from the true one, at angles up to `largest`."""
@@ -109,26 +114,16 @@ class Jets:
     @cached_property
     def _tensor(self) -> Array:
         """Real coefficients in the bases of the coordinates, axes as in `_axes`."""
-        C = self.polynomial.coefficients
-        for j, d in enumerate(self.polynomial.degrees):
-            T = np.zeros((2 * d + 1, 2 * d + 1), dtype=complex)
-            T[0, d] = 1.0
-            for k in range(1, d + 1):
-                T[2 * k - 1, [d + k, d - k]] = 1.0
-                T[2 * k, [d + k, d - k]] = 1j, -1j
-            if self.chart.slides[j]:
-                T = T[[0, *range(1, 2 * d, 2)]]
-            C = np.moveaxis(np.tensordot(T, C, axes=(1, j)), 0, j)
-        kept = np.ascontiguousarray(C.real.transpose(*self._axes, *self._idle))
-        return kept.reshape([kept.shape[i] for i in range(len(self._axes))])
+        real = self.polynomial.real
+        for j in np.flatnonzero(self.chart.slides):  # of a sliding joint there are no sines
+            real = real.take(range(self.polynomial.degrees[j] + 1), axis=j)
+        shape = [real.shape[j] for j in self._axes]
+        idle = [j for j, d in enumerate(self.polynomial.degrees) if not d]
+        return np.ascontiguousarray(real.transpose(*self._axes, *idle)).reshape(shape)
 
     @cached_property
     def _sizes(self) -> Array:
         return np.abs(self.polynomial.coefficients)
-
-    @property
-    def _idle(self) -> list[int]:
-        return [j for j, d in enumerate(self.polynomial.degrees) if not d]
 
     def __call__(self, Q: Array, order: int = 0) -> Jet:
         """Evaluate at Q (m, n), with derivatives up to an order of 0, 1 or 2."""
@@ -178,17 +173,13 @@ class Jets:
             x = (q - self.chart.centre[j]) / self.chart.half[j]
             T = chebyshev(x, d, order)
             return T / self.chart.half[j] ** np.arange(order + 1)
-        k = np.arange(1, d + 1)
-        angle = q[:, None] * k
-        cosine, sine = np.cos(angle), np.sin(angle)
-        waves = np.zeros((len(q), 2 * d + 1, order + 1))
-        waves[:, 0, 0] = 1.0
-        waves[:, 1::2, 0], waves[:, 2::2, 0] = cosine, sine
-        if order > 0:
-            waves[:, 1::2, 1], waves[:, 2::2, 1] = -k * sine, k * cosine
-        if order > 1:
-            waves[:, 1:, 2] = -waves[:, 1:, 0] * np.repeat(k * k, 2)
-        return waves
+        k, one = np.arange(1, d + 1), np.ones((len(q), 1))
+        cosine, sine = np.cos(q[:, None] * k), np.sin(q[:, None] * k)
+        waves = [np.hstack((one, cosine, sine))]
+        for _ in range(order):
+            cosine, sine = -k * sine, k * cosine
+            waves.append(np.hstack((0.0 * one, cosine, sine)))
+        return np.stack(waves, axis=-1)
 
     def curvature(self, reach: Array) -> Array:
         """Bound the second derivatives, (n, n), wherever |(d - centre) / half| <= reach (n,)."""
@@ -200,20 +191,7 @@ class Jets:
                 weights.append((T / self.chart.half[j] ** np.arange(3))[k])
             else:
                 weights.append(k[:, None].astype(np.float64) ** np.arange(3))
-        n = len(weights)
-        sums: dict[tuple[int, ...], Array] = {(): self._sizes}
-        with np.errstate(over="ignore"):
-            for j in reversed(range(n)):  # the axes that are left come first
-                sums = {
-                    (*(j,) * e, *of): values @ weights[j][:, e]
-                    for of, values in sums.items()
-                    for e in range(3 - len(of))
-                }
-        bounds = np.zeros((n, n))
-        for of, value in sums.items():
-            if len(of) == 2:
-                bounds[of] = bounds[of[::-1]] = value
-        return bounds
+        return derivative_bounds(self._sizes, weights, 2)
 
     def bound(self, reach: Array, half_step: Array, rho: float) -> float:
         """Bound the values along a segment, its variable in the Bernstein ellipse rho.
@@ -235,15 +213,14 @@ class Jets:
                 powers.append(k * half_step[j] * (rho - 1.0 / rho) / 2.0)
         if sum(float(power[-1]) for power in powers) > LARGEST:
             return np.inf
-        return self._weighted([np.exp(power) for power in powers])
+        weights = [np.exp(power)[:, None] for power in powers]
+        return float(derivative_bounds(self._sizes, weights, 0))
 
-    def _weighted(self, weights: Sequence[Array]) -> float:
-        """Sum |c_k| times a weight for each order in each coordinate."""
-        total: Any = self._sizes
-        with np.errstate(over="ignore"):
-            for weight in reversed(weights):
-                total = total @ weight
-        return float(total)
+
+def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
+    """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians."""
+    jets = [f(Q, order) for f in polynomials]
+    return Jet(*(np.stack(parts, axis=1) for parts in zip(*jets, strict=True)))
 
 
 class Pointwise:
@@ -255,8 +232,7 @@ class Pointwise:
     """
 
     def __init__(self, f: TrigPolynomial, unit: float = 1.0) -> None:
-        own = TrigPolynomial(f.coefficients / unit, f.error / unit)
-        self._jets = Jets(own, Chart.turning(f.n))
+        self._jets = Jets(TrigPolynomial(f.coefficients / unit), Chart.turning(f.n))
 
     def __call__(self, q: Array, /) -> float:
         """Compute the value at q (n,)."""

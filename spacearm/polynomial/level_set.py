@@ -60,7 +60,7 @@ def lines(S: TrigPolynomial, resolution: float = 0.0) -> list[Array]:
 
     values, step = _grid(S, resolution)
     values = _parted(S.shifted(np.full(2, OFFSET)), values, step)
-    contour = contourpy.contour_generator(z=_periodic(values).T)
+    contour = contourpy.contour_generator(z=np.pad(values, (0, 1), mode="wrap").T)
     pieces = cast("list[Array]", contour.lines(0.0))
     return [polish(S, chain) for chain in _sew([OFFSET + piece * step for piece in pieces])]
 
@@ -70,6 +70,17 @@ def surface(S: TrigPolynomial, resolution: float = 0.0) -> Mesh:
     values, step = _grid(S, resolution)
     found, triangles = _isosurface(values)
     return Mesh(wrap(polish(S, OFFSET + found * step)), triangles)
+
+
+def connected(points: Array, edges: npt.NDArray[np.int_]) -> list[Array]:
+    """Return the connected pieces of points (m, n), of which pairs (e, 2) are neighbours."""
+    from scipy.sparse import csr_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
+    m, ends = len(points), (edges[:, 0], edges[:, 1])
+    graph = csr_array((np.ones(len(edges)), ends), shape=(m, m))
+    _, labels = connected_components(graph, directed=False)
+    return [points[labels == label] for label in np.unique(labels)]
 
 
 def _isosurface(values: Array) -> tuple[Array, npt.NDArray[np.int_]]:
@@ -191,18 +202,13 @@ def _parted(S: TrigPolynomial, values: Array, step: float) -> Array:
     return values
 
 
-def _periodic(values: Array) -> Array:
-    """Return the grid with its first layers repeated at the end."""
-    return np.pad(values, [(0, 1)] * values.ndim, mode="wrap")
-
-
 def _sew(pieces: list[Array]) -> list[Array]:
     """Join pieces that end on a seam of the torus where another begins."""
     whole = [piece for piece in pieces if np.allclose(piece[0], piece[-1], atol=1e-9)]
     loose = [piece for piece in pieces if not np.allclose(piece[0], piece[-1], atol=1e-9)]
     while loose:
         chain = loose.pop()
-        while loose and not _meet(chain[-1], chain[0]):
+        while loose and _gap(chain[-1], chain[0]) > SEWN:
             ends = [(i, flip) for i in range(len(loose)) for flip in (False, True)]
             gaps = [_gap(chain[-1], loose[i][-1 if flip else 0]) for i, flip in ends]
             i, flip = ends[int(np.argmin(gaps))]
@@ -217,10 +223,6 @@ def _sew(pieces: list[Array]) -> list[Array]:
 
 def _gap(a: Array, b: Array) -> float:
     return float(np.abs(wrap(a - b)).max())
-
-
-def _meet(a: Array, b: Array) -> bool:
-    return _gap(a, b) <= SEWN
 
 
 Booleans = npt.NDArray[np.bool_]
@@ -258,7 +260,7 @@ def curves(
     points = onto(polynomials, middle)
     links = number.reshape(-1, 2)
     links = links[counts(points)[links].all(axis=1)]
-    return [_continuous(points[chain]) for chain in _chains(links)]
+    return [np.unwrap(points[chain], axis=0) for chain in _chains(links)]
 
 
 def _chains(links: npt.NDArray[np.intp]) -> list[list[int]]:
@@ -279,9 +281,3 @@ def _chains(links: npt.NDArray[np.intp]) -> list[list[int]]:
         if len(chain) > 1:
             chains.append(chain)
     return chains
-
-
-def _continuous(points: Array) -> Array:
-    """Remove whole turns between neighbours."""
-    steps = wrap(np.diff(points, axis=0))
-    return np.concatenate((points[:1], points[0] + np.cumsum(steps, axis=0)))

@@ -11,12 +11,12 @@ step undetermined, the shortest one is taken.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.jets import Chart, Jets, Pointwise
+from spacearm.polynomial.jets import Jets, Pointwise, stacked
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
 STEPS = 60
@@ -25,29 +25,14 @@ CONVERGED = 1e-14
 """Length of the step after which the iteration ends [rad]."""
 ONTO_STEPS, ONTO_STRIDE = 30, 0.05
 """Largest number of Gauss-Newton steps onto common roots; the longest of them [rad]."""
+STRIDE = 0.1
+"""Longest step towards a stationary point [rad]."""
 SHORT = 0.4
 """Largest joint motion of one run of an optimisation [rad]."""
 MOST_WAYS = 60
 """Largest number of runs."""
 AT_LIMIT = 1e-7
 """Distance from its limit below which a joint counts as at the limit [rad]."""
-
-
-class Smooth(Protocol):
-    """A function with first and second derivatives."""
-
-    def gradient(self, q: Array, /) -> Array:
-        """Return the gradient (n,)."""
-
-    def hessian(self, q: Array, /) -> Array:
-        """Return the second derivatives (n, n)."""
-
-
-class Constraint(Smooth, Protocol):
-    """A function with its values too."""
-
-    def __call__(self, q: Array, /) -> float:
-        """Return the value at q (n,)."""
 
 
 def shortened(step: Array, stride: float) -> Array:
@@ -84,9 +69,7 @@ def iterate(
     return x
 
 
-def stationary(
-    F: Smooth, constraints: Sequence[Constraint], start: Array, stride: float = 0.1
-) -> Array:
+def stationary(F: Pointwise, constraints: Sequence[Pointwise], start: Array) -> Array:
     """Find a point near `start` where F is stationary on common roots, or on all of space."""
     n = len(start)
 
@@ -101,7 +84,7 @@ def stationary(
 
     G = np.array([S.gradient(start) for S in constraints]).reshape(-1, n)
     multipliers = np.linalg.lstsq(G.T, -F.gradient(start), rcond=None)[0]
-    return iterate(equations, np.append(start, multipliers), n, stride)[:n]
+    return iterate(equations, np.append(start, multipliers), n, STRIDE)[:n]
 
 
 def bounded_extreme(
@@ -190,12 +173,9 @@ def polish(S: TrigPolynomial, points: Array) -> Array:
 
 def onto(polynomials: Sequence[TrigPolynomial], points: Array) -> Array:
     """Move points (m, n) onto the common roots by the Gauss-Newton method."""
-    turning = Chart.turning(points.shape[1])
-    scaled = [Jets.of(f, turning) for f in polynomials]
+    scaled = [Jets.of(f) for f in polynomials]
     for _ in range(ONTO_STEPS):
-        jets = [f(points, 1) for f in scaled]
-        values = np.stack([jet.value for jet in jets], axis=1)
-        G = np.stack([jet.gradient for jet in jets], axis=1)
+        values, G, _ = stacked(scaled, points, 1)
         step = -(np.linalg.pinv(G, rcond=1e-9) @ values[:, :, None])[:, :, 0]
         points = points + shortened(step, ONTO_STRIDE)
         if np.abs(step).max(initial=0.0) < 1e-14:

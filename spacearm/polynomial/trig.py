@@ -23,9 +23,10 @@ interpolant and the samples differ by what the sampler and the degrees leave out
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -378,14 +379,17 @@ class TrigPolynomial:
     @cached_property
     def lipschitz(self) -> Array:
         """(n,) L_j >= |df/dq_j| everywhere."""
-        size = np.abs(self.coefficients)
-        return np.array([float((size * np.abs(self._k(j))).sum()) for j in range(self.n)])
+        return self.derivative_bounds(1)
 
     @cached_property
     def curvature(self) -> Array:
         """(n, n) B_ij >= |d2f/dq_i dq_j| everywhere."""
-        size, k = np.abs(self.coefficients), [np.abs(self._k(j)) for j in range(self.n)]
-        return np.array([[float((size * a * b).sum()) for b in k] for a in k])
+        return self.derivative_bounds(2)
+
+    def derivative_bounds(self, order: int) -> Array:
+        """Bound the derivatives of an order everywhere, (n, ..., n)."""
+        weights = [np.abs(orders(d))[:, None] ** np.arange(order + 1.0) for d in self.degrees]
+        return derivative_bounds(np.abs(self.coefficients), weights, order)
 
     def sign(self, centre: npt.ArrayLike, half: npt.ArrayLike) -> npt.NDArray[np.int_]:
         """Certify signs over boxes: +1 or -1 where no root can be, else 0.
@@ -402,3 +406,27 @@ class TrigPolynomial:
         )
         values = self(c)
         return np.where(np.abs(values) > change, np.sign(values), 0.0).astype(int)
+
+
+def derivative_bounds(sizes: Array, weights: Sequence[Array], order: int) -> Array:
+    """Sum |c_k| times the bounds of its wave's derivatives of an order, (n, ..., n).
+
+    Args:
+        sizes: (2 d_1 + 1, ..., 2 d_n + 1) |c_k|.
+        weights: Of each coordinate (2 d_j + 1, order + 1) bounds of its waves and of their
+            derivatives up to the order.
+        order: Of the derivatives.
+    """
+    sums: dict[tuple[int, ...], Array] = {(): sizes}
+    with np.errstate(over="ignore"):
+        for j in reversed(range(len(weights))):  # the axes that are left come first
+            sums = {
+                (*(j,) * e, *of): values @ weights[j][:, e]
+                for of, values in sums.items()
+                for e in range(order + 1 - len(of))
+            }
+    bounds = np.zeros((len(weights),) * order)
+    for of, value in sums.items():
+        for index in permutations(of) if len(of) == order else ():
+            bounds[index] = value
+    return bounds

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, named
+from spacearm.compiler import numbers
 
 NEAR_CIRCLE = 1e-2
 """Multiple roots split off the unit circle by a root of rounding, less than this; the value of f
@@ -50,12 +51,16 @@ def circle_roots(xp: Any, d: int, line: Any) -> tuple[Any, Any]:
         (2 d,) angles in (-pi, pi], NaN where there are fewer, and 1 if they are sure, else 0.
     """
     x, y, sure = _all_roots(xp, d, line)
-    squares = x * x + y * y
+    return _polished(xp, d, line, x, y), sure
+
+
+def _polished(xp: Any, d: int, line: Any, x: Any, y: Any) -> Any:
+    """Return the angles (2 d,) of the roots x + i y that lie on the unit circle, NaN of others."""
+    squares, angles = x * x + y * y, xp.arctan2(y, x)
     near = xp.logical_and(squares > np.exp(-2.0 * NEAR_CIRCLE), squares < np.exp(2.0 * NEAR_CIRCLE))
-    angles = xp.arctan2(y, x)
     values, slopes = _values(xp, d, line, angles)
 
-    def polish(angles: Any, values: Any, slopes: Any, left: Any) -> tuple[Any, ...]:
+    def polish(angles: Any, values: Any, slopes: Any) -> tuple[Any, ...]:
         step = xp.where(slopes * slopes > 0.0, values / slopes, 0.0)
         tried = angles - xp.minimum(xp.maximum(step, -LONGEST), LONGEST)
         new, new_slopes = _values(xp, d, line, tried)
@@ -63,15 +68,15 @@ def circle_roots(xp: Any, d: int, line: Any) -> tuple[Any, Any]:
         goes_on = xp.where(better, 1.0, 0.0).sum() > 0.0
         return (
             xp.where(better, tried, angles), xp.where(better, new, values),
-            xp.where(better, new_slopes, slopes), left - 1.0, goes_on,
+            xp.where(better, new_slopes, slopes), goes_on,
         )  # fmt: skip
 
-    angles, values, _, _ = xp.while_any(polish, angles, values, slopes, 1.0, most=POLISH)
+    angles, values, _ = xp.while_any(polish, angles, values, slopes, most=POLISH)
     scale = xp.absolute(line[0])
     for k in range(1, d + 1):
         scale = xp.maximum(scale, 0.5 * xp.hypot(line[k], line[d + k]))
     real = xp.logical_and(near, xp.absolute(values) <= ZERO * scale)
-    return xp.where(real, angles, np.nan), sure
+    return xp.where(real, angles, np.nan)
 
 
 def _all_roots(xp: Any, d: int, line: Any) -> tuple[Any, Any, Any]:
@@ -183,48 +188,9 @@ def distinct(angles: Array) -> tuple[Array, npt.NDArray[np.int_]]:
 
 def line_roots(lines: Complex) -> Array:
     """Find the real roots (m, 2 d) of polynomials (m, 2 d + 1); NaN where there are fewer."""
-    m, size = lines.shape
-    d = size // 2
-    if d == 0 or m == 0:
-        return np.full((m, 2 * d), np.nan)
-    if d == 1:
-        c, z = lines[:, 1].real, 2.0 * lines[:, 2]
-        return _first_degree_roots(c, z.real, -z.imag).T
-    found = np.full((m, 2 * d), np.nan)
-    scale = np.abs(lines).max(axis=1)
-    usable = np.abs(lines[:, -1]) > 1e-13 * scale
-    for row in np.flatnonzero(~usable):  # of lower degree on this line
-        inner = lines[row, 1:-1][None]
-        found[row, : 2 * d - 2] = line_roots(inner)[0] if scale[row] > 0.0 else np.nan
-    _lines[d] += m
-    found[usable] = (_iterated if _lines[d] > MANY else _by_eigenvalues)(lines[usable])
-    return found
-
-
-def _iterated(lines: Complex) -> Array:
-    """Find the roots (m, 2 d) by Aberth's iteration."""
-    c, z = lines[:, lines.shape[1] // 2], 2.0 * lines[:, lines.shape[1] // 2 + 1 :]
-    line = np.concatenate((c.real[:, None], z.real, -z.imag), axis=1)
-    found, sure = compiled_roots(z.shape[1])({"line": line})
-    doubtful = sure == 0.0
-    found[doubtful] = _by_eigenvalues(lines[doubtful])
-    return wrap(found)
-
-
-def _by_eigenvalues(lines: Complex) -> Array:
-    """Find the roots (m, 2 d) by the companion matrix."""
-    m, size = lines.shape
-    found = np.full((m, size - 1), np.nan)
-    monic = lines[:, :-1] / lines[:, -1:]
-    companion = np.zeros((m, size - 1, size - 1), dtype=complex)
-    companion[:, np.arange(1, size - 1), np.arange(size - 2)] = 1.0
-    companion[:, :, -1] = -monic
-    z = np.linalg.eigvals(companion).astype(complex)
-    line, column = np.nonzero(np.abs(np.log(np.maximum(np.abs(z), 1e-300))) < NEAR_CIRCLE)
-    angles, values = _polish(lines[line], np.angle(z[line, column])[:, None])
-    real = np.abs(values) <= ZERO * np.abs(lines).max(axis=1)[line, None]
-    found[line, column] = np.where(real, wrap(angles), np.nan)[:, 0]
-    return found
+    d = lines.shape[1] // 2
+    z = 2.0 * lines[:, d + 1 :]
+    return real_roots(np.concatenate((lines[:, d : d + 1].real, z.real, -z.imag), axis=1).T).T
 
 
 def real_roots(rows: Array) -> Array:
@@ -232,14 +198,40 @@ def real_roots(rows: Array) -> Array:
 
     The rows are the factors of 1, cos q, ..., cos d q, sin q, ..., sin d q.
     """
-    d = len(rows) // 2
+    d, m = len(rows) // 2, rows.shape[1]
+    if d == 0 or m == 0:
+        return np.full((2 * d, m), np.nan)
     if d == 1:
         return _first_degree_roots(*rows)
-    lines = np.empty((rows.shape[1], 2 * d + 1), dtype=complex)
-    lines[:, d] = rows[0]
-    lines[:, d + 1 :] = 0.5 * (rows[1 : d + 1] - 1j * rows[d + 1 :]).T
-    lines[:, :d] = np.conj(lines[:, :d:-1])
-    return line_roots(lines).T
+    sizes = 0.5 * np.hypot(rows[1 : d + 1], rows[d + 1 :])
+    lower = sizes[-1] <= 1e-13 * np.maximum(np.abs(rows[0]), sizes.max(axis=0))
+    found = np.full((2 * d, m), np.nan)
+    if lower.any():  # of lower degree on these lines
+        found[:-2, lower] = real_roots(np.delete(rows[:, lower], (d, 2 * d), axis=0))
+    _lines[d] += m
+    found[:, ~lower] = (_iterated if _lines[d] > MANY else _by_eigenvalues)(rows[:, ~lower])
+    return found
+
+
+def _iterated(rows: Array) -> Array:
+    """Find the roots (2 d, m) by Aberth's iteration."""
+    found, sure = compiled_roots(len(rows) // 2)({"line": rows.T})
+    doubtful = sure == 0.0
+    found[doubtful] = _by_eigenvalues(rows[:, doubtful]).T
+    return wrap(found.T)
+
+
+def _by_eigenvalues(rows: Array) -> Array:
+    """Find the roots (2 d, m) by the companion matrix."""
+    d, m = len(rows) // 2, rows.shape[1]
+    z = 0.5 * (rows[1 : d + 1] - 1j * rows[d + 1 :])
+    monic = np.concatenate((np.conj(z[::-1]), rows[:1], z[:-1])) / z[-1]
+    companion = np.zeros((m, 2 * d, 2 * d), dtype=complex)
+    companion[:, np.arange(1, 2 * d), np.arange(2 * d - 1)] = 1.0
+    companion[:, :, -1] = -monic.T
+    roots = np.linalg.eigvals(companion).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return wrap(_polished(numbers, d, rows, roots.real, roots.imag))
 
 
 def _first_degree_roots(c: Array, a: Array, b: Array) -> Array:
@@ -250,29 +242,6 @@ def _first_degree_roots(c: Array, a: Array, b: Array) -> Array:
         spread = np.arccos(np.where(touching, np.sign(cosine), cosine))
     middle = np.arctan2(b, a)
     return wrap(np.stack((middle - spread, middle + spread)))
-
-
-def _polish(lines: Complex, angles: Array) -> tuple[Array, Array]:
-    """Take Newton steps where they make the value smaller; return angles and values."""
-    values, slopes = line_values(lines, angles)
-    for _ in range(POLISH):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(slopes != 0.0, values / slopes, 0.0)
-        tried = angles - np.clip(step, -LONGEST, LONGEST)
-        new, new_slopes = line_values(lines, tried)
-        better = np.abs(new) < np.abs(values)
-        if not better.any():
-            break
-        angles = np.where(better, tried, angles)
-        values, slopes = np.where(better, new, values), np.where(better, new_slopes, slopes)
-    return angles, values
-
-
-def line_values(lines: Complex, angles: Array) -> tuple[Array, Array]:
-    """Evaluate polynomials (m, 2 d + 1) at angles (m, r): values and slopes, (m, r) each."""
-    k = orders(lines.shape[1] // 2)
-    waves = lines[:, None, :] * np.exp(1j * angles[:, :, None] * k)
-    return waves.sum(axis=2).real, (waves * (1j * k)).sum(axis=2).real
 
 
 def wrap(angles: Array) -> Array:

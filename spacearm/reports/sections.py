@@ -13,14 +13,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.blocks import Progress
-from spacearm.mission.envelope import level_envelope
-from spacearm.mission.level import level_reach
-from spacearm.mission.wheel_sizing import PERCENTILES, size_wheels
+from spacearm.mission.level import level_envelope, level_reach
+from spacearm.mission.reactions import PERCENTILES, size_wheels
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector

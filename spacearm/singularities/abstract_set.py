@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, named
+from spacearm.arrays import Array, Progress, named
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.blocks import Progress
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -26,6 +25,8 @@ from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import Roots
+from spacearm.singularities.nearest import nearest_singular
+from spacearm.singularities.polynomials import minors_of
 from spacearm.singularities.rounding import error_bars
 
 
@@ -49,9 +50,7 @@ def prove_free(
         limits: Whether only what lies within the joint limits counts.
         progress: Called as progress(done, 1000), in thousandths of the path.
     """
-    rows = np.array([joint_vector(arm, q, "path") for q in np.atleast_2d(np.asarray(path))])
-    if not len(rows):
-        raise ConfigurationError("path has no rows; give at least one configuration")
+    rows = path_rows(arm, path)
 
     def singular(q: Array) -> bool:
         cfg = arm.at(q)
@@ -71,6 +70,18 @@ def prove_free(
         margin = min(margin, proof.margin)
     noise = max(minor.noise() / minor.scale for minor in minors)
     return Certificate(True, None, None, margin, "free", noise)
+
+
+def path_rows(arm: SpaceArm, path: npt.ArrayLike) -> Array:
+    """Return the checked configurations (m, n) of a path.
+
+    Raises:
+        ConfigurationError: There is none, or a row is none.
+    """
+    rows = np.array([joint_vector(arm, q, "path") for q in np.atleast_2d(np.asarray(path))])
+    if not len(rows):
+        raise ConfigurationError("path has no rows; give at least one configuration")
+    return rows
 
 
 def _within(arm: SpaceArm, path: Array) -> list[tuple[int, Array]]:
@@ -196,7 +207,11 @@ class SingularSet(ABC):
                 few; carries those found.
         """
 
-    @abstractmethod
+    @property
+    def _polynomial(self) -> TrigPolynomial | None:
+        """S, if the set has one, to prove that no singular configuration is nearer than one."""
+        return None
+
     def nearest(
         self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
     ) -> tuple[Array, float]:
@@ -218,6 +233,8 @@ class SingularSet(ABC):
         Raises:
             NoSolutionError: None was found.
         """
+        centre, S = joint_vector(self.arm, q, "q"), self._polynomial
+        return nearest_singular(self.arm, self.mode, centre, limits, S, progress)
 
     def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
         """Prove that the straight segment from q0 to q1 in joint space meets no singularity.
@@ -241,7 +258,6 @@ class SingularSet(ABC):
             warn_outside(self.arm, q, name)
         return self.clearance(ends, limits=limits)
 
-    @abstractmethod
     def clearance(
         self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
     ) -> Certificate:
@@ -252,6 +268,8 @@ class SingularSet(ABC):
             limits: As in `is_free`.
             progress: Called now and then as progress(done, 1000), in thousandths of the path.
         """
+        every = minors_of(self.arm, self.mode).every()
+        return prove_free(self.arm, self.mode, every, path, limits, progress)
 
     @abstractmethod
     def curves(

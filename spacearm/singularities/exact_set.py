@@ -16,42 +16,28 @@ from numbers import Integral
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, whole
+from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import conditions
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.polynomial import level_set
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
-from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.newton import bounded_extreme
 from spacearm.polynomial.triangle import Triangle
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Roots, distinct, line_roots
 from spacearm.singularities.abstract_set import Component, SingularSet, prove_free
-from spacearm.singularities.nearest import AT_A_ROOT, nearest_singular
-from spacearm.singularities.polynomials import distances, minors_of, radius_squared
+from spacearm.singularities.nearest import AT_A_ROOT
+from spacearm.singularities.polynomials import distances, radius_squared
 
 TURNS = 96
 """Values of a joint that S does not depend on, from which extremes of R are searched."""
 STARTS, APART = 4, 0.5
 """Number of points from which each is then searched, the best ones so far apart [rad]; on curves,
 whose points lie close together, one does."""
-
-
-def connected(mesh: Mesh) -> list[Array]:
-    """Return the vertices (m, 3) of each connected piece of a mesh."""
-    from scipy.sparse import csr_array  # slow to import
-    from scipy.sparse.csgraph import connected_components
-
-    edges = (mesh.triangles[:, [0, 1, 2]].ravel(), mesh.triangles[:, [1, 2, 0]].ravel())
-    m = len(mesh.vertices)
-    graph = csr_array((np.ones(len(edges[0])), edges), shape=(m, m))
-    number, labels = connected_components(graph, directed=False)
-    return [mesh.vertices[labels == i] for i in range(number)]
 
 
 def component(arm: SpaceArm, mode: BaseMode, S: TrigPolynomial, points: Array) -> Component:
@@ -111,10 +97,7 @@ class ExactSet(SingularSet):
     chart: Chart
     sifted: bool = False
 
-    @property
-    def complete(self) -> bool:
-        """True."""
-        return True
+    complete = True
 
     @property
     def codimension(self) -> int:
@@ -122,15 +105,21 @@ class ExactSet(SingularSet):
         return len(self.triangle.equations)
 
     @property
+    def _polynomial(self) -> TrigPolynomial | None:
+        """S, of one equation of revolute joints."""
+        one = self.codimension == 1 and not self.chart.slides.any()
+        return self.triangle.polynomials[0] if one else None
+
+    @property
     def S(self) -> TrigPolynomial:
         """The singularity polynomial of an arm with as many revolute joints as task rows."""
-        if self.codimension > 1 or self.chart.slides.any():
+        if self._polynomial is None:
             raise UnsupportedError(
                 f"{self.arm.name}: only arms with as many revolute joints as task rows have a "
                 f"singularity polynomial; this set is given by {self.codimension} of the angles "
                 "in .triangle.polynomials"
             )
-        return self.triangle.polynomials[0]
+        return self._polynomial
 
     @property
     def relevant(self) -> tuple[int, ...]:
@@ -202,21 +191,9 @@ class ExactSet(SingularSet):
     ) -> Certificate:
         """Prove that a path of straight segments (m, n) meets no singularity."""
         proof = prove_free(self.arm, self.mode, self._jets, path, limits, progress)
-        if (
-            self.codimension > 1 and proof.verdict == "undecided"
-        ):  # all minors tell more than those of the set
-            every = minors_of(self.arm, self.mode).every()
-            return prove_free(self.arm, self.mode, every, path, limits, progress)
-        return proof
-
-    def nearest(
-        self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
-    ) -> tuple[Array, float]:
-        """Find the singular configuration nearest to q; see `SingularSet.nearest`."""
-        one = self.codimension == 1 and not self.chart.slides.any()
-        centre = joint_vector(self.arm, q, "q")
-        S = self.S if one else None
-        return nearest_singular(self.arm, self.mode, centre, limits, S, progress)
+        if self.codimension == 1 or proof.verdict != "undecided":
+            return proof
+        return super().clearance(path, limits=limits, progress=progress)  # all minors tell more
 
     def curves(
         self,
@@ -258,10 +235,11 @@ class ExactSet(SingularSet):
             return [point[None] for point in self.triangle.solve(np.zeros((1, self.arm.n)))]
         if self.dimension == 1:
             return self.curves()
-        return [
-            self._embed(piece, self.relevant, np.zeros(self.arm.n))
-            for piece in connected(self.surface())
-        ]
+        mesh = self.surface()
+        edges = mesh.triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
+        return level_set.connected(
+            self._embed(mesh.vertices, self.relevant, np.zeros(self.arm.n)), edges
+        )
 
     # --- parts ------------------------------------------------------------------------------
 

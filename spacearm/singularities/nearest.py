@@ -2,9 +2,9 @@
 
 Offsets x from the configuration count in radians of each joint (`joint_scales`), so that |x| is the
 distance. Each step of a descent goes to the point T(x) nearest to the configuration on the singular
-set linearised at x (`nearness.foot`). Nearest points are fixed points of T. The best ends are then
-moved onto the set and along it, by Newton's method on T(x) = x, its derivatives taken as
-differences, or by shorter steps towards T(x) where that is no nearer.
+set linearised at x (`mechanics.distance.project`). Nearest points are fixed points of T. The best
+ends are then moved onto the set and along it, by Newton's method on T(x) = x, its derivatives taken
+as differences, or by shorter steps towards T(x) where that is no nearer.
 
 J* itself and its derivative are all that this takes, so it works for every arm, and nothing is
 found that is not singular. That nothing nearer is missed is proven only by `nearest_root`, for
@@ -14,16 +14,15 @@ sets with one equation in up to three joints.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.blocks import Progress
+from spacearm.mechanics.distance import Linearisation, linearise, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.mechanics.nearness import Tangent, foot, nearness, tangent
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
@@ -60,8 +59,8 @@ NEARBY = 0.02
 LANDED = 1e-9
 """Steps onto the set that are no longer end the way there: the next would be of the order of their
 square [rad]."""
-LOOKS = 100
-"""Configurations that are looked from until one has settled, about."""
+LINEARISED = 100
+"""Configurations that the set is linearised at until an offset has settled, about."""
 THERE, FAR = 1e-8, 10.0
 """Distance of the set from singular configurations, and where it is nowhere in sight [rad]."""
 RESTING = 1e-13
@@ -85,7 +84,7 @@ def nearest_singular(
         limits: Whether only configurations within the joint limits count.
         S: The polynomial of all n joint angles that vanishes on the set and nowhere else, to prove
             that none is nearer.
-        progress: Called as progress(done, most), in looks at the set.
+        progress: Called as progress(done, most), in configurations that the set is linearised at.
 
     Returns:
         (n,) configuration and its distance [rad], sliding joints in units of `joint_scales`.
@@ -93,13 +92,16 @@ def nearest_singular(
     Raises:
         NoSolutionError: None was found.
     """
-    unit = joint_scales(arm)
-    low = (arm.lower - q) / unit if limits else np.full(arm.n, -np.inf)
-    high = (arm.upper - q) / unit if limits else np.full(arm.n, np.inf)
-    look = looking(arm, mode, q)
-    if progress:
-        look = _counted(look, _most(arm.n), progress)
-    search = Search(look, low, high)
+    unit, most, done = joint_scales(arm), _most(arm.n), 0
+    low, high = ((arm.lower - q) / unit, (arm.upper - q) / unit) if limits else (-np.inf, np.inf)
+
+    def linearised(m: int) -> None:
+        nonlocal done
+        done = min(done + m, most)  # branch and bound is beyond
+        if progress:
+            progress(done, most)
+
+    search = Search(arm, mode, q[None], low, high, linearised=linearised)
     best = search.nearest()
     if S is not None and not limits:
         best = _proven(S, q, best, search)
@@ -108,10 +110,17 @@ def nearest_singular(
     return q + unit * best, float(np.linalg.norm(best))
 
 
-def looking(arm: SpaceArm, mode: BaseMode, q: Array) -> Callable[[Array], Tangent]:
-    """Return how the set looks from offsets (m, n)."""
-    unit = joint_scales(arm)
-    return lambda X: tangent(arm, q + unit * X, mode, expected=LOOKS)
+def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
+    """Return the singular configuration (n,) nearest to q (n,) that lies about, and its distance.
+
+    Where the set is near, the projection of q on it to first order lies by its nearest point. Then
+    the last part of `Search` is enough, which moves one point along the set until it rests. The
+    distance is in radians, sliding joints in units of `joint_scales`; None if none lies about.
+    """
+    (offset,) = settled_each(arm, mode, q[None])
+    if np.isnan(offset).any():
+        return None
+    return q + joint_scales(arm) * offset, float(np.linalg.norm(offset))
 
 
 def settled_each(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
@@ -119,52 +128,15 @@ def settled_each(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
 
     What `Search.settled` does from one configuration, of many side by side.
     """
-    m, n = Q.shape
-
-    def search(rows: npt.NDArray[np.intp]) -> Search:
-        """Return a search from some of the configurations."""
-
-        def look(X: Array) -> Tangent:
-            start = np.repeat(Q[rows], len(X) // len(rows), axis=0)
-            return tangent(arm, start + unit * X, mode, expected=LOOKS * m)
-
-        return Search(look, np.full(n, -np.inf), np.full(n, np.inf))
-
-    unit = joint_scales(arm)
-    every = np.arange(m)
-    X: Array = np.zeros((m, n))
-    if not m:
+    X = np.zeros(Q.shape)
+    if not len(Q):
         return X
-    whole, moving = search(every), every
-    X = whole.onto(X, LANDING)
-    for _ in range(SETTLING):
-        X[moving], _, rests = search(moving)._moved(X[moving])
-        moving = moving[~rests]
-        if not moving.size:
-            break
-    X = whole.onto(X, 2)
-    X[whole.look(X).distance > THERE] = np.nan
-    return X
-
-
-def _counted(
-    look: Callable[[Array], Tangent], most: int, progress: Progress
-) -> Callable[[Array], Tangent]:
-    """Return `look` that tells how often it has looked; branch and bound is beyond `most`."""
-    done = 0
-
-    def counted(X: Array) -> Tangent:
-        nonlocal done
-        seen = look(X)
-        done = min(done + len(X), most)
-        progress(done, most)
-        return seen
-
-    return counted
+    search = Search(arm, mode, Q, expected=LINEARISED * len(Q))
+    return search.rested(search.onto(X, LANDING))
 
 
 def _most(n: int) -> int:
-    """Return how many looks descents and settling take if no end rests early."""
+    """Return how often descents and settling linearise the set if no end rests early."""
     moves = (PRUNED_AFTER + 1) * ENDS + (SETTLING - PRUNED_AFTER - 1) * min(PRUNED, ENDS)
     each = 2 * n + 1 + (BACK + 1) * (1 + len(SHARES))
     return (STEPS + LANDING + 2) * sum(STARTS) + moves * each + 3 * ENDS
@@ -172,24 +144,40 @@ def _most(n: int) -> int:
 
 @dataclass(frozen=True)
 class Search:
-    """A search for the offset nearest to the origin at which J* loses rank.
+    """A search for the offsets nearest to the origin at which J* loses rank.
 
     Attributes:
-        look: Returns how the set looks from offsets (m, n).
-        low: (n,) least offsets.
-        high: (n,) largest offsets.
+        arm: The arm.
+        mode: What the spacecraft does.
+        Q: (1, n) the configuration that offsets count from, or (m, n) one for each of m offsets.
+        low: Least offsets, (n,) or of all joints.
+        high: Largest offsets, likewise.
+        expected: How many configurations the set is linearised at in all, about.
+        linearised: Told at how many it has just been.
     """
 
-    look: Callable[[Array], Tangent]
-    low: Array
-    high: Array
+    arm: SpaceArm
+    mode: BaseMode
+    Q: Array
+    low: Array | float = -np.inf
+    high: Array | float = np.inf
+    expected: int = LINEARISED
+    linearised: Callable[[int], object] = bool
+
+    def linearise(self, X: Array) -> Linearisation:
+        """Linearise the set at offsets (m, n), or at m k of them, k in a row from each of Q."""
+        start = self.Q if len(self.Q) == 1 else self.Q.repeat(len(X) // len(self.Q), axis=0)
+        Q = start + joint_scales(self.arm) * X
+        found = linearise(self.arm, Q, self.mode, expected=self.expected)
+        self.linearised(len(X))
+        return found
 
     def nearest(self) -> Array | None:
         """Return the best offset (n,) of descents from starts about the origin, or None."""
         rng, reach = np.random.default_rng(0), REACH
         ends = []
         for m in STARTS:
-            X, merit = self.descended(self.within(_ball(rng, m, len(self.low), reach)))
+            X, merit = self.descended(self.within(_ball(rng, m, self.arm.n, reach)))
             ends.append(X)
             reach = min(reach, BEYOND * float(merit.min()))
         return self.settled(np.concatenate(ends))
@@ -198,27 +186,26 @@ class Search:
         """Move offsets (m, n) into the limits."""
         return np.clip(X, self.low, self.high)
 
-    def foot(self, X: Array) -> tuple[Array, Array, Tangent]:
-        """Compute T(x) (m, n), the merit (m,) of X (m, n) itself, and how the set looks from there.
+    def project(self, X: Array) -> tuple[Array, Array]:
+        """Compute T(x) (m, n) and the merit (m,) of X (m, n) itself.
 
         The merit is the distance from the origin and `WEIGHT` times that from the set.
         """
-        seen = self.look(X)
-        seen = seen._replace(distance=np.where(np.isfinite(seen.distance), seen.distance, FAR))
-        target = foot(seen, X)
-        if np.isfinite(self.low).any() or np.isfinite(self.high).any():
-            target = self._foot_within(seen, X)
-        return target, np.linalg.norm(X, axis=1) + WEIGHT * seen.distance, seen
+        set_ = self.linearise(X)
+        distance = np.where(np.isfinite(set_.distance), set_.distance, FAR)
+        bounded = np.isfinite(self.low).any() or np.isfinite(self.high).any()
+        rows = set_.rows
+        target = self._project_within(rows, distance, X) if bounded else project(set_, X)
+        return target, np.linalg.norm(X, axis=1) + WEIGHT * distance
 
-    def _foot_within(self, seen: Tangent, X: Array) -> Array:
-        """Compute the points nearest to the origin on the set as it looks from X, in the limits."""
-        wanted = (seen.rows @ X[:, :, None])[..., 0]
-        wanted[:, 0] -= seen.distance
+    def _project_within(self, rows: Array, distance: Array, X: Array) -> Array:
+        """Compute the points nearest to the origin on the set linearised at X, in the limits."""
+        wanted = (rows @ X[:, :, None])[..., 0]
+        wanted[:, 0] -= distance
         free, offset = np.ones_like(X), np.zeros_like(X)
-        for _ in range(len(self.low)):
-            rest = wanted - (seen.rows @ (offset * (1.0 - free))[:, :, None])[..., 0]
-            rows = seen.rows * free[:, None]
-            least = (np.linalg.pinv(rows, rcond=1e-9) @ rest[:, :, None])[..., 0]
+        for _ in range(self.arm.n):
+            rest = wanted - (rows @ (offset * (1.0 - free))[:, :, None])[..., 0]
+            least = (np.linalg.pinv(rows * free[:, None], rcond=1e-9) @ rest[:, :, None])[..., 0]
             offset = np.where(free > 0.0, least, offset)
             over = ((offset < self.low) | (offset > self.high)) & (free > 0.0)
             offset = self.within(offset)
@@ -230,9 +217,9 @@ class Search:
     def onto(self, X: Array, steps: int) -> Array:
         """Move offsets (m, n) onto the set, by the Gauss-Newton method."""
         for _ in range(steps):
-            seen = self.look(X)
-            stride = np.where(np.isfinite(seen.distance), np.minimum(seen.distance, STRIDE), 0.0)
-            X = self.within(X - stride[:, None] * seen.rows[:, 0])
+            distance, _, rows = self.linearise(X)
+            stride = np.where(np.isfinite(distance), np.minimum(distance, STRIDE), 0.0)
+            X = self.within(X - stride[:, None] * rows[:, 0])
             if (stride <= LANDED).all():
                 break
         return X
@@ -243,11 +230,11 @@ class Search:
         Returns:
             The ends (m, n), and their merits.
         """
-        target, merit, _ = self.foot(X)
+        target, merit = self.project(X)
         share = np.ones(len(X))
         for _ in range(STEPS):
             tried = self.within(X + share[:, None] * shortened(target - X, STRIDE))
-            new_target, new_merit, _ = self.foot(tried)
+            new_target, new_merit = self.project(tried)
             better = new_merit < merit
             X = np.where(better[:, None], tried, X)
             target = np.where(better[:, None], new_target, target)
@@ -258,24 +245,34 @@ class Search:
     def settled(self, X: Array) -> Array | None:
         """Return the nearest offset (n,) of the set that is reached along it from X, or None."""
         X = self.onto(X, LANDING)
-        X = _apart(X, self.foot(X)[1], ENDS)
+        X = self.rested(_apart(X, self.project(X)[1], ENDS))
+        X = X[~np.isnan(X[:, 0])]
+        return X[np.argmin(np.linalg.norm(X, axis=1))] if len(X) else None
+
+    def rested(self, X: Array) -> Array:
+        """Move offsets (m, n) along the set until they rest; NaN where there is none.
+
+        Those from one configuration are rivals: after some steps only the nearest are moved on.
+        """
         merit, moving = np.full(len(X), np.inf), np.arange(len(X))
+        rivals = len(self.Q) == 1
         for i in range(SETTLING):
-            X[moving], merit[moving], rests = self._moved(X[moving])
+            part = self if rivals else replace(self, Q=self.Q[moving])
+            X[moving], merit[moving], rests = part._moved(X[moving])
             moving = moving[~rests]
-            if i == PRUNED_AFTER:
+            if rivals and i == PRUNED_AFTER:
                 moving = moving[merit[moving] <= np.sort(merit)[:PRUNED][-1]]
             if not moving.size:
                 break
         X = self.onto(X, 2)
-        X = X[self.look(X).distance <= THERE]
-        return X[np.argmin(np.linalg.norm(X, axis=1))] if len(X) else None
+        X[self.linearise(X).distance > THERE] = np.nan
+        return X
 
     def _moved(self, X: Array) -> tuple[Array, Array, Booleans]:
         """Move offsets (m, n) along the set; returns their merits and which are at rest, too."""
         m, n = X.shape
         nudges = NUDGE * np.concatenate((np.zeros((1, n)), np.eye(n), -np.eye(n)))
-        target, merit, _ = self.foot((X[:, None] + nudges).reshape(-1, n))
+        target, merit = self.project((X[:, None] + nudges).reshape(-1, n))
         target, merit = target.reshape(m, -1, n), merit.reshape(m, -1)[:, 0]
         slopes = (target[:, 1 : n + 1] - target[:, n + 1 :]).swapaxes(1, 2) / (2.0 * NUDGE)
         way = target[:, 0] - X
@@ -292,7 +289,7 @@ class Search:
             if not goes.any():
                 break
             tried = self.onto((X[:, None] + steps[:, :count]).reshape(-1, n), BACK)
-            merits = self.foot(tried)[1].reshape(m, -1)
+            merits = self.project(tried)[1].reshape(m, -1)
             best = np.arange(m), merits.argmin(axis=1)
             better = goes & (merits[best] < merit - RESTING)
             X = np.where(better[:, None], tried.reshape(m, -1, n)[best], X)
@@ -373,7 +370,7 @@ def lose_rank(
         J = task_jacobian(cfg, mode=mode)[:, chosen]
         dJ = task_jacobian_derivative(cfg, mode=mode)[:, :, chosen]
         wide = J.shape[1] >= len(J)
-        near = nearness(J, dJ) if wide else nearness(J.T, dJ.swapaxes(1, 2))
+        near = rank_distances(J, dJ) if wide else rank_distances(J.T, dJ.swapaxes(1, 2))
         most = max(most, float(np.linalg.norm(J)))
         if found:  # a step further, to all digits
             return q if near.sigma <= LOST * most else before
@@ -406,17 +403,3 @@ def is_singular(
     J = task_jacobian(arm.at(q), mode=mode)
     sigma = np.linalg.svd(J if columns is None else J[:, list(columns)], compute_uv=False)
     return bool(sigma[-1] <= tolerance * sigma[0])
-
-
-def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
-    """Return the singular configuration (n,) nearest to q (n,) that lies about, and its distance.
-
-    Where the set is near, its foot to first order lies by its nearest point. Then the last part of
-    `closest.Search` is enough, which moves one point along the set until it rests. The distance is
-    in radians, sliding joints in units of `joint_scales`; None if none lies about.
-    """
-    search = Search(looking(arm, mode, q), np.full(arm.n, -np.inf), np.full(arm.n, np.inf))
-    offset = search.settled(np.zeros((1, arm.n)))
-    if offset is None:
-        return None
-    return q + joint_scales(arm) * offset, float(np.linalg.norm(offset))

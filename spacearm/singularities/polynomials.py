@@ -44,6 +44,11 @@ ROUNDING = 1e-14
 """Share of the arm's size below which distances are zero."""
 ROUNDING_OF_MINORS = 1e-13
 """Share of the product of the lengths of its columns below which a determinant is zero."""
+MIMIC = (
+    "joints that mimic others make S a polynomial of multiples of the angles; lock their leaders "
+    "with locked={...}"
+)
+"""Why arms with such joints have no singularity polynomial."""
 NEVER = 1e-9
 """A task whose sigma_min / sigma_max is below this everywhere is one that the arm can never do."""
 
@@ -167,8 +172,8 @@ def _impossible(arm: SpaceArm) -> UnsupportedError:
 
 def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
     """Return the function that computes minors as det(D) det(J*), one by one."""
-    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in probes(arm))
-    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in probes(arm)])
+    D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in _probes(arm))
+    at_probes = np.array([task_jacobian(cfg, mode=mode) for cfg in _probes(arm)])
     J_unit = np.abs(at_probes).max()
     sigma = np.linalg.svd(at_probes, compute_uv=False)
     if (sigma[:, -1] <= NEVER * sigma[:, 0]).all():
@@ -195,12 +200,12 @@ def _rows_and_free_directions(arm: SpaceArm, mode: BaseMode) -> tuple[Indices, l
     task = [int(i) for i in arm.task.indices]
     if mode != "free-floating":
         return np.array(task), []
-    normal = plane_of_motion(arm, probes(arm)) if arm.tree.plane_normal() is not None else None
+    normal = plane_of_motion(arm)
     rows = list(range(6)) if normal is None else [*{0, 1, 2} - {normal}, 3 + normal]
     return np.array(rows), [i for i in rows if i not in task]
 
 
-def probes(arm: SpaceArm) -> list[Configuration]:
+def _probes(arm: SpaceArm) -> list[Configuration]:
     """Return a few random configurations."""
     Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (8, arm.n))
     return [arm.at(q) for q in Q]
@@ -266,10 +271,7 @@ def _why_not_square(arm: SpaceArm) -> str | None:
         what = "its position; lock it" if one else "their positions; lock them"
         return f"{which} prismatic, and S is no trigonometric polynomial in {what}: locked={{...}}"
     if arm.coupling is not None:
-        return (
-            "joints that mimic others make S a polynomial of multiples of the angles; "
-            "lock their leaders with locked={...}"
-        )
+        return MIMIC
     if n > k:
         return (
             f"{n} joints for {k} task rows ({arm.task.names}): the arm is redundant "
@@ -290,13 +292,13 @@ def to_square(arm: SpaceArm) -> str:
     return f"lock {n - arm.task.k} joint(s), for instance {lock}{longer}"
 
 
-def plane_of_motion(arm: SpaceArm, probes: list[Configuration]) -> int | None:
+def plane_of_motion(arm: SpaceArm) -> int | None:
     """Return the normal axis of a planar arm whose inertias keep it in the plane, else None."""
     normal = arm.tree.plane_normal()
     if normal is None:
         return None
     across = [i for i in range(3) if i != normal]
-    A = np.array([cfg.A[3:] for cfg in probes])
+    A = np.array([cfg.A[3:] for cfg in _probes(arm)])
     leaks = np.abs(A[:, across, 6:]).max() + np.abs(A[:, across, 3 + normal]).max()
     return normal if leaks <= 1e-12 * np.abs(A).max() else None
 
@@ -366,10 +368,6 @@ class Minors:
         """Return all minors that do not vanish identically."""
         return self._together(list(self.degrees))
 
-    def with_columns(self, B: Columns) -> list[Jets]:
-        """Return the minors with columns B and one more; they decide where B is independent."""
-        return self._together(self._minors_with(B))
-
     @cached_property
     def few(self) -> list[Jets]:
         """Minors that have all columns but one in common, those with the fewest coefficients.
@@ -422,10 +420,10 @@ class Minors:
         triangle, B = self._chosen
         rng = np.random.default_rng(1)
         for _ in range(SEARCHES if triangle is not None and self.codimension > 1 else 0):
-            q = lose_rank(self.arm, self._random(rng), self.mode, B)
+            q = lose_rank(self.arm, self.chart.draw(rng), self.mode, B)
             if q is not None and triangle is not None:
                 given = list(triangle.joints)
-                q[given] = self._random(rng)[given]
+                q[given] = self.chart.draw(rng)[given]
                 if not is_singular(self.arm, q, self.mode, B):
                     return True
         return False
@@ -487,19 +485,15 @@ class Minors:
         if any(is_singular(self.arm, q, self.mode) for q in escaped):
             return False
         for _ in range(SEARCHES):
-            q = lose_rank(self.arm, self._random(rng), self.mode)
+            q = lose_rank(self.arm, self.chart.draw(rng), self.mode)
             if q is not None and (
                 is_singular(self.arm, q, self.mode, B) or not _given(triangle, self.chart.angles(q))
             ):
                 return False
-            q = lose_rank(self.arm, self._random(rng), self.mode, B)
+            q = lose_rank(self.arm, self.chart.draw(rng), self.mode, B)
             if q is not None and is_singular(self.arm, q, self.mode):
                 return False
         return True
-
-    def _random(self, rng: np.random.Generator) -> Array:
-        """Draw a configuration."""
-        return self.chart.positions(rng.uniform(-np.pi, np.pi, self.arm.n))
 
 
 def has_minors(arm: SpaceArm) -> bool:
@@ -527,7 +521,7 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
         )
     own, every = chart_of(arm), np.array(list(combinations(range(n), k)))
     rng = np.random.default_rng(0)
-    probes = own.positions(rng.uniform(-np.pi, np.pi, (PROBES, n)))
+    probes = own.draw(rng, PROBES)
     size = np.abs(minor_sampler(arm, every, mode)(probes)).max(axis=0)
     some = every[size > ABSENT * size.max()]
     degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)

@@ -16,10 +16,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Result, named, whole
+from spacearm.arrays import Array, Progress, Result, named, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 

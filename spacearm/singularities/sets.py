@@ -12,22 +12,19 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
-from spacearm.arrays import Array, whole
+from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.mechanics.blocks import Progress
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.model.joints import joint_vector
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart
 from spacearm.polynomial.triangle import Triangle
-from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet, prove_free
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import lose_rank, nearest_singular
 from spacearm.singularities.polynomials import (
+    MIMIC,
     chart_of,
     has_minors,
     minors_of,
@@ -54,10 +51,8 @@ class FoundSet(SingularSet):
         mode: What the spacecraft does.
     """
 
-    @property
-    def complete(self) -> bool:
-        """False: other singular configurations may exist beside those found."""
-        return False
+    complete = False
+    """Other singular configurations may exist beside those found."""
 
     def _unsupported(self, *_: object, **__: object) -> NoReturn:
         """Raise UnsupportedError: the set is not known as a whole, and why."""
@@ -68,12 +63,9 @@ class FoundSet(SingularSet):
 
     def _why(self) -> str:
         """Say why the set is not known as a whole."""
-        k, n = self.arm.task.k, self.arm.n
         if self.arm.coupling is not None:
-            return (
-                "joints that mimic others make S a polynomial of multiples of the angles; lock "
-                "their leaders with locked={...}"
-            )
+            return MIMIC
+        k, n = self.arm.task.k, self.arm.n
         return (
             f"{n} joints for {k} task rows ({self.arm.task.names}): the minors of J* do not give "
             f"the singular set joint by joint; {to_square(self.arm)}"
@@ -81,20 +73,7 @@ class FoundSet(SingularSet):
 
     roots = solve = curves = surface = components = _unsupported
 
-    @property
-    def S(self) -> TrigPolynomial:
-        """Unsupported: there is no singularity polynomial."""
-        self._unsupported()
-
-    @property
-    def relevant(self) -> tuple[int, ...]:
-        """Unsupported: there is no singularity polynomial."""
-        self._unsupported()
-
-    @property
-    def dimension(self) -> int:
-        """Unsupported: there is no singularity polynomial."""
-        self._unsupported()
+    S = relevant = dimension = property(_unsupported)
 
     @property
     def codimension(self) -> int:
@@ -113,8 +92,7 @@ class FoundSet(SingularSet):
                 leads to a further one; carries those found.
         """
         m, rng = whole(m, "m", 0), rng or np.random.default_rng()
-        found: list[Array] = []
-        starts = 0
+        found, starts, chart = list[Array](), 0, chart_of(self.arm)
         while len(found) < m:
             if starts >= FRUITLESS + EACH * len(found):
                 raise NoSolutionError(
@@ -123,28 +101,10 @@ class FoundSet(SingularSet):
                     f"equations in {self.arm.n} joint positions",
                     found,
                 )
-            q, starts = lose_rank(self.arm, self._random(rng), self.mode), starts + 1
+            q, starts = lose_rank(self.arm, chart.draw(rng), self.mode), starts + 1
             if q is not None:
                 found.append(q)
         return np.array(found).reshape(m, self.arm.n)
-
-    def clearance(
-        self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
-    ) -> Certificate:
-        """Prove that a path of straight segments (m, n) meets no singularity."""
-        every = minors_of(self.arm, self.mode).every()
-        return prove_free(self.arm, self.mode, every, path, limits, progress)
-
-    def nearest(
-        self, q: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
-    ) -> tuple[Array, float]:
-        """Find the singular configuration nearest to q; see `SingularSet.nearest`."""
-        centre = joint_vector(self.arm, q, "q")
-        return nearest_singular(self.arm, self.mode, centre, limits, progress=progress)
-
-    def _random(self, rng: np.random.Generator) -> Array:
-        """Draw a start: revolute joints anywhere, prismatic ones in their range."""
-        return chart_of(self.arm).positions(rng.uniform(-np.pi, np.pi, self.arm.n))
 
 
 @of_arm

@@ -1,16 +1,30 @@
-"""Pictures: pages rendered by a headless browser of this machine."""
+"""Pictures: saved pages, what stands in a notebook, and pictures with and without a browser."""
 
 from __future__ import annotations
 
 import base64
+import html
+import io
+import json
 import re
+import secrets
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import meshcat.geometry as g
+import numpy as np
 
 from spacearm.errors import SpaceArmError
+from spacearm.model.arm import Configuration
+from spacearm.viewer.shapes import Y_TO_Z, DrawnShape, link_poses
+from spacearm.viewer.window import PAGE
+
+if TYPE_CHECKING:
+    import trimesh
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 HEADLESS = (
@@ -102,3 +116,93 @@ def _browse(
             f"{browser} has not drawn the picture after {longest:g} s; use .save(path) "
             "and open the page"
         ) from None
+
+
+def embedded(scene: str, picture: bytes, name: str, invitation: str | None) -> str:
+    """Return what stands in the output of a cell.
+
+    The scene needs no server and stays in saved notebooks. The live page takes its place once it
+    has told that it is drawn; where it is not reached, may not be framed or has ended, the scene
+    stays. Where a notebook is not trusted and its frames are taken out, the picture stays.
+
+    Args:
+        scene: A self-contained page.
+        picture: PNG picture of the scene.
+        name: Name of the arm.
+        invitation: Address that leads to the live page once; None if it is not served.
+    """
+    text = (PAGE / "notebook.html").read_text(encoding="utf-8")
+    if invitation is None:
+        text = text.partition("<script>")[0]
+    parts = {
+        "NAME": f"spacearm-{secrets.token_hex(8)}",
+        "ARM": html.escape(name),
+        "PICTURE": base64.b64encode(picture).decode(),
+        "INVITATION": json.dumps(invitation),
+        "SCENE": html.escape(scene),
+    }
+    return re.sub(rf"\$({'|'.join(parts)})", lambda mark: parts[mark[1]], text)
+
+
+LIGHT = np.array([0.35, 0.55, 0.75]) / np.linalg.norm([0.35, 0.55, 0.75])
+"""Direction to the light: right, up, towards the viewer."""
+DARKEST = 0.35
+"""Brightness of what faces away from the light."""
+PIECE = 0.05
+"""Longest edge of a triangle, as a share of the largest body: small ones hide each other well."""
+
+
+def still(cfg: Configuration, shapes: Sequence[DrawnShape], view: Sequence[float]) -> bytes:
+    """Draw the bodies of a configuration as a PNG picture, seen from far away, without a browser.
+
+    Args:
+        cfg: The configuration.
+        shapes: What is drawn of each link.
+        view: (3,) direction towards the viewer.
+    """
+    from matplotlib.collections import PolyCollection  # slow to import
+    from matplotlib.figure import Figure
+
+    pose_of = link_poses(cfg.arm, cfg)
+    parts: list[Any] = [
+        _mesh(geometry).apply_transform(pose_of(link).homogeneous @ pose)
+        for link, pose, geometry, _ in shapes
+    ]
+    longest = PIECE * max(part.scale for part in parts)
+    parts = [part.subdivide_to_size(longest) for part in parts]
+    colors = np.repeat([shape.color[:3] for shape in shapes], [len(p.faces) for p in parts], axis=0)
+    toward = np.asarray(view) / np.linalg.norm(view)
+    across = np.cross((0.0, 0.0, 1.0) if abs(toward[2]) < 0.999 else (0.0, 1.0, 0.0), toward)
+    across /= np.linalg.norm(across)
+    picture = np.column_stack([across, np.cross(toward, across), toward])
+    corners = np.concatenate([part.triangles for part in parts]) @ picture
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    facing = np.abs(normals @ LIGHT) / lengths
+    colors = colors * (DARKEST + (1.0 - DARKEST) * facing)[:, None]
+    order = corners[..., 2].mean(axis=1).argsort()  # those in front over those behind
+    figure = Figure(figsize=(6.4, 4.0))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), aspect="equal")
+    axes.set_axis_off()
+    painted = PolyCollection(
+        corners[order, :, :2], facecolors=colors[order], edgecolors="face", linewidths=0.4
+    )
+    axes.add_collection(painted)
+    axes.autoscale_view()
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=100, transparent=True)
+    return file.getvalue()
+
+
+def _mesh(geometry: Any) -> trimesh.Trimesh:
+    """Return a geometry of meshcat as a mesh."""
+    import trimesh.creation  # slow to import
+
+    if isinstance(geometry, g.TriangularMeshGeometry):
+        return trimesh.Trimesh(geometry.vertices, geometry.faces, process=False)
+    if isinstance(geometry, g.Box):
+        return trimesh.creation.box(geometry.lengths)
+    if isinstance(geometry, g.Sphere):
+        return trimesh.creation.icosphere(2, geometry.radius)
+    made = trimesh.creation.cylinder(geometry.radiusTop, geometry.height, sections=24)
+    return made.apply_transform(Y_TO_Z.T)

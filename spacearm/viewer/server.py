@@ -25,9 +25,31 @@ import tornado.web
 import tornado.websocket
 
 from spacearm.errors import SpaceArmError
-from spacearm.viewer.outbox import Key, Outbox
-from spacearm.viewer.port import LOOPBACK, listen
-from spacearm.viewer.window import LIBRARIES, PAGE, Window
+from spacearm.viewer.window import LIBRARIES, PAGE, Key, Outbox, Window
+
+LOOPBACK = "127.0.0.1"
+FIRST_PORT, LAST_PORT = 7400, 7500
+
+
+def listen(port: int | None) -> socket.socket:
+    """Open a socket on the port asked for, or on the first free one of spacearm's range or at all.
+
+    A notebook may show more scenes than the range has ports.
+    """
+    for candidate in [*range(FIRST_PORT, LAST_PORT), 0] if port is None else [port]:
+        listener = socket.socket()
+        try:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind((LOOPBACK, candidate))
+            listener.listen(128)
+            listener.setblocking(False)
+        except (OSError, OverflowError):
+            listener.close()
+        else:
+            return listener
+    asked = "every port" if port is None else f"port {port}"
+    raise SpaceArmError(f"{asked} of {LOOPBACK} is in use or not allowed; give another with port=")
+
 
 LARGEST_BODY, LARGEST_MESSAGE = 100_000, 2_000_000
 """Size of the body of a request, and of a message of the page, which may bring a file [bytes]."""

@@ -4,30 +4,43 @@ from __future__ import annotations
 
 import math
 import os
+import tempfile
+import threading
 import webbrowser
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
 
-from spacearm.arrays import positive
-from spacearm.errors import ConfigurationError
+from spacearm.arrays import Array, positive
+from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import name_part, write, write_by
+from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
-from spacearm.viewer.host import Host
-from spacearm.viewer.layers.still import still
-from spacearm.viewer.notebooks import embedded
-from spacearm.viewer.pictures import render, render_frames
+from spacearm.viewer.choices import chosen, number, offered
+from spacearm.viewer.jobs import BackgroundJob, layer, planning
+from spacearm.viewer.motions import WORDS, Comparison, account, compared
+from spacearm.viewer.pictures import embedded, render, render_frames, still
+from spacearm.viewer.readouts import joint_map
+from spacearm.viewer.scene import LAYERS
 from spacearm.viewer.server import Server
+from spacearm.viewer.session import Session, opening_posture
+from spacearm.viewer.stage import Stage
+from spacearm.viewer.window import Window
+from spacearm.workspaces.path_dependent import Workspace
 
 MOST_PICTURES = 3000
 """Largest number of pictures of a motion."""
 
 
-class Viewer(Host):
+class Viewer:
     """A scene of one arm: in the browser, in a notebook, in a file.
 
     Attributes:
@@ -35,8 +48,116 @@ class Viewer(Host):
     """
 
     def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
+        self.window = Window()
         self._server: Server | None = None
-        super().__init__(cfg, motion)
+        self._lock = threading.RLock()
+        self._edition = 0
+        self._stage = Stage(self.window, Session(cfg.arm, cfg), motion)
+        self._given: Comparison | None = None
+        self._job = BackgroundJob(self._lock, self._changed, self._finished)
+
+    @property
+    def session(self) -> Session:
+        """The configuration on show, and how the panel moves it."""
+        return self._stage.session
+
+    # --- what is shown ----------------------------------------------------------------------
+
+    def show(self, q: npt.ArrayLike, *, base: pin.SE3 | None = None) -> None:
+        """Show another configuration.
+
+        Args:
+            q: (n,) joint positions [rad] or [m].
+            base: Pose of the spacecraft; the present one if None.
+
+        Raises:
+            ConfigurationError: q or base has the wrong shape or is not finite.
+        """
+        with self._lock:
+            cfg = self.session.cfg
+            self.session.show(cfg.arm.at(q, base=cfg.base if base is None else base))
+        self._changed()
+
+    def compare(self, other: Any) -> None:
+        """Play another motion in step with the present one, as a ghost.
+
+        Args:
+            other: The motion, or a mode: "free-floating", "attitude-controlled" or "fixed" is the
+                same joint motion with the spacecraft doing that. None ends the comparison.
+
+        Raises:
+            ConfigurationError: It is neither, or no motion plays.
+            UnsupportedError: The wheels hold momentum.
+        """
+        with self._lock:
+            if not (motion := self._stage.motion):
+                raise ConfigurationError("there is no motion to compare; view one")
+            found = None if other is None else compared(motion, other)
+            if found and not isinstance(other, str):
+                self._given = found
+            self._stage.compare(found)
+        self._changed()
+
+    @property
+    def configuration(self) -> Configuration:
+        """The configuration on show, moved in the page or by `show`."""
+        with self._lock:
+            return self.session.cfg
+
+    @property
+    def q(self) -> Array:
+        """(n,) joint positions on show [rad] or [m]."""
+        return self.configuration.q.copy()
+
+    def shells(self, radii: Sequence[float] | Workspace) -> None:
+        """Draw a workspace cut open, or translucent spheres about the system CM.
+
+        Args:
+            radii: The workspace, or radii [m].
+
+        Raises:
+            ConfigurationError: A radius is not positive and finite.
+        """
+        with self._lock:
+            if isinstance(radii, Workspace):
+                self._stage.show_computed("shells", radii)
+            else:
+                self._stage.scene.shells([positive(r, "shell radius", "length") for r in radii])
+        self._changed()
+
+    def attitudes(self, found: FeasibleAttitudes) -> None:
+        """Draw the attitudes of the spacecraft from which the tip can follow a path.
+
+        Args:
+            found: What `sa.feasible_attitudes` has found.
+        """
+        with self._lock:
+            self._stage.show_computed("attitudes", found)
+        self._changed()
+
+    def layer(self, name: str, visible: bool) -> None:
+        """Show or hide a layer, one of `spacearm.viewer.scene.LAYERS`.
+
+        Raises:
+            ConfigurationError: There is no such layer.
+        """
+        if name not in LAYERS:
+            raise ConfigurationError(unknown("layer", name, LAYERS))
+        self._stage.show_layer(name, visible)
+        self._changed()
+
+    def obstacles(self, obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion]) -> None:
+        """Draw obstacles besides those of the motion; plans of the page hold them off.
+
+        Args:
+            obstacles: As `sa.plan` takes them.
+
+        Raises:
+            ConfigurationError: They are none.
+        """
+        with self._lock:
+            self._stage.obstruct(obstacles_of(obstacles, self.session.arm))
+        self._changed()
 
     # --- in the browser ---------------------------------------------------------------------
 
@@ -62,13 +183,6 @@ class Viewer(Host):
     def open(self, port: int | None = None) -> None:
         """Serve the page and open it in the browser; arguments and errors as for `serve`."""
         webbrowser.open(self._served(port).invitation())
-
-    def _changed(self) -> None:
-        """Send the present state to the browsers, or draw it."""
-        if self._server:
-            self._server.refresh()
-        else:
-            super()._changed()
 
     def _served(self, port: int | None) -> Server:
         if self._server is None:
@@ -178,10 +292,119 @@ class Viewer(Host):
     def _repr_html_(self) -> str:
         """Stand in a notebook: live while it is served, and a scene of its own once it is not."""
         with self._lock:
-            scene, cfg, shapes = self.html(), self.configuration, self._stage.scene.shapes
+            scene, cfg, shapes = self.html(), self.configuration, self._stage.scene.bodies.shapes
             picture = still(cfg, shapes, self.about()["view"])
         invitation = self._server.invitation() if self._server else None
         return embedded(scene, picture, cfg.arm.name, invitation)
 
     def __repr__(self) -> str:
         return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"
+
+    # --- the panel (see server.Panel) -------------------------------------------------------
+
+    def handle(self, message: object, client: object = None) -> dict[str, Any] | None:
+        """Do what a message of the page asks; return what the one who asked is told."""
+        asked = message if isinstance(message, dict) else {}
+        with self._lock:
+            stage = self._stage
+            match asked.get("do"):
+                case "layer":
+                    self.layer(str(asked.get("name")), bool(asked.get("visible")))
+                case "time" if stage.motion:
+                    stage.seek(number(asked.get("t"), "time"))
+                case "compare":
+                    other = asked.get("with")
+                    given = self._given.motion if self._given and other == "given" else None
+                    self.compare(given or str(other or "") or None)
+                case "plan":
+                    self._job.start("plan", planning(stage), client)
+                case "compute":
+                    self._job.start(*layer(stage, asked.get("what"), asked.get("path")), client)
+                case "cancel":
+                    self._job.cancel()
+                case "poses":
+                    return {"poses": stage.poses()}
+                case "motion":
+                    return {"motion": self._told_motion()}
+                case "arm":
+                    self._change_arm(asked)
+                case "map":
+                    mode = stage.session.spacecraft
+                    told = joint_map(stage.session.cfg, asked.get("joints"), mode)
+                    return {"map": {**told, "spacecraft": mode}}
+                case _:
+                    stage.session.handle(message)
+        return None
+
+    def _change_arm(self, message: dict[str, Any]) -> None:
+        """Show the arm that the page asks for, in the present posture if it has the same joints."""
+        before = self.session
+        with tempfile.TemporaryDirectory() as folder:
+            arm, origin, said = chosen(before.cfg, before.origin, message, Path(folder))
+            arm.require_one_tip()
+            same = arm.joint_names == before.arm.joint_names
+            q = before.cfg.q if same else opening_posture(arm)
+            session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
+            session.mode = before.mode
+            session.handle({"do": "spacecraft", "mode": before.spacecraft})
+            session.note = said
+            with self.window.replaced():
+                self._stage = Stage(self.window, session)
+        self._job.cancel()
+        self._given = None
+        self._edition += 1
+
+    def _changed(self) -> None:
+        """Send the present state to the browsers, or draw it."""
+        if self._server:
+            self._server.refresh()
+        else:
+            self.draw()
+
+    def _finished(self, name: str, result: Any) -> None:
+        """Show what a worker process has computed."""
+        if name == "plan":
+            self._given = None
+            self._stage.play(replace(result, arm=self.session.arm))
+        else:
+            self._stage.show_computed(name, result)
+
+    def left(self, client: object) -> None:
+        """End what a client of the page has asked for, who is gone."""
+        with self._lock:
+            self._job.left(client)
+
+    def readout(self) -> dict[str, Any]:
+        """Return what the panel shows of the configuration."""
+        with self._lock:
+            stage = self._stage
+            state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
+            state |= {"motion": stage.motion is not None, "edition": self._edition}
+            state |= {"legend": [key._asdict() for key in stage.legend]}
+            return {**self.session.readout(), **state, **self._job.readout()}
+
+    def draw(self) -> None:
+        """Draw the configuration."""
+        with self._lock:
+            self._stage.draw()
+
+    def about(self) -> dict[str, Any]:
+        """Return what the page needs once."""
+        session = self.session
+        return {
+            **session.about(),
+            "layers": LAYERS,
+            "grid": self._stage.scene.grid._asdict(),
+            "motion": self._told_motion(),
+            "edition": self._edition,
+            "choices": offered(session.arm, session.origin),
+        }
+
+    def _told_motion(self) -> dict[str, Any] | None:
+        """Return what the page needs of the motion, and what it can be compared with."""
+        if not (motion := self._stage.motion):
+            return None
+        flown = getattr(motion, "flight", None) is not None
+        ways: dict[str, str] = {} if flown else {words: mode for mode, words in WORDS.items()}
+        given = {} if self._given is None else {self._given.name: "given"}
+        return {**account(motion, self._stage.other), "ways": {**ways, **given}}

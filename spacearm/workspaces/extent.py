@@ -26,7 +26,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.compiler.machine import processors
 from spacearm.equations.reach import attitudes_at_zero, bound, constant_vectors
-from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 

@@ -43,7 +43,7 @@ import spacearm as sa
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.tree import Tree
 from spacearm.description.urdf_writer import document
-from spacearm.mechanics.momentum import mass_matrix
+from spacearm.mechanics.dynamics import mass_matrix
 
 
 class State(NamedTuple):

@@ -71,11 +71,11 @@ def paths() -> list[Row]:
     """Figures 5 and 7 of the paper: the singularity on the way, and the way round it."""
     arm, start = sa.load("planar2"), np.radians([-57.936, 60.337])
     law = sa.TransposedJacobian(target=[1.5, 1.5], kp=5.0, kd=15.0)
-    run = sa.simulate(arm, start, law, 10.0, base=_centred(arm, start, 21.0))
-    to_c = sa.follow(arm, start, [(1.0, 0.0)], base=_centred(arm, start, 20.94))
+    run = sa.simulate(arm.at(start, base=_centred(arm, start, 21.0)), law, 10.0)
+    to_c = sa.follow(arm.at(start, base=_centred(arm, start, 20.94)), [(1.0, 0.0)])
     there = np.radians([-160.95, 117.3])
     base = _centred(arm, there, 73.63)
-    to_b = sa.follow(arm, there, [(1.5, 1.5)], base=base, limits=False)
+    to_b = sa.follow(arm.at(there, base=base), [(1.5, 1.5)], limits=False)
     first = Row(PAPER, "figure 5: singular after", "s", 5.0, float(run.events[0].t), 0.5)
     return [
         first,

@@ -53,7 +53,10 @@ def test_the_same_motion_and_generalized_jacobian(name, tmp_path):
     tau = 0.3 * np.diag(sa.generalized_inertia(arm.at(q0)))
     qpos, qvel, tip, twist = flown(sa.to_mjcf(arm, tmp_path / "robot.xml"), arm, q0, tau)
     run = sa.simulate(
-        arm, q0, lambda *_: tau, DURATION, rtol=1e-10, atol=1e-12, events=(), method="DOP853"
+        arm.at(q0),
+        lambda *_: tau,
+        DURATION,
+        integration=sa.Integration(rtol=1e-10, atol=1e-12, events=(), method="DOP853"),
     )
     x, y, z, w = run.base[-1, 3:] * np.sign(run.base[-1, 6] * qpos[3])
     np.testing.assert_allclose((*run.base[-1, :3], w, x, y, z, *run.q[-1]), qpos, atol=1e-9)

@@ -6,8 +6,8 @@ from comparison import UNLIKE, compared, differences, main, relative, states, su
 from conventions import ENGINES, MODULES, Spacearm
 
 import spacearm as sa
+from spacearm.mechanics.arm_kernels import worth_compiling
 from spacearm.mechanics.batch import SINGLY
-from spacearm.mechanics.many import worth_compiling
 
 ARMS = subjects()
 

@@ -69,9 +69,11 @@ def test_ten_seconds_of_the_same_motion(name, size):
     arm = sa.load(name)
     n, q0 = arm.n, np.linspace(0.5, -0.4, arm.n)
     run = sa.simulate(
-        arm, q0, lambda t, *_: torque(t, n, size), 10.0, rtol=1e-10, atol=1e-12, events=(),
-        method="DOP853",
-    )  # fmt: skip
+        arm.at(q0),
+        lambda t, *_: torque(t, n, size),
+        10.0,
+        integration=sa.Integration(rtol=1e-10, atol=1e-12, events=(), method="DOP853"),
+    )
     assert np.abs(run.q[-1] - q0).max() > 0.5
     check(run, *integrated(arm, q0, 10.0, size))
 
@@ -90,9 +92,12 @@ def test_springs_dampers_and_a_wrench_on_a_link(name, link):
         force += (0.0, 0.0, 0.25)
         moment += (0.05, -0.08, 0.0)
     run = sa.simulate(
-        arm, q0, lambda t, *_: torque(t, n, 1.0), duration, rtol=1e-10, atol=1e-12, events=(),
-        method="DOP853", passive=joints, wrenches={link: np.concatenate((force, moment))},
-    )  # fmt: skip
+        arm.at(q0),
+        lambda t, *_: torque(t, n, 1.0),
+        duration,
+        plant=sa.Plant(wrenches={link: np.concatenate((force, moment))}, passive=joints),
+        integration=sa.Integration(rtol=1e-10, atol=1e-12, events=(), method="DOP853"),
+    )
 
     def prepare(model):
         for joint, law in joints.items():

@@ -30,7 +30,7 @@ COMMANDS = {
     "risk": ("planar2", "--samples", 60),
     "design": ("planar2", "--base-inertia", "2"),
     "capture": ("planar2", *CM, "--mass", 5),
-    "simulate": ("planar2", *LAW, "--limit", "effort"),
+    "simulate": ("planar2", *LAW, "--limits"),
     "plan": ("planar2", "--q0", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
     "attitudes": ("planar2", "--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16),
     "reaction": ("planar2", "--motion", "run.npz"),

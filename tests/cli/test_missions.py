@@ -30,7 +30,7 @@ def test_attitudes_of_figure_5(tmp_path):
 def test_reaction_and_wheels(tmp_path):
     file = tmp_path / "way.npz"
     arm = sa.load("planar2")
-    way = sa.follow(arm, [0.3, 1.2], [(1.5, 1.2)])
+    way = sa.follow(arm.at([0.3, 1.2]), [(1.5, 1.2)])
     way.save(file)
     run = spacearm("reaction", "planar2", "--motion", file, "--camera", "1,0,0", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
@@ -47,7 +47,7 @@ def test_reaction_and_wheels(tmp_path):
 def test_a_motion_is_shown_beside_another(tmp_path):
     arm = sa.load("planar2")
     for name, end in (("one", (1.5, 1.2)), ("two", (1.6, 1.0))):
-        sa.follow(arm, [0.3, 1.2], [end]).save(tmp_path / f"{name}.npz")
+        sa.follow(arm.at([0.3, 1.2]), [end]).save(tmp_path / f"{name}.npz")
     for other, name in (("two.npz", "Followed"), ("fixed", "spacecraft fixed")):
         words = ("--motion", "one.npz", "--compare", other, "--save", "page.html")
         run = spacearm("view", "planar2", *words, cwd=tmp_path)

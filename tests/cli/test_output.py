@@ -96,7 +96,7 @@ def test_names_are_no_formulas(tmp_path, name):
     cfg = arm.at([0.3, 0.9])
     for thing in (arm, cfg, sa.singularity(cfg), sa.singular_map(arm, points=5)):
         sa.plot(thing).savefig(tmp_path / "picture.png")
-    run = sa.simulate(arm, [0.3, 0.9], sa.JointPD([0.3, 0.8], 1, 1), 0.1)
+    run = sa.simulate(arm.at([0.3, 0.9]), sa.JointPD([0.3, 0.8], 1, 1), 0.1)
     S = sa.singularity_polynomial(sa.load("mda6"))
     for result in (run, sa.workspace(arm, effort=20), sa.singular_set(arm), S):
         figure = sa.plot(result)

@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from helpers.commands import spacearm
 
@@ -142,8 +141,8 @@ def test_phases_are_played(monkeypatch, capsys):
     monkeypatch.setattr("spacearm.cli.views.serve_until_interrupted", shown.append)
     arm, law = sa.load("planar2"), sa.JointPD(target=[0.3, 0.9], kp=1.0, kd=1.0)
     phases = [sa.Phase(law, 0.2, sa.Grasp(mass=1.0)), sa.Phase(law, 0.1)]
-    rest = (pin.SE3.Identity(), None, (0.0,) * 6, None, None)
-    assert fly(arm, np.array([0.3, 0.9]), phases, *rest, view=True, as_json=False) == 0
+    rest = (None, None, None)  # rates, files
+    assert fly(arm.at([0.3, 0.9]), phases, *rest, view=True, as_json=False) == 0
     assert "grasp" in capsys.readouterr().out
     assert shown[0].about()["motion"]["span"] == pytest.approx([0.0, 0.3])
 

@@ -106,26 +106,27 @@ def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
 
 def stopped_after(blocks, size, monkeypatch):
     """Have Ctrl-C come after some blocks of configurations."""
-    module = importlib.import_module("spacearm.mechanics.blocks")
-    before, reports = module.run_blocks, []
+    module = importlib.import_module("spacearm.mechanics.batch")
+    before, reports = module.fill, []
 
-    def interrupted(do, m, threads, progress, arrays):
+    def interrupted(results, rows, compute, threads, progress):
         def tell(done, total):
             progress(done, total)
             reports.append(done)
             if len(reports) == blocks:
                 raise KeyboardInterrupt
 
-        def slowly(block):
+        def slowly(rows, places):
             time.sleep(0.01)
-            do(block)
+            return compute(rows, places)
 
         if progress is None:  # not what is waited for
-            before(do, m, threads, progress, arrays)
+            before(results, rows, compute, threads, progress)
         else:
-            before(slowly, m, threads, tell, arrays, size)
+            before(results, rows, slowly, threads, tell)
 
-    monkeypatch.setattr(module, "run_blocks", interrupted)
+    monkeypatch.setattr(module, "fill", interrupted)
+    monkeypatch.setattr(module, "BLOCK", size)
 
 
 def test_ctrl_c_in_a_map_keeps_the_postures_done(tmp_path, monkeypatch):
@@ -221,8 +222,7 @@ def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
 def test_effort_counts_where_it_says(tmp_path, monkeypatch):
     run = spacearm("workspace", "planar2", "--effort", 50, cwd=tmp_path)
     assert "--effort does not count: the bounds of this arm are proven" in run.stderr
-    for module in ("shells", "searched_shells"):
-        monkeypatch.setattr(f"spacearm.workspaces.{module}.STARTS", 1)
+    monkeypatch.setattr("spacearm.workspaces.shells.STARTS", 1)
     words = ("workspace", "mda6", "--effort", 300, "--json")
     few = json.loads(spacearm(*words, cwd=tmp_path).stdout)
     assert few["effort"] == 300

@@ -9,10 +9,9 @@ import pytest
 
 from spacearm.compiler import numbers, symbols
 from spacearm.compiler.c_code import Code, number
-from spacearm.compiler.derivatives import gradient
 from spacearm.compiler.expressions import Tape, TracingError, negative
 from spacearm.compiler.operations import OPERATIONS
-from spacearm.compiler.trace import trace
+from spacearm.compiler.symbols import derivatives, trace
 
 COMPILER = shutil.which("gcc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off")
@@ -164,7 +163,7 @@ def test_derivatives_of_arithmetic():
         return (x * y - 2.0 * xp.sin(x)) / (3.0 + xp.cos(y)) + 1.0 / x - -y
 
     here = np.array([0.7, 1.3])
-    slopes = trace(lambda x: gradient(f(symbols, x[0], x[1]), x), {"x": (2,)})
+    slopes = trace(lambda x: derivatives(f(symbols, x[0], x[1]), x), {"x": (2,)})
     (found,) = slopes.outputs
     values = dict(zip((e.number for e in slopes.tape.written[:2]), here, strict=True))
     for e in slopes.tape.needed(found):

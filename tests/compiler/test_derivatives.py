@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from spacearm.compiler import symbols
-from spacearm.compiler.derivatives import gradient
 from spacearm.compiler.expressions import TracingError
 from spacearm.compiler.kernel import compiled
-from spacearm.compiler.trace import trace
+from spacearm.compiler.symbols import derivatives, trace
 
 FUNCTIONS = {
     "sin": (np.sin, np.cos), "cos": (np.cos, lambda x: -np.sin(x)),
@@ -35,7 +34,7 @@ FUNCTIONS = {
 def test_each_operation_has_its_derivative(name):
     function, slope = FUNCTIONS[name]
     x = np.linspace(0.05, 0.95, 9)
-    found = compiled(lambda x: (function(x), gradient(function(x), x)), {"x": ()})({"x": x})
+    found = compiled(lambda x: (function(x), derivatives(function(x), x)), {"x": ()})({"x": x})
     np.testing.assert_allclose(found[0], function(x), rtol=1e-14)
     np.testing.assert_allclose(found[1], slope(x), rtol=1e-13, atol=1e-14)
 
@@ -49,7 +48,7 @@ def formula(xp, x):
 
 def test_a_gradient_is_that_of_central_differences():
     x, h = np.random.default_rng(0).uniform(-1, 1, (50, 4)), 1e-6
-    found = compiled(lambda x: gradient(formula(symbols, x), x), {"x": (4,)})({"x": x})
+    found = compiled(lambda x: derivatives(formula(symbols, x), x), {"x": (4,)})({"x": x})
     for i in range(4):
         e = h * np.eye(4)[i]
         slopes = [(formula(np, row + e) - formula(np, row - e)) / (2.0 * h) for row in x]
@@ -58,8 +57,8 @@ def test_a_gradient_is_that_of_central_differences():
 
 def test_second_derivatives_are_symmetric_and_those_of_differences():
     def hessian(x):
-        slopes = gradient(formula(symbols, x), x)
-        return slopes, symbols.stack([gradient(slope, x) for slope in slopes])
+        slopes = derivatives(formula(symbols, x), x)
+        return slopes, symbols.stack([derivatives(slope, x) for slope in slopes])
 
     kernel, h = compiled(hessian, {"x": (4,)}), 1e-6
     x = np.random.default_rng(1).uniform(-0.5, 0.5, (20, 4))
@@ -73,7 +72,7 @@ def test_second_derivatives_are_symmetric_and_those_of_differences():
 
 def test_what_is_held_counts_as_constant():
     def function(x):
-        return gradient(x * symbols.hold(x * x) + symbols.hold(x > 0.0) * x, x)
+        return derivatives(x * symbols.hold(x * x) + symbols.hold(x > 0.0) * x, x)
 
     found = compiled(function, {"x": ()})({"x": np.array([-2.0, 3.0])})
     np.testing.assert_array_equal(found, [4.0, 10.0])
@@ -82,11 +81,11 @@ def test_what_is_held_counts_as_constant():
 def test_numbers_in_place_of_variables_have_derivative_zero():
     def function(x, u):
         shared = u[0] ** 2
-        by_both = gradient(x[0] * u[0], x), gradient(shared, u)
+        by_both = derivatives(x[0] * u[0], x), derivatives(shared, u)
         return (
             *by_both,
-            gradient(shared, x),
-            gradient(x[0] * x[1], symbols.array([x[0], 3.0, x[1]])),
+            derivatives(shared, x),
+            derivatives(x[0] * x[1], symbols.array([x[0], 3.0, x[1]])),
         )
 
     first, second, third, fourth = compiled(function, {"x": (2,)}, {"u": (2,)})(
@@ -102,7 +101,7 @@ def test_derivatives_inside_loops_are_of_their_own_variables():
     def newton(x):
         def step(y):
             error = y**3 - x
-            following = y - error / gradient(error, y)
+            following = y - error / derivatives(error, y)
             return following, abs(error) > 1e-13
 
         return symbols.while_any(step, 1.0 + 0.0 * x, most=50)[0]
@@ -113,15 +112,15 @@ def test_derivatives_inside_loops_are_of_their_own_variables():
 
 def test_what_has_no_derivative_is_said():
     def through_a_loop(x):
-        return gradient(symbols.repeat(2, lambda _, y: (y * y,), x)[0], x)
+        return derivatives(symbols.repeat(2, lambda _, y: (y * y,), x)[0], x)
 
     def through_a_capture(x):
-        return symbols.repeat(2, lambda _, y: (gradient(y * x, x),), x)[0]
+        return symbols.repeat(2, lambda _, y: (derivatives(y * x, x),), x)[0]
 
     def through_a_procedure(x):
-        return gradient(symbols.procedure(lambda y: y * y)(x), x)
+        return derivatives(symbols.procedure(lambda y: y * y)(x), x)
 
     for function in (through_a_loop, through_a_capture, through_a_procedure):
         with pytest.raises(TracingError):
             trace(function, {"x": ()})
-    assert gradient(3.0, symbols.array([])).shape == (0,)
+    assert derivatives(3.0, symbols.array([])).shape == (0,)

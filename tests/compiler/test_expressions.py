@@ -11,7 +11,7 @@ from spacearm.compiler import symbols
 from spacearm.compiler.expressions import Expression, TracingError
 from spacearm.compiler.kernel import FAST, Kernel, compiled
 from spacearm.compiler.machine import fuses
-from spacearm.compiler.trace import interpreted, trace
+from spacearm.compiler.symbols import interpreted, trace
 
 ARITHMETIC = {"add": 2, "sub": 2, "mul": 2}
 EXACT = ARITHMETIC | {

@@ -6,7 +6,7 @@ import pytest
 from spacearm.compiler import numbers, symbols
 from spacearm.compiler.expressions import TracingError
 from spacearm.compiler.kernel import Kernel, compiled
-from spacearm.compiler.trace import trace
+from spacearm.compiler.symbols import trace
 
 WIDTHS = [1, 2, 4, 8]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from spacearm.compiler.expressions import TracingError
-from spacearm.compiler.trace import interpreted, trace
+from spacearm.compiler.symbols import interpreted, trace
 from spacearm.compiler.users import over_symbols
 
 TIMES, PLACES = np.linspace(0.0, 10.0, 6), np.array([0.0, 1.0, -1.0, 2.0, 0.5, 0.0])

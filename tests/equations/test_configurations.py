@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.compiler import numbers, symbols
-from spacearm.equations import jacobian, measures
-from spacearm.equations.linear import minors
+from spacearm.equations import kinematics, measures
+from spacearm.equations.kinematics import posture
+from spacearm.equations.linear_algebra import minors
 from spacearm.equations.measures import distance
-from spacearm.equations.posture import posture
 from spacearm.mechanics import batch
+from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
+from spacearm.mechanics.distance import linearise_singly
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
-from spacearm.mechanics.nearness import tangent_singly
 from spacearm.model.joints import joint_scales
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
@@ -28,7 +28,7 @@ def of(cfg, mode="free-floating"):
 @given(chains())
 @settings(max_examples=50)
 def test_the_jacobian_is_that_of_the_barycentric_route(cfg):
-    J = jacobian.jacobian(numbers, *of(cfg), cfg.q)
+    J = kinematics.jacobian(numbers, *of(cfg), cfg.q)
     R = cfg.base.rotation
     wanted = np.kron(np.eye(2), R.T) @ sa.barycentric(cfg).generalized_jacobian()
     np.testing.assert_allclose(J, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
@@ -39,7 +39,7 @@ def test_the_jacobian_is_that_of_the_barycentric_route(cfg):
 def test_the_twist_of_the_tip_is_that_of_the_jacobian(cfg, mode, seed):
     dq = np.random.default_rng(seed).normal(size=cfg.arm.n)
     tree, p = of(cfg, mode)
-    found = jacobian.tip_twist(numbers, tree, posture(numbers, tree, p, cfg.q), dq)
+    found = kinematics.tip_twist(numbers, tree, posture(numbers, tree, p, cfg.q), dq)
     wanted = sa.generalized_jacobian(cfg.arm.at(cfg.q), mode=mode)
     size = np.abs(wanted).max() * np.abs(dq).max()
     np.testing.assert_allclose(found, wanted @ dq, rtol=0, atol=1e-12 * size)
@@ -52,7 +52,7 @@ def test_the_distance_is_that_of_the_matrices(seed, n, task, mode):
                     if task == "pose" else task, joints="all")  # fmt: skip
     assume(arm.n >= arm.task.k)
     cfg = arm.at(np.random.default_rng(seed).uniform(-3, 3, arm.n))
-    near = tangent_singly(arm, cfg.q[None], mode)
+    near = linearise_singly(arm, cfg.q[None], mode)
     with np.errstate(all="ignore"):
         far, sigma, rows = distance(numbers, *of(cfg, mode), cfg.q, 0.3, joint_scales(arm))
     J = task_jacobian(cfg, mode=mode) * joint_scales(arm)
@@ -84,7 +84,7 @@ def test_the_way_out_is_the_gradient_of_sigma_min(name):
 @settings(max_examples=25)
 def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
     dq, F = np.random.default_rng(seed).normal(size=(2, 8))
-    arm, twist = cfg.arm, jacobian.tip_twist
+    arm, twist = cfg.arm, kinematics.tip_twist
 
     def power(xp, tree, p, q):
         def along(q):
@@ -92,7 +92,7 @@ def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
 
         return xp.gradient(along, q)
 
-    kernel = arms_kernel([arm], mode, power)
+    kernel = ArmKernel([arm], mode, power)
     found, wanted = kernel({"q": cfg.q[None]})[0], power(numbers, *of(cfg, mode), cfg.q)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * (np.abs(wanted).max() + 1.0))
 

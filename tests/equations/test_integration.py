@@ -8,7 +8,7 @@ from spacearm.compiler import numbers, symbols
 from spacearm.compiler.kernel import compiled
 from spacearm.equations import integration, tableaus
 from spacearm.equations.integration import CHANGES, COLLAPSED, FAILED, FINISHED, Problem, Progress
-from spacearm.equations.linear import factors, substitute
+from spacearm.equations.linear_algebra import factors, substitute
 
 
 def van_der_pol(xp, mu):

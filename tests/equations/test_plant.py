@@ -1,6 +1,7 @@
 """The equations of motion beside Pinocchio's, and the laws beside the controllers in Python."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +14,9 @@ from hypothesis import strategies as st
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import plant as equations
-from spacearm.mechanics.many import arms_kernel, parameters_of, structure_of
-from spacearm.motion.plant import PassiveJoint, Plant
-from spacearm.motion.runs.setup import WantedEvent, prepared, start_state
+from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
+from spacearm.motion.plant import PassiveJoint
+from spacearm.motion.system import System, WantedEvent, prepared, start_state
 
 FEW = settings(max_examples=25)
 MODES = ("free-floating", "attitude-controlled", "fixed")
@@ -25,25 +26,26 @@ class Run:
     """A plant with a law in the state at its start, by NumPy and compiled."""
 
     def __init__(self, cfg, dq, momentum, mode, law, events=(), trace=True, **acts):
-        self.plant = Plant(cfg.arm, mode, cfg, **acts)
-        self.prepared = prepared(self.plant, {-1: law}, events, trace=trace)
-        self.y = start_state(self.plant, dq, np.asarray(momentum, dtype=float))
+        start = replace(cfg, momentum=np.asarray(momentum, dtype=float))
+        self.system = System(start, mode, sa.Plant(**acts))
+        self.prepared = prepared(self.system, {-1: law}, events, trace=trace)
+        self.y = start_state(self.system, dq)
 
     def by_numpy(self, function, t=0.0):
-        arm, known = self.plant.arm, self.prepared
+        arm, known = self.system.arm, self.prepared
         calls = {
             name: lambda seen, f=f: np.concatenate(([0.0], np.ravel(f(seen[0], seen[1:]))))
             for name, f in known.outside.items()
         }
-        tree, p = structure_of(arm, self.plant.mode), parameters_of(arm)
+        tree, p = structure_of(arm, self.system.mode), parameters_of(arm)
         with np.errstate(all="ignore"):
             return function(numbers, tree, p, t, self.y, known.laws, known.plant,
                             setup=known.setup, **calls)  # fmt: skip
 
     def compiled(self, function, t=0.0):
-        arm, known = self.plant.arm, self.prepared
-        kernel = arms_kernel(
-            [arm], self.plant.mode, function, {"setup": known.setup},
+        arm, known = self.system.arm, self.prepared
+        kernel = ArmKernel(
+            [arm], self.system.mode, function, {"setup": known.setup},
             outside=dict(known.setup.called(arm.n)),
         )  # fmt: skip
 
@@ -370,7 +372,7 @@ def into_its_arguments(_, cfg, dq):
 )
 def test_other_laws_are_called_and_the_run_says_why(law, why):
     arm = sa.load("planar2")
-    known = prepared(Plant(arm, "free-floating", arm.at([0.3, 1.1])), {-1: law})
+    known = prepared(System(arm.at([0.3, 1.1]), "free-floating", sa.Plant()), {-1: law})
     assert list(known.outside) == ["law0"]
     assert why in known.notes[0]
     assert known.notes[0].startswith("the controller")
@@ -392,7 +394,7 @@ def test_a_law_may_write_into_its_arguments():
 
 def test_a_law_that_has_changed_is_another_one():
     arm = sa.load("planar2")
-    law, plant = Formula(2.0), Plant(arm, "free-floating", arm.at([0.3, 1.1]))
+    law, plant = Formula(2.0), System(arm.at([0.3, 1.1]), "free-floating", sa.Plant())
     first, again = (prepared(plant, {-1: law}).setup for _ in range(2))
     assert first == again
     assert hash(first) == hash(again)

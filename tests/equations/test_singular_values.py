@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from spacearm.compiler import numbers, symbols
 from spacearm.compiler.kernel import compiled
-from spacearm.equations import singular_values as equations
+from spacearm.equations import linear_algebra as equations
 
 WIDTH = 16
 

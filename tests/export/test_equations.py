@@ -10,10 +10,10 @@ from hypothesis import given, settings
 
 import spacearm as sa
 from spacearm.compiler import numbers
-from spacearm.equations import linear, measures
+from spacearm.equations import linear_algebra, measures
 from spacearm.export.functions import EQUATIONS, structure_in
+from spacearm.mechanics.arm_kernels import parameters_of
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.mechanics.many import parameters_of
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
 
@@ -134,7 +134,7 @@ def test_S_of_many_joints_is_the_same_without_minors(monkeypatch):
 def test_minors_are_determinants(seed):
     A = np.random.default_rng(seed).normal(size=(3, 5))
     wanted = [np.linalg.det(A[:, c]) for c in combinations(range(5), 3)]
-    np.testing.assert_allclose(linear.minors(A), wanted, atol=1e-12)
+    np.testing.assert_allclose(linear_algebra.minors(A), wanted, atol=1e-12)
 
 
 @given(seeds)
@@ -142,4 +142,4 @@ def test_elimination_solves(seed):
     rng = np.random.default_rng(seed)
     A, B = rng.normal(size=(4, 6)), rng.normal(size=(4, 2))
     A = A @ A.T + 0.1 * np.eye(4)
-    np.testing.assert_allclose(A @ linear.solve(numbers, A, B), B, atol=1e-9)
+    np.testing.assert_allclose(A @ linear_algebra.solve(numbers, A, B), B, atol=1e-9)

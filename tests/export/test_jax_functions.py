@@ -7,7 +7,7 @@ from helpers.arms import load_text, random_chain
 import spacearm as sa
 from spacearm.equations.measures import singularity
 from spacearm.export.functions import EQUATIONS, structure_in
-from spacearm.mechanics.many import parameters_of
+from spacearm.mechanics.arm_kernels import parameters_of
 
 jax = pytest.importorskip("jax", reason="pip install 'spacearm[jax]'")
 FUNCTIONS = (*EQUATIONS, "S_gradient")

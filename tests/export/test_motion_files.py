@@ -13,7 +13,7 @@ import spacearm as sa
 
 @pytest.fixture(scope="module")
 def way():
-    return sa.follow(sa.load("planar2"), [0.3, 1.2], [(1.5, 1.2)])
+    return sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)])
 
 
 def test_a_table(way, tmp_path):
@@ -56,7 +56,13 @@ def test_netcdf(way, tmp_path):
 def pushed():
     law = sa.JointPD(target=[0.5, 0.6], kp=4.0, kd=8.0)
     push = {"spacecraft": lambda t: [t, 0, 0, 0, 0, 1], "link_2": [0, 2, 0, 0, 0, 0]}
-    return sa.simulate(sa.load("planar2"), [0.3, 0.9], law, 0.5, dt=0.01, wrenches=push)
+    return sa.simulate(
+        sa.load("planar2").at([0.3, 0.9]),
+        law,
+        0.5,
+        plant=sa.Plant(wrenches=push),
+        integration=sa.Integration(dt=0.01),
+    )
 
 
 def test_wrenches_of_each_link(pushed, tmp_path):

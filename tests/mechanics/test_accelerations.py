@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics.blocks import BLOCK
+from spacearm.mechanics.batch import BLOCK
 
 MODES = ("free-floating", "attitude-controlled", "fixed")
 FEW = 50
@@ -137,9 +137,9 @@ def test_states_whose_mass_matrix_is_not_positive_definite(m, izz):
     still = np.full((m, 2), 0.3)
     assert np.isnan(sa.joint_accelerations(arm, still, still, still)).all()
     with pytest.raises(sa.NoSolutionError, match=r"at t = 0 s, .* is not positive definite"):
-        sa.simulate(arm, [0.3, 0.3], sa.JointPD(target=[0.5, 0.5], kp=1, kd=1), 0.1)
+        sa.simulate(arm.at([0.3, 0.3]), sa.JointPD(target=[0.5, 0.5], kp=1, kd=1), 0.1)
     law = sa.JointPD(target=[0.5, 0.5], kp=1, kd=1)
-    assert sa.simulate_many(arm, [[0.3, 0.3]], law, 0.1).ended.item() == "equations failed"
+    assert sa.simulate_many(arm.at([0.3, 0.3]), law, 0.1).ended.item() == "equations failed"
 
 
 def test_large_angles_are_turns():

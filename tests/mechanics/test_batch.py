@@ -13,11 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics import many, nearness
-from spacearm.mechanics.batch import QUANTITIES, SINGLY, tips_from_centre
-from spacearm.mechanics.blocks import BLOCK
+from spacearm.mechanics import arm_kernels, distance
+from spacearm.mechanics.batch import BLOCK, QUANTITIES, SINGLY, tips_from_centre
 
-FEW = math.ceil(many.WORTH / SINGLY)  # compiled from here on
+FEW = math.ceil(arm_kernels.WORTH / SINGLY)  # compiled from here on
 MODELS = ("planar2", "planar3", "mda6", "ets7", "chaser7")
 MANY = FEW + 14  # takes the compiled path, with lanes left over
 
@@ -106,7 +105,7 @@ def test_a_held_spacecraft_is_one_without_end_of_inertia(name, mode, rng):
     """The compiled equations against the matrices."""
     arm = sa.load(name)
     Q = rng.uniform(-3, 3, (20, arm.n))
-    many, one = nearness.tangent(arm, Q, mode), nearness.tangent_singly(arm, Q, mode)
+    many, one = distance.linearise(arm, Q, mode), distance.linearise_singly(arm, Q, mode)
     assert many.distance == pytest.approx(one.distance, rel=1e-9)
     assert many.sigma == pytest.approx(one.sigma, abs=1e-13)
     for a, b in zip(many.rows, one.rows, strict=True):

@@ -11,13 +11,8 @@ import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS
-from spacearm.mechanics.floating import (
-    chained,
-    reactions,
-    turns_and_effects,
-    turns_of_spacecraft,
-)
-from spacearm.mechanics.many import parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import parameters_of, structure_of
+from spacearm.mechanics.floating import chained, reactions, turns_and_effects, turns_of_spacecraft
 
 
 def whole_tree(seed, n):

@@ -9,15 +9,15 @@ from scipy.spatial.transform import Rotation
 
 import spacearm as sa
 from spacearm.mission.rotations import (
-    Neighbours,
     angle_between,
     attitudes,
     cells,
     children,
+    nearest_of,
     spacing,
 )
-from spacearm.motion.runs.leading import Settings, lead_all, table_of
-from spacearm.motion.tip_path import segments
+from spacearm.motion.following import segments
+from spacearm.motion.leading import Settings, lead_all, table_of
 
 A, LINE = np.radians([-57.936, 60.337]), [(2.0, 0.0), (1.5, 1.5)]  # figure 5
 
@@ -83,10 +83,7 @@ def test_the_ends_are_where_follow_begins_to_fail(arm, ring):
                 angle = end + inwards * 2e-6
                 assert np.abs(np.sin(started_at(arm, ring, angle).q[1])) < 5e-3
                 continue
-            kept = [
-                sa.follow(arm, cfg.q, LINE[1:], base=cfg.base).distance.min()
-                for cfg in (inside, outside)
-            ]
+            kept = [sa.follow(cfg, LINE[1:]).distance.min() for cfg in (inside, outside)]
             assert kept[0] >= ring.margin > kept[1]
 
 
@@ -97,7 +94,11 @@ def test_simulation_agrees_inside_and_outside(arm, ring):
         cfg = started_at(arm, ring, angle)
         law = sa.TransposedJacobian(target=LINE[1], kp=5.0, kd=15.0)
         run = sa.simulate(
-            arm, cfg.q, law, 60.0, base=cfg.base, events=("singularity",), stop=("singularity",)
+            cfg,
+            law,
+            60.0,
+            stop=("singularity",),
+            integration=sa.Integration(events=("singularity",)),
         )
         miss = np.linalg.norm(run[-1].tip.translation[:2] - LINE[1])
         assert (not run.events and miss < 1e-3) == succeeds
@@ -160,7 +161,7 @@ def test_random_arms_are_led_as_follow_leads_them(seed):
         pin.exp3(rng.normal(size=3) * 0.1) @ home.rotation,
         home.translation + rng.normal(size=3) * 0.1,
     )
-    run = sa.follow(arm, cfg.q, [goal, home], base=cfg.base)
+    run = sa.follow(cfg, [goal, home])
     table = table_of([segments(cfg, [goal, home], None)])
     led = lead_all(arm, cfg.q[None], R.as_quat()[None], table, settings=Settings(tolerance=1e-11))
     assert run.arrived == (led.ended[0] == 0)
@@ -176,7 +177,7 @@ def test_a_path_given_as_a_function_is_followed_as_well(arm):
 
     q = np.array([-0.6, 1.2])
     cfg = arm.at(q).centred(np.zeros(3))
-    run = sa.follow(arm, q, arc, length=0.5, base=cfg.base)
+    run = sa.follow(cfg, arc, length=0.5)
     led = lead_all(
         arm, q[None], np.eye(4)[3:], table_of([segments(cfg, arc, 0.5)]),
         settings=Settings(tolerance=1e-10),
@@ -189,7 +190,7 @@ def test_redundant_arms_take_the_least_rates():
     q = np.array([0.0, 0.6, 0.2, -1.2, 0.1, 0.8, 0.0])
     cfg = arm.at(q).centred(np.zeros(3))
     goal = pin.SE3(cfg.tip.rotation, cfg.tip.translation + np.array([-0.1, 0.1, 0.1]))
-    run = sa.follow(arm, q, [goal], base=cfg.base)
+    run = sa.follow(cfg, [goal])
     led = lead_all(
         arm, q[None], np.eye(4)[3:], table_of([segments(cfg, [goal], None)]),
         settings=Settings(tolerance=1e-10),
@@ -264,7 +265,7 @@ def test_cells_are_spread_evenly(level):
         0.5 * spacing(len(of)) < 4 * np.arcsin(apart.min(axis=1) / 2).max() < 1.5 * spacing(len(of))
     )
     inner = attitudes(children(of), level + 1)
-    nearest, _ = Neighbours(found).nearest(inner)
+    nearest, _ = nearest_of(found, inner)
     assert (nearest == np.repeat(np.arange(len(of)), 8)).mean() > 0.6
 
 

@@ -19,14 +19,14 @@ def reach(arm):
     return sa.level_reach(arm.at(Q), np.radians(2.0), directions=24)
 
 
-def test_lines_end_where_follow_has_turned_by_the_tilt(arm, reach):
+def test_lines_end_where_follow_has_turned_by_the_tilt(reach):
     cfg = reach.start()
     np.testing.assert_allclose(cfg.tip.translation, reach.tip, atol=1e-12)
     tilted = np.flatnonzero(reach.ended == 3)
     assert len(tilted) > 12
     for i in tilted[::6]:
         end = (reach.tip + reach.straight[i] * reach.direction[i])[:2]
-        run = sa.follow(arm, cfg.q, [end], base=cfg.base)
+        run = sa.follow(cfg, [end])
         assert run.arrived
         assert sa.reaction(run).angle.max() == pytest.approx(reach.tilt, rel=2e-3)
 
@@ -68,7 +68,7 @@ def test_of_spatial_arms_all_directions_of_space():
     i = int(np.flatnonzero(found.ended == 3)[0])
     cfg = found.start()
     goal = pin.SE3(cfg.tip.rotation, found.tip + found.straight[i] * found.direction[i])
-    run = sa.follow(arm, q, [goal], base=cfg.base)
+    run = sa.follow(cfg, [goal])
     assert sa.reaction(run).angle.max() == pytest.approx(found.tilt, rel=5e-3)
 
 

@@ -160,7 +160,9 @@ def test_momentum_on_board_is_taken_up_by_the_wheels():
     arm = sa.load("planar2")
     h = np.array([0, 0, 0, 0, 0, 0.4])
     law = sa.JointPD(target=[0.5, 0.9], kp=5.0, kd=9.0)
-    run = sa.simulate(arm, [0.3, 1.2], law, 2.0, momentum=h, events=())
+    run = sa.simulate(
+        arm.at([0.3, 1.2], momentum=h), law, 2.0, integration=sa.Integration(events=())
+    )
     found = sa.reaction(run)
     np.testing.assert_allclose(found.on_board, np.tile(h[3:], (len(run), 1)), atol=1e-9)
     np.testing.assert_allclose(

@@ -49,15 +49,15 @@ def test_within_its_limits_is_where_every_joint_is_within_its_own(seed):
 
 def test_a_follower_ends_a_simulation(geared):
     law = sa.JointPD(target=[0.3, 1.5], kp=5.0, kd=10.0)
-    run = sa.simulate(geared, START, law, 20.0, stop=("joint limit",))
+    run = sa.simulate(geared.at(START), law, 20.0, stop=("joint limit",))
     assert run.ended == "joint limit"
     assert geared.all_joints(run.q[-1])[2] == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_follower_stops_a_path(geared):
     goal = geared.at([0.3, 0.9]).tip.translation[:2]
-    assert sa.follow(geared, START, [goal], limits=False).q[-1, 1] > 0.6
-    run = sa.follow(geared, START, [goal])
+    assert sa.follow(geared.at(START), [goal], limits=False).q[-1, 1] > 0.6
+    run = sa.follow(geared.at(START), [goal])
     assert run.ended == "joint limit"
     assert geared.all_joints(run.q[-1])[2] == pytest.approx(1.0, abs=1e-9)
 
@@ -147,5 +147,5 @@ def test_segments_warn_of_their_ends():
 def test_motions_warn_of_their_start():
     arm = sa.load("mda6")
     law = sa.JointPD(np.zeros(6), 1.0, 1.0)
-    with pytest.warns(sa.ModelWarning, match="q0 of mda6: joint 'joint_2' at 60 rad"):
-        sa.simulate(arm, [0, 60, -100, -50, 0, 0], law, 0.01)
+    with pytest.warns(sa.ModelWarning, match="q of mda6: joint 'joint_2' at 60 rad"):
+        sa.simulate(arm.at([0, 60, -100, -50, 0, 0]), law, 0.01)

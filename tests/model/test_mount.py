@@ -25,11 +25,11 @@ from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.description.readers import urdf
+from spacearm.description.readers import formats
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.shapes import shapes
+    from spacearm.viewer.shapes import shapes
 
 FLAT = np.diag([1.0, 1.0, 3.0])
 ARMS = [info.name for info in sa.arms()]
@@ -317,7 +317,7 @@ def test_point_masses_on_bodies_can_be_read(tmp_path):
     same(arm, rewritten(arm))
     text = robot(link("bus", 50.0), link("arm", inertia=np.zeros((3, 3))), joint("e", "bus", "arm"))
     with pytest.raises(sa.ModelError, match="a motion of 'e' moves no mass"):
-        urdf.read(saved(text, tmp_path))
+        formats.read(saved(text, tmp_path))
 
 
 def test_an_arm_stands_on_the_top_face_of_a_bus_with_a_size():
@@ -336,7 +336,7 @@ def test_poses_are_matrices_too():
     base = pin.SE3(pin.utils.rotate("x", 0.4), np.array([1.0, 2.0, 3.0]))
     assert arm.at(q, base=base.homogeneous).tip.isApprox(arm.at(q, base=base).tip)
     goal = sa.move(arm.at(q), [0.05] * 6).tip
-    ends = [sa.follow(arm, q, [g])[-1].q for g in (goal, goal.homogeneous)]
+    ends = [sa.follow(arm.at(q), [g])[-1].q for g in (goal, goal.homogeneous)]
     np.testing.assert_array_equal(*ends)
     with pytest.raises(sa.ConfigurationError, match="has the last row"):
         arm.at(q, base=np.ones((4, 4)))

@@ -35,7 +35,7 @@ def test_resolved_rate_keeps_the_tip_on_a_moving_target():
     arm = chaser()
     p, v = arm.at(Q7).tip.translation, np.array([0.01, -0.02, 0.015])
     law = sa.ResolvedRate(target=lambda t: p + v * t, gain=2.0, servo=50.0)
-    run = sa.simulate(arm, Q7, law, 10.0, events=())
+    run = sa.simulate(arm.at(Q7), law, 10.0, integration=sa.Integration(events=()))
     assert error(run, law.target)[-1] < 1e-5
 
 
@@ -46,7 +46,7 @@ def test_the_earth_bound_law_lags_behind():
     misses = []
     for base in ("free-floating", "fixed"):
         law = sa.ResolvedRate(target=lambda t: p + v * t, gain=2.0, servo=50.0, mode=base)
-        run = sa.simulate(arm, Q7, law, 10.0, events=())
+        run = sa.simulate(arm.at(Q7), law, 10.0, integration=sa.Integration(events=()))
         misses.append(error(run, law.target)[-1])
     assert misses[1] > 100 * misses[0]
 
@@ -56,7 +56,7 @@ def test_on_a_fixed_spacecraft_the_earth_bound_law_is_right():
     arm = chaser()
     goal = arm.at(Q7).tip.translation + np.array([0.05, 0.02, -0.03])
     law = sa.ResolvedRate(target=goal, gain=1.0, mode="fixed")
-    run = sa.simulate(arm, Q7, law, 15.0, mode="fixed", events=())
+    run = sa.simulate(arm.at(Q7), law, 15.0, mode="fixed", integration=sa.Integration(events=()))
     assert error(run, lambda _: goal)[-1] < 1e-5
 
 
@@ -67,7 +67,9 @@ def test_a_pose_is_reached():
     cfg = arm.at(q)
     goal = pin.SE3(pin.exp3(np.array([0.1, -0.05, 0.08])), np.zeros(3)) * cfg.tip
     goal.translation = cfg.tip.translation + np.array([0.02, -0.03, 0.01])
-    run = sa.simulate(arm, q, sa.ResolvedRate(target=goal), 15.0, events=())
+    run = sa.simulate(
+        arm.at(q), sa.ResolvedRate(target=goal), 15.0, integration=sa.Integration(events=())
+    )
     np.testing.assert_allclose(run[-1].tip.homogeneous, goal.homogeneous, atol=1e-5)
 
 
@@ -75,9 +77,14 @@ def test_a_pose_is_reached():
 def test_the_null_space_tends_to_the_posture_of_rest():
     arm = chaser()
     goal = arm.at(Q7).tip.translation
-    fine = {"rtol": 1e-10, "atol": 1e-12}
-    still = sa.simulate(arm, Q7, sa.ResolvedRate(target=goal), 5.0, events=(), **fine)
-    moved = sa.simulate(arm, Q7, sa.ResolvedRate(target=goal, rest=Q7 * 0.5), 5.0, events=())
+    fine = sa.Integration(rtol=1e-10, atol=1e-12, events=())
+    still = sa.simulate(arm.at(Q7), sa.ResolvedRate(target=goal), 5.0, integration=fine)
+    moved = sa.simulate(
+        arm.at(Q7),
+        sa.ResolvedRate(target=goal, rest=Q7 * 0.5),
+        5.0,
+        integration=sa.Integration(events=()),
+    )
     assert np.abs(still.q - Q7).max() < 1e-9
     away = []
     for i in (0, -1):
@@ -94,8 +101,8 @@ def test_resolved_rate_ends_at_a_singularity_and_damping_goes_on():
     q[1] = sa.singular_set(arm).roots(q, 1).angles[0]
     goal = arm.at(q).tip.translation[:2] + np.array([0.3, 0.4])
     with pytest.raises(sa.NoSolutionError, match=r"t = 0 s.*singular.*DampedLeastSquares"):
-        sa.simulate(arm, q, sa.ResolvedRate(target=goal), 5.0)
-    run = sa.simulate(arm, q, sa.DampedLeastSquares(target=goal), 20.0)
+        sa.simulate(arm.at(q), sa.ResolvedRate(target=goal), 5.0)
+    run = sa.simulate(arm.at(q), sa.DampedLeastSquares(target=goal), 20.0)
     assert run.events[0].kind == "singularity"
     assert run.events[0].t == 0.0
     assert np.abs(run.dq).max() < 10.0
@@ -120,8 +127,12 @@ def test_damping_begins_at_the_threshold():
 def test_reactionless_motion_does_not_turn_the_spacecraft():
     arm = chaser()
     goal = arm.at(Q7).tip.translation + np.array([0.05, 0.0, 0.03])
-    run = sa.simulate(arm, Q7, sa.Reactionless(target=goal), 10.0, events=())
-    usual = sa.simulate(arm, Q7, sa.ResolvedRate(target=goal), 10.0, events=())
+    run = sa.simulate(
+        arm.at(Q7), sa.Reactionless(target=goal), 10.0, integration=sa.Integration(events=())
+    )
+    usual = sa.simulate(
+        arm.at(Q7), sa.ResolvedRate(target=goal), 10.0, integration=sa.Integration(events=())
+    )
     turned = [abs(np.linalg.norm(pin.log3(r[-1].base.rotation))) for r in (run, usual)]
     assert turned[0] < 1e-4
     assert turned[1] > 10 * turned[0]
@@ -151,15 +162,15 @@ def test_a_target_out_of_reach_is_refused():
     arm = sa.load("planar2")
     law = sa.TransposedJacobian(target=(3.0, 0.0), kp=5, kd=15)
     with pytest.raises(sa.ConfigurationError, match=r"2\.28723 m"):
-        sa.simulate(arm, [0.1, 0.2], law, 1.0, base=pin.SE3(np.eye(3), np.array([-1.0, 0, 0])))
-    sa.simulate(arm, [0.1, 0.2], law, 0.1, momentum=[9, 0, 0, 0, 0, 0])  # the CM goes there
+        sa.simulate(arm.at([0.1, 0.2], base=pin.SE3(np.eye(3), np.array([-1.0, 0, 0]))), law, 1.0)
+    sa.simulate(arm.at([0.1, 0.2], momentum=[9, 0, 0, 0, 0, 0]), law, 0.1)  # the CM goes there
 
 
 @pytest.mark.slow
 def test_what_the_task_leaves_open_is_never_out_of_reach():
     arm = sa.load("planar2")
     target = pin.SE3(np.eye(3), np.array([1.2, 0.5, 5.0]))
-    run = sa.simulate(arm, [0.3, 1.2], sa.ResolvedRate(target=target), 10.0)
+    run = sa.simulate(arm.at([0.3, 1.2]), sa.ResolvedRate(target=target), 10.0)
     np.testing.assert_allclose(run.tip[-1, :3], (1.2, 0.5, 0.0), atol=1e-3)
 
 

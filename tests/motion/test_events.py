@@ -40,14 +40,14 @@ def test_a_simulation_meets_the_exact_set_of_a_redundant_arm(seed, tmp_path):
     arm = sa.load("servicer_panda")
     start, end = across(arm, np.random.default_rng(seed))
     law = sa.JointPD(target=end, kp=40.0, kd=15.0)
-    run = sa.simulate(arm, start, law, 4.0, stop=["singularity"])
+    run = sa.simulate(arm.at(start), law, 4.0, stop=["singularity"])
     event = run.events[-1]
     assert (event.kind, event.t) == (run.ended, run.t[-1])
     check_of_the_exact_set(arm, event, run.q[:-1][-3:])
     run.save(tmp_path / "run.npz")
     (*_, kept) = sa.Trajectory.load(tmp_path / "run.npz", arm).events
     np.testing.assert_array_equal(kept.nearest, event.nearest)
-    many = sa.simulate_many(arm, [start, start], law, 4.0)  # memory that is used again
+    many = sa.simulate_many([arm.at(start)] * 2, law, 4.0)  # memory that is used again
     np.testing.assert_allclose(many.first_singularity, event.t, rtol=1e-6)
 
 
@@ -56,7 +56,7 @@ def test_a_path_of_the_tip_ends_at_the_exact_set_of_a_redundant_arm():
     start = arm.at([0.3, 0.5, -0.4, 0.9, 0.2, 0.7, 0.1])
     beyond = start.tip.copy()
     beyond.translation *= 20.0 / np.linalg.norm(beyond.translation)
-    motion = sa.follow(arm, start.q, [beyond], limits=False)
+    motion = sa.follow(start, [beyond], limits=False)
     assert motion.ended == "singularity"
     nearest, distance = sa.singular_set(arm).nearest(motion.q[-1])
     assert distance == pytest.approx(NEAR, abs=1e-7)

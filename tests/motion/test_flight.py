@@ -28,7 +28,7 @@ def of_body(cfg, twist):
 def test_a_grasp_keeps_the_momentum_of_arm_and_body():
     twist = np.array([0.05, -0.08, 0.0, 0.0, 0.0, 0.3])
     flight = sa.simulate_phases(
-        ARM, Q0, [sa.Phase(LAW, 2.0, sa.Grasp(twist=twist, **BODY)), sa.Phase(LAW, 3.0)]
+        ARM.at(Q0), [sa.Phase(LAW, 2.0, sa.Grasp(twist=twist, **BODY)), sa.Phase(LAW, 3.0)]
     )
     before, after = flight.phases
     cfg, total = before[-1], after.momentum[0]
@@ -49,7 +49,7 @@ def test_a_release_takes_away_what_the_body_has():
         sa.Phase(LAW, 1.0, sa.Release()),
         sa.Phase(COAST, 1.0),
     ]
-    held, free = sa.simulate_phases(ARM, Q0, phases).phases[1:]
+    held, free = sa.simulate_phases(ARM.at(Q0), phases).phases[1:]
     cfg = held[-1]
     v = np.concatenate((np.linalg.solve(cfg.A[:, :6],
                         held.momentum[-1] - cfg.A[:, 6:] @ held.dq[-1]), held.dq[-1]))  # fmt: skip
@@ -68,7 +68,7 @@ def test_a_release_takes_away_what_the_body_has():
 
 def test_a_grasp_without_impact_changes_no_velocity():
     grasp = sa.Grasp(**BODY)
-    flight = sa.simulate_phases(ARM, Q0, [sa.Phase(LAW, 1.0, grasp), sa.Phase(COAST, 0.1)])
+    flight = sa.simulate_phases(ARM.at(Q0), [sa.Phase(LAW, 1.0, grasp), sa.Phase(COAST, 0.1)])
     before, after = flight.phases
     np.testing.assert_allclose(after.dq[0], before.dq[-1], atol=1e-12)
     assert abs(flight.captures[0].energy_lost) < 1e-12
@@ -76,8 +76,8 @@ def test_a_grasp_without_impact_changes_no_velocity():
 
 
 def test_phases_without_bodies_are_one_run():
-    parts = sa.simulate_phases(ARM, Q0, [sa.Phase(LAW, 2.0), sa.Phase(LAW, 3.0)], dq0=[0.1, -0.1])
-    one = sa.simulate(ARM, Q0, LAW, 5.0, dq0=[0.1, -0.1])
+    parts = sa.simulate_phases(ARM.at(Q0), [sa.Phase(LAW, 2.0), sa.Phase(LAW, 3.0)], dq=[0.1, -0.1])
+    one = sa.simulate(ARM.at(Q0), LAW, 5.0, dq=[0.1, -0.1])
     np.testing.assert_allclose(parts.phases[1].q[-1], one.q[-1], atol=1e-7)
     turned = parts.phases[1][-1].base.rotation.T @ one[-1].base.rotation
     assert np.linalg.norm(pin.log3(turned)) < 1e-7
@@ -86,45 +86,47 @@ def test_phases_without_bodies_are_one_run():
 def test_a_body_is_grasped_where_the_target_is_reached_only():
     law = sa.TransposedJacobian(target=(9.0, 9.0), kp=5.0, kd=15.0)
     near = sa.JointPD(target=[0.31, 0.9], kp=50.0, kd=5.0)
-    grasp, options = sa.Grasp(**BODY), {"stop": ["target"], "reach": 5e-3}
+    grasp = sa.Grasp(**BODY)
+    options = {"stop": ["target"], "integration": sa.Integration(reach=5e-3)}
     for controller, reached in ((near, True), (LAW, False)):
         flight = sa.simulate_phases(
-            ARM, Q0, [sa.Phase(controller, 2.0, grasp, options), sa.Phase(COAST, 0.1)]
+            ARM.at(Q0), [sa.Phase(controller, 2.0, grasp, **options), sa.Phase(COAST, 0.1)]
         )
         assert len(flight.captures) == reached
         assert len(flight.phases) == 1 + reached
     with pytest.raises(sa.ConfigurationError, match=r"the goal is 12\.5.* comes no farther"):
-        sa.simulate_phases(ARM, Q0, [sa.Phase(law, 1.0)])
+        sa.simulate_phases(ARM.at(Q0), [sa.Phase(law, 1.0)])
 
 
 def test_what_makes_no_sense_is_refused():
     with pytest.raises(sa.ConfigurationError, match="phases is empty"):
-        sa.simulate_phases(ARM, Q0, [])
+        sa.simulate_phases(ARM.at(Q0), [])
     with pytest.raises(sa.ConfigurationError, match="phase 0 releases"):
-        sa.simulate_phases(ARM, Q0, [sa.Phase(LAW, 1.0, sa.Release())])
-    with pytest.raises(sa.ConfigurationError, match="dq0"):
-        sa.Phase(LAW, 1.0, options={"dq0": [0.0, 0.0]})
+        sa.simulate_phases(ARM.at(Q0), [sa.Phase(LAW, 1.0, sa.Release())])
+    with pytest.raises(TypeError, match="dq"):
+        sa.Phase(LAW, 1.0, dq=[0.0, 0.0])
 
 
 def test_a_body_with_a_cm_of_two_numbers_is_refused():
     law = sa.JointPD(target=[0.3, 0.9], kp=1.0, kd=1.0)
     phase = sa.Phase(law, 0.1, sa.Grasp(mass=1.0, com=[0.1, 0.0]))
     with pytest.raises(sa.ConfigurationError, match="com of the body"):
-        sa.simulate_phases(sa.load("planar2"), [0.3, 0.9], [phase])
+        sa.simulate_phases(sa.load("planar2").at([0.3, 0.9]), [phase])
 
 
 def carried():
     """A flight that grasps, moves and releases, pushed on the way, and begins with rates."""
-    push = {"wrenches": {"spacecraft": [0.2, 0.1, 0, 0, 0, 0.3]}}
+    push = sa.Plant(wrenches={"spacecraft": [0.2, 0.1, 0, 0, 0, 0.3]})
     twist = np.array([0.05, -0.08, 0.0, 0.0, 0.0, 0.3])
     return sa.simulate_phases(
-        ARM, Q0, dq0=[0.1, -0.2],
+        ARM.at(Q0),
+        dq=[0.1, -0.2],
         phases=[
-            sa.Phase(LAW, 1.0, sa.Grasp(twist=twist, **BODY), options=push),
-            sa.Phase(LAW, 1.5, sa.Release(), options=push),
+            sa.Phase(LAW, 1.0, sa.Grasp(twist=twist, **BODY), plant=push),
+            sa.Phase(LAW, 1.5, sa.Release(), plant=push),
             sa.Phase(LAW, 0.5),
         ],
-    )  # fmt: skip
+    )
 
 
 def test_a_flight_as_one_motion():

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 import spacearm as sa
 from spacearm.motion.goal import as_goal
-from spacearm.motion.runs.leading import POINTS, straight_line
+from spacearm.motion.leading import POINTS, straight_line
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ def test_it_ends_as_follow_does(name, seed):
     q = np.clip(q, arm.lower + 0.1, arm.upper - 0.1)
     start = arm.at(q, base=pin.SE3(pin.Quaternion(quaternion), np.array([1.0, 2.0, 0.0])))
     goal = as_goal(start, start.arm.at(q + rng.normal(0.0, 0.3, arm.n), base=start.base).tip)
-    slow, line = sa.follow(arm, q, [goal], base=start.base), straight_line(start, goal, True)
+    slow, line = sa.follow(start, [goal]), straight_line(start, goal, True)
     assert line.end.kind == slow.ended
     assert line.length == pytest.approx(slow.length, rel=1e-12)
     exact = 1e-6 if line.end.kind == "arrived" else 0.02  # det J* or the distance is interpolated

@@ -2,21 +2,27 @@
 
 import numpy as np
 import pytest
+from helpers.arms import load_text
+from helpers.wheels import WHEELS, with_wheels
 
 import spacearm as sa
+from spacearm.motion.simulation import COARSE
 
 ARM = sa.load("planar2")
 RNG = np.random.default_rng(0)
 Q0 = np.array([0.3, 0.9]) + 0.1 * RNG.normal(size=(5, 2))
+STARTS = [ARM.at(q) for q in Q0]
 LAW = sa.TransposedJacobian(target=(1.4, 0.9), kp=5.0, kd=15.0)
 
 
 def test_each_run_is_that_of_simulate():
     seen = []
-    many = sa.simulate_many(ARM, Q0, LAW, 20.0, threads=2, progress=lambda *x: seen.append(x))
+    many = sa.simulate_many(STARTS, LAW, 20.0, threads=2, progress=lambda *x: seen.append(x))
     assert seen[-1] == (5, 5)
     for i in (0, 4):
-        one = sa.simulate(ARM, Q0[i], LAW, 20.0, rtol=1e-6, atol=1e-8, dt=0.1)
+        one = sa.simulate(
+            ARM.at(Q0[i]), LAW, 20.0, integration=sa.Integration(rtol=1e-6, atol=1e-8, dt=0.1)
+        )
         run = many.isel(run=i)
         np.testing.assert_array_equal(run["q"], one.q[-1])
         np.testing.assert_array_equal(run["dq"], one.dq[-1])
@@ -36,17 +42,23 @@ def test_laws_momenta_and_payloads_may_differ():
     h = np.zeros((5, 6))
     h[:, 5] = np.linspace(-1, 1, 5)
     payload = [0.0, 1.0, 2.0, 0.0, 4.0]
-    many = sa.simulate_many(ARM, Q0, laws, 5.0, momentum=h, payload=payload)
+    starts = [ARM.at(q, momentum=one) for q, one in zip(Q0, h, strict=True)]
+    many = sa.simulate_many(starts, laws, 5.0, payload=payload)
     for i in (1, 3):
         arm = ARM.replace(payload=payload[i]) if payload[i] else ARM
-        one = sa.simulate(arm, Q0[i], laws[i], 5.0, momentum=h[i], rtol=1e-6, atol=1e-8)
+        one = sa.simulate(
+            arm.at(Q0[i], momentum=h[i]),
+            laws[i],
+            5.0,
+            integration=sa.Integration(rtol=1e-6, atol=1e-8),
+        )
         np.testing.assert_allclose(many["q"][i], one.q[-1], atol=1e-12)
         np.testing.assert_allclose(many["base"][i], one.base[-1], atol=1e-12)
 
 
 def test_a_run_that_fails_does_not_end_the_others():
     laws = [sa.JointPD(target=[0.1, 0.5], kp=5.0, kd=15.0), sa.JointPD([0.1, 0.5], 1e11, 1e3)]
-    many = sa.simulate_many(ARM, Q0[0], laws, 5.0)
+    many = sa.simulate_many(STARTS[0], laws, 5.0)
     assert many["ended"].values.tolist() == ["duration", "step collapsed"]
     assert many["t"][1] < 5.0
 
@@ -54,22 +66,49 @@ def test_a_run_that_fails_does_not_end_the_others():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"momentum": np.zeros((3, 6))}, "are of"),
+        ({"dq": np.zeros((3, 2))}, "are of"),
         ({"payload": [-1.0] * 5}, "masses from 0"),
         ({"duration": -1.0}, "duration"),
         ({"threads": 0}, "threads"),
+        ({"integration": sa.Integration(dt=0.1)}, "dt is given"),
     ],
 )
 def test_bad_input(options, message):
     options = {"duration": 1.0} | options
     with pytest.raises(sa.ConfigurationError, match=message):
-        sa.simulate_many(ARM, Q0, LAW, **options)
+        sa.simulate_many(STARTS, LAW, **options)
 
 
 def test_loose_stiff_runs_do_not_depend_on_those_before_them():
     arm, law = sa.load("planar2"), sa.JointPD(target=[0.3, 0.1], kp=30.0, kd=30.0)
     Q0 = np.array([[0.1, 0.2], [1.0, -0.5], [-0.4, 0.7]])
-    options = {"rtol": 1e-2, "atol": 1e-4, "threads": 1, "events": ()}
-    forth = sa.simulate_many(arm, Q0, law, 20.0, **options)
-    back = sa.simulate_many(arm, Q0[::-1], law, 20.0, **options)
+    how = sa.Integration(rtol=1e-2, atol=1e-4, events=())
+    starts = [arm.at(q) for q in Q0]
+    forth = sa.simulate_many(starts, law, 20.0, integration=how, threads=1)
+    back = sa.simulate_many(starts[::-1], law, 20.0, integration=how, threads=1)
     np.testing.assert_array_equal(forth.q.values, back.q.values[::-1])
+
+
+def test_what_is_no_list_of_starts_of_one_arm_is_refused():
+    with pytest.raises(sa.ConfigurationError, match=r"\[arm.at\(q\) for q in Q0\]"):
+        sa.simulate_many(Q0, LAW, 1.0)
+    with pytest.raises(sa.ConfigurationError, match="several arms"):
+        sa.simulate_many([STARTS[0], ARM.replace(payload=1.0).at(Q0[1])], LAW, 1.0)
+
+
+def test_wheels_and_wrenches_act_as_in_one_run():
+    arm = load_text(with_wheels(0), tip="tip", task="x", wheels=WHEELS)
+    plant = sa.Plant(
+        wheels=sa.WheelHold(stiffness=400.0, damping=600.0),
+        wrenches={arm.tree.root: lambda t: [0.0, 0.1 * t, 0.0, 0.0, 0.0, 0.2]},
+    )
+    law = sa.JointPD(target=np.zeros(arm.n), kp=5.0, kd=15.0)
+    turned = [sa.pose(rpy=(0.0, 0.0, angle)) for angle in (0.0, 0.7)]
+    starts = [
+        arm.at(np.full(arm.n, 0.3), base=base, wheels=np.ones(len(arm.wheels))) for base in turned
+    ]
+    many = sa.simulate_many(starts, law, 3.0, plant=plant)
+    for i, start in enumerate(starts):
+        one = sa.simulate(start, law, 3.0, plant=plant, integration=COARSE)
+        np.testing.assert_allclose(many["q"][i], one.q[-1], atol=1e-9)
+        np.testing.assert_allclose(many["base"][i], one.base[-1], atol=1e-9)

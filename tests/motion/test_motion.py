@@ -29,8 +29,10 @@ def kinds():
     law = sa.JointPD(target=[0.4, 1.1], kp=5.0, kd=9.0)
     return {
         "Motion": sa.Motion.of(two_samples()),
-        "Trajectory": sa.simulate(arm, q, law, 2.0, events=["target"], reach=0.1, dt=0.5),
-        "Followed": sa.follow(arm, q, [(1.2, 1.0)]),
+        "Trajectory": sa.simulate(
+            arm.at(q), law, 2.0, integration=sa.Integration(dt=0.5, events=["target"], reach=0.1)
+        ),
+        "Followed": sa.follow(arm.at(q), [(1.2, 1.0)]),
         "Plan": sa.plan(arm.at(q), (1.2, 1.0), search=sa.Search(method="straight")),
     }
 
@@ -128,11 +130,11 @@ def test_every_kind_says_how_it_ended(kinds):
 def test_singular_times():
     arm, q = sa.load("planar2"), np.radians([-57.936, 60.337])
     base = arm.at(q, base=pin.SE3(pin.exp3(np.radians([0, 0, 21])), np.zeros(3)))
-    stuck = sa.follow(arm, q, [(1.5, 1.5)], base=base.centred(np.zeros(3)).base)
+    stuck = sa.follow(arm.at(q, base=base.centred(np.zeros(3)).base), [(1.5, 1.5)])
     assert stuck.story == "free-floating: ended by singularity"
     assert stuck.singular_times == (stuck.t[-1],)
     law = sa.JointPD(target=[0.3, -1.2], kp=5.0, kd=9.0)
-    run = sa.simulate(arm, [0.3, 1.2], law, 20.0, stop=["singularity"])
+    run = sa.simulate(arm.at([0.3, 1.2]), law, 20.0, stop=["singularity"])
     assert run.story == "free-floating: ended by singularity"
     assert run.singular_times == (run.events[0].t,)
 
@@ -300,7 +302,7 @@ def test_a_file_with_a_member_that_is_no_array(tmp_path, name):
 
 def test_a_motion_is_read_where_its_kind_has_not_been_used(tmp_path):
     arm = sa.load("planar2")
-    sa.follow(arm, [0.3, 1.2], [(1.5, 1.2)]).save(tmp_path / "way.npz")
+    sa.follow(arm.at([0.3, 1.2]), [(1.5, 1.2)]).save(tmp_path / "way.npz")
     code = (
         "import spacearm as sa; print(type(sa.Motion.load('way.npz', sa.load('planar2'))).__name__)"
     )

@@ -15,13 +15,13 @@ def arm():
     return sa.load("planar2")
 
 
-def motions(arm, **options):
+def motions(arm, base=None, **options):
     """A plan, a followed path and a simulation that all lead to POINT."""
     law = sa.ResolvedRate(target=POINT, gain=2.0)
     return (
-        sa.plan(arm.at(START), POINT, **options),
-        sa.follow(arm, START, [POINT], **options),
-        sa.simulate(arm, START, law, 12.0, **options),
+        sa.plan(arm.at(START, base=base), POINT, **options),
+        sa.follow(arm.at(START, base=base), [POINT], **options),
+        sa.simulate(arm.at(START, base=base), law, 12.0, **options),
     )
 
 
@@ -45,8 +45,8 @@ def test_the_same_motion_in_both_frames(arm):
     com = arm.at(START).com[:2]
     for there, here in zip(motions(arm, origin="cm"), motions(arm), strict=True):
         assert type(there) is type(here)
-    shifted = sa.follow(arm, START, [POINT + com])
-    about = sa.follow(arm, START, [POINT], origin="cm")
+    shifted = sa.follow(arm.at(START), [POINT + com])
+    about = sa.follow(arm.at(START), [POINT], origin="cm")
     np.testing.assert_allclose(shifted.q[-1], about.q[-1], atol=1e-9)
 
 
@@ -89,8 +89,10 @@ def test_what_makes_no_sense_is_refused(arm):
     with pytest.raises(sa.ConfigurationError, match=r"unknown origin 'tip'; valid.*"):
         sa.plan(arm.at(START), POINT, origin="tip")
     with pytest.raises(sa.ConfigurationError, match="a base that only turns"):
-        sa.follow(arm, START, [POINT], origin="cm", base=pin.SE3(np.eye(3), np.ones(3)))
-    elsewhere = sa.follow(arm, START, [POINT + 5.0], base=pin.SE3(np.eye(3), np.array([5.0, 5, 0])))
+        sa.follow(arm.at(START, base=pin.SE3(np.eye(3), np.ones(3))), [POINT], origin="cm")
+    elsewhere = sa.follow(
+        arm.at(START, base=pin.SE3(np.eye(3), np.array([5.0, 5, 0]))), [POINT + 5.0]
+    )
     assert elsewhere.origin == "as base was given"
 
 

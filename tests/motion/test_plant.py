@@ -44,8 +44,8 @@ LAW = sa.JointPD(target=[0.8, -0.6], kp=4.0, kd=6.0)
 def test_wheels_hold_the_attitude_and_take_the_momentum():
     arm = with_wheels()
     hold = sa.WheelHold(stiffness=400.0, damping=600.0)
-    free = sa.simulate(arm, [0.1, 0.3], LAW, 40.0)
-    held = sa.simulate(arm, [0.1, 0.3], LAW, 40.0, wheels=hold)
+    free = sa.simulate(arm.at([0.1, 0.3]), LAW, 40.0)
+    held = sa.simulate(arm.at([0.1, 0.3]), LAW, 40.0, plant=sa.Plant(wheels=hold))
     turned = [np.linalg.norm(pin.log3(run[-1].base.rotation)) for run in (free, held)]
     assert turned[1] < 0.02 * turned[0]
     assert np.abs(held.wheels).max() > 0.1
@@ -61,13 +61,15 @@ def test_wheels_hold_the_attitude_and_take_the_momentum():
 def test_wheels_saturate_at_their_momentum():
     arm = with_wheels()
     hold = sa.WheelHold(stiffness=40.0, damping=60.0, capacity=0.2, torque=5.0)
-    run = sa.simulate(arm, [0.1, 0.3], LAW, 10.0, wheels=hold)
+    run = sa.simulate(arm.at([0.1, 0.3]), LAW, 10.0, plant=sa.Plant(wheels=hold))
     full = [event for event in run.events if event.kind == "wheel full"]
     assert full
     assert np.abs(run.wheels).max() <= 0.2 * (1.0 + 1e-6)
     assert run.imbalance < 1e-6
     assert np.abs(run.momentum).max() < 1e-9
-    first = sa.simulate(arm, [0.1, 0.3], LAW, 10.0, wheels=hold, stop=["wheel full"])
+    first = sa.simulate(
+        arm.at([0.1, 0.3]), LAW, 10.0, stop=["wheel full"], plant=sa.Plant(wheels=hold)
+    )
     assert first.ended == "wheel full"
     index = [wheel.name for wheel in arm.wheels].index(first.events[-1].detail)
     assert abs(first.wheels[-1, index]) == pytest.approx(0.2, abs=1e-9)
@@ -76,8 +78,15 @@ def test_wheels_saturate_at_their_momentum():
 def test_a_wheel_gives_no_more_than_its_torque():
     arm = with_wheels()
     hold = sa.WheelHold(stiffness=400.0, damping=60.0, torque=0.05)
-    fine = {"rtol": 1e-9, "atol": 1e-12}  # rates are differences of what is known to these
-    run = sa.simulate(arm, [0.1, 0.3], LAW, 10.0, wheels=hold, dt=0.01, **fine)
+    # rates are differences of what is known to these
+    fine = sa.Integration(rtol=1e-9, atol=1e-12, dt=0.01)
+    run = sa.simulate(
+        arm.at([0.1, 0.3]),
+        LAW,
+        10.0,
+        plant=sa.Plant(wheels=hold),
+        integration=fine,
+    )
     rates = np.diff(run.wheels, axis=0) / np.diff(run.t)[:, None]
     assert np.abs(rates).max() <= 0.05 * (1.0 + 1e-9)
     assert np.abs(rates).max() > 0.049
@@ -91,7 +100,9 @@ def test_torques_of_wheels_over_time_are_what_they_take_up():
     def torques(t):
         return steady + swing * np.cos(2.0 * np.pi * t / 5.0)
 
-    run = sa.simulate(arm, [0.1, 0.3], LAW, 5.0, wheels=torques, wheels0=[0, 1, 0], momentum=h)
+    run = sa.simulate(
+        arm.at([0.1, 0.3], wheels=[0, 1, 0], momentum=h), LAW, 5.0, plant=sa.Plant(wheels=torques)
+    )
     np.testing.assert_allclose(run.wheels[-1], [0.5, 1.0, -1.0], atol=1e-9)
     np.testing.assert_allclose(run.momentum, [h] * len(run), atol=1e-9)
     assert run.imbalance < 1e-6
@@ -101,13 +112,15 @@ def test_torques_of_wheels_over_time_are_what_they_take_up():
 def test_torques_of_wheels_that_make_no_sense_are_refused():
     arm, bare = with_wheels(), sa.load("planar2")
     with pytest.raises(sa.ConfigurationError, match="one for each wheel"):
-        sa.simulate(arm, [0.1, 0.3], LAW, 1.0, wheels=lambda _: [1.0])
+        sa.simulate(arm.at([0.1, 0.3]), LAW, 1.0, plant=sa.Plant(wheels=lambda _: [1.0]))
     with pytest.raises(sa.UnsupportedError, match="no wheels"):
-        sa.simulate(bare, [0.1, 0.3], LAW, 1.0, wheels=lambda _: [1.0])
+        sa.simulate(bare.at([0.1, 0.3]), LAW, 1.0, plant=sa.Plant(wheels=lambda _: [1.0]))
     with pytest.raises(sa.ConfigurationError, match="wheels turn the spacecraft and mode"):
-        sa.simulate(arm, [0.1, 0.3], LAW, 1.0, wheels=lambda _: np.zeros(3), mode="fixed")
+        sa.simulate(
+            arm.at([0.1, 0.3]), LAW, 1.0, mode="fixed", plant=sa.Plant(wheels=lambda _: np.zeros(3))
+        )
     with pytest.raises(ValueError, match="no torque left"):
-        sa.simulate(arm, [0.1, 0.3], LAW, 1.0, wheels=failing)
+        sa.simulate(arm.at([0.1, 0.3]), LAW, 1.0, plant=sa.Plant(wheels=failing))
 
 
 def failing(t):
@@ -122,9 +135,12 @@ def test_a_wheel_with_momentum_makes_the_spacecraft_a_gyroscope():
     h = np.array([0, 0, 0, 0, 0, 50.0])
     push = {"bus": (0, 0, 0, 0.1, 0, 0)}
     run = sa.simulate(
-        arm, [0.0, 0.0], sa.JointPD(target=[0, 0], kp=4e3, kd=4e3), 2.0,
-        momentum=h, wheels0=[0, 0, 50.0], wrenches=push, events=(),
-    )  # fmt: skip
+        arm.at([0.0, 0.0], wheels=[0, 0, 50.0], momentum=h),
+        sa.JointPD(target=[0, 0], kp=4e3, kd=4e3),
+        2.0,
+        plant=sa.Plant(wrenches=push),
+        integration=sa.Integration(events=()),
+    )
     assert run.imbalance < 1e-6
     np.testing.assert_allclose(run.momentum[-1], [*h[:3], 0.2, *h[4:]], atol=1e-8)
     np.testing.assert_allclose(run.impulse[-1], [0, 0, 0, 0.2, 0, 0], atol=1e-8)
@@ -138,7 +154,13 @@ def test_a_force_brings_momentum_and_work():
     force = np.array([2.0, -1.0, 0.5])
     links = list(arm.tree.links)
     push = {links[0]: (*force, 0, 0, 0), arm.tip: lambda t: (*(np.cos(t) * force), 0.1, 0.2, 0)}
-    run = sa.simulate(arm, np.full(7, 0.3), nothing, 3.0, wrenches=push, rtol=1e-10, events=())
+    run = sa.simulate(
+        arm.at(np.full(7, 0.3)),
+        nothing,
+        3.0,
+        plant=sa.Plant(wrenches=push),
+        integration=sa.Integration(rtol=1e-10, events=()),
+    )
     linear = force * (3.0 + np.sin(3.0))
     np.testing.assert_allclose(run.momentum[-1, :3], linear, atol=1e-7)
     np.testing.assert_allclose(run.impulse[-1], run.momentum[-1] - run.momentum[0], atol=1e-7)
@@ -163,10 +185,18 @@ def test_a_thruster_turns_with_its_link():
     law = sa.JointPD(target=[0.2, 0.3], kp=5e3, kd=5e3)
     root = arm.tree.root
     fixed = sa.simulate(
-        arm, cfg.q, law, 10.0, momentum=spin, wrenches={root: (0.01, 0, 0, 0, 0, 0)}, events=()
+        arm.at(cfg.q, momentum=spin),
+        law,
+        10.0,
+        plant=sa.Plant(wrenches={root: (0.01, 0, 0, 0, 0, 0)}),
+        integration=sa.Integration(events=()),
     )
     turning = sa.simulate(
-        arm, cfg.q, law, 10.0, momentum=spin, thrusters={root: (0.01, 0, 0, 0, 0, 0)}, events=()
+        arm.at(cfg.q, momentum=spin),
+        law,
+        10.0,
+        plant=sa.Plant(thrusters={root: (0.01, 0, 0, 0, 0, 0)}),
+        integration=sa.Integration(events=()),
     )
     assert np.linalg.norm(fixed.impulse[-1, :3]) == pytest.approx(0.1, rel=1e-6)
     assert np.linalg.norm(turning.impulse[-1, :3]) < 2e-3
@@ -184,14 +214,20 @@ def test_a_spring_swings_and_damping_ends_it():
     arm = sa.load("planar2", locked={"joint_2": 0.4})
     H = sa.generalized_inertia(arm.at([0.3]))[0, 0]
     spring = {"joint_1": sa.PassiveJoint(stiffness=8.0, rest=0.1)}
-    run = sa.simulate(arm, [0.3], nothing, 10.0, passive=spring, rtol=1e-10)
+    run = sa.simulate(
+        arm.at([0.3]),
+        nothing,
+        10.0,
+        plant=sa.Plant(passive=spring),
+        integration=sa.Integration(rtol=1e-10),
+    )
     w = np.sqrt(8.0 / H)
     assert np.ptp(run.q) == pytest.approx(0.4, rel=1e-3)
     peaks = run.t[1:-1][(run.q[1:-1, 0] > run.q[:-2, 0]) & (run.q[1:-1, 0] > run.q[2:, 0])]
     assert np.diff(peaks).mean() == pytest.approx(2 * np.pi / w, rel=0.02)  # H depends on q
     assert run.imbalance < 1e-8
     damped = {"q1": sa.PassiveJoint(stiffness=8.0, rest=0.1, damping=10.0)}
-    end = sa.simulate(arm, [0.3], nothing, 60.0, passive=damped)
+    end = sa.simulate(arm.at([0.3]), nothing, 60.0, plant=sa.Plant(passive=damped))
     assert end.q[-1, 0] == pytest.approx(0.1, abs=1e-6)
     assert end.other_work[-1] == pytest.approx(0.0, abs=1e-6)
 
@@ -199,7 +235,9 @@ def test_a_spring_swings_and_damping_ends_it():
 def test_dry_friction_stops_a_joint():
     arm = sa.load("planar2")
     dry = {"joint_1": sa.PassiveJoint(friction=0.5), "joint_2": sa.PassiveJoint(friction=0.5)}
-    run = sa.simulate(arm, [0.1, 0.2], nothing, 20.0, dq0=[0.2, -0.1], passive=dry)
+    run = sa.simulate(
+        arm.at([0.1, 0.2]), nothing, 20.0, dq=[0.2, -0.1], plant=sa.Plant(passive=dry)
+    )
     assert np.abs(run.dq[-1]).max() < 1e-3
     assert run.imbalance < 1e-6
     assert run.energy[-1] < 1e-3 * run.energy[0]
@@ -216,9 +254,9 @@ def test_limits_cut_the_torques():
         task="rz",
     )
     law = sa.JointPD(target=[2.5], kp=200.0, kd=20.0)
-    free = sa.simulate(arm, [0.0], law, 5.0)
+    free = sa.simulate(arm.at([0.0]), law, 5.0)
     assert np.abs(free.torque).max() > 100.0
-    cut = sa.simulate(arm, [0.0], law, 8.0, limits=["effort", "velocity"])
+    cut = sa.simulate(arm.at([0.0]), law, 8.0, plant=sa.Plant(limits=True))
     assert np.abs(cut.torque).max() <= 10.0
     assert np.abs(cut.dq).max() <= 1.0
     assert np.abs(cut.dq).max() > 0.9
@@ -240,9 +278,9 @@ def test_a_controller_of_a_user_is_the_one_of_ours():
         return law(t, cfg, dq) if t >= 0.0 else dq
 
     q0 = [0.1, 0.2]
-    ours = sa.simulate(arm, q0, sa.JointPD(target=goal, kp=4.0, kd=6.0), 10.0)
+    ours = sa.simulate(arm.at(q0), sa.JointPD(target=goal, kp=4.0, kd=6.0), 10.0)
     for controller in (law, branching):  # traced, and called
-        run = sa.simulate(arm, q0, controller, 10.0)
+        run = sa.simulate(arm.at(q0), controller, 10.0)
         assert (len(run.called) == 0) == (controller is law)
         assert ("called in Python" in repr(run)) == (controller is branching)
         np.testing.assert_allclose(run.q, ours.q, atol=1e-12)
@@ -258,18 +296,20 @@ def test_a_controller_of_a_user_sees_tip_and_jacobian():
 
     base = pin.SE3(pin.exp3(np.array([0, 0, 0.4])), np.array([0.1, 0.2, 0]))
     known = sa.TransposedJacobian(target=goal[:2], kp=5.0, kd=15.0)
-    ours = sa.simulate(arm, [0.1, 0.9], known, 10.0, base=base)
-    run = sa.simulate(arm, [0.1, 0.9], law, 10.0, base=base)
+    ours = sa.simulate(arm.at([0.1, 0.9], base=base), known, 10.0)
+    run = sa.simulate(arm.at([0.1, 0.9], base=base), law, 10.0)
     np.testing.assert_allclose(run.q, ours.q, atol=1e-9)
 
 
 def test_a_controller_of_fixed_rate_holds_its_torques():
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.5, -0.3], kp=0.5, kd=1.0)
-    always = sa.simulate(arm, [0.1, 0.2], law, 10.0)
+    always = sa.simulate(arm.at([0.1, 0.2]), law, 10.0)
     errors = []
     for period in (0.1, 0.05):
-        run = sa.simulate(arm, [0.1, 0.2], law, 10.0, period=period, dt=0.01)
+        run = sa.simulate(
+            arm.at([0.1, 0.2]), law, 10.0, period=period, integration=sa.Integration(dt=0.01)
+        )
         errors.append(np.abs(run.q[200] - always.q[200]).max())
         assert len(np.unique(run.torque[:, 0])) <= 10.0 / period + 2
         assert run.imbalance < 1e-7
@@ -279,9 +319,13 @@ def test_a_controller_of_fixed_rate_holds_its_torques():
 def test_a_delay_is_waited_for():
     arm = sa.load("planar2")
     run = sa.simulate(
-        arm, [0.1, 0.2], sa.JointPD(target=[0.5, -0.3], kp=4.0, kd=6.0), 1.0,
-        period=0.1, delay=0.04, dt=0.02,
-    )  # fmt: skip
+        arm.at([0.1, 0.2]),
+        sa.JointPD(target=[0.5, -0.3], kp=4.0, kd=6.0),
+        1.0,
+        period=0.1,
+        delay=0.04,
+        integration=sa.Integration(dt=0.02),
+    )
     assert not run.torque[run.t < 0.039].any()
     assert run.torque[3].any()
     assert not run.dq[1].any()
@@ -310,15 +354,15 @@ def test_two_tips_have_a_law_each():
         tip: cfg.tips[i].translation[:2] + np.array([0.1, -0.15]) for i, tip in enumerate(arm.tips)
     }
     laws = {tip: sa.TransposedJacobian(target=goal, kp=8.0, kd=20.0) for tip, goal in goals.items()}
-    run = sa.simulate(arm, cfg.q, laws, 60.0)
+    run = sa.simulate(cfg, laws, 60.0)
     for i, tip in enumerate(arm.tips):
         np.testing.assert_allclose(run[-1].tips[i].translation[:2], goals[tip], atol=2e-3)
     assert run.imbalance < 1e-7
     assert len({e.detail for e in run.events if e.kind == "target"}) == 2
     with pytest.raises(sa.ConfigurationError, match="left_tip"):
-        sa.simulate(arm, cfg.q, {"hand": laws["left_tip"]}, 1.0)
+        sa.simulate(cfg, {"hand": laws["left_tip"]}, 1.0)
     with pytest.raises(sa.UnsupportedError):
-        sa.simulate(arm, cfg.q, laws["left_tip"], 1.0)
+        sa.simulate(cfg, laws["left_tip"], 1.0)
 
 
 # --- bad input ------------------------------------------------------------------------------
@@ -327,27 +371,38 @@ def test_two_tips_have_a_law_each():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"wrenches": {"wing": np.zeros(6)}}, "'wing'"),
-        ({"thrusters": {"base": lambda _: np.zeros(3)}}, "6 finite numbers"),
-        ({"passive": {"joint_9": sa.PassiveJoint()}}, "joint_9"),
-        ({"passive": {"joint_1": sa.PassiveJoint(damping=-1.0)}}, "damping from 0 on"),
-        ({"limits": ["power"]}, "'power'"),
+        ({"plant": lambda _: sa.Plant(wrenches={"wing": np.zeros(6)})}, "'wing'"),
+        (
+            {"plant": lambda root: sa.Plant(thrusters={root: lambda _: np.zeros(3)})},
+            "6 finite numbers",
+        ),
+        ({"plant": lambda _: sa.Plant(passive={"joint_9": sa.PassiveJoint()})}, "joint_9"),
+        (
+            {"plant": lambda _: sa.Plant(passive={"joint_1": sa.PassiveJoint(damping=-1.0)})},
+            "damping from 0 on",
+        ),
+        ({"plant": lambda _: sa.Plant(limits=["effort"])}, "give True or False"),
         ({"period": 0.1, "delay": 0.2}, "delay is 0.2"),
         ({"period": -1.0}, "period"),
     ],
 )
 def test_bad_input(options, message):
     arm = sa.load("planar2")
-    options = {k: {arm.tree.root: next(iter(v.values()))} if k == "thrusters" else v
-               for k, v in options.items()}  # fmt: skip
+
+    def run(plant=lambda _: sa.Plant(), **others):
+        sa.simulate(arm.at([0.1, 0.2]), nothing, 1.0, plant=plant(arm.tree.root), **others)
+
     with pytest.raises(sa.ConfigurationError, match=message):
-        sa.simulate(arm, [0.1, 0.2], nothing, 1.0, **options)
+        run(**options)
 
 
 def test_wheels_that_are_not_there_hold_nothing():
     with pytest.raises(sa.UnsupportedError, match="wheels="):
         sa.simulate(
-            sa.load("planar2"), [0, 1], nothing, 1.0, wheels=sa.WheelHold(stiffness=1, damping=1)
+            sa.load("planar2").at([0, 1]),
+            nothing,
+            1.0,
+            plant=sa.Plant(wheels=sa.WheelHold(stiffness=1, damping=1)),
         )
     with pytest.raises(sa.ConfigurationError, match="torque of the wheels"):
         sa.WheelHold(stiffness=1, damping=1, torque=-1.0)
@@ -372,13 +427,17 @@ def test_friction_of_the_description_acts_when_it_is_asked_for():
         '<dynamics damping="0.3"/>', '<dynamics damping="0.1" friction="0.05"/>'
     )
     assert arm.tree.joints[second].friction == 0.05
-    asked = sa.simulate(arm, [0.3, 0.9], nothing, 2.0, dq0=[0.4, -0.6], passive="described")
+    asked = sa.simulate(
+        arm.at([0.3, 0.9]), nothing, 2.0, dq=[0.4, -0.6], plant=sa.Plant(passive="described")
+    )
     named = {
         first: sa.PassiveJoint(damping=0.3),
         second: sa.PassiveJoint(damping=0.1, friction=0.05),
     }
-    known = sa.simulate(arm, [0.3, 0.9], nothing, 2.0, dq0=[0.4, -0.6], passive=named)
-    free = sa.simulate(arm, [0.3, 0.9], nothing, 2.0, dq0=[0.4, -0.6])
+    known = sa.simulate(
+        arm.at([0.3, 0.9]), nothing, 2.0, dq=[0.4, -0.6], plant=sa.Plant(passive=named)
+    )
+    free = sa.simulate(arm.at([0.3, 0.9]), nothing, 2.0, dq=[0.4, -0.6])
     np.testing.assert_array_equal(asked.q, known.q)
     assert asked.energy[-1] < 0.9 * free.energy[-1]
     assert free.energy[-1] == pytest.approx(free.energy[0], rel=1e-7)
@@ -394,7 +453,7 @@ def test_friction_goes_through_a_urdf_and_faults_are_said(tmp_path):
         faulty, _ = with_friction('<dynamics damping="-1" friction="0.2"/>', "")
     assert faulty.tree.joints[first].damping == 0.0
     with pytest.raises(sa.ConfigurationError, match="described"):
-        sa.simulate(arm, [0.3, 0.9], nothing, 1.0, passive="file")
+        sa.simulate(arm.at([0.3, 0.9]), nothing, 1.0, plant=sa.Plant(passive="file"))
 
 
 def test_friction_of_followers_acts_on_their_leader():

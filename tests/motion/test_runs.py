@@ -6,9 +6,8 @@ from helpers.arms import load_text, random_tree
 
 import spacearm as sa
 from spacearm.motion.events import clear_of_singularities
-from spacearm.motion.plant import Plant
-from spacearm.motion.runs.run import Runs
-from spacearm.motion.runs.setup import coupled, prepared, start_state
+from spacearm.motion.run import Runs
+from spacearm.motion.system import System, coupled, prepared, start_state
 
 
 def oscillator(kp):
@@ -22,7 +21,13 @@ def oscillator(kp):
 def test_an_oscillator_keeps_its_closed_form(method):
     arm, w = oscillator(20.0)
     law = sa.JointPD(target=[0.0], kp=20.0, kd=0.0)
-    run = sa.simulate(arm, [0.5], law, 10.0, mode="fixed", method=method, rtol=1e-9, atol=1e-11)
+    run = sa.simulate(
+        arm.at([0.5]),
+        law,
+        10.0,
+        mode="fixed",
+        integration=sa.Integration(rtol=1e-9, atol=1e-11, method=method),
+    )
     error = np.abs(run.q[:, 0] - 0.5 * np.cos(w * run.t)).max()
     assert error < (1e-7 if method != "Rodas5P" else 1e-5)
 
@@ -31,17 +36,21 @@ def test_an_event_is_found_to_a_nanosecond():
     arm, w = oscillator(20.0)
     law = sa.JointPD(target=[0.0], kp=20.0, kd=0.0)
     run = sa.simulate(
-        arm, [0.5], law, 5.0, mode="fixed", events=["target"], stop=["target"], reach=0.1,
-        rtol=1e-11, atol=1e-13,
-    )  # fmt: skip
+        arm.at([0.5]),
+        law,
+        5.0,
+        mode="fixed",
+        stop=["target"],
+        integration=sa.Integration(rtol=1e-11, atol=1e-13, events=["target"], reach=0.1),
+    )
     assert run.events[0].t == pytest.approx(np.arccos(0.1 / 0.5) / w, abs=1e-9)
     assert run.t[-1] == run.events[0].t
 
 
-def runs_of(plant, law, momentum, duration, tolerances, method, needs=None):
-    ready, y = prepared(plant, {-1: law}), start_state(plant, np.zeros(plant.arm.n), momentum)
-    needs = coupled(plant, ready.setup, momentum) if needs is None else needs
-    run = Runs([plant], [{-1: law}], [ready], y[None], needs, np.zeros(0), duration, (),
+def runs_of(system, law, duration, tolerances, method, needs=None):
+    ready, y = prepared(system, {-1: law}), start_state(system, np.zeros(system.arm.n))
+    needs = coupled(system, ready.setup) if needs is None else needs
+    run = Runs([system], [{-1: law}], [ready], y[None], needs, np.zeros(0), duration, (),
                tolerances, method)  # fmt: skip
     run.advance(duration)
     assert run.ended == ["duration"]
@@ -52,8 +61,8 @@ def runs_of(plant, law, momentum, duration, tolerances, method, needs=None):
 def test_a_stiff_run_takes_the_implicit_method_and_a_soft_one_does_not(kd, implicit):
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.3, 0.1], kp=kd, kd=kd)
-    plant = Plant(arm, "free-floating", arm.at([0.1, 0.2]))
-    run = runs_of(plant, law, np.zeros(6), 20.0, (1e-6, 1e-8), "auto")
+    system = System(arm.at([0.1, 0.2]), "free-floating", sa.Plant())
+    run = runs_of(system, law, 20.0, (1e-6, 1e-8), "auto")
     assert bool(run.batch.implicit[0]) == implicit
     np.testing.assert_allclose(run.batch.y[0, :2], [0.3, 0.1], atol=1e-3)
 
@@ -62,8 +71,18 @@ def test_a_stiff_run_takes_the_implicit_method_and_a_soft_one_does_not(kd, impli
 def test_a_loose_stiff_run_is_no_worse_than_its_tolerance(kd):
     arm = sa.load("planar2")
     law = sa.JointPD(target=lambda t: [0.3 * np.sin(0.2 * t), 0.1], kp=kd, kd=kd)
-    loose = sa.simulate(arm, [0.1, 0.2], law, 40.0, dt=0.1, events=(), rtol=1e-2, atol=1e-4)
-    known = sa.simulate(arm, [0.1, 0.2], law, 40.0, dt=0.1, events=(), method="Rodas5P")
+    loose = sa.simulate(
+        arm.at([0.1, 0.2]),
+        law,
+        40.0,
+        integration=sa.Integration(rtol=1e-2, atol=1e-4, dt=0.1, events=()),
+    )
+    known = sa.simulate(
+        arm.at([0.1, 0.2]),
+        law,
+        40.0,
+        integration=sa.Integration(dt=0.1, events=(), method="Rodas5P"),
+    )
     np.testing.assert_allclose(loose.q, known.q, atol=3e-3)
     np.testing.assert_allclose(loose.momentum, 0.0, atol=1e-12)
 
@@ -81,9 +100,10 @@ def test_the_implicit_steps_leave_out_only_columns_that_do_not_count(case):
     wrench = {arm.tree.root: np.array([0.1, 0.2, 0.0, 0.0, 0.0, 0.3])}
     acts = {"wrenches": wrench} if case == "wrench" else {}
     momentum = np.array([0.3, 0.1, 0.0, 0.0, 0.0, 0.5]) if case == "moving" else np.zeros(6)
-    plant = Plant(arm, "free-floating", arm.at([0.3, 1.1]), **acts)
+    start = arm.at([0.3, 1.1], momentum=momentum)
+    system = System(start, "free-floating", sa.Plant(**acts))
     ends = [
-        runs_of(plant, law, momentum, 5.0, (1e-8, 1e-10), "Rodas5P", needs).batch.y[0]
+        runs_of(system, law, 5.0, (1e-8, 1e-10), "Rodas5P", needs).batch.y[0]
         for needs in (None, 21)
     ]
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
@@ -97,7 +117,9 @@ def test_a_redundant_arm_meets_the_singular_set_when_its_distance_says_so():
     def law(_, cfg, dq):
         return sa.inverse_dynamics(cfg, dq, beyond - cfg.q - 2.0 * dq).tau
 
-    run = sa.simulate(arm, q0, law, 4.0, dt=0.05, rtol=1e-6, events=["singularity"])
+    run = sa.simulate(
+        arm.at(q0), law, 4.0, integration=sa.Integration(rtol=1e-6, dt=0.05, events=["singularity"])
+    )
     clear = np.array([clear_of_singularities(arm.at(q), "free-floating") for q in run.q])
     fell = int(np.argmax(clear < 0.0))
     assert [event.kind for event in run.events] == ["singularity"]
@@ -114,7 +136,13 @@ def test_a_random_tree_moves_as_scipy_integrates_it(mode):
     arm = load_text(random_tree(5, 5), tip="link_3", task=sa.Task("pose", length=1.0))
     q0, kp = np.linspace(-0.5, 0.5, arm.n), 3.0
     law = sa.JointPD(target=np.zeros(arm.n), kp=kp, kd=1.0)
-    run = sa.simulate(arm, q0, law, 2.0, mode=mode, rtol=1e-10, atol=1e-12, events=())
+    run = sa.simulate(
+        arm.at(q0),
+        law,
+        2.0,
+        mode=mode,
+        integration=sa.Integration(rtol=1e-10, atol=1e-12, events=()),
+    )
 
     def rate(_, y):
         cfg, dq = arm.at(y[: arm.n]), y[arm.n :]

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import spacearm as sa
 
 TARGET = np.array([1.5, 1.5])
+ARM = sa.load("planar2")
 
 
 def at_the_cm(arm, q, attitude):
@@ -25,7 +26,7 @@ def figure_5():
     arm = sa.load("planar2")
     q = np.radians([-57.936, 60.337])
     law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
-    return sa.simulate(arm, q, law, 200.0, base=at_the_cm(arm, q, 21.0))
+    return sa.simulate(arm.at(q, base=at_the_cm(arm, q, 21.0)), law, 200.0)
 
 
 def push(seed, n, size=2.0):
@@ -68,7 +69,7 @@ def test_figure_6_never_arrives(figure_5):
 def test_a_run_can_end_at_the_first_singularity(figure_5):
     law = sa.TransposedJacobian(target=TARGET, kp=5, kd=15)
     start = figure_5[0]
-    found = sa.simulate(start.arm, start.q, law, 200.0, base=start.base, stop=["singularity"])
+    found = sa.simulate(start, law, 200.0, stop=["singularity"])
     assert found.ended == "singularity"
     assert found.t[-1] == pytest.approx(4.889, abs=0.005)
     assert found.sigma_min[-1] < 1e-8
@@ -78,7 +79,7 @@ def test_a_target_in_the_path_independent_workspace_is_reached():
     arm = sa.load("planar2")
     q = np.radians([-57.936, 60.337])
     law = sa.TransposedJacobian(target=(0.0, 1.0), kp=5, kd=15)
-    far = sa.simulate(arm, q, law, 400.0, base=at_the_cm(arm, q, 21.0), stop=["target"])
+    far = sa.simulate(arm.at(q, base=at_the_cm(arm, q, 21.0)), law, 400.0, stop=["target"])
     assert sa.workspace(arm).regions((0.0, 1.0)).kind == "path independent"
     assert far.ended == "target"
     np.testing.assert_allclose(far.tip[-1, :2], (0, 1), atol=1.1e-3)
@@ -90,7 +91,12 @@ def test_a_target_in_the_path_independent_workspace_is_reached():
 @pytest.mark.parametrize("name", ["planar2", "chaser7"])
 def test_momentum_and_energy_under_vigorous_torques(name):
     arm = sa.load(name)
-    run = sa.simulate(arm, np.full(arm.n, 0.3), push(0, arm.n), 20.0, rtol=1e-10, events=())
+    run = sa.simulate(
+        arm.at(np.full(arm.n, 0.3)),
+        push(0, arm.n),
+        20.0,
+        integration=sa.Integration(rtol=1e-10, events=()),
+    )
     assert np.abs(run.momentum).max() < 1e-10 * arm.mass
     assert np.abs(run.dq).max() > 0.1
     assert run.imbalance < 1e-8
@@ -107,15 +113,23 @@ def test_momentum_does_not_drift_in_a_thousand_seconds():
     def vigorous(t, cfg, dq):
         return limbs * (0.2 * torque(t, cfg, dq) - 0.5 * dq + 0.5 * (calm - cfg.q))
 
-    run = sa.simulate(arm, calm, vigorous, 1000.0, dt=0.5, rtol=1e-9, atol=1e-11, events=())
+    run = sa.simulate(
+        arm.at(calm),
+        vigorous,
+        1000.0,
+        integration=sa.Integration(rtol=1e-9, atol=1e-11, dt=0.5, events=()),
+    )
     assert np.abs(run.dq).max() > 0.2
     assert run.drift < 1e-10
     assert run.imbalance < 1e-8
     h = 1e-4
     for i in (200, 1000, 1999):
-        start = {"base": run[i].base, "dq0": run.dq[i]}
         near = sa.simulate(
-            arm, run.q[i], lambda s, *now, t=run.t[i]: vigorous(t + s, *now), 2 * h, dt=h, **start
+            run[i],
+            lambda s, *now, t=run.t[i]: vigorous(t + s, *now),
+            2 * h,
+            dq=run.dq[i],
+            integration=sa.Integration(dt=h),
         )
         before, after = near[0], near[-1]
         turning = pin.log3(after.base.rotation @ before.base.rotation.T) / (2 * h)
@@ -129,7 +143,9 @@ def test_momentum_does_not_drift_in_a_thousand_seconds():
 def test_an_initial_momentum_is_kept_as_a_vector():
     arm = sa.load("chaser7")
     h = np.array([3.0, -1.0, 2.0, 0.5, 4.0, -2.0])
-    run = sa.simulate(arm, np.zeros(7), push(1, 7), 10.0, momentum=h, events=())
+    run = sa.simulate(
+        arm.at(np.zeros(7), momentum=h), push(1, 7), 10.0, integration=sa.Integration(events=())
+    )
     np.testing.assert_allclose(run.momentum, np.tile(h, (len(run.t), 1)), atol=1e-10)
     com = np.array([run[i].com for i in (0, -1)])
     np.testing.assert_allclose(com[1] - com[0], h[:3] / arm.mass * run.t[-1], atol=1e-9)
@@ -139,12 +155,17 @@ def test_an_initial_momentum_is_kept_as_a_vector():
 def test_the_energy_balance_does_not_hang_on_the_output():
     law = sa.JointPD(target=(0.4, -0.1), kp=5, kd=20)
     for dt in (0.1, 60.0):
-        assert sa.simulate(sa.load("planar2"), [0, 0.5], law, 60.0, dt=dt).imbalance < 1e-6
+        assert (
+            sa.simulate(
+                sa.load("planar2").at([0, 0.5]), law, 60.0, integration=sa.Integration(dt=dt)
+            ).imbalance
+            < 1e-6
+        )
 
 
 def test_at_rest_without_torques_nothing_moves():
     arm = sa.load("ets7")
-    run = sa.simulate(arm, np.full(6, 0.4), nothing, 50.0)
+    run = sa.simulate(arm.at(np.full(6, 0.4)), nothing, 50.0)
     assert not run.dq.any()
     np.testing.assert_allclose(run.base, np.tile(run.base[0], (len(run.t), 1)), atol=1e-14)
 
@@ -156,15 +177,20 @@ def test_an_arm_that_rests_on_its_target_stays(name, method):
     """There is no energy to compare an imbalance with, only rounding."""
     arm = sa.load(name)
     q = np.linspace(0.2, 0.9, arm.n)
-    run = sa.simulate(arm, q, sa.ResolvedRate(target=arm.at(q).tip), 5.0, method=method)
+    run = sa.simulate(
+        arm.at(q),
+        sa.ResolvedRate(target=arm.at(q).tip),
+        5.0,
+        integration=sa.Integration(method=method),
+    )
     np.testing.assert_allclose(run.q[-1], q, atol=1e-6)
 
 
 def test_a_settled_arm_can_be_simulated_on():
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.4, 0.5], kp=5.0, kd=15.0)
-    settled = sa.simulate(arm, [0.3, 0.3], law, 120.0)[-1]
-    run = sa.simulate(arm, settled.q, law, 30.0, base=settled.base)
+    settled = sa.simulate(arm.at([0.3, 0.3]), law, 120.0)[-1]
+    run = sa.simulate(settled, law, 30.0)
     np.testing.assert_allclose(run.q[-1], [0.4, 0.5], atol=1e-3)
 
 
@@ -172,12 +198,21 @@ def test_time_reversal_returns_to_the_start():
     arm = sa.load("planar3")
     h = np.array([0, 0, 0, 0, 0, 1.0])
     q0, dq0 = np.array([0.2, 0.5, -0.4]), np.array([0.3, -0.2, 0.1])
-    there = sa.simulate(arm, q0, nothing, 5.0, dq0=dq0, momentum=h, rtol=1e-11, atol=1e-12)
+    there = sa.simulate(
+        arm.at(q0, momentum=h),
+        nothing,
+        5.0,
+        dq=dq0,
+        integration=sa.Integration(rtol=1e-11, atol=1e-12),
+    )
     end = there[-1]
     back = sa.simulate(
-        arm, end.q, nothing, 5.0, base=end.base, dq0=-there.dq[-1], momentum=-h,
-        rtol=1e-11, atol=1e-12,
-    )  # fmt: skip
+        arm.at(end.q, base=end.base, momentum=-h),
+        nothing,
+        5.0,
+        dq=-there.dq[-1],
+        integration=sa.Integration(rtol=1e-11, atol=1e-12),
+    )
     np.testing.assert_allclose(back.q[-1], q0, atol=1e-8)
     np.testing.assert_allclose(back.dq[-1], -dq0, atol=1e-8)
     np.testing.assert_allclose(back.base[-1], there.base[0], atol=1e-8)
@@ -189,7 +224,12 @@ def test_the_full_system_by_aba_moves_the_same_way():
     arm, torque = sa.load("chaser7"), push(2, 7)
     model, data = arm.model, arm.model.createData()
     q0, n = np.linspace(-0.5, 0.5, 7), 7
-    run = sa.simulate(arm, q0, torque, 3.0, rtol=1e-12, atol=1e-13, events=(), method="DOP853")
+    run = sa.simulate(
+        arm.at(q0),
+        torque,
+        3.0,
+        integration=sa.Integration(rtol=1e-12, atol=1e-13, events=(), method="DOP853"),
+    )
 
     def rate(t, y):
         full, v = y[: model.nq], y[model.nq :]
@@ -214,7 +254,13 @@ def test_a_controlled_attitude_stays_and_a_fixed_spacecraft_too():
     base = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([1.0, 2.0, 3.0]))
     q0 = np.array([0.1, 0.5, -0.8, 0.3, 0.2, 0.1])
     for mode in ("attitude-controlled", "fixed"):
-        run = sa.simulate(arm, q0, push(3, 6, 20.0), 5.0, base=base, mode=mode, events=())
+        run = sa.simulate(
+            arm.at(q0, base=base),
+            push(3, 6, 20.0),
+            5.0,
+            mode=mode,
+            integration=sa.Integration(events=()),
+        )
         assert np.ptp(np.abs(run.base[:, 3:]), axis=0).max() < 1e-12
         moved = np.ptp(run.base[:, :3], axis=0).max()
         assert (moved > 1e-4) == (mode == "attitude-controlled")
@@ -227,12 +273,12 @@ def test_a_controlled_attitude_stays_and_a_fixed_spacecraft_too():
 def test_a_heavy_spacecraft_moves_its_arm_like_a_fixed_one():
     arm = sa.load("planar2")
     q0, torque = np.array([0.3, 0.7]), push(4, 2)
-    fixed = sa.simulate(arm, q0, torque, 4.0, mode="fixed")
+    fixed = sa.simulate(arm.at(q0), torque, 4.0, mode="fixed")
     off = []
     for factor in (1e3, 1e5):
         body = arm.model.inertias[1]
         heavy = arm.replace(base_mass=factor * body.mass, base_inertia=factor * body.inertia)
-        off.append(np.abs(sa.simulate(heavy, q0, torque, 4.0).q[-1] - fixed.q[-1]).max())
+        off.append(np.abs(sa.simulate(heavy.at(q0), torque, 4.0).q[-1] - fixed.q[-1]).max())
     assert off[0] / off[1] == pytest.approx(100, rel=0.1)
 
 
@@ -241,7 +287,9 @@ def test_a_heavy_spacecraft_moves_its_arm_like_a_fixed_one():
 
 def test_joint_limits_are_noted():
     arm = sa.load("planar2")
-    run = sa.simulate(arm, np.zeros(2), lambda *_: np.array([0.0, 1.0]), 60.0, stop=["joint limit"])
+    run = sa.simulate(
+        arm.at(np.zeros(2)), lambda *_: np.array([0.0, 1.0]), 60.0, stop=["joint limit"]
+    )
     assert run.ended == "joint limit"
     assert run.events[-1].detail == "joint_2"
     assert abs(run.q[-1, 1]) == pytest.approx(np.pi, abs=1e-6)
@@ -251,8 +299,7 @@ def test_a_run_can_end_where_a_step_ends():
     """Stowed exactly at a limit, and then pushed beyond it."""
     arm = sa.load("planar2")
     run = sa.simulate(
-        arm,
-        [arm.upper[0], 0.3],
+        arm.at([arm.upper[0], 0.3]),
         lambda t, *_: [0.0 if t < 2.0 else 0.5 * (t - 2.0) ** 2, 0.0],
         5.0,
         stop=("joint limit",),
@@ -266,10 +313,15 @@ def test_a_run_can_end_where_a_step_ends():
 def test_joint_pd_settles_and_targets_may_move():
     arm = sa.load("planar3")
     goal = np.array([-0.3, 0.4, 0.2])
-    run = sa.simulate(arm, np.zeros(3), sa.JointPD(target=goal, kp=2, kd=4), 60.0, events=())
+    run = sa.simulate(
+        arm.at(np.zeros(3)),
+        sa.JointPD(target=goal, kp=2, kd=4),
+        60.0,
+        integration=sa.Integration(events=()),
+    )
     np.testing.assert_allclose(run.q[-1], goal, atol=1e-3)
     law = sa.JointPD(lambda t: np.full(3, 0.01 * t), kp=20, kd=10)
-    late = sa.simulate(arm, np.zeros(3), law, 20.0, events=())
+    late = sa.simulate(arm.at(np.zeros(3)), law, 20.0, integration=sa.Integration(events=()))
     np.testing.assert_allclose(late.dq[-1], 0.01, atol=1e-3)
 
 
@@ -278,7 +330,13 @@ def test_a_pose_target():
     q0 = np.array([0.3, 0.9, -0.7])
     goal = arm.at(q0).tip * pin.SE3(pin.exp3(np.array([0, 0, 0.05])), np.array([0.03, -0.02, 0]))
     law = sa.TransposedJacobian(target=goal, kp=[5, 5, 2], kd=[10, 10, 4])
-    run = sa.simulate(arm, q0, law, 120.0, events=["target"], stop=["target"], reach=5e-3)
+    run = sa.simulate(
+        arm.at(q0),
+        law,
+        120.0,
+        stop=["target"],
+        integration=sa.Integration(events=["target"], reach=5e-3),
+    )
     assert run.ended == "target"
     with pytest.raises(sa.ConfigurationError, match=r"pin\.SE3"):
         sa.TransposedJacobian(target=(1.0, 2.0), kp=1, kd=1)(0.0, arm.at(q0), np.zeros(3))
@@ -393,7 +451,7 @@ def test_a_trajectory_as_labelled_arrays(figure_5):
 )
 def test_a_controller_that_fails_leaves_the_trajectory_so_far(controller, message):
     with pytest.raises(sa.NoSolutionError, match=message) as caught:
-        sa.simulate(sa.load("planar2"), [0.1, 0.2], controller, 5.0)
+        sa.simulate(sa.load("planar2").at([0.1, 0.2]), controller, 5.0)
     if caught.value.best is not None:
         assert 0.1 < caught.value.best.t[-1] <= 1.5
         assert np.isfinite(caught.value.best.q).all()
@@ -410,7 +468,9 @@ def test_a_controller_that_fails_leaves_the_trajectory_so_far(controller, messag
 )
 def test_a_step_that_collapses_is_an_error(method, law):
     with pytest.raises(sa.NoSolutionError, match="step collapsed at t = ") as caught:
-        sa.simulate(sa.load("planar2"), [0.1, 0.2], law, 10.0, method=method)
+        sa.simulate(
+            sa.load("planar2").at([0.1, 0.2]), law, 10.0, integration=sa.Integration(method=method)
+        )
     assert caught.value.best.ended == "step collapsed"
 
 
@@ -418,7 +478,7 @@ def test_a_step_that_collapses_is_an_error(method, law):
 def test_high_gains_are_no_reason_to_stop():
     arm = sa.load("chaser7")
     law = sa.JointPD(target=np.zeros(7), kp=4000, kd=400)
-    run = sa.simulate(arm, np.full(7, 0.3), law, 10.0, stop=["target"])
+    run = sa.simulate(arm.at(np.full(7, 0.3)), law, 10.0, stop=["target"])
     assert run.ended == "target"
 
 
@@ -426,10 +486,14 @@ def test_a_simulation_may_run_inside_a_controller():
     arm = sa.load("planar2")
 
     def looks_ahead(_, cfg, dq):
-        ahead = sa.simulate(arm, cfg.q, nothing, 0.1, dq0=dq, dt=0.1, events=())
+        ahead = sa.simulate(
+            arm.at(cfg.q), nothing, 0.1, dq=dq, integration=sa.Integration(dt=0.1, events=())
+        )
         return 0.1 - ahead.q[-1]
 
-    run = sa.simulate(arm, [0.1, 0.2], looks_ahead, 0.1, events=(), rtol=1e-4)
+    run = sa.simulate(
+        arm.at([0.1, 0.2]), looks_ahead, 0.1, integration=sa.Integration(rtol=1e-4, events=())
+    )
     assert run.ended == "duration"
 
 
@@ -442,7 +506,9 @@ def test_what_ctrl_c_interrupts_is_kept():
             raise KeyboardInterrupt
         return np.array([0.1, -0.1])
 
-    run = sa.simulate(sa.load("planar2"), [0.1, 0.2], controller, 60.0, rtol=1e-10)
+    run = sa.simulate(
+        sa.load("planar2").at([0.1, 0.2]), controller, 60.0, integration=sa.Integration(rtol=1e-10)
+    )
     assert run.ended == "interrupted"
     assert 0.5 < run.t[-1] <= 2.0
 
@@ -452,7 +518,7 @@ def test_errors_of_a_controller_that_are_none_of_ours_come_through():
         raise ZeroDivisionError("mine")
 
     with pytest.raises(ZeroDivisionError, match="mine"):
-        sa.simulate(sa.load("planar2"), [0.1, 0.2], controller, 1.0)
+        sa.simulate(sa.load("planar2").at([0.1, 0.2]), controller, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -460,18 +526,22 @@ def test_errors_of_a_controller_that_are_none_of_ours_come_through():
     [
         ({"duration": 0.0}, "duration is 0.0"),
         ({"duration": np.inf}, "duration is inf"),
-        ({"events": ["crash"]}, "'crash'"),
-        ({"dt": 99.0}, "dt is 99"),
+        ({"integration": sa.Integration(events=["crash"])}, "'crash'"),
+        ({"integration": sa.Integration(dt=99.0)}, "dt is 99"),
         ({"mode": "free"}, "free-floating"),
-        ({"mode": "fixed", "momentum": np.ones(6)}, "fixed spacecraft"),
-        ({"dq0": [1.0]}, "dq0"),
-        ({"method": "Euler"}, "'Euler'"),
+        ({"mode": "fixed", "start": ARM.at([0.1, 0.2], momentum=np.ones(6))}, "fixed spacecraft"),
+        ({"dq": [1.0]}, "dq"),
     ],
 )
 def test_bad_input(options, message):
-    options = {"duration": 1.0} | options
+    given = {"start": ARM.at([0.1, 0.2]), "controller": nothing, "duration": 1.0} | options
     with pytest.raises(sa.ConfigurationError, match=message):
-        sa.simulate(sa.load("planar2"), [0.1, 0.2], nothing, **options)
+        sa.simulate(**given)
+
+
+def test_an_integrator_that_is_not_there_is_refused():
+    with pytest.raises(sa.ConfigurationError, match="'Euler'"):
+        sa.Integration(method="Euler")
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -482,7 +552,7 @@ def test_threads_may_simulate_at_once(compiled):
     law = pull if compiled else lambda _, cfg, dq: pull.kp * (pull.target - cfg.q) - pull.kd * dq
 
     def end(q1):
-        return sa.simulate(arm, [q1, 1.2], law, 0.3).q[-1]
+        return sa.simulate(arm.at([q1, 1.2]), law, 0.3).q[-1]
 
     starts = np.linspace(0.1, 0.6, 6)
     with ThreadPoolExecutor(3) as pool:
@@ -499,6 +569,6 @@ def test_a_controller_that_fails_later_leaves_the_run_up_to_there():
     )
     for law in failing:
         with pytest.raises(sa.NoSolutionError, match="at t = 1 s") as refused:
-            sa.simulate(arm, [0.3, 1.2], law, 5.0, events=())
+            sa.simulate(arm.at([0.3, 1.2]), law, 5.0, integration=sa.Integration(events=()))
         assert refused.value.best.t[-1] == pytest.approx(1.0, abs=1e-6)
         assert refused.value.best.imbalance < 1e-7

@@ -44,12 +44,15 @@ def turned():
     return sa.detumble(start, goal, final_attitude=end, duration=15.0)
 
 
-def flown(plan, **words):
+def flown(plan, rtol=1e-8):
     law = sa.Tracking(plan)
     return sa.simulate(
-        plan.arm, plan.q[0], law, plan.t[-1], base=plan[0].base, momentum=plan.momentum[0],
-        wheels0=plan.wheels[0], wheels=law.wheel_torques, **words,
-    )  # fmt: skip
+        plan[0],
+        law,
+        plan.t[-1],
+        plant=sa.Plant(wheels=law.wheel_torques),
+        integration=sa.Integration(rtol=rtol),
+    )
 
 
 def rates_at(run, i):

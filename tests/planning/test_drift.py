@@ -66,8 +66,13 @@ def test_the_plan_without_momentum_would_miss(arm):
     assert np.linalg.norm(pin.log3(ends.T @ still[-1].base.rotation)) > 0.05
 
 
-def test_a_simulation_with_the_momentum_keeps_to_the_plan(arm, found):
-    run = sa.simulate(arm, found.q[0], sa.Tracking(found), 8.0, momentum=H, rtol=1e-7)
+def test_a_simulation_with_the_momentum_keeps_to_the_plan(found):
+    run = sa.simulate(
+        found[0],
+        sa.Tracking(found),
+        8.0,
+        integration=sa.Integration(rtol=1e-7),
+    )
     assert np.linalg.norm(run.tip[-1, :2] - (0.9, 1.4)) < 1e-3
 
 

@@ -77,12 +77,15 @@ def test_the_tip_arrives_and_the_attitude_stays(found):
 
 
 @pytest.mark.slow
-def test_a_simulation_with_wheels_that_hold_keeps_to_the_plan(arm, found):
+def test_a_simulation_with_wheels_that_hold_keeps_to_the_plan(found):
     hold = sa.WheelHold(stiffness=2000, damping=1000, torque=0.7, capacity=3.0)
     run = sa.simulate(
-        arm, found.q[0], sa.Tracking(found), found.t[-1], wheels=hold, wheels0=[2.0],
-        momentum=found.momentum[0], rtol=1e-4,
-    )  # fmt: skip
+        found[0],
+        sa.Tracking(found),
+        found.t[-1],
+        plant=sa.Plant(wheels=hold),
+        integration=sa.Integration(rtol=1e-4),
+    )
     assert np.linalg.norm(run.tip[-1, :2] - GOAL) < 1e-3
     assert np.abs(run.base[:, 5]).max() < 1e-3
     held = np.interp(found.t, run.t, run.wheels[:, 0])

@@ -64,7 +64,7 @@ def test_the_open_problem_of_the_paper(arm, found):
     assert (np.abs(found.q) <= np.pi).all()
     corners = [C + 0.2 * np.array(p) for p in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     squares = sa.follow(
-        arm, E, [C, *(9 * corners), corners[0], C, B], base=found[0].base, limits=False
+        arm.at(E, base=found[0].base), [C, *(9 * corners), corners[0], C, B], limits=False
     )
     assert squares.arrived
     assert found.length < np.abs(np.diff(squares.q, axis=0)).sum() / 3

@@ -98,7 +98,7 @@ def test_one_arm_works_and_the_other_keeps_the_attitude(arm):
     assert plan.arm.tips == ("left",)
     assert turn < 1e-4
     np.testing.assert_allclose(end.tip.translation[:2], goal, atol=1e-7)
-    run = sa.simulate(plan.arm, plan.q[0], sa.Tracking(plan), plan.t[-1], rtol=1e-6)
+    run = sa.simulate(plan[0], sa.Tracking(plan), plan.t[-1], integration=sa.Integration(rtol=1e-6))
     assert np.linalg.norm(run.tip[-1, :2] - goal) < 1e-3
     assert 2.0 * np.abs(run.base[:, 5]).max() < 1e-3
 

@@ -12,7 +12,7 @@ from spacearm.plots.motions import FADES, _short, draw_motion
 def figure():
     arm = sa.load("mda6")
     q = np.radians([0, 60, -100, -50, 30, 0])
-    run = sa.simulate(arm, q, sa.JointPD(target=q + np.radians(10), kp=20, kd=20), 2.0)
+    run = sa.simulate(arm.at(q), sa.JointPD(target=q + np.radians(10), kp=20, kd=20), 2.0)
     figure = draw_motion(run)
     figure.canvas.draw()
     return figure
@@ -43,7 +43,7 @@ def test_every_singular_posture_of_figure_5_is_marked_and_counted():
     arm = sa.load("planar2")
     base = pin.SE3(pin.utils.rotate("z", np.radians(21)), np.zeros(3))
     law = sa.TransposedJacobian(target=(1.5, 1.5), kp=(5, 5), kd=(15, 15))
-    run = sa.simulate(arm, np.radians([-57.936, 60.337]), law, 30.0, base=base)
+    run = sa.simulate(arm.at(np.radians([-57.936, 60.337]), base=base), law, 30.0)
     path, *others = draw_motion(run).axes
     (crosses,) = (line for line in path.lines if line.get_marker() == "x")
     count = len(run.singular_times)
@@ -64,7 +64,7 @@ def test_the_tip_path_is_drawn_to_scale(figure):
 @pytest.mark.parametrize("target", [(1.5, 1.5), [1.5, 1.5, 0.0]])
 def test_a_target_in_the_plane_has_two_or_three_components(target):
     arm = sa.load("planar2")
-    run = sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)])
+    run = sa.follow(arm.at([0.3, 1.2]), [(1.2, 1.0)])
     (star,) = (line for line in draw_motion(run, target).axes[0].lines if line.get_marker() == "*")
     np.testing.assert_array_equal(star.get_xydata(), [(1.5, 1.5)])
 
@@ -86,7 +86,7 @@ def test_a_tilted_plane_is_drawn_as_a_flat_one():
         (pin.SE3.Identity(), (1.2, 1.0, 0.0)),
         (tilt, tilt.act(np.array([1.2, 1, 0]))),
     ):
-        figure = draw_motion(sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)], base=base), mark)
+        figure = draw_motion(sa.follow(arm.at([0.3, 1.2], base=base), [(1.2, 1.0)]), mark)
         path, attitude, *_ = figure.axes
         lines.append([line.get_xydata() for line in (*path.lines, *attitude.lines)])
     for flat, tilted in zip(*lines, strict=True):
@@ -118,7 +118,7 @@ def test_distances_are_in_degrees_up_to_where_they_tell_something(figure):
 
 def test_a_few_postures_are_drawn_where_the_arm_was():
     arm = sa.load("planar2")
-    followed = sa.follow(arm, [0.3, 1.2], [(1.2, 1.0)])
+    followed = sa.follow(arm.at([0.3, 1.2]), [(1.2, 1.0)])
     sticks = [line for line in draw_motion(followed).axes[0].lines if len(line.get_xdata()) == 3]
     assert len(sticks) == len(FADES)
     for stick, at in ((sticks[0], 0), (sticks[-1], -1)):
@@ -129,7 +129,13 @@ def test_wheels_are_drawn_with_what_they_hold():
     arm = sa.load("chaser7", wheels=["joint_7"])
     hold = sa.WheelHold(stiffness=40.0, damping=60.0)
     law = sa.JointPD(target=np.full(6, 0.35), kp=5.0, kd=15.0)
-    run = sa.simulate(arm, np.full(6, 0.3), law, 2.0, wheels0=[0.7], wheels=hold, dt=0.1)
+    run = sa.simulate(
+        arm.at(np.full(6, 0.3), wheels=[0.7]),
+        law,
+        2.0,
+        plant=sa.Plant(wheels=hold),
+        integration=sa.Integration(dt=0.1),
+    )
     drawn = [axes for axes in sa.plot(run).axes if axes.get_ylabel().startswith("wheels")]
     assert len(drawn) == 1
     np.testing.assert_array_equal(drawn[0].lines[0].get_ydata(), run.wheels[:, 0])
@@ -138,6 +144,6 @@ def test_wheels_are_drawn_with_what_they_hold():
 def test_a_flight_is_drawn_as_one_motion():
     arm, law = sa.load("planar2"), sa.JointPD(target=[0.5, 0.6], kp=4.0, kd=8.0)
     phases = [sa.Phase(law, 1.0, sa.Grasp(mass=3.0)), sa.Phase(law, 1.0)]
-    flight = sa.simulate_phases(arm, [0.3, 0.9], phases)
+    flight = sa.simulate_phases(arm.at([0.3, 0.9]), phases)
     drawn = sa.plot(flight).axes[2]
     np.testing.assert_array_equal(drawn.lines[0].get_xdata(), flight.motion.t)

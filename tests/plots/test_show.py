@@ -36,7 +36,7 @@ def results():
     goal = [(1.2, 1.0)]
     redundant = sa.load("planar3", task="x y")
     law = sa.JointPD(target=[0.4, 1.2], kp=5.0, kd=9.0)
-    run = sa.simulate(planar, [0.3, 1.2], law, 0.2)
+    run = sa.simulate(planar.at([0.3, 1.2]), law, 0.2)
     design = sa.design.workspaces(planar, {"base_inertia": np.array([1.0, 2.0])})
     return {
         "a planar arm": (planar, 1),
@@ -103,8 +103,8 @@ def results():
         "a risk profile": (sa.risk_profile(planar, samples=2000), 1),
         "risks of poses": (sa.pose_risk(spatial, poses=20, samples=2000), 1),
         "a trajectory": (run, 4),
-        "a flight": (sa.simulate_phases(planar, [0.3, 1.2], [sa.Phase(law, 0.2)]), 4),
-        "a followed path": (sa.follow(planar, [0.3, 1.2], goal), 4),
+        "a flight": (sa.simulate_phases(planar.at([0.3, 1.2]), [sa.Phase(law, 0.2)]), 4),
+        "a followed path": (sa.follow(planar.at([0.3, 1.2]), goal), 4),
         "a plan": (sa.plan(planar.at([0.3, 1.2]), sa.Joints([0.5, 1.0])), 4),
         "designs": (design, 1),
     }

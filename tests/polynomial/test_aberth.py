@@ -20,18 +20,11 @@ def with_roots(angles, others=()):
     return np.concatenate((c[d:][:1].real, 2 * c[d + 1 :].real, -2 * c[d + 1 :].imag))
 
 
-def lines_of(rows):
-    """The same as complex coefficients (m, 2 d + 1)."""
-    d = rows.shape[1] // 2
-    z = 0.5 * (rows[:, 1 : d + 1] - 1j * rows[:, d + 1 :])
-    return np.concatenate((np.conj(z[:, ::-1]), rows[:, :1], z), axis=1)
-
-
 @pytest.mark.parametrize("d", [2, 3, 4, 6])
 def test_random_polynomials_have_the_roots_that_eigenvalues_give(d):
     rows = np.random.default_rng(d).normal(size=(2000, 2 * d + 1))
     found, sure = compiled_roots(d)({"line": rows})
-    wanted = _by_eigenvalues(lines_of(rows))
+    wanted = _by_eigenvalues(rows.T).T
     assert sure.mean() > 0.99
     same = (np.isnan(found).sum(axis=1) == np.isnan(wanted).sum(axis=1)) & (sure == 1.0)
     assert same.sum() >= sure.sum() - 2  # roots that touch are a matter of rounding

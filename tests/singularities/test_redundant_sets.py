@@ -482,7 +482,7 @@ def test_plans_of_redundant_arms_are_proven():
     plan = sa.plan(arm.at(q0), sa.Joints(q0 + 0.1), search=sa.Search(timeout=30))
     assert plan.certificate
     assert plan.certificate.verdict == "free"
-    followed = sa.follow(arm, q0, [arm.at(q0).tip, arm.at(q0 + 0.02).tip])
+    followed = sa.follow(arm.at(q0), [arm.at(q0).tip, arm.at(q0 + 0.02).tip])
     assert followed.certificate
 
 

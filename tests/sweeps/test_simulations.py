@@ -19,7 +19,7 @@ base_inertia = [1, 2]
 [simulation]
 target = [1.5, 1.5]
 gains = {kp = 5, kd = 15}
-start = [-1.011, 1.053]
+q = [-1.011, 1.053]
 spread = 0.02
 attitude = [0, 0, 0.3665]
 duration = 8.0
@@ -45,7 +45,11 @@ def test_runs_of_a_chunk_are_those_of_simulate_many(study):
     law = sa.TransposedJacobian(target=[1.5, 1.5], kp=5.0, kd=15.0)
     for i, q0 in enumerate(Q0):
         run = sa.simulate(
-            arm, q0, law, 8.0, base=turned, origin="cm", rtol=1e-6, atol=1e-8, dt=0.04
+            arm.at(q0, base=turned),
+            law,
+            8.0,
+            origin="cm",
+            integration=sa.Integration(rtol=1e-6, atol=1e-8, dt=0.04),
         )
         assert found["first_singularity"][0, 0, i] == pytest.approx(run.singular_times[0], abs=1e-9)
         assert not found["success"][0, 0, i]
@@ -77,10 +81,10 @@ def test_the_store_is_the_same_whole_and_resumed(study, tmp_path):
     [
         ("kp = 5, ", "", "kp"),
         ("[1.5, 1.5]", "[1.5]", "task"),
-        ("[-1.011, 1.053]", "[0.1]", "start"),
+        ("[-1.011, 1.053]", "[0.1]", "q is"),
         ("spread = 0.02", "spread = -1", "spread"),
         ("runs = 5", "runs = 0", "runs"),
-        ("duration = 8.0", 'law = "optimal"', "law"),
+        ("duration = 8.0", 'controller = "optimal"', "controller"),
         ("duration = 8.0", 'limits = ["speed"]', "limits"),
     ],
 )

@@ -82,7 +82,9 @@ def _workspace(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
 
 def _simulated(arm: sa.SpaceArm, rng: np.random.Generator) -> np.ndarray:
     pd = sa.JointPD(target=rng.uniform(-1, 1, arm.n), kp=1, kd=1)
-    run = sa.simulate(arm, rng.uniform(-1, 1, arm.n), pd, 0.1, rtol=1e-4)
+    run = sa.simulate(
+        arm.at(rng.uniform(-1, 1, arm.n)), pd, 0.1, integration=sa.Integration(rtol=1e-4)
+    )
     return np.append(run.q.ravel(), (run.drift, run.imbalance))
 
 

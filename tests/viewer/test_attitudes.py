@@ -14,7 +14,7 @@ import spacearm as sa
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.jobs import MOST_CORNERS, BackgroundJob
-    from spacearm.viewer.layers.attitudes import INNER, OUTER, patches, sector
+    from spacearm.viewer.layers import INNER, OUTER, patches, sector
 
 
 def meshes(viewer):
@@ -124,7 +124,9 @@ def test_the_sphere_is_not_inside_the_spacecraft(attitudes):
 def test_the_page_says_that_momentum_of_the_motion_does_not_count(spin):
     """Attitudes are tried at zero momentum, whatever motion gives the path."""
     arm = sa.load("planar2")
-    run = sa.simulate(arm, [0.3, 1.2], lambda *_: np.zeros(2), 0.1, momentum=[0, 0, 0, 0, 0, spin])
+    run = sa.simulate(
+        arm.at([0.3, 1.2], momentum=[0, 0, 0, 0, 0, spin]), lambda *_: np.zeros(2), 0.1
+    )
     assert sa.view(run, open=False).about()["motion"]["momentum"] is bool(spin)
 
 
@@ -167,7 +169,7 @@ def test_a_motion_is_feasible_from_where_it_begins(monkeypatch):
     arm = sa.load("planar2")
     cfg = arm.at([0.3, 1.2])
     goal = cfg.tip.translation - np.array([0.2, -0.1, 0.0])
-    run = sa.follow(arm, cfg.q, [goal[:2]], speed=0.1)
+    run = sa.follow(cfg, [goal[:2]], speed=0.1)
     viewer = sa.view(run, open=False)
     begun = []
     monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))

@@ -8,8 +8,7 @@ import pytest
 from helpers.pages import Page
 
 import spacearm as sa
-from spacearm.viewer.panel.comparison import compared
-from spacearm.viewer.panel.motions import account
+from spacearm.viewer.motions import account, compared
 
 
 def floating(times=(0.0, 1.0, 2.0)):

@@ -5,8 +5,7 @@ import pytest
 from helpers.pages import Page
 
 import spacearm as sa
-from spacearm.viewer.panel.joint_map import SHARES, joint_map
-from spacearm.viewer.panel.readouts import FAR
+from spacearm.viewer.readouts import FAR, SHARES, joint_map
 from spacearm.viewer.session import Session
 
 HELD = ("attitude-controlled", "fixed")

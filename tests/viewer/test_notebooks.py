@@ -19,14 +19,14 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer import port, server
+    from spacearm.viewer import server
 
 SLIDER = ".joint:nth-child(1) input[type=range]"
 
 
 @contextlib.contextmanager
 def notebook(output):
-    """The port of a page of this machine that shows the output of a cell."""
+    """The server of a page of this machine that shows the output of a cell."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
@@ -158,7 +158,7 @@ def test_a_ticket_is_valid_for_a_while(viewer, monkeypatch):
 
 
 def test_more_scenes_than_ports(monkeypatch):
-    monkeypatch.setattr(port, "LAST_PORT", port.FIRST_PORT)
+    monkeypatch.setattr(server, "LAST_PORT", server.FIRST_PORT)
     shown = sa.view(sa.load("planar2"), open=False)
     try:
         assert status(shown.serve()) == 200

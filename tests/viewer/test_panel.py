@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 import spacearm as sa
-from spacearm.viewer.panel.joint_map import joint_map
-from spacearm.viewer.panel.labels import short_names
-from spacearm.viewer.panel.motions import account
-from spacearm.viewer.panel.readouts import about, joints, readout
+from spacearm.viewer.motions import account
+from spacearm.viewer.readouts import about, joint_map, joints, readout, short_names
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.grid import SQUARES, Grid, grid_lines, step_of
-    from spacearm.viewer.layers.paths import distance_colors, tube
+    from spacearm.viewer.layers import SQUARES, Grid, grid_lines, step_of
+    from spacearm.viewer.shapes import distance_colors, tube
 
 
 class Run(sa.Motion):

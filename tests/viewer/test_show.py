@@ -15,11 +15,11 @@ from spacearm.description.bodies import Inertial
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer.layers.held import ellipsoid
-    from spacearm.viewer.layers.shapes import coarsened, shapes
+    from spacearm.viewer.layers import ellipsoid
     from spacearm.viewer.scene import AMBER, AXES, CYAN, MAGENTA, PINK
     from spacearm.viewer.session import Session
-    from spacearm.viewer.window import PAGE
+    from spacearm.viewer.shapes import coarsened, shapes
+    from spacearm.viewer.window import PAGE, Key
 
 Q = [0.3, 1.2]
 COLOUR_BLIND = {  # Machado, Oliveira & Fernandes 2009, severity 1, on linear RGB
@@ -69,8 +69,8 @@ def test_a_configuration_and_results_that_have_one(arm):
 @pytest.mark.slow
 def test_motions_are_played(arm):
     plan = sa.plan(arm.at(Q), sa.Joints([0.5, 1.0]))
-    followed = sa.follow(arm, Q, [arm.at(Q).tip.translation[:2] + np.array([0.0, 0.05])])
-    trajectory = sa.simulate(arm, Q, sa.JointPD([0.5, 1.0], kp=50.0, kd=50.0), 0.2)
+    followed = sa.follow(arm.at(Q), [arm.at(Q).tip.translation[:2] + np.array([0.0, 0.05])])
+    trajectory = sa.simulate(arm.at(Q), sa.JointPD([0.5, 1.0], kp=50.0, kd=50.0), 0.2)
     for thing in (plan, followed, trajectory, sa.Motion.of(plan)):
         viewer = sa.view(thing, open=False)
         np.testing.assert_allclose(viewer.session.cfg.q, Q, atol=1e-12)
@@ -82,7 +82,7 @@ def test_a_flight_is_played_with_what_it_holds(arm):
     body = sa.Grasp(mass=20.0, inertia=np.diag([2.0, 3.0, 4.0]), com=(0.3, 0.1, 0.0))
     phases = [sa.Phase(law, 0.2, body), sa.Phase(law, 0.1), sa.Phase(law, 0.1, sa.Release()),
               sa.Phase(law, 0.1)]  # fmt: skip
-    flight = sa.simulate_phases(arm, Q, phases)
+    flight = sa.simulate_phases(arm.at(Q), phases)
     viewer = sa.view(flight, open=False)
     motion = viewer.about()["motion"]
     assert motion["span"] == pytest.approx([0.0, 0.5])
@@ -95,12 +95,14 @@ def test_a_flight_is_played_with_what_it_holds(arm):
         shown, known = viewer.session.cfg, flight.at(t)
         np.testing.assert_allclose(shown.com, known.com)
         assert shown.arm.mass == pytest.approx(arm.mass + (20.0 if t == 0.3 else 0.0))
-        bodies = viewer.window._tree["spacearm"]["bodies"]["held 1"]["payload"]
-        assert {umsgpack.unpackb(data)["value"] for _, data in bodies.properties} == {t == 0.3}
+        node = ("spacearm", "bodies", "held", "1", "payload")
+        scene = {key: umsgpack.unpackb(data) for key, data in viewer.window._scene.items()}
+        assert scene[Key(node, "visible")]["value"] is (t == 0.3)
         if t == 0.3:
-            placed = np.reshape(umsgpack.unpackb(bodies.transform)["matrix"], (4, 4)).T
+            placed = np.reshape(scene[Key(node, "set_transform")]["matrix"], (4, 4)).T
             np.testing.assert_allclose(placed[:3, 3], shown.tip.act(np.array([0.3, 0.1, 0.0])))
-    assert set(viewer.window._tree["spacearm"]["bodies"]) & {"held 0", "held 2"} == set()
+    held = {key.path[3] for key in scene if key.path[:3] == node[:3]}
+    assert held == {"1"}
     assert len(viewer.html()) > 1000
     viewer.compare(flight.motion)
     viewer.handle({"do": "time", "t": 0.3})

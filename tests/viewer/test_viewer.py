@@ -30,9 +30,9 @@ with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer import pictures, scene, stage
     from spacearm.viewer import viewer as pages
-    from spacearm.viewer.layers.shapes import shapes
-    from spacearm.viewer.outbox import DELETE, Key, Outbox
     from spacearm.viewer.session import Session
+    from spacearm.viewer.shapes import shapes
+    from spacearm.viewer.window import DELETE, Key, Outbox
 
 
 BOX = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
@@ -569,13 +569,8 @@ def test_prismatic_and_branched_arms_have_a_scene(tmp_path):
 
 
 def recorded(viewer, path, kind="visible"):
-    node = viewer.window._tree["spacearm"]
-    for part in path.split("/"):
-        node = node[part]
-    import umsgpack
-
-    return {umsgpack.unpackb(data)["property"]: umsgpack.unpackb(data)["value"]
-            for _, data in node.properties}[kind]  # fmt: skip
+    key = Key(("spacearm", *path.split("/")), kind)
+    return umsgpack.unpackb(viewer.window._scene[key])["value"]
 
 
 def test_the_lost_direction_appears_at_the_singularity_only(viewer):
@@ -612,7 +607,13 @@ def test_wheels_and_wrenches_are_drawn_while_they_act():
     law = sa.JointPD(target=[0.5], kp=1.0, kd=3.0)
     push = {"bus": lambda t: [0.0, 2.0 * (t < 1.0), 0.0, 0.0, 0.0, 0.0]}
     hold = sa.WheelHold(stiffness=50.0, damping=100.0)
-    run = sa.simulate(arm, [0.1], law, 4.0, wheels=hold, wrenches=push, dt=0.1)
+    run = sa.simulate(
+        arm.at([0.1]),
+        law,
+        4.0,
+        plant=sa.Plant(wheels=hold, wrenches=push),
+        integration=sa.Integration(dt=0.1),
+    )
     with pytest.warns(sa.ModelWarning, match="no visuals"):
         viewer = sa.view(run, open=False)
     for t, pushed in ((0.5, True), (3.0, False)):

@@ -21,7 +21,7 @@ from spacearm.viewer.session import Session
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.jobs import BackgroundJob, plan_to
-    from spacearm.viewer.layers.obstacles import faces
+    from spacearm.viewer.layers import faces
 
 
 def answers(function, *given):

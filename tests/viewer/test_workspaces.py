@@ -13,7 +13,7 @@ import spacearm as sa
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     from spacearm.viewer.jobs import BackgroundJob
-    from spacearm.viewer.layers.workspaces import annulus, half_sphere
+    from spacearm.viewer.layers import annulus, half_sphere
 
 
 def drawn(viewer, layer):

@@ -34,10 +34,9 @@ from spacearm.cli.output import (
 )
 from spacearm.cli.wording import join_numbers
 from spacearm.errors import ConfigurationError
-from spacearm.mission.attitude_search import MARGIN, feasible_attitudes
-from spacearm.mission.attitudes import ENDS, FeasibleAttitudes
-from spacearm.mission.reactions import Reaction, reaction
-from spacearm.mission.wheel_sizing import PERCENTILES, WheelSizing, size_wheels
+from spacearm.mission.attitude_search import ENDS
+from spacearm.mission.attitudes import MARGIN, FeasibleAttitudes, feasible_attitudes
+from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing, reaction, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import NEAR

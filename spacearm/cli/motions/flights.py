@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.cli.motions.laws import KINDS, MORE, Law
@@ -23,19 +22,20 @@ from spacearm.cli.output import (
 )
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.model.arm import SpaceArm
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
-from spacearm.motion.flights.flight import Flight
-from spacearm.motion.flights.phases import Grasp, Phase, Release, simulate_phases
+from spacearm.motion.events import EVENTS
+from spacearm.motion.flights import Flight, Grasp, Phase, Release, simulate_phases
 from spacearm.motion.goal import goal_of
-from spacearm.motion.plant import PassiveJoint, WheelHold, Wrench
+from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench
+from spacearm.motion.simulation import Integration
 from spacearm.sweeps.toml import Table, parse
 
 LAW = ("law", "target", "earthbound", *sorted({name for names in MORE.values() for name in names}))
 """Keys of a controller."""
-NUMBERS = ("reach", "rtol", "atol", "dt", "period", "delay")
-NAMES = ("stop", "events", "limits")
-"""Arguments of `simulate` that are numbers, and that are lists of names."""
+NUMBERS = ("reach", "rtol", "atol", "dt")
+RATE = ("period", "delay")
+"""Keys of `Integration` and of `Phase` that are numbers."""
 HOLD = ("stiffness", "damping", "torque", "capacity")
 BODY = ("mass", "inertia", "com", "twist", "joints")
 
@@ -59,12 +59,28 @@ def read_phases(path: Path, arm: SpaceArm) -> list[Phase]:
 
 
 def _phase(given: Table, arm: SpaceArm) -> Phase:
-    given.knows(*LAW, "tips", "duration", "grasp", "release", "method", "passive", "wheels",
-                "wrenches", "thrusters", *NUMBERS, *NAMES)  # fmt: skip
-    options: dict[str, Any] = {k: given.take(k, float) for k in NUMBERS if k in given.values}
-    options |= {k: _names(given, k) for k in NAMES if k in given.values}
-    if "method" in given.values:
-        options["method"] = given.take("method", str)
+    given.knows(*LAW, "tips", "duration", "grasp", "release", "limits", "passive", "wheels",
+                "wrenches", "thrusters", "stop", *RATE, *NUMBERS, "events", "method")  # fmt: skip
+    numbers = {k: given.take(k, float) for k in (*NUMBERS, *RATE) if k in given.values}
+    timing = {k: numbers.pop(k) for k in RATE if k in numbers}
+    return Phase(
+        _laws(given, arm),
+        given.positive("duration", float),
+        _then(given),
+        plant=_plant(given),
+        stop=_names(given, "stop"),
+        integration=Integration(
+            events=_names(given, "events") if "events" in given.values else EVENTS,
+            method=given.take("method", str, "auto"),
+            **numbers,
+        ),
+        **timing,
+    )
+
+
+def _plant(given: Table) -> Plant:
+    """Return what acts on the arm in a phase."""
+    options: dict[str, Any] = {}
     for name in ("wrenches", "thrusters"):
         if name in given.values:
             pushed = Table(f"{given.where}: {name}", given.values[name])
@@ -78,7 +94,7 @@ def _phase(given: Table, arm: SpaceArm) -> Phase:
         options["wheels"] = WheelHold(
             stiffness=held.take("stiffness", float), damping=held.take("damping", float), **more
         )
-    return Phase(_laws(given, arm), given.positive("duration", float), _then(given), options)
+    return Plant(limits=given.take("limits", bool, False), **options)
 
 
 def _laws(given: Table, arm: SpaceArm) -> Controller | Mapping[str, Controller]:
@@ -174,19 +190,16 @@ def _numbers(given: Table, key: str) -> Array:
 
 
 def _names(given: Table, key: str) -> list[str]:
-    value = given.values[key]
+    value = given.values.get(key, [])
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
         raise given.fail(key, "give a list of names")
     return value
 
 
 def fly(
-    arm: SpaceArm,
-    q0: Array,
+    start: Configuration,
     phases: list[Phase],
-    base: pin.SE3,
-    dq0: Array | None,
-    momentum: tuple[float, ...],
+    dq: Array | None,
     save: Path | None,
     output: Path | None,
     view: bool,
@@ -197,8 +210,7 @@ def fly(
     Files get the number of their phase.
     """
     with working("simulating") as progress:
-        flight = simulate_phases(arm, q0, phases, base=base, dq0=dq0, momentum=momentum,
-                                 progress=progress)  # fmt: skip
+        flight = simulate_phases(start, phases, dq=dq, progress=progress)
     if as_json:
         print_json(flight.to_dict())
     else:

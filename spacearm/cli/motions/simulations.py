@@ -23,6 +23,7 @@ from spacearm.cli.options import (
     numbers,
     on_a_model,
     spacecraft_pose,
+    start_of,
 )
 from spacearm.cli.output import (
     check_picture,
@@ -42,10 +43,10 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
+from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
-from spacearm.motion.plant import PassiveJoint, WheelHold
-from spacearm.motion.simulation import simulate
-from spacearm.motion.trajectory import Trajectory
+from spacearm.motion.plant import PassiveJoint, Plant, WheelHold
+from spacearm.motion.simulation import Integration, simulate
 
 MOST = 10
 """Number of events that are printed."""
@@ -119,10 +120,10 @@ def simulate_motion(
         tuple[float, float, float, float, float, float],
         typer.Option(help="Momentum at the start, linear and angular about the CM.", metavar="H"),
     ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(help="Let effort or velocity limits cut the torques.", metavar="LIMIT"),
-    ] = None,
+    limits: Annotated[
+        bool,
+        typer.Option("--limits", help="Let effort and velocity limits cut the torques."),
+    ] = False,
     passive: Annotated[
         list[str] | None,
         typer.Option(
@@ -173,37 +174,44 @@ def simulate_motion(
         check_suffix(save)
     if described and passive:
         raise ConfigurationError("--described-friction and --passive are given; give one of them")
-    start = joint_values(arm, q0.split(), deg)
+    start = start_of(
+        arm,
+        joint_values(arm, q0.split(), deg),
+        spacecraft_pose(attitude, deg),
+        None if wheels0 is None else numbers("--wheels0", wheels0),
+        momentum,
+    )
     believed: BaseMode = "fixed" if earthbound else mode.value
     moving = None if dq0 is None else joint_values(arm, dq0.split(), deg)
     if phases:
         own = {
-            "--target": target, "--stop": stop, "--event": event, "--limit": limit, "--dt": dt,
+            "--target": target, "--stop": stop, "--event": event, "--limits": limits, "--dt": dt,
             "--passive": passive, "--described-friction": described, "--wrench": wrench,
             "--thruster": thruster, "--hold": hold, "--period": period, "--wheels0": wheels0,
             "--mode": mode is not Spacecraft.FREE,
         }  # fmt: skip
         if given := [option for option, value in own.items() if value]:
             raise ConfigurationError(f"--phases and {given[0]} are given; say it in the file")
-        return fly(arm, start, read_phases(phases, arm), spacecraft_pose(attitude, deg), moving,
-                   momentum, save, output, view, as_json)  # fmt: skip
+        return fly(start, read_phases(phases, arm), moving, save, output, view, as_json)
     if target is None:
         raise ConfigurationError("neither --target nor --phases is given; give one of them")
     parameters = {"kp": gain_of("--kp", kp), "kd": gain_of("--kd", kd), "gain": gain}
     law, goal = law_of(arm, controller, target, parameters, believed, deg)
+    springs = {name: PassiveJoint(*v) for name, v in _vectors("--passive", passive).items()}
+    plant = Plant(
+        wheels=hold and WheelHold(**dict(zip(HOLD, hold, strict=True))),
+        wrenches=_vectors("--wrench", wrench),
+        thrusters=_vectors("--thruster", thruster),
+        passive="described" if described else springs,
+        limits=limits,
+    )
+    integration = Integration(
+        rtol=rtol, atol=atol, dt=dt, events=event or EVENTS, reach=reach, method=method
+    )
     with working("simulating") as progress:
         run = simulate(
-            arm, start, law, duration, base=spacecraft_pose(attitude, deg),
-            origin=origin.value, mode=mode.value, limits=limit or (),
-            momentum=momentum if any(momentum) else None, dq0=moving,
-            wheels0=None if wheels0 is None else numbers("--wheels0", wheels0),
-            events=event or EVENTS, reach=reach, dt=dt, atol=atol,
-            passive="described" if described else {
-                j: PassiveJoint(*v) for j, v in _vectors("--passive", passive).items()
-            },
-            wrenches=_vectors("--wrench", wrench), thrusters=_vectors("--thruster", thruster),
-            wheels=hold and WheelHold(**dict(zip(HOLD, hold, strict=True))),
-            period=period, delay=delay, stop=stop or [], rtol=rtol, method=method,
+            start, law, duration, dq=moving, mode=mode.value, origin=origin.value, plant=plant,
+            stop=stop or (), period=period, delay=delay, integration=integration,
             progress=progress,
         )  # fmt: skip
     if save:

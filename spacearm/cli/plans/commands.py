@@ -195,7 +195,7 @@ def plan_motion(
             else:
                 found = plan(start, target, via=way, mode=mode.value, **asked)
         if fastest:
-            from spacearm.timing.optimal import time_optimal
+            from spacearm.planning.retiming import time_optimal
 
             wheels = wheel_limits and mode is Spacecraft.CONTROLLED and _limits(*wheel_limits)
             found = time_optimal(found, wheels=wheels or None)

@@ -13,9 +13,9 @@ from spacearm.planning.account import SearchAccount
 from spacearm.planning.methods import METHODS
 from spacearm.planning.problem import Problem, Rows
 from spacearm.planning.request import PlanRequest
-from spacearm.planning.resolved_motion import reactionless
 from spacearm.planning.result import Plan, best_attempt
 from spacearm.planning.strategies.attempts import Attempts
+from spacearm.planning.strategies.resolved_motion import reactionless
 
 REACTIONLESS = "reactionless"
 """Name of the method that comes before the others where the attitude is to be kept."""

@@ -24,7 +24,7 @@ from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.floating import placed
-from spacearm.mechanics.momentum import base_velocity
+from spacearm.mechanics.jacobian import base_velocity
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.account import SearchAccount

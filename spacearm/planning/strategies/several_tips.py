@@ -19,9 +19,9 @@ from spacearm.motion.goal import goal_pose, out_of_reach
 from spacearm.planning.optimiser import ARRIVED, SPACING, Target
 from spacearm.planning.problem import Problem, Rows, bodies_apart, bounds_of, clearance_of, travel
 from spacearm.planning.request import PlanRequest
-from spacearm.planning.resolved_motion import Aim, Bias, Resolved
 from spacearm.planning.result import Plan, best_attempt
 from spacearm.planning.strategies.at_rest import by_methods
+from spacearm.planning.strategies.resolved_motion import Aim, Bias, Resolved
 
 METHODS = ("auto", "straight", "joint space")
 WIDTHS = (0.5, 1.0, 2.0, 3.0)

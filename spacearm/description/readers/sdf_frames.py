@@ -1,0 +1,386 @@
+"""SDF frames: the links, joints and frames of a file, those of nested models and includes too.
+
+Every frame has a pose relative to another one, as SDFormat's "Pose frame semantics" says; names of
+what is inside a nested model start with the model's name and "::".
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from copy import deepcopy
+from dataclasses import dataclass, field
+from functools import reduce
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from spacearm.description.readers.source import Source, describe
+from spacearm.errors import listed, unknown
+
+
+class Scope(NamedTuple):
+    """A model or a world, inside which names are short.
+
+    Attributes:
+        prefix: What comes before its names, seen from the top.
+        own: Name of its own frame.
+    """
+
+    prefix: str
+    own: str
+
+    def name(self, short: str) -> str:
+        """Return a name from the top; an empty text stays empty."""
+        if short in ("", WORLD):
+            return short
+        return self.own if short == MODEL else self.prefix + short
+
+
+class Contents:
+    """What is in a file, by full names.
+
+    Attributes:
+        name: Name of the robot.
+        frames: Every frame.
+        links: Names, scopes and elements of the links.
+        joints: Names, scopes and elements of the joints.
+        marks: Names and elements of the <frame>s.
+    """
+
+    def __init__(self, source: Source, root: etree._Element) -> None:
+        self._source = source
+        worlds, models = root.findall("world"), root.findall("model")
+        if len(worlds) + len(models) != 1:
+            what = f"{len(worlds)} <world> and {len(models)} <model>"
+            source.fail(f"has {what} below <sdf>", "keep one of them in a file")
+        self.name = source.path.stem
+        self.frames = Frames(source)
+        self.frames.add(WORLD, Frame(root, None, pin.SE3.Identity(), WORLD))
+        self.links: list[tuple[str, Scope, etree._Element]] = []
+        self.joints: list[tuple[str, Scope, etree._Element]] = []
+        self.marks: list[tuple[str, etree._Element]] = []
+        top = Scope("", WORLD)
+        for world in worlds:
+            self._contents(world, top)
+        for model in models:
+            self.name = model.get("name") or self.name
+            self._model(model, top, Scope("", MODEL))
+        if not self.links:
+            source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
+
+    def _model(self, model: etree._Element, outer: Scope, scope: Scope) -> None:
+        """Read a model: its own frame, then what is in it.
+
+        Args:
+            model: The model.
+            outer: Where it is.
+            scope: What is in it.
+        """
+        placed = model.get("placement_frame")
+        self.frames.add(
+            scope.own,
+            Frame(
+                model,
+                outer.name(relative_to(model)) or outer.own,
+                pose(self._source, model),
+                _canonical(model, scope),
+                scope.name(placed) if placed else None,
+            ),
+        )
+        self._contents(model, scope)
+
+    def _contents(self, parent: etree._Element, scope: Scope) -> None:
+        """Read what is in a model or a world."""
+        source = self._source
+        for name, link in source.named(parent, "link").items():
+            at, full = scope.name(relative_to(link)) or scope.own, scope.name(name)
+            self.frames.add(full, Frame(link, at, pose(source, link), full))
+            self.links.append((full, scope, link))
+        for name, joint in source.named(parent, "joint").items():
+            child, full = self.end(joint, "child", scope), scope.name(name)
+            at = scope.name(relative_to(joint)) or child
+            self.frames.add(full, Frame(joint, at, pose(source, joint), child))
+            self.joints.append((full, scope, joint))
+        for name, frame in source.named(parent, "frame").items():
+            to, full = scope.name(frame.get("attached_to", "")) or scope.own, scope.name(name)
+            at = scope.name(relative_to(frame)) or to
+            self.frames.add(full, Frame(frame, at, pose(source, frame), to))
+            self.marks.append((full, frame))
+        for model in parent.findall("model"):
+            self._nested(model, scope)
+        for include in parent.findall("include"):
+            needed = parent.tag == "model"
+            if (taken := included(source, include, needed=needed)) is None:
+                continue
+            if include.get("merge") in ("true", "1"):
+                own = scope.name(f"__merged_{taken.get('name')}__")
+                self._model(taken, scope, Scope(scope.prefix, own))
+            else:
+                self._nested(taken, scope)
+
+    def _nested(self, model: etree._Element, scope: Scope) -> None:
+        """Read a nested model, in whose names its own comes first."""
+        name = scope.name(model.get("name", ""))
+        self._model(model, scope, Scope(f"{name}::", f"{name}::{MODEL}"))
+        own = f"{name}::{MODEL}"
+        self.frames.add(name, Frame(model, own, pin.SE3.Identity(), own))
+
+    def end(self, joint: etree._Element, end: str, scope: Scope) -> str:
+        """Return the frame that a joint names as its <parent> or <child>."""
+        if not (name := words(joint, end)):
+            what = f"joint {joint.get('name')!r} has no <{end}>"
+            self._source.fail(what, f"add <{end}>LINK</{end}>")
+        return scope.name(name)
+
+
+def _canonical(model: etree._Element, scope: Scope) -> str:
+    """Return the frame that the frame of a model moves with: its canonical link, or the first."""
+    if name := model.get("canonical_link"):
+        return scope.name(name)
+    for child in (*model.findall("link"), *model.findall("model"), *model.findall("include/model")):
+        return scope.name(child.get("name", ""))
+    return WORLD
+
+
+WORLD, MODEL = "world", "__model__"
+
+MOST_STEPS = 1000
+"""Largest number of frames that lead one by one from a frame to the world, or to its link."""
+
+
+@dataclass
+class Frame:
+    """A frame.
+
+    Attributes:
+        element: The element that defines it.
+        relative_to: Name of the frame that its pose is given in; None for the world.
+        pose: The pose.
+        attached_to: Name of the frame that it moves with; itself for a link.
+        placed_by: Name of the frame inside a model that the model's pose places, in place of the
+            model's own; see `placement_frame`.
+    """
+
+    element: etree._Element
+    relative_to: str | None
+    pose: pin.SE3
+    attached_to: str
+    placed_by: str | None = None
+
+
+@dataclass
+class Frames:
+    """All frames of a file, by their names from the top.
+
+    Attributes:
+        source: The file.
+        frames: The frames.
+    """
+
+    source: Source
+    frames: dict[str, Frame] = field(default_factory=dict)
+
+    def add(self, name: str, frame: Frame) -> None:
+        """Add a frame; no two have one name."""
+        if other := self.frames.get(name):
+            lines = f"lines {other.element.sourceline} and {frame.element.sourceline}"
+            self.source.fail(
+                f"two frames, links, joints or models are named {name!r} ({lines})", "rename one"
+            )
+        self.frames[name] = frame
+
+    def link_of(self, name: str, user: etree._Element) -> str:
+        """Return the link that a frame moves with, or "world"."""
+        seen: set[str] = set()
+        while (frame := self._frame(name, user)).attached_to != name:
+            if name in seen:
+                self.source.fail(
+                    f"{describe(user)}: {name!r} is attached to itself", "cut that loop"
+                )
+            seen.add(name)
+            self._not_too_long(len(seen), user)
+            name = frame.attached_to
+        return name
+
+    def pose(self, name: str, of: str, user: etree._Element) -> pin.SE3:
+        """Return the pose of a frame in another one, from their last common frame on."""
+        ours, theirs = self._way(name, user), self._way(of, user)
+        while len(ours) > 1 and len(theirs) > 1 and ours[-2][0] == theirs[-2][0]:
+            ours.pop()
+            theirs.pop()
+        up, down = (
+            reduce(lambda pose, step: step[1] * pose, way[:-1], pin.SE3.Identity())
+            for way in (ours, theirs)
+        )
+        return down.inverse() * up
+
+    def _way(self, name: str, user: etree._Element) -> list[tuple[str, pin.SE3]]:
+        """Return the frames from one up to the world, each with its pose in the next."""
+        way: dict[str, pin.SE3] = {}
+        while True:
+            frame = self._frame(name, user)
+            if name in way:
+                self.source.fail(
+                    f"{describe(frame.element)} has a pose relative to itself, by way of "
+                    f"{listed([*way])}",
+                    "cut that loop",
+                )
+            pose = frame.pose
+            if frame.placed_by:
+                pose = pose * self._inside(frame.placed_by, name, user).inverse()
+            way[name] = pose
+            self._not_too_long(len(way), user)
+            if frame.relative_to is None:
+                return [*way.items()]
+            name = frame.relative_to
+
+    def _not_too_long(self, steps: int, user: etree._Element) -> None:
+        """Refuse long ways, of which a file may have as many as frames."""
+        if steps > MOST_STEPS:
+            self.source.fail(
+                f"{describe(user)} is placed by way of more than {MOST_STEPS:,} frames",
+                "give the pose relative to the model",
+            )
+
+    def _inside(self, name: str, model: str, user: etree._Element) -> pin.SE3:
+        """Return the pose of a frame of a model in the model's own frame."""
+        pose = pin.SE3.Identity()
+        for _ in self.frames:
+            if name == model:
+                return pose
+            frame = self._frame(name, user)
+            if frame.relative_to is None:
+                break
+            pose, name = frame.pose * pose, frame.relative_to
+        self.source.fail(
+            f"{describe(user)} is placed by {name!r}, which is not inside it", "name a frame of it"
+        )
+
+    def _frame(self, name: str, user: etree._Element) -> Frame:
+        if name not in self.frames:
+            self.source.fail(f"{describe(user)}: {unknown('frame', name, self.frames)}", "name one")
+        return self.frames[name]
+
+
+FOLDERS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZEBO_MODEL_PATH")
+"""Environment variables that name folders of models."""
+DEEPEST = 20
+"""Most includes in one another; more are a loop."""
+
+
+def included(source: Source, include: etree._Element, *, needed: bool) -> etree._Element | None:
+    """Return the <model> that an <include> means, under its own name and at its own pose.
+
+    Args:
+        source: The file.
+        include: The element.
+        needed: Whether a model that is not found is a fault; else it is left out with a warning.
+
+    Raises:
+        ModelError: The file is not found, or holds no model.
+    """
+    uri = words(include, "uri")
+    path = next((p for p in _candidates(source, uri) if p.is_file()), None)
+    if path is None:
+        problem = f"<include> of {uri!r} (line {include.sourceline}) is not found"
+        if not needed:
+            source.warn(f"{problem}: left out")
+            return None
+        source.fail(
+            problem,
+            "name the folder that holds it with packages=, or write the file out whole: "
+            "gz sdf -p FILE",
+        )
+    if sum(1 for _ in include.iterancestors("include")) > DEEPEST:
+        source.fail(f"<include> of {uri!r} is more than {DEEPEST} deep", "cut the loop")
+    root = Source(path).root()
+    models = root.findall("model")
+    if root.tag != "sdf" or len(models) != 1:
+        source.fail(f"<include> of {uri!r} means {path}, which has no one <model>", "name another")
+    return _placed(models[0], include)
+
+
+def _placed(model: etree._Element, include: etree._Element) -> etree._Element:
+    """Return a copy of a model with the name and the pose that its <include> gives it.
+
+    The copy hangs below the include, so that includes inside it know how deep they are.
+    """
+    copy = deepcopy(model)
+    if name := words(include, "name"):
+        copy.set("name", name)
+    for key in ("pose", "placement_frame"):
+        given = include.find(key)
+        if given is None:
+            continue
+        if key == "placement_frame":
+            copy.set(key, words(include, key))
+            continue
+        for old in copy.findall(key):
+            copy.remove(old)
+        copy.append(deepcopy(given))
+    include.append(copy)
+    return copy
+
+
+def _candidates(source: Source, uri: str) -> Iterator[Path]:
+    """Yield the files that a URI may mean."""
+    scheme, _, rest = uri.rpartition("://")
+    if scheme == "file":
+        yield from _model_files(Path(rest))
+    elif scheme == "" and rest:
+        yield from _model_files(source.path.resolve().parent / rest)
+    elif scheme in ("model", "package"):
+        for place in _environment():
+            yield from _model_files(Path(place) / rest)
+        if found := source.packages.resolve(f"package://{rest}"):
+            yield from _model_files(found)
+
+
+def _environment() -> Iterator[str]:
+    for variable in FOLDERS:
+        yield from filter(None, os.environ.get(variable, "").split(os.pathsep))
+
+
+def _model_files(path: Path) -> Iterator[Path]:
+    """Yield a file, or the files of a model's folder: those of its model.config, newest first."""
+    yield path
+    config = path / "model.config"
+    if config.is_file():
+        sdfs = Source(config).root().findall("sdf")
+        newest = sorted(sdfs, key=lambda e: [int(x) for x in e.get("version", "0").split(".")])
+        for element in reversed(newest):
+            yield path / (element.text or "").strip()
+    yield path / "model.sdf"
+
+
+def pose(source: Source, parent: etree._Element) -> pin.SE3:
+    """Read the <pose> of an element: position and roll, pitch, yaw, or a quaternion xyzw."""
+    element = source.child(parent, "pose")
+    if element is None or not (element.text or "").strip():
+        return pin.SE3.Identity()
+    turned = element.get("rotation_format", "euler_rpy")
+    if turned == "quat_xyzw":
+        values = source.values(element, "<pose>", element.text or "", 7)
+        size = float(np.linalg.norm(values[3:]))
+        if size < 1e-9:
+            source.fail(f"{describe(element)} has a zero quaternion", "give one of length 1")
+        return pin.SE3(pin.Quaternion(values[3:] / size).matrix(), values[:3])
+    values = source.values(element, "<pose>", element.text or "", 6)
+    if element.get("degrees") in ("true", "1"):
+        values[3:] = np.radians(values[3:])
+    return pin.SE3(pin.rpy.rpyToMatrix(values[3:]), values[:3])
+
+
+def relative_to(parent: etree._Element) -> str:
+    """Return the frame that the <pose> of an element names; an empty text for the default."""
+    element = parent.find("pose")
+    return "" if element is None else element.get("relative_to", "")
+
+
+def words(element: etree._Element, tag: str) -> str:
+    """Return the text of a child element, without blanks around it."""
+    return (element.findtext(tag) or "").strip()

@@ -1,0 +1,313 @@
+"""How far in joint space the nearest singular configuration is, to first order.
+
+J = U diag(sigma) V^T (k, n) has r ranks less where U_r^T J(q + dq) V_r = 0, with U_r and V_r the
+columns of U and V from the r-th last singular value on: those of the r least singular values, and
+of the null space. To first order this is a linear system for dq,
+
+    U_r^T dJ[dq] V_r = -[diag(sigma_r) 0],
+
+r equations for every column of V_r, and the least solution leads to the nearest configuration.
+
+For r = 1 and a square J the equation is g . dq = -sigma_min, with g = u^T dJ v the gradient of
+sigma_min, hence the distance is sigma_min / |g|. A redundant arm must also keep u^T dJ[dq] v_0 = 0
+for every v_0 of the null space, because its singular set has codimension n - k + 1: sigma_min grows
+about it like a cone, and only the part of g that these equations leave counts. The distance is
+sigma_min / |P g|, P the projection on their solutions; sigma_min / |g| would be too short.
+
+Some arms lose rank where fewer equations hold: of one with spherical shoulder and wrist a straight
+elbow suffices. There the slopes u^T dJ v_0 vanish as sigma_min does, and what is left of them is no
+equation. So the projection is that of ridge regression: it leaves what slopes up to lambda, the
+share `FADING` of sigma_min per radian, say.
+
+This is one step of Newton's method. Where it is short the set is bent too much for it now and
+then: it is followed by a second one, from where the first has led, to the point nearest to q on the
+linearised set there (`project`). That is the iteration of the first-order reliability method,
+which measures the distance to a failure set alike: Hasofer & Lind, J. Eng. Mech. 100, 111-121
+(1974); Rackwitz & Fiessler, Comput. Struct. 9, 489-494 (1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array
+from spacearm.compiler import numbers
+from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
+from spacearm.mechanics.arm_kernels import WIDE, ArmKernel, worth_compiling
+from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_scales
+
+EXPLAINED = 0.1
+"""More equations than joints have a solution if the residual is this share of the right side."""
+FADING = 0.3
+"""Slopes that are less than this times sigma_min vanish with it, as a rule [1/rad]."""
+NEAR = np.radians(4.0)
+"""Distances below this take the second step: from half of this down all of it [rad]."""
+FINE = 1e-5
+"""Distances up to this take none: there is nothing left to correct [rad]."""
+SINGLY = 1e-3
+"""Time that the derivative of J* takes without compiled code, for one configuration [s]."""
+CONTRACTING = 0.5
+"""The second step counts only if the first one came this much nearer, less and less up to that."""
+
+
+class Linearisation(NamedTuple):
+    """The singular set linearised at m configurations, lengths in radians.
+
+    Attributes:
+        distance: (m,) how far it is; inf where it is nowhere.
+        sigma: (m,) sigma_min of J per radian of each joint.
+        rows: (m, r, n) rows that span its normal space, orthonormal but for those that fade where
+            it has fewer dimensions; the first leads away from the set.
+    """
+
+    distance: Array
+    sigma: Array
+    rows: Array
+
+
+class RankDistances(NamedTuple):
+    """Distances to first order.
+
+    Attributes:
+        distances: (k,) entry j is the distance at which the singular values from j on vanish
+            together; growing from the last to the first. inf where no motion of the joints makes
+            them vanish to first order; zero for those that a J with k > n never has.
+        away: (n,) unit vector that leads away from the nearest singular configuration on the
+            shortest way; zeros where there is none.
+        sigma: The least singular value.
+        rows: (1 + |n - k|, n) rows as in `Linearisation`.
+    """
+
+    distances: Array
+    away: Array
+    sigma: float
+    rows: Array
+
+
+def rank_distances(
+    J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING
+) -> RankDistances:
+    """Compute how far the configurations are at which J loses one rank or several.
+
+    Args:
+        J: (k, n) the task Jacobian, per unit of distance of each joint.
+        dJ: (n, k, n) its derivative, likewise per unit of each joint.
+        floor: Singular values up to this are zero.
+        fading: Slopes below this times sigma_min are no equations [1/rad].
+    """
+    U, sigma, VT = np.linalg.svd(J)
+    (k, n), p = J.shape, len(sigma)
+    sigma = np.where(sigma > floor, sigma, 0.0)
+    norm = float(np.linalg.norm(J))
+    slopes = np.einsum("ai,jan,rn->jir", U, dJ, VT)
+    distances: Array = np.zeros(k)
+    rows: Array = np.zeros((1 + abs(n - k), len(dJ)))
+    for r in range(1, p + 1):
+        A = slopes[:, p - r :, p - r :].reshape(len(dJ), -1).T
+        if r == 1 and k <= n:
+            distances[-1], _, rows = way_out(numbers, [*A], norm, sigma[-1], fading)
+        elif sigma[p - r] > 0.0:
+            b = np.zeros((k - p + r, n - p + r))
+            b[:r, :r] = np.diag(sigma[p - r :])
+            distances[p - r] = _several(A, b.ravel(), NOTHING * norm)
+    return RankDistances(
+        np.maximum.accumulate(distances[::-1])[::-1], rows[0], float(sigma[-1]), rows
+    )
+
+
+def rank_distances_of(
+    arm: SpaceArm, J: Array, dJ: Array, error: float | None = None, fading: float = FADING
+) -> RankDistances:
+    """Compute `rank_distances` of an arm in radians, as `joint_scales` counts its joints.
+
+    Args:
+        arm: The arm.
+        J: (k, n) its task Jacobian.
+        dJ: (n, k, n) the derivative of it with respect to each joint.
+        error: Singular values of J up to this are zero; up to rounding if None.
+        fading: As of `rank_distances`.
+
+    Returns:
+        The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance; `rows` per radian.
+    """
+    unit = joint_scales(arm)
+    J = J * unit
+    floor = ZERO * float(np.linalg.norm(J)) if error is None else error * float(unit.max())
+    found = rank_distances(J, dJ * unit * unit[:, None, None], floor, fading)
+    return found._replace(away=unit * found.away)
+
+
+def project(seen: Linearisation, offset: Array) -> Array:
+    """Project the origin on the set that is linearised at `offset` (m, n)."""
+    along = (seen.rows @ offset[:, :, None])[..., 0]
+    distance = np.where(np.isfinite(seen.distance), seen.distance, 0.0)  # inf has rows of zeros
+    along[:, 0] -= distance
+    return np.asarray((along[:, None] @ seen.rows)[:, 0])
+
+
+def refined(
+    arm: SpaceArm,
+    q: Array,
+    seen: Linearisation,
+    linearise_at: Callable[[Array, float], Linearisation],
+) -> tuple[Array, Array]:
+    """Take the second step where the first is short.
+
+    Where it does not come nearer, slopes that seemed to vanish with sigma_min are equations.
+
+    Args:
+        arm: The arm.
+        q: (m, n) configurations.
+        seen: The set linearised there.
+        linearise_at: Linearises it at other configurations (p, n), with some fading.
+
+    Returns:
+        (m,) distances [rad] and (m, n) ways out [rad] or [m] per radian of distance.
+    """
+    distance, away, stuck = _second(arm, q, seen, lambda Q: linearise_at(Q, FADING))
+    if stuck.size and arm.n > arm.task.k:
+        there = q[stuck]
+        distance[stuck], away[stuck], _ = _second(
+            arm, there, linearise_at(there, 0.0), lambda Q: linearise_at(Q, 0.0)
+        )
+    return distance, joint_scales(arm) * away
+
+
+def _second(
+    arm: SpaceArm, q: Array, seen: Linearisation, linearise_at: Callable[[Array], Linearisation]
+) -> tuple[Array, Array, npt.NDArray[np.intp]]:
+    """Take the second step; also return the numbers of those that it does not bring nearer."""
+    distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), joint_scales(arm)
+    near = np.flatnonzero((distance > FINE) & (distance < NEAR))
+    if not near.size:
+        return distance, away, near
+    first, way = distance[near, None], away[near]
+    there = linearise_at(q[near] - unit * first * way)
+    offset = project(there, -first * way)
+    second = np.linalg.norm(offset, axis=1, keepdims=True)
+    nearer = _fading(there.distance[:, None] / first / CONTRACTING)
+    share = _fading(first / NEAR) * nearer
+    share, offset = np.where(second > 0.0, share, 0.0), np.where(second > 0.0, offset, 0.0)
+    second = np.where(second > 0.0, second, first)
+    mixed = (1.0 - share) * way - share * offset / second
+    away[near] = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    distance[near] = (first + share * (second - first))[:, 0]
+    return distance, away, near[nearer[:, 0] == 0.0]
+
+
+def distance_at(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -> float:
+    """Compute the distance to the singular set, as `singularity` does [rad].
+
+    Args:
+        cfg: The configuration.
+        mode: What the spacecraft does.
+        axes: As in `task_jacobian`.
+    """
+    return refined_at(cfg, _near(cfg, mode, axes), mode, axes)[0]
+
+
+def refined_at(
+    cfg: Configuration, found: RankDistances, mode: BaseMode, axes: Array | None = None
+) -> tuple[float, Array]:
+    """Take the second step from one configuration: distance [rad] and way out (n,)."""
+
+    def linearise_at(Q: Array, fading: float) -> Linearisation:
+        return _stacked([_near(cfg.arm.at(q, base=cfg.base), mode, axes, fading) for q in Q])
+
+    distance, away = refined(cfg.arm, cfg.q[None], _stacked([found]), linearise_at)
+    return float(distance[0]), away[0]
+
+
+def linearise_singly(
+    arm: SpaceArm, Q: Array, mode: BaseMode, fading: float = FADING
+) -> Linearisation:
+    """Linearise the singular set at configurations Q (m, n), one by one."""
+    return _stacked([_near(arm.at(q), mode, None, fading) for q in Q])
+
+
+def _near(
+    cfg: Configuration, mode: BaseMode, axes: Array | None, fading: float = FADING
+) -> RankDistances:
+    """Compute the rank_distances of one configuration."""
+    J = task_jacobian(cfg, mode=mode, axes=axes)
+    dJ = task_jacobian_derivative(cfg, mode=mode, axes=axes)
+    return rank_distances_of(cfg.arm, J, dJ, fading=fading)
+
+
+def _stacked(found: list[RankDistances]) -> Linearisation:
+    """Return the set linearised at several configurations."""
+    return Linearisation(
+        np.array([near.distances[-1] for near in found]),
+        np.array([near.sigma for near in found]),
+        np.array([near.rows for near in found]),
+    )
+
+
+def _fading(x: Array) -> Array:
+    """Return 1 up to x = 1/2, 0 from x = 1 on, and a smooth step between."""
+    t = np.clip(2.0 - 2.0 * x, 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))
+
+
+def _several(A: Array, b: Array, least: float) -> float:
+    """Return the length of the least solution of A dq = b, inf if there is none."""
+    U, size, VT = np.linalg.svd(A, full_matrices=False)
+    U, size, VT = U[:, size > least], size[size > least], VT[size > least]
+    if np.linalg.norm(b - U @ (U.T @ b)) > EXPLAINED * np.linalg.norm(b):
+        return np.inf
+    return float(np.linalg.norm((U.T @ b) / size))
+
+
+def linearise(
+    arm: SpaceArm,
+    Q: Array,
+    mode: BaseMode = "free-floating",
+    fading: float = FADING,
+    *,
+    expected: int = 0,
+) -> Linearisation:
+    """Linearise the singular set at configurations Q (m, n).
+
+    Args:
+        arm: The arm.
+        Q: Joint positions.
+        mode: What the spacecraft does.
+        fading: As in `rank_distances`.
+        expected: How many configurations it is computed for in all, if that is more.
+    """
+    many = max(len(Q), expected)
+    if arm.n < arm.task.k or not worth_compiling(many, SINGLY):
+        return linearise_singly(arm, Q, mode, fading)
+    kernel = ArmKernel([arm], mode, distance, lanes=WIDE, rows=many)
+    far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
+    on_it = far == 0.0
+    if on_it.any():  # singular all around, it has no normal
+        rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
+    return Linearisation(far, sigma, rows)
+
+
+def distances(
+    arm: SpaceArm, Q: Array, mode: BaseMode = "free-floating", many: int = 0
+) -> tuple[Array, Array]:
+    """Compute the distances (m,) from Q (m, n), and the ways out (m, n), with the second step.
+
+    Args:
+        arm: The arm.
+        Q: Joint positions.
+        mode: What the spacecraft does.
+        many: How many there are, if Q is one block of them.
+    """
+    if arm.n < arm.task.k:  # singular everywhere
+        return np.zeros(len(Q)), np.zeros(Q.shape)
+
+    def linearise_at(there: Array, fading: float) -> Linearisation:
+        return linearise(arm, there, mode, fading, expected=many or len(Q))
+
+    return refined(arm, Q, linearise_at(Q, FADING), linearise_at)

@@ -1,0 +1,364 @@
+"""Flights: simulations one after the other, with bodies that are grasped and released between."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, fields
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array, Result, finite, plain, read_only
+from spacearm.errors import ConfigurationError, UnsupportedError
+from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
+from spacearm.model.arguments import of_configuration
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.controllers import Controller
+from spacearm.motion.events import Event
+from spacearm.motion.motion import Trajectory
+from spacearm.motion.plant import Plant
+from spacearm.motion.simulation import Integration, simulate
+
+SUMS = ("impulse", "work", "other_work")
+"""Quantities that each phase counts from zero."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight(Result):
+    """What became of the phases.
+
+    Attributes:
+        phases: The trajectories, each of the arm with what it held then; their times begin at 0.
+        begins: (p,) times at which they began [s].
+        events: What happened, with times since the start of the flight; "grasp" and "release" too.
+        captures: What each grasp did: impulse, energy lost, momenta.
+        ended: Why the last phase ended.
+
+    `motion` is all of them as one `Trajectory`.
+    """
+
+    phases: tuple[Trajectory, ...]
+    begins: Array
+    events: tuple[Event, ...]
+    captures: tuple[Capture, ...]
+    ended: str
+
+    @cached_property
+    def motion(self) -> Flown:
+        """All phases as one motion, which `sa.view` plays and `sa.plot` draws."""
+        return Flown.of_phases(self)
+
+    def at(self, t: float) -> Configuration:
+        """Return the configuration at a time since the start of the flight."""
+        i = max(int(np.searchsorted(self.begins, t, side="right")) - 1, 0)
+        return self.phases[i].at(t - self.begins[i])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain data."""
+        return {
+            "phases": [run.to_dict() for run in self.phases],
+            "begins": plain(self.begins),
+            "events": [event.to_dict() for event in self.events],
+            "captures": [taken.to_dict() for taken in self.captures],
+            "ended": self.ended,
+        }
+
+    def __repr__(self) -> str:
+        name, end = self.phases[0].arm.name, self.begins[-1] + self.phases[-1].t[-1]
+        return f"Flight({name}: {len(self.phases)} phases, {end:.6g} s, ended by {self.ended})"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Flown(Trajectory):
+    """A flight as one motion. Its configurations are of the arm with what it holds then.
+
+    Momentum and energy jump where a body is grasped. Where a phase begins its first row is left
+    out: positions are those of the last row of the phase before.
+
+    Attributes:
+        flight: The flight.
+    """
+
+    flight: Flight = field()
+
+    @classmethod
+    def of_phases(cls, flight: Flight) -> Flown:
+        """Join the phases of a flight."""
+        names = ("q", "base", "dq", "torque", "momentum", "wheels", "energy", *SUMS)
+        joined: dict[str, Any] = {name: _joined(flight, name) for name in names}
+        runs = flight.phases
+        times = [begin + _rows(flight, i, "t") for i, begin in enumerate(flight.begins)]
+        return cls(
+            arm=runs[0].arm,
+            t=np.concatenate(times),
+            mode=runs[0].mode,
+            exchanged=sum(run.exchanged for run in runs),
+            wrenches=_wrenches(flight),
+            events=flight.events,
+            ended=flight.ended,
+            called=tuple(dict.fromkeys(reason for run in runs for reason in run.called)),
+            flight=flight,
+            **joined,
+        )
+
+    @cached_property
+    def tip(self) -> Array:
+        """(m, 7) poses of the tip, as in `Motion`."""
+        return read_only(_joined(self.flight, "tip"))
+
+    @cached_property
+    def com(self) -> Array:
+        """(m, 3) positions of the system CM, with what is held [m]."""
+        return read_only(_joined(self.flight, "com"))
+
+    @cached_property
+    def sigma_min(self) -> Array:
+        """(m,) least singular value of the task Jacobian, with what is held."""
+        return read_only(_joined(self.flight, "sigma_min"))
+
+    @cached_property
+    def distance(self) -> Array:
+        """(m,) distance to the singular set [rad], with what is held."""
+        return read_only(_joined(self.flight, "distance"))
+
+    @cached_property
+    def certificate(self) -> None:
+        """None: each phase has a proof of its own."""
+        return
+
+    @property
+    def imbalance(self) -> float:
+        """The largest one of a phase."""
+        return max(run.imbalance for run in self.flight.phases)
+
+    @property
+    def drift(self) -> float:
+        """The largest one of a phase."""
+        return max(run.drift for run in self.flight.phases)
+
+    def at(self, t: float) -> Configuration:
+        """Return the configuration at a time, of the arm with what it holds then."""
+        return self.flight.at(t)
+
+    def __getitem__(self, i: int) -> Configuration:
+        counts = [len(_rows(self.flight, phase, "t")) for phase in range(len(self.flight.phases))]
+        ends, row = np.cumsum(counts), range(len(self))[i]
+        phase = int(np.searchsorted(ends, row, side="right"))
+        return self.flight.phases[phase][row - int(ends[phase])]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Refuse: a file holds the motion of one arm.
+
+        Raises:
+            UnsupportedError: Always.
+        """
+        raise UnsupportedError(
+            f"{path}: the arm of a flight changes; save its phases, flight.phases[0].save(path)"
+        )
+
+
+def _rows(flight: Flight, i: int, name: str) -> Array:
+    """Return a quantity of phase i, the first row of later phases left out."""
+    values: Array = getattr(flight.phases[i], name)
+    return values[min(i, 1) :]
+
+
+def _joined(flight: Flight, name: str) -> Array:
+    """Return a quantity of all phases; of sums that begin at zero the whole."""
+    parts, before = [], 0.0
+    for i, run in enumerate(flight.phases):
+        parts.append(_rows(flight, i, name) + before)
+        if name in SUMS:
+            before = before + getattr(run, name)[-1]
+    return np.concatenate(parts)
+
+
+def _wrenches(flight: Flight) -> dict[str, Array]:
+    """Return the wrenches on each link that is pushed in any phase."""
+    links = dict.fromkeys(link for run in flight.phases for link in run.wrenches)
+    none = [np.zeros((len(run), 6)) for run in flight.phases]
+    pairs = list(zip(flight.phases, none, strict=True))
+    return {
+        link: np.concatenate(
+            [run.wrenches.get(link, zero)[min(i, 1) :] for i, (run, zero) in enumerate(pairs)]
+        )
+        for link in links
+    }
+
+
+Laws: TypeAlias = Controller | Mapping[str, Controller]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grasp:
+    """A body that the tip grasps at the end of a phase, by a plastic impact (see `capture`).
+
+    Attributes:
+        mass: Its mass [kg].
+        inertia: (3, 3) its inertia about its CM, tip axes [kg m^2]; a point mass if None.
+        com: (3,) its CM in the tip frame [m].
+        twist: (6,) its twist before, [velocity of its CM [m/s]; angular velocity [rad/s]], inertial
+            axes; that of the tip if None: a grasp without impact.
+        joints: "free" or "braked"; see `capture`.
+    """
+
+    mass: float
+    inertia: npt.ArrayLike | None = None
+    com: npt.ArrayLike = (0.0, 0.0, 0.0)
+    twist: npt.ArrayLike | None = None
+    joints: JointState = "free"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return {name: plain(getattr(self, name)) for name in self.__dataclass_fields__}
+
+
+@dataclass(frozen=True)
+class Release:
+    """The release, at the end of a phase, of the body that was grasped last; nothing pushes it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return no fields."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a flight.
+
+    Attributes:
+        controller: As in `simulate`.
+        duration: How long it is at most [s].
+        then: What happens at its end. Where `stop` names events it happens at one of these only,
+            and the flight ends if there was none.
+        plant: As in `simulate`, for this phase.
+        stop: As in `simulate`.
+        period: As in `simulate`.
+        delay: As in `simulate`.
+        integration: As in `simulate`.
+    """
+
+    controller: Laws
+    duration: float
+    then: Grasp | Release | None = None
+    _: KW_ONLY
+    plant: Plant = Plant()
+    stop: Sequence[str] = ()
+    period: float | None = None
+    delay: float = 0.0
+    integration: Integration = Integration()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields, the controller as its repr."""
+        then = {type(self.then).__name__: self.then.to_dict()} if self.then else None
+        rest = {f.name: plain(getattr(self, f.name)) for f in fields(self)[3:]}
+        return {
+            "controller": repr(self.controller), "duration": self.duration, "then": then, **rest
+        }  # fmt: skip
+
+
+@of_configuration
+def simulate_phases(
+    start: Configuration,
+    phases: Sequence[Phase],
+    *,
+    dq: npt.ArrayLike | None = None,
+    progress: Callable[[float, float], object] | None = None,
+) -> Flight:
+    """Simulate a free-floating arm that grasps and releases bodies in flight.
+
+    Each phase is a run of `simulate` that begins where the last one ended. A grasp is a plastic
+    impact in an instant, which keeps the momentum of arm and body together; the body then belongs
+    to the arm. A release takes it away again: arm and body go on with the velocities that they
+    have, and share the momentum.
+
+    Args:
+        start: The configuration at the start, as in `simulate`.
+        phases: The phases, one or more.
+        dq: (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
+        progress: Called now and then as progress(t, duration), both simulated time [s].
+
+    Returns:
+        The runs of all phases, and what was grasped.
+
+    Raises:
+        ConfigurationError: There is no phase, a release has nothing to release, or an argument
+            makes no sense.
+        SpaceArmError: As `simulate` and `capture` raise.
+
+    Example:
+        >>> import numpy as np
+        >>> import spacearm as sa
+        >>> arm, law = sa.load("planar2"), sa.JointPD(target=[0.4, 0.9], kp=5.0, kd=5.0)
+        >>> body = sa.Grasp(mass=2.0, inertia=0.1 * np.eye(3))
+        >>> phases = [sa.Phase(law, 1.0, body), sa.Phase(law, 1.0, sa.Release())]
+        >>> flight = sa.simulate_phases(arm.at([0.3, 1.0]), phases)
+        >>> len(flight.phases), len(flight.captures)
+        (2, 1)
+    """
+    if not phases:
+        raise ConfigurationError("phases is empty; give one or more sa.Phase(controller, duration)")
+    grasps = np.cumsum([isinstance(p.then, Grasp) - isinstance(p.then, Release) for p in phases])
+    if grasps.min() < 0:
+        raise ConfigurationError(
+            f"phase {int(np.argmax(grasps < 0))} releases what nothing grasped; put a phase with "
+            "then=sa.Grasp(...) before it"
+        )
+    total, begin, held = sum(phase.duration for phase in phases), 0.0, [start.arm]
+    runs: list[Trajectory] = []
+    begins, events, captures = list[float](), list[Event](), list[Capture]()
+    for phase in phases:
+
+        def report(t: float, _: float, begin: float = begin) -> None:
+            if progress:
+                progress(begin + t, total)
+
+        run = simulate(
+            start, phase.controller, phase.duration, dq=dq, plant=phase.plant, stop=phase.stop,
+            period=phase.period, delay=phase.delay, integration=phase.integration, progress=report,
+        )  # fmt: skip
+        runs.append(run)
+        begins.append(begin)
+        events += [event._replace(t=begin + event.t) for event in run.events]
+        begin += float(run.t[-1])
+        if run.ended == "interrupted" or (phase.stop and run.ended == "duration"):
+            break
+        start, dq = run[-1], run.dq[-1]
+        if isinstance(phase.then, Grasp):
+            captures.append(_grasp(run, phase.then))
+            held.append(captures[-1].configuration.arm)
+            start, dq = _holding(held[-1], start, captures[-1].momentum), captures[-1].dq
+            detail = f"{phase.then.mass:g} kg, {captures[-1].energy_lost:.3g} J lost"
+            events.append(Event(begin, "grasp", run.q[-1], detail))
+        elif isinstance(phase.then, Release):
+            held.pop()
+            start = _holding(held[-1], start, _kept(run, held[-1]))
+            events.append(Event(begin, "release", run.q[-1], ""))
+    return Flight(tuple(runs), np.array(begins), tuple(events), tuple(captures), runs[-1].ended)
+
+
+def _holding(arm: SpaceArm, cfg: Configuration, momentum: Array) -> Configuration:
+    """Return a configuration of an arm that holds something else now."""
+    return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=momentum)
+
+
+def _grasp(run: Trajectory, body: Grasp) -> Capture:
+    """Return the impact at the end of a phase."""
+    cfg, dq = run[-1], run.dq[-1]
+    twist = body.twist
+    if twist is None:
+        t = cfg.J @ generalized_velocity(cfg, dq)
+        lever = cfg.tip.rotation @ finite(body.com, (3,), "com of the body", "[m], tip frame")
+        twist = np.concatenate((t[:3] + np.cross(t[3:], lever), t[3:]))
+    return capture(cfg, twist, body.mass, body.inertia, body.com, dq=dq, joints=body.joints)
+
+
+def _kept(run: Trajectory, arm: SpaceArm) -> Array:
+    """Return the momentum (6,) that an arm keeps which releases what it held at the end."""
+    cfg = run[-1]
+    v = generalized_velocity(cfg, run.dq[-1])
+    kept: Array = arm.at(cfg.q, base=cfg.base).A @ v + cfg.stored
+    return kept

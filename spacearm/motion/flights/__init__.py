@@ -1,1 +1,0 @@
-"""Flights of several phases, with bodies that are grasped and released."""

@@ -1,0 +1,554 @@
+"""Runs from their start to their end: steps, outputs, events, and what came of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spacearm.arrays import Array
+from spacearm.equations.integration import COLLAPSED, FAILED, state_of
+from spacearm.equations.measures import measures, nearest
+from spacearm.equations.plant import crossing, observe, parts, torques
+from spacearm.errors import NoSolutionError, SpaceArmError
+from spacearm.mechanics import distance
+from spacearm.mechanics.arm_kernels import WIDE
+from spacearm.mechanics.distance import FADING
+from spacearm.mechanics.dynamics import forward_dynamics
+from spacearm.model.arguments import free_components
+from spacearm.model.joints import joint_scales
+from spacearm.motion.batch import Batch, Steps, Whole
+from spacearm.motion.controllers import Controller
+from spacearm.motion.events import (
+    DOUBTFUL,
+    EVENTS,
+    LOOK,
+    NEAR,
+    ROUNDING,
+    SHARPNESS,
+    Event,
+    is_exact,
+)
+from spacearm.motion.motion import Trajectory
+from spacearm.motion.system import Prepared, System, WantedEvent
+from spacearm.singularities.nearest import settled_each
+
+SHARE = 0.2
+"""Share of the distance to the singular set that the joints may move until it is computed anew."""
+FINE = 0.5
+"""Motion between two looks near the singular set, as a share of `NEAR`: a passage is 2 wide."""
+MOST = 1.0
+"""Distances to the singular set from this on are not told apart [rad]."""
+LOOKS, AT_REST = 40, 1e-13
+"""Most looks at the singular set until its nearest point rests, and how it then moves [rad]."""
+
+
+class Found(NamedTuple):
+    """Events that were found.
+
+    Attributes:
+        run: (F,) numbers of the runs.
+        which: (F,) numbers of the events.
+        t: (F,) times [s].
+        y: (F, states) states.
+    """
+
+    run: Whole
+    which: Whole
+    t: Array
+    y: Array
+
+
+class Brackets(NamedTuple):
+    """Times within steps between which functions cross zero.
+
+    Attributes:
+        step: (B,) numbers of the steps.
+        which: (B,) numbers of the events.
+        a: (B,) times before.
+        b: (B,) times after.
+        at_a: (B,) values before.
+        at_b: (B,) values after.
+    """
+
+    step: Whole
+    which: Whole
+    a: Array
+    b: Array
+    at_a: Array
+    at_b: Array
+
+    def only(self, chosen: Any) -> Brackets:
+        """Return some of them."""
+        return Brackets(*(values[chosen] for values in self))
+
+
+def _joined(parts: list[Brackets]) -> Brackets:
+    """Return brackets one after the other."""
+    columns: Any = zip(*parts, strict=True)
+    return Brackets(*(np.concatenate(values) for values in columns))
+
+
+def _before(values: Array, last: Array, run: Whole) -> Array:
+    """Return the values before each of others, which runs have one after the other.
+
+    Args:
+        values: (L, ...) the values.
+        last: (m, ...) those before the first of each run; the last ones are kept in it.
+        run: (L,) numbers of the runs.
+    """
+    before = np.roll(values, 1, axis=0)
+    first = np.flatnonzero(np.append(True, run[1:] != run[:-1])[: len(run)])
+    before[first] = last[run[first]]
+    last[run[first - 1]] = values[first - 1]  # the last of all stands before the first
+    return before
+
+
+class Crossings:
+    """The search for events in the runs of a batch.
+
+    Args:
+        batch: The runs.
+        wanted: The events that are looked for.
+        exact: Whether the exact distance to the singular set counts, not that to first order.
+    """
+
+    def __init__(self, batch: Batch, wanted: list[WantedEvent], exact: bool) -> None:
+        self.batch = batch
+        self.distance = np.array([event.root is None for event in wanted], dtype=bool)
+        self.plain, self.near = (np.flatnonzero(self.distance == near) for near in (False, True))
+        self.falling = np.array([wanted[i].falling for i in self.plain], dtype=bool)
+        self.radian = joint_scales(batch.arms[0])
+        between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
+        self.numbers: dict[str, Array | float] = {
+            "fading": FADING, "radians": self.radian, "between": np.array(between), "rest": AT_REST,
+        }  # fmt: skip
+        self.last: Array = np.zeros((len(batch), len(self.plain)))
+        self.clear: Array = np.zeros(len(batch))
+
+    def at_start(self) -> Found:
+        """Return the events that are already so."""
+        batch, steps = self.batch, self.batch.standing()
+        true = np.zeros((len(batch), len(self.distance)), dtype=bool)
+        if len(self.plain):
+            self.last = batch.event_values(steps, steps.run, steps.end)
+            low = np.abs(self.last) <= ROUNDING
+            true[:, self.plain] = np.where(self.falling, self.last < 0.0, low)
+        if len(self.near):
+            self.clear = self.away(steps.run, batch.y[:, : batch.n])
+            true[:, self.near] = self.clear[:, None] < 0.0
+        run, which = np.nonzero(true)
+        return Found(run, which, batch.t[run], batch.y[run])
+
+    def within(self, steps: Steps) -> Found:
+        """Return the events in steps, in order, run by run."""
+        parts = [self._looked(steps)] if len(self.plain) else []
+        found = _joined([*parts, self._neared(steps)] if len(self.near) else parts)
+        t = self._roots(steps, found)
+        order = np.lexsort((found.which, t, steps.run[found.step]))
+        step, t = found.step[order], t[order]
+        y = self.batch.states(steps, step, t)
+        return Found(steps.run[step], found.which[order], t, y)
+
+    def away(self, runs: Whole, q: Array) -> Array:
+        """Compute the distance (L,) to the singular set less `NEAR`, at most `MOST` of it.
+
+        Args:
+            runs: (L,) numbers of the runs.
+            q: (L, n) joint positions.
+        """
+        found: Array = np.minimum(self.nearest(runs, q)[0], MOST) - NEAR
+        return found
+
+    def nearest(self, runs: Whole, q: Array) -> tuple[Array, Array]:
+        """Compute the distance (L,) to the singular set, and where it is nearest.
+
+        Args:
+            runs: (L,) numbers of the runs.
+            q: (L, n) joint positions.
+
+        Returns:
+            The distance, to first order where that decides; elsewhere the offsets (L, n) of the
+            nearest points in radians, NaN if there is none.
+        """
+        batch, arms = self.batch, self.batch.arms
+        if arms[0].task.k > batch.n:
+            return np.zeros(len(q)), np.zeros_like(q)
+        found = batch.compute(
+            nearest, runs, {"q": q}, self.numbers, lanes=WIDE, acts=False, most=LOOKS
+        )
+        far, moved, offset = found[:, 0], found[:, 1], found[:, 2:]
+        left = np.flatnonzero(~(moved <= AT_REST))
+        for arm in {arms[run]: None for run in runs[left]}:
+            mine = left[[arms[run] is arm for run in runs[left]]]
+            offset[mine] = settled_each(arm, batch.mode, q[mine])
+            exact = np.linalg.norm(offset[mine], axis=1)
+            far[mine] = np.where(np.isnan(exact), MOST, exact)
+        return far, offset
+
+    def _looked(self, steps: Steps) -> Brackets:
+        """Return where plain functions cross zero."""
+        joints = slice(0, self.batch.n)
+        moved = np.abs(self.batch.changes(steps, joints)).max(axis=1, initial=0.0)
+        pieces = 1 + np.minimum(moved / LOOK, 1e6).astype(np.int64)
+        step = np.repeat(np.arange(len(pieces)), pieces)
+        number = np.arange(len(step)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        start, length = steps.start[step], (steps.end - steps.start)[step]
+        a = start + length * number / pieces[step]
+        b = np.where(number + 1 == pieces[step], steps.end[step],
+                     start + length * (number + 1) / pieces[step])  # fmt: skip
+        now = self.batch.event_values(steps, step, b)
+        before = _before(now, self.last, steps.run[step])
+        crossed = ((before > 0.0) & (now <= 0.0)) | ((before < 0.0) & (now >= 0.0))
+        look, which = np.nonzero(np.where(self.falling, (before >= 0.0) & (now < 0.0), crossed))
+        return Brackets(step[look], self.plain[which], a[look], b[look], before[look, which],
+                        now[look, which])  # fmt: skip
+
+    def _neared(self, steps: Steps) -> Brackets:
+        """Return where the distance to the singular set falls to `NEAR`.
+
+        It is computed at the ends of steps; what these leave in doubt is halved.
+        """
+        every, joints = np.arange(len(steps.run)), slice(0, self.batch.n)
+        q_a = self.batch.begins(steps, joints)
+        q_b = q_a + self.batch.changes(steps, joints)
+        value = self.away(steps.run, q_b)
+        before, which = _before(value, self.clear, steps.run), np.repeat(self.near, len(every))
+        doubtful = Brackets(every, which, steps.start, steps.end, before, value)
+        found = []
+        while True:
+            falls = (doubtful.at_a >= 0.0) & (doubtful.at_b < 0.0)
+            found.append(doubtful.only(falls))
+            moved = np.linalg.norm((q_b - q_a) / self.radian, axis=1)
+            open_ = ~falls & (moved > FINE * NEAR)
+            open_ &= moved > SHARE * (np.abs(doubtful.at_a) + np.abs(doubtful.at_b))
+            if not open_.any():
+                return _joined(found)
+            left = doubtful.only(open_)
+            mid = 0.5 * (left.a + left.b)
+            q = self.batch.states(steps, left.step, mid)[:, joints]
+            at = self.away(steps.run[left.step], q)
+            q_a, q_b = np.concatenate((q_a[open_], q)), np.concatenate((q, q_b[open_]))
+            doubtful = _joined([left._replace(b=mid, at_b=at), left._replace(a=mid, at_a=at)])
+
+    def _roots(self, steps: Steps, of: Brackets) -> Array:
+        """Return the times (B,) at which functions cross zero."""
+        near, found = self.distance[of.which], of.b.copy()
+        bracket = np.column_stack(of[2:])
+        if not near.all():
+            which = np.searchsorted(self.plain, of.which[~near])
+            found[~near] = self.batch.roots(steps, of.step[~near], which, bracket[~near])
+        if near.any():
+            step = of.step[near]
+            inputs = {"i": steps.row[step].astype(float), "bracket": bracket[near]}
+            found[near] = self.batch.compute(
+                nearing, steps.run[step], inputs, self.numbers, steps.rows, lanes=WIDE, acts=False,
+                most=LOOKS,
+            )  # fmt: skip
+        return found
+
+
+def nearing(
+    xp: Any, tree: Any, p: Any, *, i: Any, bracket: Any, rows: Any, most: int, **numbers: Any
+) -> Any:
+    """Compute when the distance to the singular set falls to `NEAR` in step i of rows.
+
+    Args:
+        xp: The array library.
+        tree: The structure of the arm.
+        p: Its numbers.
+        i: The number of the row.
+        bracket: (4,) times before and after, and the values there.
+        rows: The rows.
+        most: As of `nearest`.
+        numbers: As of `nearest`.
+    """
+
+    def value(t: Any) -> Any:
+        q = state_of(xp.row(rows, i), t)[: tree.n]
+        return nearest(xp, tree, p, q=q, most=most, **numbers)[0] - NEAR
+
+    return crossing(xp, value, bracket, SHARPNESS)
+
+
+REPORT = 50
+"""Samples of a controller of fixed rate between two reports of progress."""
+PROBES = np.append(0.0, np.geomspace(1e-15, 1e-3, 13))
+"""How far beyond the last state it is looked for what failed [s]."""
+
+Progress = Callable[[float, float], object] | None
+
+
+class Runs:
+    """Runs of one kind, side by side.
+
+    Args:
+        systems: What is simulated, of each run.
+        controllers: The controllers of each run by the number of the tip that they lead; -1 for one
+            that acts on all joints.
+        prepared: Their numbers and functions; all of one setup.
+        y: (m, states) the states at the start.
+        coupled: How many leading components of the state rates depend on.
+        t: (o,) times of the outputs, the end left out [s].
+        duration: The end [s].
+        wanted: The events that are looked for.
+        tolerances: Relative and absolute tolerance.
+        method: The integrator.
+    """
+
+    def __init__(
+        self,
+        systems: Sequence[System],
+        controllers: Sequence[Mapping[int, Controller]],
+        prepared: Sequence[Prepared],
+        y: Array,
+        coupled: int,
+        t: Array,
+        duration: float,
+        wanted: Sequence[WantedEvent],
+        tolerances: tuple[float, float],
+        method: str,
+    ) -> None:
+        m, first = len(y), systems[0]
+        self.systems, self.controllers, self.duration = systems, controllers, duration
+        arms = [system.arm for system in systems]
+        self.batch = Batch(arms, first.mode, prepared, y, coupled, tolerances, method)
+        self.wanted, self.times, self.called = list(wanted), t, prepared[0].notes
+        self.batch.dense = bool(self.wanted) or len(t) > 1
+        self.exact = is_exact(first.arm)
+        self.crossings = Crossings(self.batch, self.wanted, self.exact)
+        self.outputs = np.repeat(y[:, None], len(t) + 1, axis=1)
+        self.written = np.zeros(m, np.int64)
+        self.at = parts(first.arm.n, len(first.arm.wheels))
+        self.events: list[list[Event]] = [[] for _ in range(m)]
+        self.torques: list[tuple[float, Array]] = []
+        self.ended, self.fault = ["duration"] * m, [""] * m
+        self._begun = False
+
+    def _begin(self) -> None:
+        """Note the events and the output of the start."""
+        self._begun = True
+        if len(self.times) and self.times[0] <= 0.0:
+            self.outputs[:, 0], self.written[:] = self.batch.y, 1
+        if self.wanted:
+            self._note(self.crossings.at_start(), None)
+
+    def advance(self, end: float, progress: Progress = None) -> None:
+        """Go on to a time, or to what ends the runs before."""
+        batch = self.batch
+        try:
+            if not self._begun:
+                self._begin()
+            for steps in batch.advance(end):
+                if self.wanted and len(steps.run):
+                    self._note(self.crossings.within(steps), steps)
+                self._write(steps)
+                if progress:
+                    progress(float(batch.t.min()), self.duration)
+        except KeyboardInterrupt:
+            self._interrupt()
+        if batch.outside.interrupted:
+            self._interrupt()
+        for run in np.flatnonzero((batch.status == FAILED) | (batch.status == COLLAPSED)):
+            if not self.fault[run] and self.ended[run] == "duration":
+                self._fail(int(run))
+
+    def _interrupt(self) -> None:
+        self.ended = ["interrupted" if e == "duration" else e for e in self.ended]
+
+    def advance_sampled(self, end: float, period: float, delay: float, progress: Progress) -> None:
+        """Go on with torques that are sampled and held; of one run."""
+        batch, k, every = self.batch, 0, np.zeros(1, np.int64)
+        batch.held = np.zeros((1, batch.n))
+        while self.ended[0] == "duration" and k * period < end:
+            tau = batch.compute(torques, every, {"t": batch.t, "y": batch.y})
+            if not np.isfinite(tau).all():
+                self._fail(0)
+                return
+            for until in (k * period + delay, (k + 1) * period):
+                if until > batch.t[0] and self.ended[0] == "duration":
+                    batch.stiff[:] = 0.0
+                    self.advance(min(until, end), progress if k % REPORT == 0 else None)
+                if until == k * period + delay:
+                    batch.held = tau
+                    self.torques.append((float(until), tau[0]))
+            k += 1
+
+    def _note(self, found: Found, steps: Steps | None) -> None:
+        """Note events in the order of their times; end the runs that some of them stop."""
+        for run, which, t, y in zip(*found, strict=True):
+            if self.ended[run] != "duration":
+                continue
+            wanted = self.wanted[which]
+            q = y[: self.batch.n].copy()
+            near = None
+            if len(self.systems) == 1 and wanted.root is None and self.exact:
+                offset = self.crossings.nearest(np.array([run]), q[None])[1][0]
+                near = None if np.isnan(offset).any() else q + self.crossings.radian * offset
+            self.events[run].append(Event(float(t), wanted.kind, q, wanted.detail, near))
+            if wanted.stops:
+                self.ended[run] = wanted.kind
+                self.batch.stop(int(run), float(t), y, steps)
+
+    def _write(self, steps: Steps) -> None:
+        """Write the states at the output times in steps, up to the ends of their runs."""
+        first = np.searchsorted(self.times, steps.start, side="right")
+        last = np.searchsorted(self.times, np.minimum(steps.end, self.batch.t[steps.run]), "right")
+        count = np.maximum(last - first, 0)
+        step = np.repeat(np.arange(len(count)), count)
+        output = np.arange(len(step)) - np.repeat(np.cumsum(count) - count - first, count)
+        run = steps.run[step]
+        self.outputs[run, output] = self.batch.states(steps, step, self.times[output])
+        np.maximum.at(self.written, run, output + 1)
+
+    def _fail(self, run: int) -> None:
+        """Note why the integrator stopped a run."""
+        batch = self.batch
+        t, y = float(batch.t[run]), batch.y[run]
+        error: BaseException | None = None
+        if batch.status[run] != COLLAPSED:
+            self.ended[run], error = self._failure(run, t, y)
+        if error is None:
+            self.ended[run] = "step collapsed"
+            self.fault[run] = (
+                f"the step collapsed at t = {t:.6g} s: the torques jump or are too stiff; smooth "
+                "them or lower the gains"
+            )
+            return
+        if isinstance(error, KeyboardInterrupt):
+            self.ended[run] = "interrupted"
+            return
+        if not isinstance(error, SpaceArmError):
+            raise error
+        q = ", ".join(f"{x:.6g}" for x in y[: batch.n])
+        self.fault[run] = f"at t = {t:.6g} s, q = ({q}): {error}"
+
+    def _failure(self, run: int, t: float, y: Array) -> tuple[str, BaseException]:
+        """Return what fails right beyond a state, a law or the equations, and its error."""
+        failed, n, system = "controller failed", self.batch.n, self.systems[run]
+        if error := self.batch.outside.errors[run]:
+            return failed, error
+        dq = y[n : 2 * n]
+        for ahead in PROBES:
+            there = y.copy()
+            there[:n] += ahead * dq
+            cfg = system.configuration(there)
+            try:
+                for law in self.controllers[run].values():
+                    law(t + ahead, cfg, dq)
+            except SpaceArmError as error:
+                return failed, error
+        try:
+            forward_dynamics(system.configuration(y), dq, np.zeros(n), mode=system.mode)
+        except SpaceArmError as error:
+            return "equations failed", error
+        return failed, NoSolutionError("the controller's torque is not finite", None)
+
+    def finish(self) -> None:
+        """Write the ends as the last outputs."""
+        every, last = np.arange(len(self.batch)), self.written - 1
+        times = np.append(self.times, np.inf)
+        more = (last < 0) | (times[np.maximum(last, 0)] < self.batch.t)
+        self.written[more] += 1
+        self.outputs[every[more], self.written[more] - 1] = self.batch.y[more]
+
+    def _times(self, run: int) -> Array:
+        """Return the times of all outputs of a run."""
+        t = self.times[: self.written[run]].copy()
+        return np.append(t[: self.written[run] - 1], self.batch.t[run])
+
+    def trajectory(self) -> Trajectory:
+        """Return the trajectory so far, of one run."""
+        self.finish()
+        batch, system, n, at = self.batch, self.systems[0], self.batch.n, self.at
+        t, Y = self._times(0), self.outputs[0, : self.written[0]]
+        seen = batch.compute(observe, np.zeros(len(t), np.int64), {"t": t, "y": Y})
+        torque, seen = seen[:, :n].copy(), seen[:, n:]
+        if self.torques:
+            times = np.array([time for time, _ in self.torques])
+            held = np.vstack((np.zeros(n), [tau for _, tau in self.torques]))
+            torque = held[np.searchsorted(times, t, side="right")]
+        base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
+        base = np.tile(base[0], (len(t), 1)) if system.mode == "fixed" else base.copy()
+        impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
+        kept[:, :free] += (Y[0, at.momentum] - kept[0])[:free]  # as it was given, not rounded
+        self.drift = drift_of(kept, impulse, brought, free)
+        works = Y[:, at.works]
+        return Trajectory(
+            arm=system.arm,
+            mode=system.mode,
+            t=t,
+            q=(q := Y[:, at.q].copy()),
+            dq=Y[:, at.dq].copy(),
+            base=base,
+            torque=torque,
+            momentum=kept.copy(),
+            impulse=impulse,
+            wrenches=system.acting(t, q, base) if system.pushed else {},
+            wheels=Y[:, at.wheels].copy(),
+            energy=energy[:, 0].copy(),
+            work=works[:, 0].copy(),
+            other_work=works[:, 1:].sum(axis=1),
+            exchanged=float(batch.exchanged[0]),
+            events=tuple(self.events[0]),
+            ended=self.ended[0],
+            called=self.called,
+        )
+
+    def summary(self, distance: bool) -> dict[str, Any]:
+        """Return what `simulate_many` keeps of the runs, with the `distance` or without."""
+        self.finish()
+        batch, n, at, m = self.batch, self.batch.n, self.at, len(self.batch)
+        every, last = np.arange(m), self.written - 1
+        number = np.arange(self.outputs.shape[1])
+        used = number <= last[:, None]
+        runs = np.nonzero(used)[0]
+        sigma, turn = np.full(used.shape, np.inf), np.zeros(used.shape)
+        q = {"q": self.outputs[used][:, :n]}
+        (sigma[used],) = batch.compute(measures, runs, q, acts=False, names=("sigma_min",))
+        attitude = self.outputs[:, :, at.attitude]
+        unit = attitude / np.linalg.norm(attitude, axis=2, keepdims=True)
+        cosine = np.abs((unit * unit[:, :1]).sum(axis=2))
+        turn[used] = 2.0 * np.arccos(np.minimum(cosine[used], 1.0))
+        ends = np.stack((self.outputs[:, 0], self.outputs[every, last]), axis=1)
+        t = np.stack((np.zeros(m), batch.t), axis=1)
+        given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
+        seen = batch.compute(observe, np.repeat(every, 2), given)[:, n:].reshape(m, 2, -1)
+        energy, works = seen[:, :, 19], ends[:, 1, at.works].sum(axis=1)
+        turnover = energy.max(axis=1) + batch.exchanged
+        off = np.abs(energy[:, 1] - energy[:, 0] - works)
+        first = {kind: [min((e.t for e in events if e.kind == kind), default=np.nan)
+                        for events in self.events] for kind in EVENTS}  # fmt: skip
+        target = np.array(first["target"])
+        return {
+            "success": ~np.isnan(target),
+            "time_to_target": target,
+            "first_singularity": np.array(first["singularity"]),
+            "sigma_min": sigma.min(axis=1),
+            "turn": turn.max(axis=1),
+            "distance": self._least_distances(used) if distance else np.full(m, np.nan),
+            "t": batch.t,
+            "ended": np.array(self.ended, dtype=object),
+            "imbalance": np.divide(off, turnover, out=np.zeros(m), where=turnover > 0.0),
+            "q": ends[:, 1, at.q],
+            "dq": ends[:, 1, at.dq],
+            "base": seen[:, 1, :7],
+        }
+
+    def _least_distances(self, used: Any) -> Array:
+        """Return the least distance of all outputs of each run from the singular set [rad]."""
+        found, arms = np.full(used.shape, np.inf), self.batch.arms
+        for arm in dict.fromkeys(arms):
+            mine = used & np.array([other is arm for other in arms])[:, None]
+            Q = self.outputs[mine][:, : arm.n]
+            found[mine] = distance.distances(arm, Q, self.systems[0].mode)[0]
+        return found.min(axis=1)
+
+
+def drift_of(momentum: Array, impulse: Array, brought: Array, f: int) -> float:
+    """Return the change of the momentum that is kept, over what the joints alone brought."""
+    change = np.abs((momentum - impulse - momentum[0])[:, :f]).max(initial=0.0)
+    most = max(np.abs(brought[:, :f]).max(initial=0.0), np.abs(momentum[0, :f]).max(initial=0.0),
+               np.abs(impulse[:, :f]).max(initial=0.0))  # fmt: skip
+    return float(change / most) if most > 0.0 else 0.0

@@ -1,1 +1,0 @@
-"""Runs in compiled code: plants and laws as it wants them, and what came of them."""

@@ -1,0 +1,240 @@
+"""Users' functions: those that are plain array code are traced, others are called as runs go.
+
+A function is traced that keeps nothing between calls, as far as its code and what it is made of
+tell, and that gives, run over symbols, what it gives over numbers.
+"""
+
+from __future__ import annotations
+
+import dis
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from types import (
+    BuiltinFunctionType,
+    CodeType,
+    FunctionType,
+    MethodType,
+    ModuleType,
+    SimpleNamespace,
+)  # fmt: skip
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.compiler.users import LIBRARIES, names_in
+from spacearm.equations.dynamics import inertia, inverse_dynamics
+from spacearm.equations.kinematics import Structure, jacobian_at
+from spacearm.equations.laws import Pose, State
+from spacearm.errors import UnsupportedError
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import SpaceArm
+
+STORES = frozenset(("STORE_ATTR", "STORE_GLOBAL", "DELETE_ATTR", "DELETE_SUBSCR", "YIELD_VALUE"))
+"""Instructions of functions that keep something."""
+CHANGES = frozenset((
+    "append", "extend", "insert", "pop", "popleft", "appendleft", "remove", "clear", "update",
+    "add", "discard", "setdefault", "write", "send", "put", "print", "input", "open", "next",
+    "setattr",
+))  # fmt: skip
+"""Names in functions that keep or change something."""
+UNEVEN = frozenset(("random", "default_rng", "time", "perf_counter", "monotonic"))
+"""Names in functions that give another value each time."""
+PLAIN = (
+    bool, int, float, complex, str, bytes, type(None), np.ndarray, np.generic, pin.SE3, ModuleType,
+    BuiltinFunctionType, np.ufunc, type,
+)  # fmt: skip
+"""Values that functions may refer to."""
+CLOSE = 1e-9
+"""How far values over symbols and over numbers may be apart, as a share of the largest."""
+
+Example = tuple[Sequence[Any], Any]
+"""Arguments (arrays), and the value."""
+
+
+def not_traced(
+    function: Callable[..., Any],
+    traced: Callable[..., Any],
+    examples: Callable[[], Iterator[Example]],
+) -> str:
+    """Say why a user's function cannot be traced; "" if it can.
+
+    Args:
+        function: The function.
+        traced: The same, of arrays.
+        examples: Gives arguments of `traced`, and what the function itself gives.
+    """
+    from spacearm.compiler.symbols import interpreted, trace
+
+    if why := keeps(function):
+        return why
+    known, made_of = [], values_of(function)
+    try:
+        for example in examples():
+            known.append(example)
+            if values_of(function) != made_of:
+                return "it changes what it is made of"
+    except Exception as error:  # again as it runs, where it is reported
+        return f"{type(error).__name__}: {error}"
+    names = [f"a{i}" for i in range(len(known[0][0]))]
+    shapes = {name: np.shape(a) for name, a in zip(names, known[0][0], strict=True)}
+    try:
+        tape = trace(lambda **arrays: traced(*(arrays[name] for name in names)), shapes)
+        inputs = {
+            name: np.array([arguments[i] for arguments, _ in known]) for i, name in enumerate(names)
+        }
+        values = interpreted(tape, inputs)[0]
+    except Exception as error:  # whatever code does with arrays that are none
+        return f"{type(error).__name__}: {error}"
+    for found, (_, value) in zip(values, known, strict=True):
+        wanted = np.asarray(value, dtype=float)
+        size = np.nanmax(np.abs(wanted), initial=0.0) + 1e-300
+        same = found.shape == wanted.shape and np.allclose(
+            found, wanted, rtol=0.0, atol=CLOSE * size, equal_nan=True
+        )
+        if not same:
+            return "it gives other values over symbols than over numbers"
+    return ""
+
+
+def keeps(function: Any) -> str:
+    """Say what in a function may keep something between calls; "" if nothing seems to."""
+    return next((why for why, _ in _walk(function, set()) if why), "")
+
+
+def values_of(function: Any) -> tuple[Any, ...]:
+    """Return what a function is made of; if that is the same again, so is the function."""
+    return tuple(_hashable(value) for _, value in _walk(function, set()))
+
+
+def _hashable(value: Any) -> Any:
+    """Return a value that a function refers to as something to compare."""
+    if isinstance(value, pin.SE3):
+        return value.homogeneous.tobytes()
+    if isinstance(value, (np.ndarray, np.generic)):
+        return np.shape(value), value.tobytes()
+    if isinstance(value, (bool, int, float, complex, str, bytes, type(None))):
+        return value
+    if isinstance(value, FunctionType):
+        return id(value.__code__)
+    if isinstance(value, (list, tuple, set, frozenset, dict)):
+        return type(value).__name__, len(value)
+    ours = type(value).__module__.partition(".")[0] in LIBRARIES
+    return id(value if ours or isinstance(value, PLAIN) else type(value))
+
+
+def _walk(value: Any, seen: set[int]) -> Iterator[tuple[str, Any]]:
+    """Yield the values that a value is made of, each with what it may keep between calls, or ""."""
+    yield "", value
+    if id(value) in seen or isinstance(value, PLAIN):
+        return
+    seen.add(id(value))
+    if isinstance(value, (list, tuple, set, frozenset)):
+        for entry in value:
+            yield from _walk(entry, seen)
+    elif isinstance(value, dict):
+        yield from _walk(list(value.values()), seen)
+    elif isinstance(value, MethodType):
+        yield from _walk(value.__func__, seen)
+        yield from _walk(value.__self__, seen)
+    elif type(value).__module__.partition(".")[0] in LIBRARIES:
+        return
+    elif isinstance(value, FunctionType):
+        if value.__module__ is None or value.__module__.partition(".")[0] not in LIBRARIES:
+            yield from ((why, None) for why in _kept_by_code(value.__code__))
+            yield from _walk(_referred(value), seen)
+    elif hasattr(value, "__dict__"):
+        for kind in type(value).__mro__[:-1]:
+            for name, entry in vars(kind).items():
+                if isinstance(entry, FunctionType) and name not in ("__init__", "__post_init__"):
+                    yield from _walk(entry, seen)
+        yield from _walk(vars(value), seen)
+    else:
+        yield f"it uses a {type(value).__name__}, which may change", None
+
+
+def _referred(function: FunctionType) -> list[Any]:
+    """Return the values outside that a function refers to."""
+    found = []
+    for cell in function.__closure__ or ():
+        with suppress(ValueError):  # nothing in it yet
+            found.append(cell.cell_contents)
+    names = names_in(function.__code__)
+    found += [function.__globals__[name] for name in names if name in function.__globals__]
+    return [*found, *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
+
+
+def _kept_by_code(code: CodeType) -> Iterator[str]:
+    """Yield what code keeps between calls, or changes."""
+    steps = [*dis.get_instructions(code)]
+    for i, step in enumerate(steps):
+        name, value, before = step.opname, step.argval, steps[max(i - 1, 0)]
+        if name in STORES or (name == "STORE_DEREF" and value in code.co_freevars):
+            yield f"it sets {value}"
+        of_numpy = before.argval in ("np", "numpy") and value not in UNEVEN
+        if name.startswith("LOAD_") and value in CHANGES | UNEVEN and not of_numpy:
+            yield f"it calls {value}"
+    for inside in code.co_consts:
+        if isinstance(inside, CodeType):
+            yield from _kept_by_code(inside)
+
+
+class TracedConfiguration(NamedTuple):
+    """What a user's law sees of a configuration while it is traced.
+
+    `sa.generalized_jacobian`, `sa.generalized_inertia` and `sa.inverse_dynamics` take it too.
+
+    Attributes:
+        arm: The arm.
+        xp: The array library.
+        state: The state.
+    """
+
+    arm: SpaceArm
+    xp: Any
+    state: State
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what a configuration has by that name, as far as it is traced."""
+        if name == "tip":
+            self.arm.require_one_tip()
+            return self.tips[0]
+        if name not in ("q", "base", "com", "tips", "wheels"):
+            raise AttributeError(f"{name} of a configuration is not traced")
+        return copied(getattr(self.state, name))
+
+    @property
+    def equations(self) -> dict[str, Callable[..., Any]]:
+        """Functions of a configuration by name, as equations."""
+        return {
+            "generalized_jacobian": self._jacobian,
+            "generalized_inertia": self._inertia,
+            "inverse_dynamics": self._inverse_dynamics,
+        }
+
+    def _tree(self, mode: BaseMode) -> Structure:
+        return replace(self.state.tree, mode=mode)
+
+    def _jacobian(self, *, mode: BaseMode = "free-floating") -> Any:
+        J, R = jacobian_at(self.xp, self._tree(mode), self.state.at), self.state.base.rotation
+        blocks = [R @ J[i : i + 3] for i in range(0, len(J), 3)]
+        return self.xp.concatenate(blocks, axis=0)
+
+    def _inertia(self, *, mode: BaseMode = "free-floating") -> Any:
+        return inertia(self.xp, self._tree(mode), self.state.at)
+
+    def _inverse_dynamics(self, dq: Any, ddq: Any, *, mode: BaseMode = "free-floating") -> Any:
+        if self.arm.wheels:
+            raise UnsupportedError("wheels turn with the links that carry them")
+        dq, ddq = self.xp.asarray(dq), self.xp.asarray(ddq)
+        tau = inverse_dynamics(self.xp, self._tree(mode), self.state.at, dq, ddq)
+        return SimpleNamespace(tau=tau)
+
+
+def copied(value: Any) -> Any:
+    """Return an array, or a tuple of them, that a law may write into."""
+    if not isinstance(value, tuple):
+        return value.copy()
+    parts = [copied(part) for part in value]
+    return Pose(*parts) if isinstance(value, Pose) else tuple(parts)

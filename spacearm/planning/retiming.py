@@ -1,0 +1,420 @@
+"""Time-optimal timing: as fast along a path as the motors of a floating arm allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from scipy.interpolate import CubicSpline
+
+from spacearm.arrays import Array, finite
+from spacearm.collisions.separation import Collisions
+from spacearm.collisions.swept_motion import Recorded
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.mechanics.dynamics import inverse_dynamics
+from spacearm.mechanics.floating import attitudes, placed, walk
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.motion import Motion
+from spacearm.motion.plant import WheelHold
+from spacearm.planning.reactions import Wheels, load_of, momentum_and_torque
+from spacearm.planning.result import Plan
+from spacearm.planning.strategies.attitude_held import slowed
+from spacearm.planning.timing import corners, largest_rates
+from spacearm.singularities.report import angle
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits of a motion, infinite where there is none.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft does.
+        rate: (n,) largest joint rates [rad/s] or [m/s].
+        acceleration: (n,) largest joint accelerations [rad/s^2] or [m/s^2].
+        torque: (n,) largest torques [N m] or forces [N].
+        wheels: The wheels that hold the attitude; None if none do.
+    """
+
+    arm: SpaceArm
+    mode: BaseMode
+    rate: Array
+    acceleration: Array
+    torque: Array
+    wheels: Wheels | None = None
+
+    @classmethod
+    def of(
+        cls,
+        arm: SpaceArm,
+        mode: BaseMode,
+        rate: npt.ArrayLike | None,
+        acceleration: npt.ArrayLike | None,
+        torque: npt.ArrayLike | None,
+        wheels: Wheels | None = None,
+    ) -> Limits:
+        """Return the limits given, those of the description in place of None.
+
+        Raises:
+            ConfigurationError: One is no positive number, nor one per joint.
+            UnsupportedError: Neither accelerations nor torques have limits.
+        """
+        efforts = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
+        found = cls(
+            arm=arm,
+            mode=mode,
+            rate=_bounds(arm, rate, "rate", largest_rates(arm)),
+            acceleration=_bounds(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
+            torque=_bounds(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
+            wheels=wheels,
+        )
+        unlimited = np.isinf(found.acceleration) & np.isinf(found.torque)
+        if unlimited.any():
+            name = arm.joint_names[int(unlimited.argmax())]
+            raise UnsupportedError(
+                f"{arm.name}: nothing limits how fast joint {name!r} changes its rate: its "
+                "description gives no effort; give torque or acceleration"
+            )
+        return found
+
+    def load(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return the shares of the limits that accelerations (n,) take.
+
+        Torques come first, those of wheels last.
+        """
+        tau = inverse_dynamics(self.arm.at(q), dq, ddq, mode=self.mode).tau
+        used, most = np.append(tau, ddq), np.append(self.torque, self.acceleration)
+        if self.wheels is not None:
+            spun = momentum_and_torque(self.arm, q[None], dq[None], ddq[None])[1][0]
+            used = np.append(used, self.wheels.shares @ spun)
+            most = np.append(most, self.wheels.torque)
+        return np.asarray(used / most)[np.isfinite(most)]
+
+    def fastest(self, q: Array, slope: Array) -> Array:
+        """Return the rates (m,) of a path's parameter at which joints or wheels are at a limit.
+
+        Args:
+            q: (m, n) joint positions on the path.
+            slope: (m, n) their derivative by the parameter.
+        """
+        with np.errstate(divide="ignore"):
+            found = (self.rate / np.abs(slope)).min(axis=1)
+        if self.wheels is None:
+            return found
+        taken = momentum_and_torque(self.arm, q, slope, np.zeros_like(slope))[0]
+        return np.minimum(found, self.wheels.fastest(taken))
+
+    def slowdown(self, q: Array, dq: Array, ddq: Array) -> float:
+        """Return the factor by which a motion (m, n) must be slower for the limits to hold.
+
+        At zero momentum and without gravity torques fall with its square.
+        """
+        rate = (np.abs(dq) / self.rate).max()
+        load = max(np.abs(self.load(*row)).max() for row in zip(q, dq, ddq, strict=True))
+        return float(max(rate, np.sqrt(load)))
+
+
+def _bounds(arm: SpaceArm, given: npt.ArrayLike | None, name: str, default: Array) -> Array:
+    """Return a limit for each joint (n,)."""
+    if given is None:
+        return default
+    shape = (arm.n,) if np.iterable(given) else ()
+    bounds = finite(given, shape, name, "(the largest one, for all joints or for each)")
+    if not (bounds > 0.0).all():
+        raise ConfigurationError(f"{name} is {given!r}; give positive numbers")
+    return np.broadcast_to(bounds, arm.n)
+
+
+SHAPES = 3
+"""Number of waves 1 - cos(2 pi k u) by which rows are bent."""
+BENT = 1e-5
+"""Height of a wave by which the turn of the spacecraft is differentiated [rad]."""
+TURNED = 1e-10
+"""Error of the last attitude that is left [rad]."""
+STEPS = 8
+"""Newton steps until then."""
+
+
+def smooth_pieces(q: Array, divided: int) -> list[CubicSpline]:
+    """Return twice differentiable curves (n,) through joint positions, from corner to corner.
+
+    The parameter of each begins at 0 and grows with the length of the straight lines between its
+    knots.
+
+    Args:
+        q: (m, n) joint positions.
+        divided: Knots in each straight line between rows: the more, the nearer the curves are to
+            these lines, and the sharper they bend.
+    """
+    rows = q[np.append(True, np.abs(np.diff(q, axis=0)).max(axis=1) > 0.0)]
+    share = np.arange(divided * (len(rows) - 1) + 1) / divided
+    knots = np.column_stack([np.interp(share, np.arange(len(rows)), x) for x in rows.T])
+    pieces = pairwise(corners(np.diff(knots, axis=0)))
+    return [_curve(knots[first : last + 1]) for first, last in pieces]
+
+
+def _curve(knots: Array) -> CubicSpline:
+    """Return a cubic spline through knots (m, n)."""
+    length = np.linalg.norm(np.diff(knots, axis=0), axis=1)
+    return CubicSpline(np.append(0.0, np.cumsum(length)), knots)
+
+
+def bent(motion: Motion, q: Array) -> Array:
+    """Return rows bent a little so that a floating spacecraft ends with the attitude it had.
+
+    A curve through the rows of a motion turns the spacecraft by a little more or less than the
+    straight lines between them. Smooth waves, zero at both ends, make up for it, so that the
+    tip, too, ends where it did.
+
+    Args:
+        motion: The motion, at zero momentum.
+        q: (m, n) rows along a path near its own, with the same ends.
+    """
+    u = np.linspace(0.0, 2.0 * np.pi, len(q))[:, None, None]
+    waves = (1.0 - np.cos(u * np.arange(1, SHAPES + 1))) * np.ones((motion.arm.n, 1))
+    height = np.zeros((motion.arm.n, SHAPES))
+    last = pin.Quaternion(np.array(motion.base[-1, 3:])).normalized().matrix()
+
+    def rows(height: Array) -> Array:
+        return q + (waves * height).sum(axis=2)
+
+    def left(height: Array) -> Array:
+        return pin.log3(attitudes(motion[0], rows(height))[-1].T @ last)
+
+    miss = left(height)
+    if np.linalg.norm(miss) > TURNED:
+        each = BENT * np.eye(height.size).reshape(-1, *height.shape)
+        slope = np.column_stack([(left(height + one) - miss) / BENT for one in each])
+        for _ in range(STEPS):
+            height = height - np.linalg.lstsq(slope, miss)[0].reshape(height.shape)
+            miss = left(height)
+            if np.linalg.norm(miss) <= TURNED:
+                break
+    return rows(height)
+
+
+AnyMotion = TypeVar("AnyMotion", bound=Motion)
+
+RISE = 0.1
+"""Share of the duration over which torques build up, unless given."""
+GRID = 200
+"""Points of a piece of path at which its rate is sought."""
+FINE = 4000
+"""Times at which that rate is smoothed."""
+ROWS = 400
+"""Rows of the result."""
+FEWEST = 30
+"""Rows of a piece, at least."""
+UNFELT = 1e-3
+"""Limits of which the fastest motion takes less than this share are seen to afterwards."""
+FASTEST, LEAST = 100.0, 1e-12
+"""Largest and least rates along a path, in paths for about the time that one takes."""
+DIVIDED = (1, 2, 4, 8)
+"""Knots between two rows, tried in order."""
+
+
+def time_optimal(
+    motion: AnyMotion,
+    *,
+    torque: npt.ArrayLike | None = None,
+    rate: npt.ArrayLike | None = None,
+    acceleration: npt.ArrayLike | None = None,
+    wheels: WheelHold | None = None,
+    rise: float = RISE,
+) -> AnyMotion:
+    """Lead a motion along its path as fast as its joints can, from rest to rest.
+
+    The path is a smooth curve through the motion's rows, at whose sharp corners the joints come to
+    rest. Of all ways to run through it the fastest that keeps the limits is found by reachability
+    analysis: Pham & Pham, IEEE Trans. Robot. 34(3), 645-659 (2018), DOI 10.1109/TRO.2018.2819195,
+    with the library toppra (extra `timing`). Torques are those of the floating arm at zero
+    momentum, or in the motion's mode. They would jump at the ends and wherever another limit takes
+    over: a moving average, a raised cosine over `rise`, makes them continuous, from zero to zero.
+    Then time is stretched until all limits hold. Where wheels hold the attitude of a plan, what
+    each gives and holds is kept within its limits too, at every instant.
+
+    Args:
+        motion: The motion, at zero momentum, or held by wheels; a `Plan` remains one.
+        torque: Largest torques [N m] or forces [N], one number or (n,); if None the efforts of the
+            description.
+        rate: Largest joint rates [rad/s] or [m/s], likewise; if None those of the description, and
+            0.5 where it gives none.
+        acceleration: Largest joint accelerations [rad/s^2] or [m/s^2], likewise; no limit if None.
+        wheels: Limits of each wheel that holds the attitude of a plan; if None those of the
+            description.
+        rise: Share of the duration over which torques build up, from 0 (they jump) to 1.
+
+    Returns:
+        The motion with new times and rows. Of a plan, that it keeps joint limits and clearance and
+        that no bodies meet is checked anew.
+
+    Raises:
+        ConfigurationError: An argument does not make sense, or the motion stays where it is.
+        UnsupportedError: The plan has momentum that no wheels hold, toppra is not installed (pip
+            install 'spacearm[timing]'), or nothing limits the acceleration of a joint.
+        NoSolutionError: The smooth path breaks what the plan keeps; names it.
+
+    Example:
+        >>> import spacearm as sa
+        >>> plan = sa.plan(sa.load("planar2").at([0.3, 1.2]), (0.9, 1.4))
+        >>> fast = sa.time_optimal(plan, torque=20.0, rate=2.0)
+        >>> bool(fast.t[-1] < 0.5 * plan.t[-1]), fast.certificate.free
+        (True, True)
+    """
+    if not 0.0 <= rise <= 1.0:
+        raise ConfigurationError(f"rise is {rise!r}; give a share of the duration from 0 to 1")
+    holds = _wheels(motion, wheels)
+    if len(motion) < 2 or not np.ptp(motion.q, axis=0).any():
+        raise ConfigurationError(f"{motion!r} stays where it is; there is nothing to time")
+    limits = Limits.of(motion.arm, motion.mode, rate, acceleration, torque, holds)
+    for divided in DIVIDED:
+        pieces = smooth_pieces(motion.q, divided)
+        timed = _timed(motion, pieces, [_fastest(piece, limits, rise) for piece in pieces])
+        if holds is not None:
+            timed = replace(timed, **slowed(timed.arm, timed.t, timed.q, holds))
+        broken = _broken(motion, timed)
+        if broken is None:
+            return timed
+    raise NoSolutionError(f"the smooth path through the plan's rows breaks what it keeps: {broken}")
+
+
+def _wheels(motion: Motion, hold: WheelHold | None) -> Wheels | None:
+    """Return the wheels that hold the attitude of a plan; None if none do.
+
+    Raises:
+        UnsupportedError: The plan has momentum that they do not hold.
+        ConfigurationError: Limits are given and no wheels hold the attitude.
+        NoSolutionError: A wheel is full at the start.
+    """
+    held = isinstance(motion, Plan) and motion.wheel_load and motion.mode != "free-floating"
+    if not isinstance(motion, Plan) or not held:
+        if hold is not None:
+            raise ConfigurationError(
+                "wheels have limits, and none hold the attitude of this motion"
+            )
+        if isinstance(motion, Plan) and motion.momentum.any():
+            raise UnsupportedError("the plan has momentum on board, which depends on its times")
+        return None
+    if motion.momentum[0, :3].any():
+        raise UnsupportedError("the system CM moves on, so that the plan depends on its times")
+    found = Wheels.of(motion[0], hold)
+    found.slowdown(load_of(motion.arm, motion.t, motion.q))  # refuses wheels that are full
+    return found
+
+
+def _fastest(path: CubicSpline, limits: Limits, rise: float) -> CubicSpline:
+    """Return where along a path (its parameter) a motion is over time, from rest to rest."""
+    t, rate = _smoothed(*_bang_bang(path, limits), rise)
+    along, length = CubicSpline(t, rate).antiderivative()(t), path.x[-1]
+    s = CubicSpline(t, along * (length / along[-1]), bc_type="clamped")
+    few = np.linspace(0.0, t[-1], GRID)
+    u, du, ddu = (s(few, order)[:, None] for order in range(3))
+    u = np.clip(u[:, 0], 0.0, length)
+    q, slope, bend = (path(u, order) for order in range(3))
+    slower = limits.slowdown(q, slope * du, bend * du**2 + slope * ddu)
+    return CubicSpline(slower * t, s(t), bc_type="clamped")
+
+
+def _bang_bang(path: CubicSpline, limits: Limits) -> tuple[Array, Array]:
+    """Return times (m,) and the rates of the parameter (m,) of the fastest motion along a path.
+
+    The length of the path and about the time it takes are the units, as the numbers of toppra's
+    linear programs must not be far from one.
+    """
+    try:
+        import toppra
+        from toppra.algorithm import TOPPRA
+        from toppra.constraint import JointVelocityConstraintVarying, SecondOrderConstraint
+    except ImportError:
+        raise UnsupportedError("toppra is not installed: pip install 'spacearm[timing]'") from None
+    grid, length = np.linspace(0.0, 1.0, GRID), path.x[-1]
+    curve = toppra.SplineInterpolator(path.x / length, path(path.x))
+    slope = curve(grid, 1)
+    rows = zip(curve(grid), np.zeros((GRID, limits.arm.n)), slope, strict=True)
+    most = np.abs([limits.load(*row) for row in rows]).max(axis=0)
+    felt = most > UNFELT * most.max()
+    along = limits.fastest(curve(grid), slope)
+    unit = max(np.sqrt(most.max()), (1.0 / along).max())
+    rates = np.minimum(along * unit, FASTEST)[:, None] * np.abs(slope) + LEAST
+    both = np.vstack((np.eye(felt.sum()), -np.eye(felt.sum())))
+
+    def load(q: Array, dq: Array, ddq: Array) -> Array:
+        return limits.load(q, dq / unit, ddq / unit**2)[felt]
+
+    def rate(u: float) -> Array:
+        most = np.array([np.interp(u, grid, one) for one in rates.T])
+        return np.column_stack((-most, most))
+
+    constraints = [
+        JointVelocityConstraintVarying(rate),
+        SecondOrderConstraint(load, lambda _: both, lambda _: np.ones(len(both)), limits.arm.n),
+    ]
+    found = TOPPRA(constraints, curve, gridpoints=grid, solver_wrapper="seidel")
+    found.compute_parameterization(0.0, 0.0)
+    speed = found.problem_data.sd_vec
+    if speed is None or not np.isfinite(speed).all():
+        raise NoSolutionError(f"toppra found no timing: {found.problem_data.return_code.value}")
+    steps = 2.0 * np.diff(grid) / np.maximum(speed[:-1] + speed[1:], LEAST)
+    return unit * np.append(0.0, np.cumsum(steps)), speed
+
+
+def _smoothed(t: Array, rate: Array, rise: float) -> tuple[Array, Array]:
+    """Return times and rates after a moving average over a share of the duration."""
+    step = t[-1] / FINE
+    width = round(rise * FINE)
+    fine = np.interp(np.arange(FINE + 1) * step, t, rate)
+    window = np.hanning(width + 2)[1:-1] if width > 1 else np.ones(1)
+    smooth = np.convolve(fine, window / window.sum())
+    return np.arange(len(smooth)) * step, smooth
+
+
+def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline]) -> AnyMotion:
+    """Return a motion along pieces of path, each with its parameter over time."""
+    start = np.append(0.0, np.cumsum([s.x[-1] for s in along]))
+    t, ways = [np.zeros(1)], [motion.q[:1]]
+    for path, s, before in zip(pieces, along, start, strict=False):
+        rows = max(FEWEST, round(ROWS * s.x[-1] / start[-1]))
+        times = np.linspace(0.0, s.x[-1], rows + 1)[1:]
+        t.append(before + times)
+        ways.append(path(np.clip(s(times), 0.0, path.x[-1])))
+    rows = _walked(motion, np.vstack(ways))
+    base = np.array([pin.SE3ToXYZQUAT(cfg.base) for cfg in rows])
+    held: dict[str, Any] = {}
+    if isinstance(motion, Plan):
+        held["momentum"] = np.tile(motion.momentum[0], (len(rows), 1))
+        held["wheels"] = np.zeros((len(rows), len(motion.arm.wheels)))
+    q = np.array([cfg.q for cfg in rows])
+    return replace(motion, t=np.concatenate(t), q=q, base=base, **held)
+
+
+def _walked(motion: Motion, q: Array) -> list[Configuration]:
+    """Return the configurations along joint positions (m, n), the spacecraft as its mode has it."""
+    start = motion[0]
+    if motion.mode == "free-floating":
+        return walk(start, bent(motion, q))
+    if motion.mode == "attitude-controlled":
+        return [placed(start, row, start.base.rotation) for row in q]
+    return [motion.arm.at(row, base=start.base) for row in q]
+
+
+def _broken(before: Motion, timed: Motion) -> str | None:
+    """Return what a plan keeps and its timed motion does not, in words; None where all is kept."""
+    if not isinstance(before, Plan) or not isinstance(timed, Plan):
+        return None
+    arm = timed.arm
+    over = np.maximum(timed.q - arm.upper, arm.lower - timed.q).max(axis=0)
+    allowed = np.maximum(before.q - arm.upper, arm.lower - before.q).max(axis=0)
+    if (over > np.maximum(allowed, 0.0)).any():
+        name = arm.joint_names[int((over - allowed).argmax())]
+        return f"joint {name!r} goes {over.max():.2g} beyond its limit"
+    if (least := timed.distance.min()) < min(before.clearance, before.distance.min()):
+        return f"the distance to the singular set falls to {angle(least)}"
+    if before.apart:
+        contact = Collisions(arm, before.obstacles).contact(Recorded(timed))
+        return None if contact is None else str(contact)
+    return None

@@ -1,0 +1,193 @@
+"""Motions: what a motion is compared with, and what stands beside it as plain data for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.mechanics.floating import move, placed
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration
+from spacearm.motion.motion import Motion, samples
+from spacearm.viewer.readouts import short_names
+
+WORDS: dict[BaseMode, str] = {
+    "free-floating": "spacecraft floating",
+    "attitude-controlled": "attitude held",
+    "fixed": "spacecraft fixed",
+}
+"""What the spacecraft may do while its joints move as they did, in words."""
+MOST_ROWS = 400
+"""Rows of a motion that is made for comparison; joints move straight between them."""
+
+
+class Comparison(NamedTuple):
+    """A motion to be played in step with another.
+
+    Attributes:
+        name: What it is called beside the curves.
+        motion: The motion.
+    """
+
+    name: str
+    motion: Motion
+
+
+def compared(motion: Motion, other: Any) -> Comparison:
+    """Return what a motion is compared with.
+
+    Args:
+        motion: The motion.
+        other: Another one, or a mode: the same joint motion, from the same start and without
+            momentum, while the spacecraft does that.
+
+    Raises:
+        ConfigurationError: It is neither.
+        UnsupportedError: The wheels hold momentum, or the motion is that of a flight.
+    """
+    if not isinstance(other, str):
+        second = Motion.of(other)
+        return Comparison(f"{type(second).__name__}, {second.story}", second)
+    if getattr(motion, "flight", None) is not None:
+        raise UnsupportedError(
+            "the arm of a flight grasps and releases bodies; give the motion to compare it with"
+        )
+    mode = mode_named(other, "comparison")
+    cfgs, rows = [motion[0]], some(len(motion), MOST_ROWS)
+    for q in motion.q[rows[1:]]:
+        cfgs.append(moved(cfgs[-1], q, mode))
+    return Comparison(WORDS[mode], Motion(motion.arm, motion.t[rows], **samples(cfgs), mode=mode))
+
+
+def mode_named(value: object, what: str = "mode") -> BaseMode:
+    """Return a mode of the spacecraft out of a message.
+
+    Raises:
+        ConfigurationError: There is none of that name; calls it by `what`.
+    """
+    mode = next((mode for mode in WORDS if mode == value), None)
+    if mode is None:
+        raise ConfigurationError(unknown(what, str(value)[:40], WORDS))
+    return mode
+
+
+def moved(cfg: Configuration, q: Array, mode: BaseMode) -> Configuration:
+    """Return a configuration after the joints have moved straight to q (n,) in a mode."""
+    if mode == "free-floating":
+        return move(cfg, q)
+    if mode == "attitude-controlled":
+        return placed(cfg, q, cfg.base.rotation)
+    return cfg.arm.at(q, base=cfg.base)
+
+
+def some(count: int, most: int) -> npt.NDArray[np.int64]:
+    """Return the numbers of at most so many of the rows of a motion, evenly spread."""
+    return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
+
+
+MOST_SAMPLES = 600
+"""Largest number of samples of a curve; more than a screen shows."""
+
+
+class Curves(NamedTuple):
+    """Curves of a motion that share an axis.
+
+    Attributes:
+        name: What they show.
+        unit: Its unit.
+        labels: k names.
+        values: (m, k), in degrees where they are angles.
+    """
+
+    name: str
+    unit: str
+    labels: list[str]
+    values: Array
+
+    def at(self, times: Array, known: Array) -> Curves:
+        """Return the curves at other times, linear in between; NaN outside of the known ones."""
+        columns = [np.interp(times, known, column, np.nan, np.nan) for column in self.values.T]
+        return self._replace(values=np.array(columns).T)
+
+    def plain(self, beside: Curves | None) -> dict[str, Any]:
+        """Return plain data, with curves of another motion; values that are not finite are None."""
+        told = {**self._asdict(), "values": _columns(self.values)}
+        if beside is not None:
+            told["beside"] = {"labels": beside.labels, "values": _columns(beside.values)}
+        return told
+
+
+def account(motion: Motion, other: Comparison | None = None) -> dict[str, Any]:
+    """Return span, events and curves of a motion, where it ends, and whether it has momentum.
+
+    Args:
+        motion: The motion.
+        other: The motion that it is compared with.
+    """
+    t, curves = _sampled(motion)
+    beside: dict[tuple[str, str], Curves] = {}
+    if other is not None:
+        own, (known, second) = t, _sampled(other.motion)
+        t = np.union1d(own, known)
+        curves = [group.at(t, own) for group in curves]
+        beside = {(group.name, group.unit): group.at(t, known) for group in second}
+    return {
+        "story": f"{type(motion).__name__}, {motion.story}",
+        "events": [
+            {"t": float(event.t), "kind": event.kind, "detail": event.detail}
+            for event in getattr(motion, "events", ())
+        ],
+        "compared": None if other is None else other.name,
+        "momentum": bool(np.any(getattr(motion, "momentum", 0.0))),
+        "span": [float(t[0]), float(t[-1])],
+        "t": t.tolist(),
+        "curves": [group.plain(beside.get((group.name, group.unit))) for group in curves],
+    }
+
+
+def _sampled(motion: Motion) -> tuple[Array, list[Curves]]:
+    """Return times of a motion and its curves at them."""
+    rows = some(len(motion), MOST_SAMPLES)
+    return motion.t[rows], list(_curves(motion, rows))
+
+
+def _curves(motion: Motion, rows: npt.NDArray[np.int64]) -> Iterator[Curves]:
+    """Yield the curves of a motion at some of its samples."""
+    arm, names, q = motion.arm, short_names(motion.arm.joint_names), motion.q[rows]
+    turning, sliding = np.flatnonzero(~arm.slides), np.flatnonzero(arm.slides)
+    if len(turning):
+        yield Curves("joints", "°", [names[j] for j in turning], np.degrees(q[:, turning]))
+    if len(sliding):
+        yield Curves("sliding joints", "m", [names[j] for j in sliding], q[:, sliding])
+    turns = [pin.Quaternion(row).toRotationMatrix() for row in motion.base[rows, 3:]]
+    rpy = np.unwrap([pin.rpy.matrixToRpy(R) for R in turns], axis=0)
+    yield Curves("attitude", "°", ["roll", "pitch", "yaw"], np.degrees(rpy))
+    distance = np.degrees(motion.distance[rows, None])
+    yield Curves("distance", "°", ["to a singular posture"], distance)
+    yield Curves("sigma_min", arm.sigma_unit, ["sigma_min"], motion.sigma_min[rows, None])
+    if len(arm.tips) == 1:
+        tip = motion.tip[rows, :3]
+        yield Curves("tip", "m", ["x", "y", "z"], tip)
+        radius = np.linalg.norm(tip - motion.com[rows], axis=1)
+        yield Curves("R from the CM", "m", ["R"], radius[:, None])
+    if (torque := getattr(motion, "torque", None)) is not None:
+        yield Curves("torques", "N m or N" if len(sliding) else "N m", names, torque[rows])
+    if arm.wheels and (wheels := getattr(motion, "wheels", None)) is not None:
+        yield Curves("wheels", "N m s", [wheel.name for wheel in arm.wheels], wheels[rows])
+    pushes: dict[str, Array] = dict(getattr(motion, "wrenches", {}))
+    for link, short in zip(pushes, short_names(list(pushes)), strict=True):
+        for what, unit, part in (("force", "N", slice(3)), ("torque", "N m", slice(3, 6))):
+            if pushes[link][:, part].any():
+                values = pushes[link][rows, part]
+                yield Curves(f"{what} on {short}", unit, ["x", "y", "z"], values)
+
+
+def _columns(values: Array) -> list[list[float | None]]:
+    """Return columns for JSON, which has no numbers that are not finite."""
+    return [[float(x) if np.isfinite(x) else None for x in column] for column in values.T]

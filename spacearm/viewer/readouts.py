@@ -1,0 +1,279 @@
+"""Readouts: a configuration, a map and a motion as plain data for JSON."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.collisions.separation import Collisions, collision_geometry
+from spacearm.description.model_catalogue import catalogue
+from spacearm.description.shapes import Mesh
+from spacearm.errors import ConfigurationError, SpaceArmError, listed
+from spacearm.mechanics.distance import distances
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.singularities.map import telling_joints
+from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport
+from spacearm.singularities.sets import singular_set
+
+ENDS = r"_\-./: "
+"""What words end at, as it stands in a set of a regular expression."""
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """Return names without the words that all begin and end with, as long as words remain.
+
+    A word ends at `_`, `-`, `.`, `/`, `:` or a space. What remains is never a number alone: of
+    `vispa_joint_1` and `vispa_joint_2` it is `joint_1` and `joint_2`.
+
+    Args:
+        names: The names.
+    """
+    words = [re.findall(rf"[^{ENDS}]+|[{ENDS}]+", name) for name in names]
+    if len(names) < 2 or any(len(parts) < 2 for parts in words):
+        return list(names)
+    first = _shared(words)
+    rest = [parts[first:] for parts in words]
+    last = _shared([parts[::-1] for parts in rest])
+    rest = [parts[: len(parts) - last] for parts in rest]
+    while first and any(not any(c.isalpha() for c in "".join(parts)) for parts in rest):
+        first -= 1
+        rest = [[whole[first], *parts] for whole, parts in zip(words, rest, strict=True)]
+    short = ["".join(parts).strip("_-./: ") for parts in rest]
+    return short if all(short) and len(set(short)) == len(set(names)) else list(names)
+
+
+def _shared(words: Sequence[Sequence[str]]) -> int:
+    """Return how many words all lists begin with; one at least is left of each."""
+    most = min(len(parts) for parts in words) - 1
+    columns = list(zip(*words, strict=False))[: max(most, 0)]
+    return sum(1 for _ in takewhile(lambda column: len(set(column)) == 1, columns))
+
+
+NEAR = math.radians(5.0)
+"""Distance to the singular set below which a posture counts as near it [rad]."""
+FAR = math.radians(30.0)
+"""Distance to the singular set from which on colours do not change [rad]."""
+VIEW = (0.55, -0.75, 0.5)
+"""Direction to view a spatial arm from."""
+PLANE_VIEWS = ((1.0, -0.2, 0.3), (0.2, -1.0, 0.3), (0.0, -0.35, 1.0))
+"""Directions to view planar arms from: near the normal of their plane, x, y or z."""
+STILL = math.radians(0.05)
+"""Joint motions below this are not named [rad] or [m]."""
+
+
+def about(arm: SpaceArm) -> dict[str, Any]:
+    """Return what the panel shows of an arm once."""
+    normal, collisions = arm.tree.plane_normal(), _collisions(arm)
+    return {
+        "model": arm.name,
+        "tip": arm.tip,
+        "tip_reason": arm.tip_reason,
+        "task": list(arm.task.rows),
+        "unit": arm.sigma_unit,
+        "meaning": IN_WORDS,
+        "missing": listed(_missing_meshes(arm)),
+        "contacts": collisions if isinstance(collisions, str) else collisions.account,
+        "held": dict(arm.held),
+        "near": NEAR,
+        "tolerance": TOLERANCE,
+        "view": VIEW if normal is None else PLANE_VIEWS[normal],
+        "normal": None if normal is None else np.eye(3)[normal].tolist(),
+    }
+
+
+def joints(arm: SpaceArm, lower: Array, upper: Array) -> list[dict[str, Any]]:
+    """Return name, label, kind and range of the joints.
+
+    Args:
+        arm: The arm.
+        lower: (n,) lower ends of the ranges [rad] or [m].
+        upper: (n,) upper ends.
+    """
+    rows = zip(arm.joint_names, short_names(arm.joint_names), arm.slides, strict=True)
+    return [
+        {"name": name, "label": label, "angle": not slides, "lower": float(lo), "upper": float(hi)}
+        for (name, label, slides), lo, hi in zip(rows, lower, upper, strict=True)
+    ]
+
+
+def readout(report: SingularityReport) -> dict[str, Any]:
+    """Return what the panel shows of the configuration of a report."""
+    cfg = report.configuration
+    directions = np.hstack((report.available, report.lost)).T
+    joints = cfg.arm.joint_names
+    names = dict(zip(joints, short_names(joints), strict=True))
+    return {
+        "q": cfg.q.tolist(),
+        "attitude": pin.rpy.matrixToRpy(cfg.base.rotation).tolist(),
+        "base": pin.SE3ToXYZQUAT(cfg.base).tolist(),
+        "distance": report.distance if math.isfinite(report.distance) else None,
+        "near": report.kind == "regular" and report.distance < NEAR,
+        "away": _shortened(report.way_out, names),
+        "sigma": report.sigma.tolist(),
+        "sigma_min": report.sigma_min,
+        "error": report.error,
+        "condition": report.condition if math.isfinite(report.condition) else None,
+        "kind": report.kind,
+        "rank": report.rank,
+        "directions": directions.tolist(),
+        "gradient": report.gradient.tolist(),
+        "outside": [names[name] for name in cfg.outside_limits],
+        "radius": float(np.linalg.norm(cfg.tip.translation - cfg.com)),
+        "tip": cfg.tip.translation.tolist(),
+        "tip_rpy": pose(cfg.tip)["rpy"],
+        "axes": report.axes.T.tolist(),
+        "contacts": _contacts(cfg),
+    }
+
+
+def pose(placement: pin.SE3) -> dict[str, list[float]]:
+    """Return position [m] and roll, pitch and yaw [rad] of a pose."""
+    rpy = pin.rpy.matrixToRpy(placement.rotation)
+    return {"position": placement.translation.tolist(), "rpy": rpy.tolist()}
+
+
+def source_of(arm: SpaceArm) -> str:
+    """Return what `load` is given for an arm: its name in the catalogue, or its file."""
+    known = {info.name for info in catalogue()}
+    return arm.name if arm.name in known else str(arm.path)
+
+
+def as_python(cfg: Configuration, source: str, locked: Mapping[str, float], made: str) -> str:
+    """Write a configuration as Python code.
+
+    Args:
+        cfg: The configuration.
+        source: What `load` is given for the arm.
+        locked: Joints that are locked besides, with their values [rad] or [m].
+        made: How the file of the arm comes about, where there is none.
+    """
+    arm = cfg.arm
+    pose = ", ".join(repr(float(x)) for x in pin.SE3ToXYZQUAT(cfg.base))
+    known = {info.name for info in catalogue()}
+    written = "" if source in known or Path(source).is_file() else f"  # {made}"
+    more = f", joints={arm.joints!r}" if arm.joints != "tip" else ""
+    more += f", locked={dict(locked)!r}" if locked else ""
+    return (
+        "import numpy as np\nimport pinocchio as pin\nimport spacearm as sa\n\n"
+        f"arm = sa.load({source!r}, tip={arm.tip!r}, task={arm.task.names!r}{more})"
+        f"{written}\n"
+        f"base = pin.XYZQUATToSE3(np.array([{pose}]))\n"
+        f"cfg = arm.at({cfg.q.tolist()!r}, base=base)\n"
+    )
+
+
+def joint_value(value: float, slides: bool) -> str:
+    """Write a joint position for people: in degrees, or metres if it slides."""
+    return f"{value:.4g} m" if slides else f"{np.degrees(value):.5g}°"
+
+
+def turns(arm: SpaceArm, way: Array) -> str:
+    """Write a joint motion (n,) for people, the largest parts first; small ones are left out."""
+    order = [int(j) for j in np.argsort(-np.abs(way)) if abs(way[j]) > STILL]
+    names = short_names(arm.joint_names)
+    parts = (
+        f"{names[j]} {way[j]:+.3g} m" if arm.slides[j] else f"{names[j]} {np.degrees(way[j]):+.1f}°"
+        for j in order
+    )
+    return ", ".join(parts) or "hardly a motion"
+
+
+def _shortened(way: str, names: Mapping[str, str]) -> str:
+    """Return a joint motion in words, its parts separated by commas, with shorter names."""
+    for name, short in names.items():
+        label = short.replace("\\", r"\\")
+        way = re.sub(rf"(?:(?<=^)|(?<=, )){re.escape(name)}(?= )", label, way)
+    return way
+
+
+def _missing_meshes(arm: SpaceArm) -> list[str]:
+    """Return the names of the mesh files that the visuals of an arm name and that are not there."""
+    parts = (part for drawn in arm.tree.visuals.values() for part in drawn.visual)
+    meshes = (part.geometry for part in parts if isinstance(part.geometry, Mesh))
+    return sorted({mesh.name for mesh in meshes if mesh.file is None})
+
+
+@lru_cache(maxsize=16)
+def _collisions(arm: SpaceArm) -> Collisions | str:
+    """Return the collision check of an arm, or why there is none."""
+    try:
+        return collision_geometry(arm)
+    except SpaceArmError as error:
+        return f"collisions not checked: {error}"
+
+
+def _contacts(cfg: Configuration) -> list[list[str]]:
+    """Return the names of the bodies that meet each other."""
+    found = _collisions(cfg.arm)
+    return [] if isinstance(found, str) else [list(pair) for pair in found.touching(cfg.q)]
+
+
+POINTS = 61
+"""Grid points in each joint: what is computed and drawn well within 100 ms."""
+RESOLUTION = np.radians(2.0)
+"""What can be told apart on the page [rad]."""
+SHARES = 100
+"""Number that stands for `FAR`."""
+
+
+def joint_map(
+    cfg: Configuration, joints: object, mode: BaseMode = "free-floating"
+) -> dict[str, Any]:
+    """Return distances to the singular set and the singular curves over two joints.
+
+    Args:
+        cfg: The configuration; its other joints are held.
+        joints: The numbers of the two joints; if None as `singular_map` chooses them.
+        mode: What the spacecraft does.
+
+    Returns:
+        Plain data: `joints`; `shares`, whole numbers up to `SHARES` by rows of the second joint,
+        from -pi to pi; `curves`, lists of points, None where they are not known exactly; `q`.
+
+    Raises:
+        ConfigurationError: The joints are no two revolute ones.
+    """
+    arm, found = cfg.arm, singular_set(cfg.arm, mode=mode)
+    pair = telling_joints(arm) if joints is None else _pair(arm, joints)
+    angles = np.linspace(-np.pi, np.pi, POINTS)
+    Q = np.tile(cfg.q, (POINTS * POINTS, 1))
+    Q[:, pair] = np.stack([angles.repeat(POINTS), np.tile(angles, POINTS)], axis=1)
+    near = np.clip(distances(arm, Q, mode)[0].reshape(POINTS, POINTS).T / FAR, 0.0, 1.0)
+    shares = np.nan_to_num(near * SHARES, nan=0.0).round().astype(int).tolist()
+    curves = None
+    if found.complete and found.codimension == 1:
+        traced = found.curves(pair, cfg.q, resolution=RESOLUTION)
+        curves = [curve[:, pair].round(4).tolist() for curve in traced]
+    return {"joints": pair, "shares": shares, "curves": curves, "q": cfg.q.tolist()}
+
+
+def _pair(arm: SpaceArm, joints: object) -> list[int]:
+    """Return the numbers of two different revolute joints, as the page gave them."""
+    if not isinstance(joints, list) or len(joints) != 2:
+        raise ConfigurationError(f"joints is {str(joints)[:40]!r}; give two numbers of joints")
+    for joint in joints:
+        joint_number(joint, arm)
+    if joints[0] == joints[1] or arm.slides[joints].any():
+        raise ConfigurationError("a map is over two different revolute joints")
+    return joints
+
+
+def joint_number(value: object, arm: SpaceArm) -> int:
+    """Return the number of a joint out of a message.
+
+    Raises:
+        ConfigurationError: There is no such joint.
+    """
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < arm.n:
+        raise ConfigurationError(f"joint index is {str(value)[:40]}; give 0 to {arm.n - 1}")
+    return value
