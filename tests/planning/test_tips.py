@@ -167,7 +167,7 @@ def test_the_command_leads_both_tips_and_draws_them(arm, tmp_path):
     run = spacearm(*words, *goals, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     for name, tip in zip(TIPS, goal.tips, strict=True):
-        told = re.search(rf"{name} at the end +\((\S+), (\S+), ", run.stdout)
+        told = re.search(rf"^{name} +\(.*?\) m +\((\S+), (\S+), ", run.stdout, re.M)
         found = [float(word) for word in told.groups()]
         np.testing.assert_allclose(found, tip.translation[:2], atol=1e-4)
     assert list(tmp_path.glob("*_plan.png"))
