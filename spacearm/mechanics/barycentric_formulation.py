@@ -59,7 +59,7 @@ class VirtualManipulator(Result):
         rows = [(i, link, np.linalg.norm(link)) for i, link in enumerate(self.links)]
         return Description(
             title=f"{len(self.links)} links",
-            verdict=f"end at {self.end} m",
+            verdict=f"end at {np.round(self.end, 6)} m",
             tables=[Table(("link", Column("vector", "m"), Column("length", "m")), rows)],
         )
 

@@ -441,7 +441,7 @@ def capture(
         >>> import spacearm as sa
         >>> cfg = sa.load("planar2").at([0.3, 1.2])
         >>> sa.capture(cfg, [0.02, 0, 0, 0, 0, 0.03], mass=5.0)
-        Capture(planar2: 0.000164513 J lost, w_0 = [ 0.         0.        -0.0001994] rad/s)
+        Capture(planar2 after the grasp: 0.000164513 J lost, the spacecraft turns at 0.01143°/s)
     """
     if joints not in get_args(JointState):
         raise ConfigurationError(unknown("joints", joints, get_args(JointState)))

@@ -74,7 +74,7 @@ class RiskProfile(Result):
             Column("postures", "", ",.0f"): self.count,
         }
         return Description(
-            title=f"{self.count.sum():,} postures, {nearness(self)}",
+            title=f"{self.count.sum():,.0f} postures, {nearness(self)}",
             verdict=verdict,
             notes=["R: distance of the tip from the system CM"],
             tables=[Table.by_columns(classes)],
