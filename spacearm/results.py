@@ -82,7 +82,7 @@ class Table:
 
     @classmethod
     def by_columns(cls, columns: Mapping[Any, Cells], title: str = "") -> Table:
-        """Return a table of columns of one length; keys are columns or names, values their cells."""
+        """Return a table of columns of one length: cells by their column, or by its name."""
         return cls(list(columns), list(zip(*columns.values(), strict=True)), title)
 
     def head(self, angles: Angles) -> list[str]:
@@ -149,8 +149,8 @@ class Description:
 
     @property
     def limits(self) -> str:
-        """What was not checked, as a sentence; empty if there is nothing to say."""
-        return f"Not checked: {self.not_checked}." if self.not_checked else ""
+        """What was not checked, in words; empty if there is nothing to say."""
+        return f"not checked: {self.not_checked}" if self.not_checked else ""
 
     def to_html(self) -> str:
         """Return the description as HTML, as notebooks show it."""
@@ -197,7 +197,7 @@ class Result(Described):
         return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
 
 
-def joint_values(values: Iterable[float], slides: Iterable[bool], per: str = "") -> list[Cell]:
+def joint_measures(values: Iterable[float], slides: Iterable[bool], per: str = "") -> list[Cell]:
     """Return joint positions, motions or limits [rad] or [m] with units; infinite ones are "none".
 
     Args:

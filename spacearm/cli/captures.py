@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 from spacearm.cli.options import AsJson, Attitude, joint_values, on_a_model, spacecraft_pose
-from spacearm.cli.output import err, number, out, print_json, table, vector
-from spacearm.mechanics.dynamics import Capture, capture
+from spacearm.cli.output import err, print_result
+from spacearm.mechanics.dynamics import capture
 from spacearm.model.arm import SpaceArm
 
 Three = tuple[float, float, float]
@@ -69,25 +69,4 @@ def compute_capture(
         cfg, np.concatenate((velocity, turning)), mass,
         None if inertia is None else np.diag(inertia), com, joints=brakes.value,
     )  # fmt: skip
-    if as_json:
-        print_json(found.to_dict())
-    else:
-        _print(found, mass, deg)
-
-
-def _print(found: Capture, mass: float, deg: bool) -> None:
-    arm, unit = found.configuration.arm, "°/s" if deg else "rad/s"
-    turn = np.degrees if deg else np.asarray
-    out.print(f"{arm.name} has grasped {number(mass)} kg: {number(found.energy_lost)} J lost")
-    rows = table("", "")
-    rows.add_row("spacecraft, velocity", f"{vector(found.twist[:3])} m/s")
-    rows.add_row("spacecraft, angular velocity", f"{vector(turn(found.twist[3:]))} {unit}")
-    rows.add_row("momentum", f"{vector(found.momentum[:3])} kg m/s")
-    rows.add_row("angular momentum about the CM", f"{vector(found.momentum[3:])} kg m²/s")
-    rows.add_row("impulse on the tip", f"{vector(found.impulse[:3])} N s")
-    rows.add_row("angular impulse on the tip", f"{vector(found.impulse[3:])} N m s")
-    for name, rate, slides in zip(arm.joint_names, found.dq, arm.slides, strict=True):
-        shown = f"{number(rate)} m/s" if slides else f"{number(float(turn(rate)))} {unit}"
-        rows.add_row(name, shown)
-    out.print(rows)
-    out.print("inertial axes; a plastic impact, arm and spacecraft at rest before")
+    print_result(found, deg=deg, as_json=as_json)

@@ -20,9 +20,9 @@ from spacearm.cli.output import (
     check_picture,
     out,
     picture_path,
+    print_description,
     print_json,
     say_stopped,
-    table,
     working,
     write_picture,
 )
@@ -30,6 +30,7 @@ from spacearm.cli.wording import INTERRUPTED
 from spacearm.cli.workspaces import EFFORT_HELP
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
+from spacearm.results import Cell, Column, Description, Table
 from spacearm.workspaces.design import workspaces
 
 Range = Annotated[str | None, typer.Option(metavar="A:B[:COUNT]", help="A value or a range.")]
@@ -87,7 +88,7 @@ def sweep_designs(
     if as_json:
         print_json(_told(result, grid))
     else:
-        _print(result, grid)
+        print_description(_described(result, grid))
     stopped = not bool(result["done"].all())
     if stopped:
         say_stopped(f"{int(result['done'].sum())} of {result['done'].size} designs done")
@@ -118,18 +119,22 @@ def _told(result: Any, grid: Mapping[str, Array]) -> dict[str, Any]:
     return {**facts, "limits": bool(result.attrs["limits"]), "designs": designs}
 
 
-def _print(result: Any, grid: Mapping[str, Array]) -> None:
-    headers = (f"{name} [{UNITS.get(name, 'kg')}]" for name in grid)
-    rows = table(*headers, "path independent", "path dependent [m]")
+def _described(result: Any, grid: Mapping[str, Array]) -> Description:
+    """Describe the designs that are done."""
+    columns = [Column(name, UNITS.get(name, "kg"), ".6g") for name in grid]
+    columns += [Column("path independent", "", ".2%"), Column("path dependent", "m")]
+    rows: list[list[Cell]] = []
     for at in np.ndindex(result["done"].shape):
         if result["done"].values[at]:
-            pdw = [r for r in result["pdw"].values[at] if np.isfinite(r).all()]
-            rows.add_row(
-                *(f"{values[i]:.6g}" for values, i in zip(grid.values(), at, strict=True)),
-                f"{result['fraction'].values[at]:.2%}",
-                "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none",
-            )
-    out.print(rows)
+            pdw = [radii for radii in result["pdw"].values[at] if np.isfinite(radii).all()]
+            ranges = "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none"
+            here = [values[i] for values, i in zip(grid.values(), at, strict=True)]
+            rows.append([*here, float(result["fraction"].values[at]), ranges])
+    return Description(
+        title=f"{result.attrs['arm']}, {result.attrs['base_mode']}",
+        verdict=f"{len(rows)} designs",
+        tables=[Table(columns, rows)],
+    )
 
 
 def _values(name: str, text: str) -> Array:

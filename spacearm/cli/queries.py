@@ -19,11 +19,9 @@ from spacearm.cli.options import (
     spacecraft_pose,
 )
 from spacearm.cli.output import (
-    joint_value,
-    out,
+    print_description,
     print_json,
     print_result,
-    table,
     working,
 )
 from spacearm.errors import ConfigurationError, UnsupportedError
@@ -32,6 +30,7 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
+from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.nearest import GLOBAL_DIMENSION
 from spacearm.singularities.report import TOLERANCE, angle, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
@@ -115,15 +114,27 @@ def find_nearest(
                 "limits": limits,
             }
         )
-    most = "" if proven else "at most "
-    out.print(f"{arm.name}, {mode.value}: {most}{joint_value(distance, 'revolute', True)} away")
-    rows = table("joint", "q", "nearest singular", "turn")
-    for name, here, there in zip(arm.joint_names, start, nearest, strict=True):
-        kind = arm.tree.joints[name].kind
-        rows.add_row(name, *(joint_value(x, kind, deg) for x in (here, there, there - here)))
-    out.print(rows)
-    how = "proven: no singular posture is nearer" if proven else "found by a search"
-    out.print(f"{how}; joint limits {'count' if limits else 'do not count'}")
+    print_description(
+        Description(
+            title=f"{arm.name}, {mode.value}",
+            verdict=f"{'' if proven else 'at most '}{np.degrees(distance):.5g}° away",
+            notes=[
+                f"{'proven: no singular posture is nearer' if proven else 'found by a search'}; "
+                f"joint limits {'count' if limits else 'do not count'}"
+            ],
+            tables=[
+                Table.by_columns(
+                    {
+                        "joint": arm.joint_names,
+                        "q": joint_measures(start, arm.slides),
+                        "nearest singular": joint_measures(nearest, arm.slides),
+                        "turn": joint_measures(nearest - start, arm.slides),
+                    }
+                )
+            ],
+        ),
+        deg,
+    )
 
 
 @on_a_model
@@ -168,36 +179,38 @@ def check_path(
             }
         )
     else:
-        _print_proof(arm, Q, proof, distance, outside, deg)
+        print_description(_described(arm, Q, proof, distance, outside), deg)
     return SINGULAR if fail_on_singular and not proof.free else 0
 
 
-def _print_proof(
-    arm: SpaceArm,
-    Q: Array,
-    proof: Certificate,
-    distance: Array | None,
-    outside: list[str],
-    deg: bool,
-) -> None:
+def _described(
+    arm: SpaceArm, Q: Array, proof: Certificate, distance: Array | None, outside: list[str]
+) -> Description:
+    """Describe what is proven of a path."""
     words = {
         "free": "meets no singularity: proven",
         "singular": "meets a singularity",
         "undecided": "comes too near to a singularity for a proof",
     }
     limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
-    out.print(f"{arm.name}, {len(Q)} postures: {words[proof.verdict]}{limits}")
-    if proof.at is not None:
-        first = 1 + (proof.segment or 0)
-        rows = table("joint", f"on the way from posture {first} to {first + 1}")
-        for name, q in zip(arm.joint_names, proof.at, strict=True):
-            rows.add_row(name, joint_value(q, arm.tree.joints[name].kind, deg))
-        out.print(rows)
+    notes, tables = [], []
     if distance is not None:
         worst = int(np.argmin(distance))
         near = f"about {angle(float(distance[worst]))} from a singular posture"
-        out.print(f"nearest of the postures given: number {worst + 1}, {near}, to first order")
-    out.print("not checked: collisions, rates, the way of the tip")
+        notes = [f"nearest of the postures given: number {worst + 1}, {near}, to first order"]
+    if proof.at is not None:
+        first = 1 + (proof.segment or 0)
+        where = f"on the way from posture {first} to {first + 1}"
+        values = joint_measures(proof.at, arm.slides)
+        tables = [Table.by_columns({"joint": arm.joint_names, where: values})]
+    return Description(
+        title=f"{arm.name}, {len(Q)} postures",
+        verdict=words[proof.verdict] + limits,
+        tone="good" if proof.free else "bad",
+        notes=notes,
+        tables=tables,
+        not_checked="collisions, rates, the way of the tip",
+    )
 
 
 def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:

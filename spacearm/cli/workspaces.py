@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -24,14 +25,12 @@ from spacearm.cli.output import (
     picture_path,
     print_description,
     print_json,
-    table,
     working,
     write_picture,
 )
 from spacearm.errors import ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
-from spacearm.singularities.report import angle
 from spacearm.singularities.risk import risk_profile
 from spacearm.workspaces.path_dependent import EFFORT, workspace
 
@@ -143,20 +142,13 @@ def compute_risk(
     if as_json:
         print_json(profile.to_dict())
     else:
-        near_by = f"within {angle(profile.bound)} of a singular posture, to first order"
-        out.print(
-            f"{arm.name}, free-floating: share of {profile.count.sum():,.0f} postures {near_by}"
+        said = profile.describe()
+        counted = f"joint limits {'count' if limits else 'do not count'}"
+        print_description(
+            replace(
+                said, title=f"{arm.name}, free-floating, {said.title}", notes=[*said.notes, counted]
+            )
         )
-        rows = table("R from [m]", "to [m]", "share", "standard error", "postures")
-        edges = zip(profile.edges[:-1], profile.edges[1:], strict=True)
-        for (low, high), share, error, count in zip(
-            edges, profile.share, profile.error, profile.count, strict=True
-        ):
-            known = (f"{share:.1%}", f"{error:.1%}") if count else ("none", "")
-            rows.add_row(f"{low:.4f}", f"{high:.4f}", *known, f"{count:,.0f}")
-        out.print(rows)
-        out.print("R: distance of the tip from the system CM; joint limits ", end="")
-        out.print("count" if limits else "do not count")
     if output or not as_json:
         from spacearm.plots.show import plot  # imports matplotlib
 

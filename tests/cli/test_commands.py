@@ -250,7 +250,7 @@ def test_attitudes_and_wheels_have_their_units(tmp_path):
     for options, unit in (((), "rad"), (("--deg",), "°")):
         shown = spacearm("attitudes", "planar2", *path, *options, cwd=tmp_path).stdout
         assert "the path of 0.3606 m can be" in shown
-        assert re.search(rf"q \(-?[\d.]+ ?{unit}, -?[\d.]+ ?{unit}\)", shown)
+        assert re.search(rf"joint_1 +-?[\d.]+ ?{unit} *\njoint_2 +-?[\d.]+ ?{unit}", shown)
     words = ("--tip-speed", 0.1, "--samples", 30, "--output", "w.svg")
     shown = spacearm("wheels", "planar2", *words, cwd=tmp_path).stdout
     assert "about x [N m s]  about y [N m s]" in shown

@@ -15,7 +15,7 @@ PATH = ("--corner", "2", "0", "--corner", "1.5", "1.5")
 def test_attitudes_of_figure_5(tmp_path):
     run = spacearm("attitudes", "planar2", *START, *PATH, "--samples", 90, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
-    (ends,) = re.findall(r"feasible +(\S+)° to (\S+)°", run.stdout)
+    (ends,) = re.findall(r"Feasible\nfrom \[°\] +to \[°\] *\n(\S+) +(\S+)", run.stdout)
     np.testing.assert_allclose([float(end) for end in ends], (57.33478, 65.15616), atol=6e-5)
     assert "not checked: collisions" in run.stdout
     assert (tmp_path / "planar2_attitudes.png").stat().st_size > 5000

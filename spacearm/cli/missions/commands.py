@@ -23,21 +23,16 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import (
     check_picture,
-    joint_value,
     out,
     picture_path,
-    print_json,
     print_result,
-    table,
-    vector,
     working,
     write_picture,
 )
 from spacearm.cli.wording import join_numbers
 from spacearm.errors import ConfigurationError
-from spacearm.mission.attitude_search import ENDS
-from spacearm.mission.attitudes import MARGIN, FeasibleAttitudes, feasible_attitudes
-from spacearm.mission.reactions import Reaction, reaction, size_wheels
+from spacearm.mission.attitudes import MARGIN, feasible_attitudes
+from spacearm.mission.reactions import reaction, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import NEAR
@@ -99,10 +94,7 @@ def find_attitudes(
             samples=samples,
             progress=progress,
         )
-    if as_json:
-        print_json(found.to_dict())
-    else:
-        _print_attitudes(found, deg)
+    print_result(found, deg=deg, as_json=as_json)
     _draw(found, output, arm.name, "attitudes", quiet=as_json or view, silent=as_json)
     if view:
         from spacearm.cli.views import serve_until_interrupted
@@ -129,10 +121,7 @@ def report_reaction(
     sight = None if camera is None else _three("--camera", camera)
     with working("computing reactions") as progress:
         found = reaction(Motion.load(motion, arm), camera=sight, progress=progress)
-    if as_json:
-        print_json(found.to_dict())
-    else:
-        _print_reaction(found)
+    print_result(found, as_json=as_json)
     _draw(found, output, arm.name, "reaction", quiet=as_json, silent=as_json)
 
 
@@ -221,54 +210,6 @@ def _draw(
         write_picture(where, plot(found))
         if not silent:
             out.print(f"wrote {where}")
-
-
-def _print_attitudes(found: FeasibleAttitudes, deg: bool) -> None:
-    unit = "m" if min(found.arm.task.indices) < 3 else "rad"
-    out.print(
-        f"{found.arm.name}: the path of {found.length:.4g} {unit} can be followed from "
-        f"{found.share:.2%} of the attitudes, {np.degrees(found.margin):.3g}° from singularities"
-        + ("" if found.limits else ", limits ignored")
-        + ("" if found.intervals is not None else f" (standard error {found.error:.2%})")
-    )
-    rows = table("ended", "attitudes tried")
-    for kind, count in zip(*np.unique(found.ended, return_counts=True), strict=True):
-        rows.add_row(ENDS[int(kind)], f"{count:,}")
-    out.print(rows)
-    for low, high in [] if found.intervals is None else np.degrees(found.intervals):
-        out.print(f"feasible      {low:.5f}° to {high:.5f}°")
-    if found.ball is None:
-        return
-    best = found.start()
-    kinds = [best.arm.tree.joints[name].kind for name in best.arm.joint_names]
-    q = ", ".join(joint_value(x, kind, deg) for x, kind in zip(best.q, kinds, strict=True))
-    out.print(
-        f"best          keeps {np.degrees(found.distance[found.best]):.4g}°, attitude (xyzw) "
-        f"{vector(found.attitude[found.best])}, q ({q})"
-    )
-    out.print(
-        f"largest ball  {np.degrees(found.ball.radius):.4g}° about the attitude (xyzw) "
-        f"{vector(found.ball.centre)}"
-    )
-    out.print("not checked: collisions; whether the arm comes to the start's posture")
-
-
-def _print_reaction(found: Reaction) -> None:
-    out.print(repr(found))
-    rows = table("largest", "about x", "about y", "about z")
-    for name, values, unit in (
-        ("turn, floating", np.degrees(np.abs(found.excursion).max(axis=0)), "°"),
-        ("wheels, held", np.abs(found.wheels).max(axis=0), " N m s"),
-        ("torque, held", np.abs(found.torque).max(axis=0), " N m"),
-        ("thrusters, held", found.impulse, " N m s in all"),
-    ):
-        rows.add_row(name, *(f"{value:.5g}{unit}" for value in values))
-    out.print(rows)
-    what = "any line of sight" if found.camera is None else "the line of sight"
-    out.print(
-        f"floating, {what} turns by up to {np.degrees(found.pointing.max()):.4g}°, at up to "
-        f"{np.degrees(found.smear.max()):.4g}°/s"
-    )
 
 
 def _three(option: str, text: str) -> Array:

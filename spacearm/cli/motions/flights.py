@@ -6,17 +6,14 @@ from pathlib import Path
 
 from spacearm.arrays import Array
 from spacearm.cli.output import (
-    out,
-    print_json,
+    print_result,
     say_stopped,
-    table,
-    vector,
     working,
     write_picture,
 )
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.model.arm import Configuration
-from spacearm.motion.flights import Flight, Phase, simulate_phases
+from spacearm.motion.flights import Phase, simulate_phases
 
 
 def fly(
@@ -34,10 +31,7 @@ def fly(
     """
     with working("simulating") as progress:
         flight = simulate_phases(start, phases, dq=dq, progress=progress)
-    if as_json:
-        print_json(flight.to_dict())
-    else:
-        print_flight(flight)
+    print_result(flight, as_json=as_json)
     for i, run in enumerate(flight.phases):
         if save:
             run.save(save.with_stem(f"{save.stem}_{i}"))
@@ -54,20 +48,3 @@ def fly(
         say_stopped(f"{len(flight.phases)} of {len(phases)} phases simulated")
         return INTERRUPTED
     return 0
-
-
-def print_flight(flight: Flight) -> None:
-    """Print the phases and what happened."""
-    end = flight.begins[-1] + flight.phases[-1].t[-1]
-    out.print(f"{flight.phases[0].arm.name}: {end:.6g} s, ended by {flight.ended}")
-    rows = table("phase", "from [s]", "to [s]", "ended by", "tip at the end [m]", "energy off by")
-    for i, (run, begin) in enumerate(zip(flight.phases, flight.begins, strict=True)):
-        tip = vector(run[-1].tip.translation) if len(run.arm.tips) == 1 else "several"
-        rows.add_row(str(i), f"{begin:.4g}", f"{begin + run.t[-1]:.4g}", run.ended, tip,
-                     f"{run.imbalance:.1e}")  # fmt: skip
-    out.print(rows)
-    if flight.events:
-        rows = table("event", "time [s]", "")
-        for event in flight.events:
-            rows.add_row(event.kind, f"{event.t:.4f}", event.detail)
-        out.print(rows)
