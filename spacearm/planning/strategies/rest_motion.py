@@ -169,7 +169,7 @@ class Bounds:
         words = [f"joint {name!r} goes beyond its limits" for name in joints]
         words += self._of_wheels("holds", far[n:], width[n:], "N m s")
         words += [
-            f"joint {name!r} moves at {x:.4g}" for name, x in zip(joints, rates, strict=False)
+            f"joint {name!r} moves at {x:.4g}" for name, x in zip(joints, rates[:n], strict=True)
         ]
         words += self._of_wheels("gives", rates[n:], most[n:], "N m")
         return np.append(far, rates), np.append(width, most), words
