@@ -137,7 +137,7 @@ def _text(value: object) -> str:
 
 
 SHORTEST = 1e-6
-"""Least length of a quaternion that a direction can be read from."""
+"""Least length of a vector or a quaternion that a direction can be read from."""
 ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of robot files."""
 SHOWN = 3
@@ -321,6 +321,13 @@ class Source:
             )
         return values
 
+    def unit(self, vector: Array, problem: str, remedy: str) -> Array:
+        """Return a vector scaled to length 1; one without length is a fault."""
+        length = float(np.linalg.norm(vector))
+        if length < SHORTEST:
+            self.fail(problem, remedy)
+        return vector / length
+
     def pose(self, element: etree._Element) -> pin.SE3:
         """Read the pose in a child <origin>; the identity if there is none."""
         origin = self.child(element, "origin")
@@ -328,10 +335,9 @@ class Source:
             return pin.SE3.Identity()
         xyz = self.numbers(origin, "xyz", 3, "0 0 0")
         if origin.get("quat_xyzw"):  # URDF 1.2
-            quaternion = pin.Quaternion(self.numbers(origin, "quat_xyzw", 4))
-            if quaternion.norm() < SHORTEST:
-                self.fail(f"{describe(origin)} has a zero quat_xyzw", "give a unit quaternion")
-            return pin.SE3(quaternion.normalized(), xyz)
+            quaternion, zero = self.numbers(origin, "quat_xyzw", 4), "has a zero quat_xyzw"
+            unit = self.unit(quaternion, f"{describe(origin)} {zero}", "give a unit quaternion")
+            return pin.SE3(pin.Quaternion(unit), xyz)
         return pin.SE3(pin.rpy.rpyToMatrix(self.numbers(origin, "rpy", 3, "0 0 0")), xyz)
 
 
