@@ -14,8 +14,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, read_only
-from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial
+from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import (
     Counting,
     Tips,

@@ -88,9 +88,6 @@ class Reading:
         spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
             may be a frame without mass.
 
-    Raises:
-        ModelError: check is not one of these words.
-        ConfigurationError: Another attribute is not of its kind.
     """
 
     check: Check = "error"
@@ -98,10 +95,6 @@ class Reading:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
     density: float | None = None
     spacecraft: bool = True
-
-    def __post_init__(self) -> None:
-        if self.check not in CHECKS:
-            raise ModelError(unknown("check", self.check, CHECKS))
 
     @classmethod
     def of(
@@ -111,7 +104,14 @@ class Reading:
         xacro_args: Mapping[str, object] | None = None,
         density: float | None = None,
     ) -> Reading:
-        """Make it of a caller's arguments, checked; see `loading.load`."""
+        """Make it of a caller's arguments, checked; see `loading.load`.
+
+        Raises:
+            ModelError: check is none of its words.
+            ConfigurationError: Another argument is not of its kind.
+        """
+        if check not in (None, *CHECKS):
+            raise ModelError(unknown("check", check, CHECKS))
         folders = [packages] if isinstance(packages, (str, os.PathLike)) else packages
         try:
             paths = tuple(Path(folder) for folder in folders)
@@ -126,14 +126,12 @@ class Reading:
         return cls(
             check=check or "error",
             packages=paths,
-            xacro_args={name: _text(value) for name, value in given.items()},
+            xacro_args={  # as xacro writes them
+                name: str(value).lower() if isinstance(value, bool) else str(value)
+                for name, value in given.items()
+            },
             density=None if density is None else positive(density, "density", "density [kg/m^3]"),
         )
-
-
-def _text(value: object) -> str:
-    """Return the value of an argument as xacro writes it."""
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 SHORTEST = 1e-6
