@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
@@ -19,6 +19,7 @@ from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Joints, Plan
 from spacearm.polynomial.certificate import certify
+from spacearm.results import Result
 from spacearm.singularities.abstract_set import path_rows
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.family import Family, family_of
