@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from spacearm.cli.motions.flights import HOLD, fly, read_phases
+from spacearm.cli.motions.flights import fly
 from spacearm.cli.motions.laws import Law, gain_of, law_of
 from spacearm.cli.options import (
     AsJson,
@@ -41,9 +41,13 @@ from spacearm.motion.events import EVENTS
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import PassiveJoint, Plant, WheelHold
 from spacearm.motion.simulation import Integration, simulate
+from spacearm.sweeps.motion_tables import read_phases
 
 MOST = 10
 """Number of events that are printed."""
+
+HOLD = ("stiffness", "damping", "torque", "capacity")
+"""What `--hold` gives, in this order."""
 
 
 @on_a_model
@@ -160,8 +164,8 @@ def simulate_motion(
     """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
     Events: singularity, "joint limit", target, "wheel full". Ctrl-C
-    ends the run and keeps what there is. A file of phases has tables [[phase]] with the options of
-    this command, by their names in Python, and grasp = {mass = ...} or release = true.
+    ends the run and keeps what there is. A file of phases has tables [[phase]] whose keys are those
+    of sa.Phase: controller, duration, then, plant, stop, period, delay, integration.
     """
     check_picture(output)
     if save:
