@@ -14,13 +14,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, read_only
-<<<<<<< HEAD
-from spacearm.description.bodies import Inertial
-from spacearm.description.model_catalogue import holding
-=======
-from spacearm.description.model_catalogue import holding
 from spacearm.description.bodies import Inertial, Joint
->>>>>>> main
+from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import (
     Counting,
     Tips,
