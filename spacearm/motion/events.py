@@ -71,7 +71,8 @@ def clear_of_singularities(cfg: Configuration, mode: BaseMode, axes: Array | Non
     """Return the distance to the singular set less `NEAR` [rad], no more than 1."""
     distance = distance_at(cfg, mode, axes)
     if NEAR / DOUBTFUL < distance < DOUBTFUL * NEAR and is_exact(cfg.arm):
-        distance = exact_distance(cfg, mode, distance)
+        found = nearest_about(cfg.arm, mode, cfg.q)
+        distance = distance if found is None else found[1]
     return min(distance, 1.0) - NEAR
 
 
@@ -82,12 +83,6 @@ def is_exact(arm: SpaceArm) -> bool:
     have no singular set in joint space.
     """
     return arm.n > arm.task.k and len(arm.tips) == 1 and steady(arm)
-
-
-def exact_distance(cfg: Configuration, mode: BaseMode, otherwise: float = 1.0) -> float:
-    """Return the distance to the part of the singular set that lies about [rad]."""
-    found = nearest_about(cfg.arm, mode, cfg.q)
-    return otherwise if found is None else found[1]
 
 
 def first_fall(
@@ -106,8 +101,11 @@ def first_fall(
     from scipy.optimize import brentq  # slow to import
 
     found = []
-    for i in np.flatnonzero((before >= 0.0) & (after < 0.0)):
-        crosses = values(a)[i] * values(b)[i] <= 0.0
-        t = brentq(lambda t, i=i: values(t)[i], a, b, xtol=SHARPNESS * b) if crosses else a
-        found.append((float(t), int(i)))
+    for i in np.flatnonzero((before >= 0.0) & (after < 0.0)).tolist():
+
+        def value(t: float, i: int = i) -> float:
+            return float(values(t)[i])
+
+        crosses = value(a) * value(b) <= 0.0
+        found.append((brentq(value, a, b, xtol=SHARPNESS * b) if crosses else a, i))
     return min(found, default=None)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
-from typing import ClassVar, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -48,6 +48,9 @@ from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.singularities.nearest import nearest_about
 from spacearm.singularities.report import NO_INVERSE
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
 
 Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
 """The corners of a polyline, or a function of path length [m]."""
@@ -242,20 +245,23 @@ class TipCurve:
         from scipy.integrate import DOP853  # slow to import
 
         y = state_of(self.start, 0.0)
-        solver = DOP853(self.rate, 0.0, y, np.inf, max_step=LOOK, rtol=RTOL, atol=ATOL)
+        method: Callable[..., OdeSolver] = DOP853
+        solver = method(self.rate, 0.0, y, np.inf, max_step=LOOK, rtol=RTOL, atol=ATOL)
         before, states = self.rooms(y), list[Array]()
         while True:
             if failure := solver.step():
                 raise NoSolutionError(f"{self.arm.name}: the path cannot be followed: {failure}")
             if progress:
                 progress(float(solver.y[-1]), self.segment.length)
-            piece, after = solver.dense_output(), self.rooms(solver.y)
-            fall = first_fall(
-                lambda t, y=piece: self.rooms(y(t)), before, after, solver.t_old, solver.t
-            )
+            piece, begin, after = solver.dense_output(), solver.t_old, self.rooms(solver.y)
+
+            def along(t: float, piece: Any = piece) -> Array:
+                return self.rooms(piece(t))
+
+            fall = first_fall(along, before, after, begin, solver.t)
             end, before = fall[0] if fall else solver.t, after
-            steps = 1 + int((end - solver.t_old) / SPACING)
-            states.append(piece(np.linspace(solver.t_old, end, steps + 1)[1:]).T)
+            steps = 1 + int((end - begin) / SPACING)
+            states.append(piece(np.linspace(begin, end, steps + 1)[1:]).T)
             if fall:
                 return np.vstack(states), self.event(end, states[-1][-1], ENDS[fall[1]])
 
