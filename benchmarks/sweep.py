@@ -30,15 +30,15 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import spacearm as sa
-from spacearm.sweeps.dask import WIDTH, connect
 from spacearm.sweeps.runner import estimate
+from spacearm.sweeps.workers import WIDTH, connect
 
 RISK = """
 arms = ["{arm}"]
 chunk = {chunk}
 [risk]
 sigma_min = 0.05
-radius = {{from = 0, to = 8, points = 41}}
+bins = {{from = 0, to = 8, points = 41}}
 samples = {samples}
 """
 MAP = """

@@ -17,7 +17,7 @@ arms = ["planar2"]
 base_inertia = [1, 2, 5]
 [risk]
 distance = 0.1
-radius = {from = 0.0, to = 2.4, points = 4}
+bins = {from = 0.0, to = 2.4, points = 4}
 samples = 1000
 """
 

@@ -21,6 +21,7 @@ from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, SweepError
 from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
 from spacearm.sweeps.study import Study
+from spacearm.sweeps.workers import connect
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -93,8 +94,6 @@ def _client(scheduler: str | None) -> Iterator[Client | None]:
     if scheduler is None:
         yield None
         return
-    from spacearm.sweeps.dask import connect
-
     logging.disable()  # of a lost scheduler all of Dask's loggers report, with tracebacks
     client = connect(scheduler)
     try:

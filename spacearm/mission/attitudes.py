@@ -209,11 +209,8 @@ class FeasibleAttitudes(Result):
             UnsupportedError: There is momentum, with which `sa.follow` cannot deal.
             NoSolutionError: There is no posture with the tip there.
         """
-        if self.momentum.any():
-            raise UnsupportedError("sa.follow leads the tip at zero momentum only")
-        cfg = self.start(i)
         length = self.length if callable(self.path) else None
-        return follow(cfg, self.path, length=length, speed=self.speed, limits=self.limits)
+        return follow(self.start(i), self.path, length=length, speed=self.speed, limits=self.limits)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data, with share and error; functions as None."""

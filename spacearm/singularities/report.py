@@ -9,7 +9,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Progress, Result
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.distance import nearness_of, refined_at
+from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration
@@ -232,7 +232,7 @@ def singularity(
     k, n = J.shape
     U, sigma, V = _svd(J)
     dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
-    found = nearness_of(cfg.arm, J, dJ, error)
+    found = rank_distances_of(cfg.arm, J, dJ, error)
     rank = _rank(found.distances, tolerance)
     nearest = None
     distance, away = refined_at(cfg, found, mode)
@@ -289,5 +289,5 @@ def _rank(distances: Array, tolerance: float) -> int:
 def _kind(cfg: Configuration, tolerance: float) -> Kind:
     """Tell whether a singular configuration is kinematic or dynamic."""
     J, dJ = task_jacobian(cfg, mode="fixed"), task_jacobian_derivative(cfg, mode="fixed")
-    found = nearness_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
+    found = rank_distances_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
     return "kinematic" if _rank(found.distances, tolerance) < len(J) else "dynamic"

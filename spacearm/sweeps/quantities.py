@@ -1,50 +1,177 @@
 """Quantities that a study asks of every design, computed a chunk at a time.
 
-A chunk is one design, at one box of the quantity's own grid (blocks of samples, joint angles). Its
-numbers depend on the study and on nothing else, so that any process may compute it at any time.
+A chunk is one design, at one box of the quantity's own grid (blocks of samples, joint angles,
+runs). Its numbers depend on the study and on nothing else, so that any process may compute it at
+any time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
+import pinocchio as pin
 
-from spacearm.arrays import LARGEST
-from spacearm.errors import UnsupportedError, unknown
+from spacearm.arrays import LARGEST, Array
+from spacearm.errors import UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
+from spacearm.motion.controllers import (
+    Controller,
+    DampedLeastSquares,
+    JointPD,
+    Reactionless,
+    ResolvedRate,
+    TransposedJacobian,
+)
+from spacearm.motion.goal import goal_of
+from spacearm.motion.plant import Plant
+from spacearm.motion.simulation import FAILURES, Integration, simulate_many
 from spacearm.singularities.risk import check_slides, risk_profile
-from spacearm.sweeps.quantity import Quantity, Variable
-from spacearm.sweeps.simulations import Simulations
-from spacearm.sweeps.tiles import Box, boxes, tile
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT
 from spacearm.workspaces.shells import check_shells
 
+MODES: tuple[BaseMode, ...] = get_args(BaseMode)
 PART = 2**16
 """Configurations in memory at a time, however large the chunk."""
 MOST_SHELLS = 16
 """Shells that there is room for in each design."""
+LAWS: dict[str, Any] = {
+    "transposed": TransposedJacobian,
+    "resolved": ResolvedRate,
+    "damped": DampedLeastSquares,
+    "reactionless": Reactionless,
+    "joints": JointPD,
+}
+"""The control laws by the names that studies give them."""
+STIFF = ("transposed", "joints")
+"""Those whose gains are kp and kd; the others have one, gain."""
+RUNS = 256
+"""Runs of a chunk at most: some seconds of work."""
+
+Shape = tuple[int, ...]
+Box = tuple[slice, ...]
+"""A part of a grid: one slice along each axis."""
+
+
+def tile(shape: Sequence[int], most: int) -> Shape:
+    """Return the shape of boxes of at most `most` points: whole along the last axes that fit."""
+    sizes: list[int] = []
+    for length in reversed(shape):
+        sizes.append(max(1, min(length, most)))
+        most //= sizes[-1]
+    return tuple(reversed(sizes))
+
+
+def counts(shape: Sequence[int], size: Sequence[int]) -> Shape:
+    """Return the number of boxes along each axis; the last boxes may be smaller."""
+    return tuple(-(-length // step) for length, step in zip(shape, size, strict=True))
+
+
+def box_of(shape: Sequence[int], size: Sequence[int], number: int) -> Box:
+    """Return box `number` of the grid."""
+    at = np.unravel_index(number, counts(shape, size)) if shape else ()
+    return tuple(
+        slice(int(i) * step, min((int(i) + 1) * step, length))
+        for i, step, length in zip(at, size, shape, strict=True)
+    )
+
+
+def boxes(shape: Sequence[int], most: int) -> Iterator[Box]:
+    """Iterate over all boxes of at most `most` points."""
+    size = tile(shape, most)
+    return (box_of(shape, size, i) for i in range(math.prod(counts(shape, size))))
+
+
+class Variable(NamedTuple):
+    """One array of the result.
+
+    Attributes:
+        attrs: What is known of it, its unit first of all.
+        dims: Its axes after those of the designs and of the quantity's grid.
+        shape: Their lengths.
+        dtype: Of its numbers.
+    """
+
+    attrs: Mapping[str, str]
+    dims: tuple[str, ...] = ()
+    shape: Shape = ()
+    dtype: str = "float64"
+
+
+class Quantity:
+    """One quantity of a study, read from its table; `QUANTITIES` lists the kinds.
+
+    Attributes:
+        variables: The arrays that it fills, by name.
+        coords: Labels of its axes, with their attributes.
+        dims: Its own axes, which chunks divide.
+        shape: Their lengths.
+        tile: Shape of a chunk along them.
+    """
+
+    variables: Mapping[str, Variable]
+    coords: Mapping[str, tuple[Array, Mapping[str, Any]]] = {}
+    dims: tuple[str, ...] = ()
+    shape: Shape = ()
+    tile: Shape = ()
+
+    def __init__(self, table: Table, arms: Sequence[SpaceArm], seed: int, chunk: int) -> None:
+        """Read the quantity.
+
+        Args:
+            table: Its table in the study.
+            arms: The arms of the study.
+            seed: Of all samples of the study.
+            chunk: Largest number of configurations in a chunk.
+
+        Raises:
+            ConfigurationError: The table makes no sense.
+            UnsupportedError: An arm cannot have the quantity.
+        """
+        self.seed, self.chunk = seed, chunk
+        self.read(table, arms)
+
+    def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
+        """Read the table, and set the attributes."""
+        raise NotImplementedError
+
+    def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
+        """Compute the numbers of one chunk, by variable.
+
+        Args:
+            arm: The design.
+            box: The part of the quantity's grid.
+            seed: Seed of the study and number of the design.
+        """
+        raise NotImplementedError
+
+    def nbytes(self, designs: int) -> int:
+        """Return the size of all numbers [bytes], uncompressed."""
+        points = designs * math.prod(self.shape)
+        return sum(
+            points * math.prod(v.shape) * np.dtype(v.dtype).itemsize
+            for v in self.variables.values()
+        )
 
 
 class Shells(Quantity):
     """Path dependent shells and the path independent share, as `workspace` finds them."""
 
-    def __init__(self, table: Table, seed: int, arms: Sequence[SpaceArm]) -> None:
+    def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
+        """Read the table."""
         for arm in arms:
             check_shells(arm)
         table.knows("mode", "limits", "effort")
-        modes: dict[str, BaseMode] = {mode: mode for mode in get_args(BaseMode)}
-        if (wanted := table.take("mode", str, "free-floating")) not in modes:
-            raise table.fail("mode", unknown("mode", wanted, modes))
-        self.mode, self.limits = modes[wanted], table.take("limits", bool, False)
-        self.effort, self.seed = table.positive("effort", int, EFFORT), seed
+        self.mode = table.choice("mode", MODES, "free-floating")
+        self.limits = table.take("limits", bool, False)
+        self.effort = table.positive("effort", int, EFFORT)
         volume = {"units": "m^3; m^2 for planar arms"}
         shell = ("shell", "bound"), (MOST_SHELLS, 2)
         self.variables = {
@@ -75,18 +202,19 @@ class Risk(Quantity):
     Counts of `risk_profile` for blocks of samples: their sums over `block` are those of all.
     """
 
-    def __init__(self, table: Table, chunk: int, arms: Sequence[SpaceArm]) -> None:
+    def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
+        """Read the table."""
         for arm in arms:
             check_slides(arm)
-        table.knows("distance", "sigma_min", "radius", "samples", "limits")
+        table.knows("distance", "sigma_min", "bins", "samples", "limits")
         self.measure = "distance" if "distance" in table.values else "sigma_min"
         if {"distance", "sigma_min"} <= table.values.keys():
             raise table.fail("sigma_min", "give it or the distance [rad], not both")
         self.bound = table.positive(self.measure, float)
-        self.edges, self.samples = table.axis("radius"), table.positive("samples", int)
+        self.edges, self.samples = table.axis("bins"), table.positive("samples", int)
         if len(self.edges) < 2 or self.edges[0] < 0.0 or (np.diff(self.edges) <= 0.0).any():
-            raise table.fail("radius", "give two or more growing edges of distance classes [m]")
-        self.limits, self.chunk = table.take("limits", bool, False), chunk
+            raise table.fail("bins", "give two or more growing edges of distance classes [m]")
+        self.limits = table.take("limits", bool, False)
         classes = ("radius",), (len(self.edges) - 1,)
         attrs = {"units": "1", self.measure: f"{self.bound}"}
         self.variables = {
@@ -95,7 +223,7 @@ class Risk(Quantity):
         }
         middles = 0.5 * (self.edges[:-1] + self.edges[1:])
         self.coords = {"radius": (middles, {"units": "m", "edges": self.edges.tolist()})}
-        self.dims, self.shape, self.tile = ("block",), (-(-self.samples // chunk),), (1,)
+        self.dims, self.shape, self.tile = ("block",), (-(-self.samples // self.chunk),), (1,)
 
     def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
         """Count a block of samples."""
@@ -121,10 +249,10 @@ class Risk(Quantity):
 class JointMap(Quantity):
     """A map of the distance to the singular set or of sigma_min over a grid of joint positions."""
 
-    def __init__(self, name: str, table: Table, chunk: int, arms: Sequence[SpaceArm]) -> None:
+    def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
+        """Read the table."""
         table.knows("joints", "held", "single")
-        joints = Table(f"{table.where}: joints", table.values.get("joints"))
-        held = Table(f"{table.where}: held", table.values.get("held", {}))
+        joints, held = table.inner("joints"), table.inner("held")
         names = {arm: {text: joint_name(arm, text) for text in joints.values} for arm in arms}
         if not joints.values or any(len(set(own.values())) < len(own) for own in names.values()):
             raise table.fail("joints", "name one or more, none twice")
@@ -135,16 +263,16 @@ class JointMap(Quantity):
                 if joint_name(arm, text) in own.values() or abs(value) > LARGEST:
                     listed = [*self.axes]
                     raise held.fail(text, f"give finite positions [rad], of joints not in {listed}")
-        self.name, units = name, "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
+        self.name, units = table.where, "; ".join(dict.fromkeys(arm.sigma_unit for arm in arms))
         about = {
             "sigma_min": {"units": units, "about": "least singular value of the task Jacobian"},
             "distance": {"units": "rad", "about": "distance to the singular set, to first order"},
-        }[name]
+        }[self.name]
         self.dtype = "float32" if table.take("single", bool, False) else "float64"
-        self.variables = {name: Variable(about, dtype=self.dtype)}
+        self.variables = {self.name: Variable(about, dtype=self.dtype)}
         self.coords = {text: (values, {"units": "rad or m"}) for text, values in self.axes.items()}
         self.dims, self.shape = tuple(self.axes), tuple(map(len, self.axes.values()))
-        self.tile = tile(self.shape, chunk)
+        self.tile = tile(self.shape, self.chunk)
 
     def compute(self, arm: SpaceArm, box: Box, _seed: Sequence[int]) -> Mapping[str, Any]:
         """Evaluate a box of the grid."""
@@ -166,37 +294,103 @@ class JointMap(Quantity):
         return {self.name: result}
 
 
-MAPS = ("distance", "sigma_min")
-"""Tables of a study that ask for a map over joints."""
-QUANTITIES = ("shells", "risk", "simulation", *MAPS)
-"""Tables of a study that ask for a quantity."""
+VARIABLES = {
+    "success": Variable({"units": "1", "about": "whether the target was reached"}),
+    "time_to_target": Variable({"units": "s", "about": "NaN if it was not reached"}),
+    "first_singularity": Variable({"units": "s", "about": "NaN if none was met"}),
+    "least_distance": Variable({"units": "rad", "about": "least distance to the singular set"}),
+    "turn": Variable({"units": "rad", "about": "largest turn of the spacecraft from its start"}),
+    "failed": Variable({"units": "1", "about": "whether the law or the integrator failed"}),
+}
 
 
-def read(table: Table, seed: int, chunk: int, arms: Sequence[SpaceArm]) -> dict[str, Quantity]:
+class Simulations(Quantity):
+    """Runs of `simulate_many` from starts that are normally distributed about one."""
+
+    variables = VARIABLES
+    dims = ("run",)
+
+    def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
+        """Read the table."""
+        table.knows("controller", "target", "gains", "q", "spread", "attitude", "duration", "runs",
+                    "mode", "limits", "reach", "rtol")  # fmt: skip
+        self.law = table.choice("controller", tuple(LAWS), "transposed")
+        self.mode = table.choice("mode", MODES, "free-floating")
+        self.limits = table.take("limits", bool, False)
+        gains, names = table.inner("gains"), ("kp", "kd") if self.law in STIFF else ("gain",)
+        gains.knows(*names)
+        self.gains = {name: gains.numbers(name) for name in names}
+        self.target, self.q = table.numbers("target"), table.numbers("q")
+        self.spread = table.numbers("spread", [0.0])
+        self.attitude = table.numbers("attitude", [0.0, 0.0, 0.0])
+        if len(self.attitude) != 3:
+            raise table.fail("attitude", "give roll, pitch and yaw [rad]")
+        if (self.spread < 0.0).any():
+            raise table.fail("spread", "give standard deviations from 0 on")
+        self.duration = table.positive("duration", float, 60.0)
+        self.reach = table.positive("reach", float, 1e-3)
+        self.rtol = table.positive("rtol", float, 1e-6)
+        for arm in arms:
+            if len(self.q) != arm.n:
+                raise table.fail("q", f"give {arm.n} joint positions of {arm.name}")
+            if len(self.spread) not in (1, arm.n):
+                raise table.fail("spread", f"give one number, or {arm.n} for {arm.name}")
+            arm.require_one_tip()
+            self.controller(arm)
+        self.shape = (table.positive("runs", int, 1),)
+        self.tile = (min(RUNS, self.chunk, *self.shape),)
+
+    def controller(self, arm: SpaceArm) -> Controller:
+        """Return the law for an arm."""
+        gains = {
+            name: values if len(values) > 1 else values[0] for name, values in self.gains.items()
+        }
+        if self.law == "joints":
+            return JointPD(target=self.target, **gains)
+        law: Controller = LAWS[self.law](
+            target=goal_of(arm, self.target, "target"), mode=self.mode, **gains
+        )
+        return law
+
+    def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
+        """Simulate the runs of a box; in each the system CM is the origin at the start."""
+        first, last = box[0].start, box[0].stop
+        rng = np.random.default_rng((*seed, first))
+        Q0 = self.q + self.spread * rng.normal(size=(last - first, arm.n))
+        turned = pin.SE3(pin.rpy.rpyToMatrix(self.attitude), np.zeros(3))
+        found = simulate_many(
+            [arm.at(q, base=turned).centred(np.zeros(3)) for q in Q0], self.controller(arm),
+            self.duration, mode=self.mode, plant=Plant(limits=self.limits), distance=True,
+            integration=Integration(rtol=self.rtol, atol=1e-2 * self.rtol, reach=self.reach),
+            threads=1,
+        )  # fmt: skip
+        failed = np.isin(found["ended"], FAILURES)
+        kept = {name: found[name].values for name in VARIABLES if name in found}
+        return kept | {"least_distance": found["distance"].values, "failed": failed}
+
+
+QUANTITIES: dict[str, type[Quantity]] = {
+    "shells": Shells,
+    "risk": Risk,
+    "simulation": Simulations,
+    "distance": JointMap,
+    "sigma_min": JointMap,
+}
+"""The quantities by the names of their tables in a study."""
+
+
+def read(table: Table, arms: Sequence[SpaceArm], seed: int, chunk: int) -> dict[str, Quantity]:
     """Read the quantities that the tables of a study ask for, by name.
 
     Raises:
         ConfigurationError: No quantity is asked for, or a table makes no sense.
         UnsupportedError: An arm cannot have the quantity.
     """
-    own = {name: Table(name, table.values[name]) for name in QUANTITIES if name in table.values}
-    if not own:
+    found = {
+        name: kind(Table(name, table.values[name]), arms, seed, chunk)
+        for name, kind in QUANTITIES.items()
+        if name in table.values
+    }
+    if not found:
         raise table.fail("quantities", f"add one or more of the tables {', '.join(QUANTITIES)}")
-    found: dict[str, Quantity] = {}
-    if "shells" in own:
-        found["shells"] = Shells(own["shells"], seed, arms)
-    if "risk" in own:
-        found["risk"] = Risk(own["risk"], chunk, arms)
-    if "simulation" in own:
-        found["simulation"] = Simulations(own["simulation"], chunk, arms)
-    maps = (name for name in MAPS if name in own)
-    return found | {name: JointMap(name, own[name], chunk, arms) for name in maps}
-
-
-def nbytes(quantity: Quantity, designs: int) -> int:
-    """Return the size of all numbers of a quantity [bytes], uncompressed."""
-    points = designs * math.prod(quantity.shape)
-    return sum(
-        points * math.prod(v.shape) * np.dtype(v.dtype).itemsize
-        for v in quantity.variables.values()
-    )
+    return found

@@ -9,18 +9,18 @@ import queue
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Future
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from spacearm.arrays import whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import StoreError, SweepError
-from spacearm.sweeps.quantities import nbytes
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
 from spacearm.sweeps.study import Chunk, Study
+from spacearm.sweeps.workers import Cluster, Outcome, Processes, Workers
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,23 +88,6 @@ class Status(NamedTuple):
     failed: dict[int, str]
 
 
-class Pool(Protocol):
-    """Workers that compute chunks."""
-
-    width: int
-    final: tuple[type[BaseException], ...]
-
-    @property
-    def lost(self) -> bool:
-        """Whether the workers are gone for good."""
-
-    def submit(self, chunk: Chunk) -> Future[str]:
-        """Have a chunk done."""
-
-    def close(self) -> None:
-        """Drop what is not done."""
-
-
 def sweep(
     study: Study | str | os.PathLike[str],
     store: str | os.PathLike[str],
@@ -147,7 +130,7 @@ def sweep(
         ... arms = ["planar2"]
         ... [risk]
         ... distance = 0.1
-        ... radius = [0, 1, 2]
+        ... bins = [0, 1, 2]
         ... samples = 1000
         ... ''')
         >>> with TemporaryDirectory() as folder:
@@ -175,19 +158,27 @@ def run_chunks(
     Close the generator if you leave it early: it ends the workers.
     """
     target = Store.create(store, study)
+    counts: Counter[str] = Counter()
     failed: dict[str, str] = {}
-    with closing(_pool(study, target, client, workers)) as pool:
-        yield from _run(study, target, pool, failed)
+    with closing(_workers(study, target, client, workers)) as pool:
+        for chunk, outcome in _outcomes(study.chunks(), pool, target):
+            if isinstance(outcome, str):
+                counts[outcome] += 1
+            else:
+                text = f"{type(outcome).__name__}: {outcome}"[:SHOWN]
+                failed[f"{chunk.quantity} {chunk.number}"] = text
+                target.record_failure(chunk, text)
+            yield Tally(counts["kept"], counts["computed"], len(failed), study.total)
     if not failed:
         target.tidy()
-    if failed:
-        (name, error), *others = failed.items()
-        raise SweepError(
-            f"{len(failed)} of {study.total} chunks failed "
-            f"{ATTEMPTS} times each, the others are in {store}: {name}: {error}"
-            + (f" (and {len(others)} more)" if others else ""),
-            failed,
-        )
+        return
+    (name, error), *others = failed.items()
+    raise SweepError(
+        f"{len(failed)} of {study.total} chunks failed "
+        f"{ATTEMPTS} times each, the others are in {store}: {name}: {error}"
+        + (f" (and {len(others)} more)" if others else ""),
+        failed,
+    )
 
 
 def estimate(study: Study) -> list[Estimate]:
@@ -205,7 +196,7 @@ def estimate(study: Study) -> list[Estimate]:
                 start = time.perf_counter()
                 store.write(chunk, study.compute(chunk))
                 seconds.append(time.perf_counter() - start)
-            size = nbytes(quantity, math.prod(study.shape))
+            size = quantity.nbytes(math.prod(study.shape))
             estimates.append(Estimate(name, study.count(name), min(seconds), size))
     return estimates
 
@@ -222,39 +213,34 @@ def status(study: Study, store: str | os.PathLike[str]) -> list[Status]:
     return found
 
 
-def _pool(study: Study, store: Store, client: Client | None, workers: int | None) -> Pool:
+def _workers(study: Study, store: Store, client: Client | None, workers: int | None) -> Workers:
     path = str(store.path.resolve())
     if client is not None:
-        from spacearm.sweeps.dask import Cluster  # imports distributed
-
         return Cluster(client, study.recipe, path)
-    from spacearm.sweeps.processes import Processes
-
     workers = processors() if workers is None else whole(workers, "workers", 1)
     return Processes(workers, study.recipe, path)
 
 
-def _run(study: Study, store: Store, pool: Pool, failed: dict[str, str]) -> Generator[Tally]:
-    """Have all chunks done; note the errors of those that fail in `failed`."""
-    finished: queue.SimpleQueue[Future[str]] = queue.SimpleQueue()
-    running: dict[Future[str], Chunk] = {}
+def _outcomes(
+    chunks: Iterator[Chunk], workers: Workers, store: Store
+) -> Iterator[tuple[Chunk, Outcome | BaseException]]:
+    """Have all chunks done; yield each with its outcome, or the error of its last attempt."""
+    finished: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()
+    running: dict[Future[Outcome], Chunk] = {}
     attempts: Counter[Chunk] = Counter()
-    outcomes: Counter[str] = Counter()
-    chunks = study.chunks()
 
     def start(chunk: Chunk) -> None:
-        future = pool.submit(chunk)
+        future = workers.submit(chunk)
         running[future] = chunk
         future.add_done_callback(finished.put)
 
-    for chunk in itertools.islice(chunks, pool.width):
+    for chunk in itertools.islice(chunks, workers.width):
         start(chunk)
     while running:
-        try:
+        future = None
+        with suppress(queue.Empty):
             future = finished.get(timeout=PATIENCE)
-        except queue.Empty:
-            future = None
-        if (future and future.cancelled()) or (not future and pool.lost):
+        if future.cancelled() if future else workers.lost:
             raise StoreError(
                 f"the cluster's scheduler is lost; what is in {store.path} is kept: run the same "
                 "command again"
@@ -263,18 +249,13 @@ def _run(study: Study, store: Store, pool: Pool, failed: dict[str, str]) -> Gene
             continue
         chunk = running.pop(future)
         error = future.exception()
+        attempts[chunk] += 1
         if isinstance(error, StoreError):
             raise error
-        if error is None:
-            outcomes[future.result()] += 1
-        elif attempts[chunk] + 1 < ATTEMPTS and not isinstance(error, pool.final):
-            attempts[chunk] += 1
+        if error and attempts[chunk] < ATTEMPTS and not isinstance(error, workers.final):
             start(chunk)
             continue
-        else:
-            text = f"{type(error).__name__}: {error}"[:SHOWN]
-            failed[f"{chunk.quantity} {chunk.number}"] = text
-            store.record_failure(chunk, text)
-        yield Tally(outcomes["kept"], outcomes["computed"], len(failed), study.total)
+        del attempts[chunk]
+        yield chunk, error or future.result()
         for following in itertools.islice(chunks, 1):
             start(following)

@@ -1,19 +1,26 @@
 """The Zarr store that a sweep fills chunk by chunk, and that opens as one dataset.
 
-Each chunk of each array is one file, with its CRC-32C in it, written beside its place and renamed.
-When all files of a chunk are there, its mark is written: the CRC-32 of its numbers. A chunk
-counts as done if its mark is there and what the files hold agrees with it. No file holds pickled
-objects: numbers, text and JSON only, in Zarr's third format.
+Its layout follows from the study alone: attributes, labels and the descriptions of its arrays. What
+is in a store is compared with them: another study's is refused, what is damaged or was altered is
+written again. Each chunk of each array is one file, with its CRC-32C in it, written beside its
+place and renamed. When all files of a chunk are there, its mark is written: the CRC-32 of its
+numbers. A chunk counts as done if its mark is there and what the files hold agrees with it. No file
+holds pickled objects: numbers, text and JSON only, in Zarr's third format.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import shutil
+import tempfile
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
+from itertools import zip_longest
 from pathlib import Path
 from secrets import token_hex
 from typing import TYPE_CHECKING, Any
@@ -21,9 +28,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.errors import StoreError
-from spacearm.sweeps.layout import MARKS, check_zarr, compare, describe, largest
+from spacearm.errors import StoreError, UnsupportedError, shortened
+from spacearm.files import read, write
 from spacearm.sweeps.study import Chunk, Study
+from spacearm.sweeps.toml import meaning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,6 +39,15 @@ if TYPE_CHECKING:
 DONE, FAILED = "done", "failed"
 DAMAGED = (ValueError, MemoryError)
 """Errors of Zarr for a file with a wrong checksum, or with an impossible length of text."""
+MARKS = "chunks"
+"""Group of the marks, an array for each quantity."""
+SHOWN = 200
+"""Characters of a line that a message shows."""
+LAYOUT = (
+    "node_type", "shape", "data_type", "chunk_grid", "chunk_key_encoding", "codecs", "fill_value",
+    "dimension_names",
+)  # fmt: skip
+"""What must agree in the description of an array."""
 
 
 class Store:
@@ -50,7 +67,7 @@ class Store:
         check_zarr()
         import zarr
 
-        from spacearm.sweeps.files import Files  # imports zarr
+        from spacearm.sweeps.store_files import Files
 
         self.path, self.study = Path(path), study
         with self._files():
@@ -138,7 +155,7 @@ class Store:
 
     def tidy(self) -> None:
         """Remove the unfinished files of killed processes."""
-        from spacearm.sweeps.files import PARTIAL
+        from spacearm.sweeps.store_files import PARTIAL
 
         for partial in self.path.rglob("*.partial"):
             if PARTIAL.fullmatch(partial.name):
@@ -162,7 +179,7 @@ def dataset(path: str | os.PathLike[str], study: Study) -> xr.Dataset:
     """Open a study's store as one labelled dataset, read when it is used; NaN where nothing is."""
     import xarray as xr
 
-    from spacearm.sweeps.files import Files
+    from spacearm.sweeps.store_files import Files
 
     files = Files(Path(path), read_only=True, most=largest(study))
     with warnings.catch_warnings():  # a file that the user put there is no array, and no fault
@@ -183,3 +200,130 @@ def _trouble(path: Path, error: OSError) -> StoreError:
         f"store {path}: {error.strerror or error}; what is in it is kept: when the cause is "
         "removed, run the same command again"
     )
+
+
+# --- layout ---------------------------------------------------------------------------------
+
+
+def check_zarr() -> None:
+    """Refuse to go on without Zarr, an extra."""
+    if find_spec("zarr") is None:
+        raise UnsupportedError("Zarr is not installed: pip install 'spacearm[sweep]'")
+
+
+def describe(path: Path, study: Study) -> None:
+    """Write attributes, labels and the descriptions of all arrays, without their numbers."""
+    import zarr
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    options: Any = {"compressors": [ZstdCodec(level=1), Crc32cCodec()]}
+    group = zarr.open_group(path, mode="w", zarr_format=3, attributes=study.attributes)
+    labels = [study.coords, *(quantity.coords for quantity in study.quantities.values())]
+    for name, (values, attrs) in (label for part in labels for label in part.items()):
+        kind: Any = str if values.dtype == object else values.dtype
+        axis = group.create_array(
+            name,
+            shape=values.shape,
+            dtype=kind,
+            dimension_names=(name,),
+            attributes=dict(attrs),
+            **options,
+        )
+        axis[:] = values
+    marks = group.create_group(MARKS)
+    for name, quantity in study.quantities.items():
+        marks.create_array(
+            name, shape=(study.count(name),), chunks=(1,), dtype=str, fill_value="", **options
+        )
+        for array, variable in quantity.variables.items():
+            group.create_array(
+                array,
+                shape=(*study.shape, *quantity.shape, *variable.shape),
+                chunks=(*(1 for _ in study.shape), *quantity.tile, *variable.shape),
+                dtype=variable.dtype,
+                fill_value=np.nan,
+                dimension_names=("arm", *study.axes, *quantity.dims, *variable.dims),
+                attributes=dict(variable.attrs),
+                config={"write_empty_chunks": True},
+                **options,
+            )
+
+
+def compare(path: Path, study: Study) -> None:
+    """Refuse the store of another study.
+
+    Labels that are damaged and descriptions that are lost are written again, as the study gives
+    them.
+    """
+    remedy = "give another --store, or finish that sweep with its own study, arms and version"
+    found = _description(path / "zarr.json")
+    if not found:
+        raise StoreError(f"{path} is no store of a sweep; give another --store")
+    attributes = found.get("attributes", {})
+    for key, ours in study.attributes.items():
+        theirs = attributes.get(key) if isinstance(attributes, dict) else None
+        if theirs != ours and not (key == "study" and meaning(theirs) == meaning(ours)):
+            was, now = _difference(theirs, ours)
+            raise StoreError(
+                f"{path} is the store of another sweep: its {key} has {was!r} where this one has "
+                f"{now!r}; {remedy}"
+            )
+    with tempfile.TemporaryDirectory() as folder:
+        describe(Path(folder), study)
+        own = {member.name for member in Path(folder).iterdir()}
+        for member in path.iterdir():
+            if member.name not in own and (member / "zarr.json").exists():
+                raise StoreError(f"{member} is none of this study's arrays; take it elsewhere")
+        for ours in (p for p in Path(folder).rglob("*") if p.is_file()):
+            _restore(path, ours.relative_to(folder).as_posix(), ours.read_bytes(), remedy)
+
+
+def _restore(path: Path, name: str, ours: bytes, remedy: str) -> None:
+    """Write a description or labels again where they differ; refuse other numbers."""
+    from spacearm.sweeps.store_files import check
+
+    check(path, name)
+    theirs = path / name
+    if name.endswith("zarr.json"):
+        expected, there = json.loads(ours), _description(theirs)
+        if there and any(expected.get(key) != there.get(key) for key in LAYOUT):
+            raise StoreError(f"{theirs} does not describe this study's numbers; {remedy}")
+        sound = expected == there
+    else:
+        sound = theirs.is_file() and theirs.stat().st_size == len(ours)
+        sound = sound and theirs.read_bytes() == ours
+    if not sound:
+        theirs.parent.mkdir(parents=True, exist_ok=True)
+        write(theirs, ours)
+
+
+def _description(path: Path) -> dict[str, Any]:
+    """Read a zarr.json; return an empty dictionary if there is none or it is damaged."""
+    try:
+        found = json.loads(read(path))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _difference(theirs: object, ours: object) -> tuple[str, str]:
+    """Return the first lines in which two values differ, comments apart."""
+    lines = zip_longest(_lines(theirs), _lines(ours), fillvalue="")
+    first = next(((a, b) for a, b in lines if a != b), (str(theirs), str(ours)))
+    return shortened(first[0], SHOWN), shortened(first[1], SHOWN)
+
+
+def _lines(value: object) -> list[str]:
+    return [line for line in str(value).splitlines() if line and not line.startswith("#")]
+
+
+def largest(study: Study) -> int:
+    """Return the largest size of a file of a store [bytes]: its numbers as they are, and more."""
+    asked = study.quantities.values()
+    labels = [v for part in (study.coords, *(a.coords for a in asked)) for v, _ in part.values()]
+    chunks = [
+        math.prod((*quantity.tile, *variable.shape))
+        for quantity in asked
+        for variable in quantity.variables.values()
+    ]
+    return 10**6 + 16 * max(*chunks, *map(len, labels))

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from spacearm.arrays import Array, plain
+from spacearm.description.model_catalogue import catalogue
+from spacearm.description.readers.source import Check
+from spacearm.description.tips import Counting
+from spacearm.description.urdf_writer import document
 from spacearm.errors import UNPRINTABLE, ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
-from spacearm.sweeps import quantities, tiles
-from spacearm.sweeps.quantity import Quantity
-from spacearm.sweeps.study_arms import fingerprint, read_arms
-from spacearm.sweeps.tiles import Box, Shape
+from spacearm.model.loading import load
+from spacearm.model.task import Task
+from spacearm.sweeps import quantities
+from spacearm.sweeps.quantities import Box, Quantity, Shape, box_of, counts
 from spacearm.sweeps.toml import Table, parse
 from spacearm.workspaces.design import PARAMETERS, vary
 
@@ -31,6 +36,8 @@ KEPT = 16
 """Designs that a process keeps in memory."""
 MOST_CHUNKS = 10**8
 """Chunks of a study: each is one file or more."""
+READING = ("packages", "xacro_args", "density")
+"""Keys of an arm that say how its file is read, as in `load`."""
 NAME = re.compile(r"[^./][^/]{0,99}")
 """Pattern of the names that an array of a store may have."""
 
@@ -67,7 +74,7 @@ class Study:
 
     A study is a TOML file:
 
-        arms = ["planar2", {model = "mine.urdf", name = "mine", task = "x y"}]
+        arms = ["planar2", {source = "mine.urdf", name = "mine", task = "x y"}]
         seed = 0                        # of all samples
         chunk = 4_194_304               # configurations a chunk
 
@@ -80,15 +87,15 @@ class Study:
 
         [risk]                          # as `risk_profile`: near is a distance up to this [rad]
         distance = 0.05                 # or sigma_min up to a bound
-        radius = {from = 0.0, to = 2.4, points = 25}  # edges of the distance classes [m]
+        bins = {from = 0.0, to = 2.4, points = 25}    # edges of the distance classes [m]
         samples = 10_000_000            # for each design
         limits = false
 
         [simulation]                    # as `simulate_many`: runs from dispersed starts
-        law = "transposed"              # resolved, damped, reactionless or joints
+        controller = "transposed"       # resolved, damped, reactionless or joints
         target = [1.5, 1.5]             # task rows, turns as roll, pitch, yaw; joint positions
         gains = {kp = 5, kd = 15}       # gain of resolved, damped and reactionless
-        start = [-1.0, 1.05]            # joint positions [rad] or [m], their standard deviation
+        q = [-1.0, 1.05]                # joint positions [rad] or [m], their standard deviation
         spread = 0.02                   # (one number or n), and the attitude [rad]
         attitude = [0.0, 0.0, 0.37]
         duration = 60.0
@@ -99,7 +106,7 @@ class Study:
         held.q1 = 0.3                   # where others stand; at 0 if not named
         single = false                  # single precision halves the store
 
-    Arms are catalogue names, paths of URDF files (from the study's folder) or tables with model,
+    Arms are catalogue names, paths of URDF files (from the study's folder) or tables with source,
     name, tip, task, length, locked and check, as `load` takes them.
 
     Attributes:
@@ -155,12 +162,12 @@ class Study:
             raise table.fail("seed", "give a whole number from 0 on")
         folder = Path(folder).resolve()
         arms = read_arms(table, folder)
-        parameters = Table("parameters", table.values.get("parameters", {}))
+        parameters = table.inner("parameters")
         axes = {name: parameters.axis(name) for name in parameters.values}
         for arm in arms.values():  # names and bounds are wrong now or never
             for end in (0, -1):
                 vary(arm, {name: float(values[end]) for name, values in axes.items()})
-        asked = quantities.read(table, seed, chunk, tuple(arms.values()))
+        asked = quantities.read(table, tuple(arms.values()), seed, chunk)
         models = "\n".join(f"{name} sha256:{fingerprint(arm)}" for name, arm in arms.items())
         _check_names([*axes], asked.values())
         study = cls(text, folder, seed, arms, axes, asked, models)
@@ -201,7 +208,7 @@ class Study:
     def count(self, quantity: str) -> int:
         """Return the number of chunks of a quantity."""
         asked = self.quantities[quantity]
-        return math.prod(self.shape) * math.prod(tiles.counts(asked.shape, asked.tile))
+        return math.prod(self.shape) * math.prod(counts(asked.shape, asked.tile))
 
     @property
     def total(self) -> int:
@@ -232,9 +239,9 @@ class Study:
     def _where(self, chunk: Chunk) -> tuple[int, Box]:
         """Return the number of the design and the box of the grid."""
         asked = self.quantities[chunk.quantity]
-        boxes = math.prod(tiles.counts(asked.shape, asked.tile))
+        boxes = math.prod(counts(asked.shape, asked.tile))
         design, box = divmod(chunk.number, boxes)
-        return design, tiles.box(asked.shape, asked.tile, box)
+        return design, box_of(asked.shape, asked.tile, box)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the study as plain data: its text, arms, axes, and the chunks of each quantity."""
@@ -290,3 +297,55 @@ def _check_names(axes: list[str], asked: Iterable[Quantity]) -> None:
                 f"an axis cannot be named {name!r}, which is the name of something else in the "
                 "store or none that files can have; name joints q1, q2, ..."
             )
+
+
+def read_arms(table: Table, folder: Path) -> dict[str, SpaceArm]:
+    """Read the arms of a study, by their names in it.
+
+    Args:
+        table: The study.
+        folder: Folder that paths of robot files start from.
+
+    Raises:
+        ConfigurationError: No arm is named, or two have one name.
+        ModelError: An arm is unsound.
+    """
+    listed = table.take("arms", list)
+    arms: dict[str, SpaceArm] = {}
+    for entry in listed:
+        own = Table("arms", {"source": entry} if isinstance(entry, str) else entry)
+        own.knows("source", "name", "tip", "task", "length", "joints", "locked", "check", *READING)
+        source = own.take("source", str)
+        name = own.take("name", str, Path(source).stem)
+        if name in arms:
+            raise ConfigurationError(f"arms: two are named {name!r}; give one another name = ...")
+        arms[name] = _arm(own, source, folder)
+    if not arms:
+        raise table.fail("arms", "name one or more")
+    return arms
+
+
+def _arm(own: Table, source: str, folder: Path) -> SpaceArm:
+    known = source in (info.name for info in catalogue())
+    given = {key: own.take(key, str) for key in ("tip", "task", "check") if key in own.values}
+    held, joints = own.inner("locked"), own.values.get("joints", "tip")
+    counting = own.texts("joints") if isinstance(joints, list) else own.take("joints", str, "tip")
+    arm = load(
+        source if known else folder / source,
+        tip=given.get("tip"),
+        task=given.get("task"),
+        joints=cast("Counting", counting),
+        locked={joint: held.take(joint, float) for joint in held.values},
+        check=cast("Check | None", given.get("check")),
+        packages=[folder / name for name in own.texts("packages")],
+        xacro_args=own.take("xacro_args", dict, {}),
+        density=own.positive("density", float) if "density" in own.values else None,
+    )
+    if "length" not in own.values:
+        return arm
+    return arm.replace(task=Task(arm.task.names, own.positive("length", float)))
+
+
+def fingerprint(arm: SpaceArm) -> str:
+    """Return the SHA-256 of links and joints as URDF, without their visuals."""
+    return hashlib.sha256(document(replace(arm.tree, visuals={}), arm.tips)).hexdigest()

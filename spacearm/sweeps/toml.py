@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -55,6 +55,36 @@ class Table:
             raise self.fail(key, f"give {name.get(kind, kind.__name__)}")
         return value
 
+    def choice(self, key: str, valid: Sequence[T], default: T) -> T:
+        """Return the value of a key, one of some texts."""
+        value = self.values.get(key, default)
+        for each in valid:
+            if value == each:
+                return each
+        raise self.fail(key, unknown(key, value, [str(each) for each in valid]))
+
+    def inner(self, key: str) -> Table:
+        """Return the table that a key has, an empty one if the key is missing."""
+        return Table(f"{self.where}: {key}", self.values.get(key, {}))
+
+    def texts(self, key: str) -> list[str]:
+        """Return the value of a key, a list of texts, an empty one if the key is missing."""
+        listed = self.take(key, list, [])
+        if not all(isinstance(text, str) for text in listed):
+            raise self.fail(key, "give a list of texts")
+        return listed
+
+    def numbers(self, key: str, default: list[float] | None = None) -> Array:
+        """Return the value of a key, a number or a list of them, as an array (m,)."""
+        value = self.values.get(key, default)
+        listed = value if isinstance(value, list) else [value]
+        if not listed or any(type(number) not in (int, float) for number in listed):
+            raise self.fail(key, "give a number, or a list of numbers")
+        numbers = np.array(listed, dtype=np.float64)
+        if not (np.abs(numbers) <= LARGEST).all():
+            raise self.fail(key, f"give numbers up to {LARGEST:g}")
+        return numbers
+
     def positive(self, key: str, kind: type[T], default: T | None = None) -> T:
         """Return the value of a key, a number above zero."""
         value: Any = self.take(key, kind, default)
@@ -66,7 +96,7 @@ class Table:
         """Return (m,) different finite numbers, given as a list or as {from, to, points}."""
         value = self.values.get(key)
         if isinstance(value, Mapping):
-            ends = Table(f"{self.where}: {key}", value)
+            ends = self.inner(key)
             ends.knows(*AXIS)
             points = ends.positive("points", int)
             if points > MOST_POINTS:

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 STUDY = """
-arms = ["planar2", {model = "chaser7", name = "chaser", locked = {joint_7 = 0}}]
+arms = ["planar2", {source = "chaser7", name = "chaser", locked = {joint_7 = 0}}]
 seed = 3
 chunk = 4096
 
@@ -16,7 +16,7 @@ base_inertia = [1, 3]
 
 [risk]
 sigma_min = 0.2
-radius = {from = 0, to = 6, points = 7}
+bins = {from = 0, to = 6, points = 7}
 samples = 80_000
 
 [sigma_min]

@@ -18,8 +18,8 @@ import spacearm as sa
 
 pytest.importorskip("distributed")  # which needs Python 3.11
 
-from spacearm.sweeps.dask import connect
 from spacearm.sweeps.runner import run_chunks, status
+from spacearm.sweeps.workers import connect
 
 
 class Dask:
@@ -131,7 +131,7 @@ def test_workers_and_scheduler_are_killed_in_mid_run(study, whole, tmp_path):
 @pytest.mark.slow
 def test_failures_there_are_recorded(running, tmp_path):
     _, client = running
-    flat = '{model = "planar2", name = "flat", task = "x z"}'
+    flat = '{source = "planar2", name = "flat", task = "x z"}'
     study = sa.Study.parse(f"arms = [{flat}]\n[shells]\n[sigma_min]\njoints.q2 = [0.5, 1.0]")
     with pytest.raises(sa.SweepError, match="1 of 2 chunks") as caught:
         sa.sweep(study, tmp_path / "s.zarr", client=client)
@@ -172,7 +172,7 @@ def _block(store):
 
 
 def test_no_scheduler(tmp_path, monkeypatch):
-    monkeypatch.setattr("spacearm.sweeps.dask.PATIENCE", 0.3)
+    monkeypatch.setattr("spacearm.sweeps.workers.PATIENCE", 0.3)
     with pytest.raises(sa.StoreError, match="no Dask scheduler at"):
         connect("tcp://127.0.0.1:9")
     for address in ("nonsense", "nonsense://here", "", "tcp://", "tls://127.0.0.1:9", "inproc://x"):
@@ -187,7 +187,7 @@ def test_no_scheduler(tmp_path, monkeypatch):
 @pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 50, None])
 def test_something_else_that_listens_is_no_scheduler(said, monkeypatch):
     """It says nothing, or something else, or hangs up."""
-    monkeypatch.setattr("spacearm.sweeps.dask.PATIENCE", 1)
+    monkeypatch.setattr("spacearm.sweeps.workers.PATIENCE", 1)
     kept = []
 
     def accept(listener):

@@ -20,11 +20,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import spacearm as sa
+from spacearm.sweeps.quantities import boxes
 from spacearm.sweeps.runner import estimate, run_chunks, status
 from spacearm.sweeps.store import Store, dataset
 from spacearm.sweeps.study import Chunk
-from spacearm.sweeps.tiles import boxes
-from spacearm.sweeps.worker import do
+from spacearm.sweeps.workers import do
 
 zarr = pytest.importorskip("zarr")  # which needs Python 3.11
 
@@ -254,11 +254,11 @@ def test_disk_full(study_file, whole, tmp_path):
 def test_failed_chunks_are_recorded_and_the_rest_goes_on(tmp_path):
     """An arm that is singular everywhere has no shells; its risk is computed all the same."""
     text = """
-    arms = [{model = "planar2", name = "flat", task = "x z"}, "planar2"]
+    arms = [{source = "planar2", name = "flat", task = "x z"}, "planar2"]
     [shells]
     [risk]
     sigma_min = 0.1
-    radius = [0, 9]
+    bins = [0, 9]
     samples = 99
     """
     (tmp_path / "s.toml").write_text(text)
@@ -299,7 +299,7 @@ def test_a_chunk_that_fails_once_is_tried_again(study, tmp_path, monkeypatch):
         def close(self):
             pass
 
-    monkeypatch.setattr(sys.modules["spacearm.sweeps.runner"], "_pool", Stumbling)
+    monkeypatch.setattr(sys.modules["spacearm.sweeps.runner"], "_workers", Stumbling)
     tallies = list(run_chunks(study, tmp_path / "s.zarr"))
     assert tallies[-1] == (0, 88, 0, 88)
     assert tried.count(Chunk("risk", 5)) == 2
@@ -391,7 +391,7 @@ def test_plan_status_and_dry_run(study, study_file, whole, tmp_path):
     ("old", "new", "error", "message"),
     [
         ('"planar2"', '"planar9"', sa.ModelError, "planar9"),
-        ('"planar2", {', '{model = "planar2", nam = "x"}, {', sa.ConfigurationError, "name"),
+        ('"planar2", {', '{source = "planar2", nam = "x"}, {', sa.ConfigurationError, "name"),
         ('name = "chaser"', 'name = "planar2"', sa.ConfigurationError, "two are named"),
         ("seed = 3", "seed = -1", sa.ConfigurationError, "from 0 on"),
         ("seed = 3", "seed = 3.5", sa.ConfigurationError, "whole number"),
@@ -497,7 +497,7 @@ def test_arms_of_a_study_in_xacro(tmp_path):
     text = robot(*two_links()).replace("<robot", f"<robot {xacro}").replace('"50.0"', '"$(arg m)"')
     include = '<xacro:include filename="$(find bodies)/bodies.xacro"/></robot>'
     (tmp_path / "robot" / "arm.xacro").write_text(text.replace("</robot>", include))
-    study = """arms = [{model = "robot/arm.xacro", packages = ["lib"], xacro_args = {m = 70},
+    study = """arms = [{source = "robot/arm.xacro", packages = ["lib"], xacro_args = {m = 70},
       density = 1000, task = "x"}]\n[shells]"""
     study = study.replace("\n      ", " ")  # TOML: one line
     assert sa.Study.parse(study, tmp_path).arms["arm"].mass == 71.0

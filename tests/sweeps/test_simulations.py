@@ -19,7 +19,7 @@ base_inertia = [1, 2]
 [simulation]
 target = [1.5, 1.5]
 gains = {kp = 5, kd = 15}
-start = [-1.011, 1.053]
+q = [-1.011, 1.053]
 spread = 0.02
 attitude = [0, 0, 0.3665]
 duration = 8.0
@@ -81,10 +81,10 @@ def test_the_store_is_the_same_whole_and_resumed(study, tmp_path):
     [
         ("kp = 5, ", "", "kp"),
         ("[1.5, 1.5]", "[1.5]", "task"),
-        ("[-1.011, 1.053]", "[0.1]", "start"),
+        ("[-1.011, 1.053]", "[0.1]", "q is"),
         ("spread = 0.02", "spread = -1", "spread"),
         ("runs = 5", "runs = 0", "runs"),
-        ("duration = 8.0", 'law = "optimal"', "law"),
+        ("duration = 8.0", 'controller = "optimal"', "controller"),
         ("duration = 8.0", 'limits = ["speed"]', "limits"),
     ],
 )

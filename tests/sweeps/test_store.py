@@ -1,19 +1,14 @@
 """Stores that somebody else has had in hand, and sweeps that begin or end at an awkward moment."""
 
-import gc
 import json
 import os
 import shutil
-import subprocess
-import sys
 import threading
 
 import pytest
-from helpers.commands import Finished, complaints
 from helpers.sweeps import STUDY, files, run, start
 
 import spacearm as sa
-from spacearm.sweeps.processes import Process, command
 from spacearm.sweeps.runner import run_chunks
 from spacearm.sweeps.store import Store, dataset
 from spacearm.sweeps.toml import meaning
@@ -30,7 +25,7 @@ joints.q1 = {from = -3, to = 3, points = 4}
 """Two chunks."""
 
 
-RISK = "[risk]\nsigma_min = 1\nradius = [0, 1]\nsamples = "
+RISK = "[risk]\nsigma_min = 1\nbins = [0, 1]\nsamples = "
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +100,7 @@ def test_no_more_is_read_than_numbers_take(small, store):
 def test_packed_files_say_how_long_they_are(size):
     from numcodecs.zstd import compress
 
-    from spacearm.sweeps.files import unpacked
+    from spacearm.sweeps.store_files import unpacked
 
     assert unpacked(compress(bytes(size), 1)) == size
     assert unpacked(bytes(size)) == size
@@ -249,43 +244,6 @@ def test_two_sweeps_begin_together(whole, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_worker_takes_nothing_from_the_current_folder(tmp_path):
-    for name in ("runpy", "json", "numpy", "spacearm"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit('from the current folder')")
-    found = os.pathsep.join(filter(None, sys.path))
-    run = subprocess.run(
-        command("spacearm.sweeps.processes"), cwd=tmp_path, input="",
-        env=os.environ | {"PYTHONPATH": found}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert "from the current folder" not in run.stderr
-
-
-@pytest.mark.slow
-def test_a_worker_whose_main_process_is_gone_says_nothing(small, tmp_path):
-    Store.create(tmp_path / "s.zarr", small)
-    orders = [(small.recipe, str(tmp_path / "s.zarr")), next(small.chunks())]
-    worker = subprocess.Popen(
-        [sys.executable, "-m", "spacearm.sweeps.processes"], text=True,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
-    worker.stdout.close()
-    worker.stdin.write("".join(json.dumps(order) + "\n" for order in orders))
-    worker.stdin.close()
-    assert complaints(Finished(0, "", worker.stderr.read())) == []
-    worker.wait(timeout=60)
-    worker.stderr.close()
-
-
-def test_a_worker_that_ended_before_it_was_asked_leaves_nothing_open(small, tmp_path):
-    worker = Process(small.recipe, str(tmp_path / "s.zarr"))
-    worker.kill()
-    os.waitid(os.P_PID, worker.pid, os.WEXITED | os.WNOWAIT)
-    assert worker.ask(next(small.chunks())) is None
-    assert worker.end() == "signal 9"
-    gc.collect()  # an open pipe would warn
-
-
-@pytest.mark.slow
 def test_the_command_says_what_is_wrong_with_a_store(store, tmp_path):
     (store / "chunks" / "sigma_min" / "c" / "0").unlink()
     os.mkfifo(store / "chunks" / "sigma_min" / "c" / "0")
@@ -297,7 +255,7 @@ def test_the_command_says_what_is_wrong_with_a_store(store, tmp_path):
 
 
 def test_the_extra_is_named_where_zarr_is_missing(small, store, monkeypatch):
-    monkeypatch.setattr("spacearm.sweeps.layout.find_spec", lambda _: None)
+    monkeypatch.setattr("spacearm.sweeps.store.find_spec", lambda _: None)
     for there in (store, store / "new"):
         with pytest.raises(sa.UnsupportedError, match=r"pip install 'spacearm\[sweep\]'"):
             sa.sweep(small, there)

@@ -3,14 +3,14 @@
 import pytest
 
 import spacearm as sa
-from spacearm.sweeps.study_arms import fingerprint, read_arms
+from spacearm.sweeps.study import fingerprint, read_arms
 from spacearm.sweeps.toml import parse
 
 pytest.importorskip("tomllib")  # Python 3.10 has none
 
 
 def read(tmp_path, joints: str) -> sa.SpaceArm:
-    text = f'arms = [{{model = "dual_ur5", {joints}}}]'
+    text = f'arms = [{{source = "dual_ur5", {joints}}}]'
     return read_arms(parse(text), tmp_path)["dual_ur5"]
 
 

@@ -18,7 +18,7 @@ from mutations import HOSTILE, mutated, renamed, urdf_sources
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
     import spacearm.cli.views
-    import spacearm.sweeps.processes
+    import spacearm.sweeps.runner
     import spacearm.viewer.viewer
     from spacearm.cli import app as cli
 from spacearm.description.model_catalogue import models_folder
@@ -98,7 +98,7 @@ def commands(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
 
 def spoken(words: list[str]) -> tuple[int, str, str]:
     """Exit code, output and complaints of the command line, nothing served, nothing started."""
-    spacearm.sweeps.processes.Processes = Here
+    spacearm.sweeps.runner.Processes = Here
     spacearm.cli.views.serve_until_interrupted = lambda *_: None
     out, err = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.StringIO()
     sys.argv = ["spacearm", *words]

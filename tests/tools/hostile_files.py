@@ -19,12 +19,12 @@ from hostile import FaultError
 from mutations import HOSTILE, altered, changed_text
 
 import spacearm as sa
-import spacearm.sweeps.processes
+import spacearm.sweeps.runner
 from spacearm.collisions.separation import Collisions
 from spacearm.plots.motions import draw_motion
 from spacearm.sweeps.runner import status
 from spacearm.sweeps.study import Chunk, Recipe
-from spacearm.sweeps.worker import do
+from spacearm.sweeps.workers import do
 
 # --- studies and their stores ---------------------------------------------------------------
 
@@ -37,7 +37,7 @@ base_inertia = [1, 3]
 
 [risk]
 sigma_min = 0.2
-radius = [0, 1, 6]
+bins = [0, 1, 6]
 samples = 16
 
 [sigma_min]
@@ -80,7 +80,7 @@ def studies(rng: np.random.Generator, folder: Path, _: set[str]) -> None:
 
 def stores(rng: np.random.Generator, folder: Path, named: set[str]) -> None:
     """A study computed, its store damaged, the same study and another one computed into it."""
-    spacearm.sweeps.processes.Processes = Here
+    spacearm.sweeps.runner.Processes = Here
     named.add("run.zarr")
     text = changed_lines(TINY, rng) if rng.random() < 0.4 else TINY
     study = sa.Study.parse(text, folder)
