@@ -29,8 +29,8 @@ from spacearm.motion.controllers import (
     TransposedJacobian,
 )
 from spacearm.motion.goal import goal_of
-from spacearm.motion.plant import Plant
-from spacearm.motion.simulation import FAILURES, Integration, simulate_many
+from spacearm.motion.plant import Integration, Plant
+from spacearm.motion.simulation import FAILURES, simulate_many
 from spacearm.singularities.risk import check_slides, risk_profile
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures

@@ -27,8 +27,7 @@ from spacearm.motion.controllers import Controller
 from spacearm.motion.events import EVENTS
 from spacearm.motion.flights import Flight, Grasp, Phase, Release, simulate_phases
 from spacearm.motion.goal import goal_of
-from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench
-from spacearm.motion.simulation import Integration
+from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold, Wrench
 from spacearm.sweeps.toml import Table, parse
 
 LAW = ("law", "target", "earthbound", *sorted({name for names in MORE.values() for name in names}))

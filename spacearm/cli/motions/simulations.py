@@ -45,8 +45,8 @@ from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
-from spacearm.motion.plant import PassiveJoint, Plant, WheelHold
-from spacearm.motion.simulation import Integration, simulate
+from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold
+from spacearm.motion.simulation import simulate
 
 MOST = 10
 """Number of events that are printed."""
