@@ -7,7 +7,7 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -26,10 +26,12 @@ from rich.progress import (
 )
 from rich.segment import Segment
 from rich.table import Column, Table
+from rich.text import Text
 
-from spacearm.cli.wording import INTERRUPTED
+from spacearm.cli.wording import INTERRUPTED, in_own_words
 from spacearm.errors import UNPRINTABLE, ConfigurationError, StoppedError, printable, unknown
 from spacearm.files import name_part, write
+from spacearm.results import Angles, Description, Tone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,6 +63,9 @@ ROUNDING = 1e-12
 """Joint positions up to this [rad] or [m] print as 0."""
 FIRST, EVERY = 2.0, 10.0
 """Seconds after which a command tells what it does where stderr is no terminal, and how often."""
+STYLES: Mapping[Tone, str] = {
+    "": "", "good": "bold green", "caution": "bold yellow", "bad": "bold red"
+}  # fmt: skip
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -164,6 +169,39 @@ def heading(text: str) -> None:
 def unit_power(unit: str, power: int) -> str:
     """Return a unit to a power, as in (m/rad)^2."""
     return unit if power == 1 else f"({unit})^{power}"
+
+
+def print_result(result: Any, *, deg: bool = False, as_json: bool = False) -> None:
+    """Print a result: as JSON, or what its description holds.
+
+    Args:
+        result: The result.
+        deg: Whether angles are printed in degrees; JSON has radians.
+        as_json: Whether to print JSON.
+    """
+    if as_json:
+        print_json(result.to_dict())
+    else:
+        print_description(result.describe(), deg)
+
+
+def print_description(said: Description, deg: bool = False) -> None:
+    """Print title and verdict, notes, tables and what was not checked."""
+    angles: Angles = "deg" if deg else "rad"
+    verdict = f": {in_own_words(said.verdict)}" if said.verdict else ""
+    out.print(Text.assemble((said.title, "bold"), (verdict, STYLES[said.tone])))
+    for note in said.notes:
+        out.print(in_own_words(note))
+    for part in said.parts:
+        if part.title:
+            heading(in_own_words(part.title))
+        if part.rows:
+            rows = table(*part.head(angles))
+            for row in part.body(angles):
+                rows.add_row(*map(in_own_words, row))
+            out.print(rows)
+    if said.limits:
+        out.print(said.limits)
 
 
 def rotation(values: npt.ArrayLike, deg: bool) -> str:

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.text import Text
 
 from spacearm.arrays import Array
 from spacearm.cli.options import (
@@ -20,30 +19,25 @@ from spacearm.cli.options import (
     spacecraft_pose,
 )
 from spacearm.cli.output import (
-    component,
-    heading,
     joint_value,
-    number,
     out,
     print_json,
+    print_result,
     table,
-    unit_power,
-    vector,
     working,
 )
-from spacearm.errors import ConfigurationError, UnsupportedError, listed
+from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.files import read
 from spacearm.mechanics.batch import evaluate
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
 from spacearm.singularities.nearest import GLOBAL_DIMENSION
-from spacearm.singularities.report import IN_WORDS, TOLERANCE, SingularityReport, angle, singularity
+from spacearm.singularities.report import TOLERANCE, angle, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 
 SINGULAR = 3
 """Exit code of --fail-on-singular."""
-STYLE = {"regular": "bold green", "kinematic": "bold yellow", "dynamic": "bold red"}
 
 
 @on_a_model
@@ -84,10 +78,7 @@ def report_singularity(
         report = singularity(
             cfg, mode=mode.value, tolerance=float(within), exact=not first_order, progress=told
         )
-    if as_json:
-        print_json(report.to_dict())
-    else:
-        _print(report, deg)
+    print_result(report, deg=deg, as_json=as_json)
     return SINGULAR if fail_on_singular and report.kind != "regular" else 0
 
 
@@ -224,76 +215,3 @@ def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
             f"each with {arm.n} finite joint values: {', '.join(arm.joint_names)}"
         )
     return np.where(arm.slides, Q, np.radians(Q)) if deg else Q
-
-
-def _slope_unit(arm: SpaceArm) -> str:
-    joint = "m" if arm.slides.all() else "rad or m" if arm.slides.any() else "rad"
-    return f"{arm.sigma_unit} per {joint}"
-
-
-def _radius(cfg: Configuration) -> float:
-    return float(np.linalg.norm(cfg.tip.translation - cfg.com))
-
-
-def _print(report: SingularityReport, deg: bool) -> None:
-    cfg = report.configuration
-    arm, task = cfg.arm, cfg.arm.task
-    k = task.k
-    lost = "" if report.rank == k else f", {k - report.rank} of {k} directions lost"
-    outside = f"; outside its limits: {listed(names)}" if (names := cfg.outside_limits) else ""
-    out.print(
-        Text.assemble(
-            (arm.name, "bold"),
-            f", {report.mode}: ",
-            (report.verdict, STYLE[report.kind]),
-            lost,
-            (outside, "bold red"),
-        )
-    )
-    if report.way_out:
-        out.print(f"To get away, per degree: {report.way_out}")
-    out.print(IN_WORDS, style="dim")
-
-    heading("Posture")
-    nearest = [] if report.nearest is None else ["nearest singular"]
-    joints = table("joint", "q", *nearest, f"dsigma_min/dq [{_slope_unit(arm)}]", "")
-    for j, name in enumerate(arm.joint_names):
-        postures = (cfg.q,) if report.nearest is None else (cfg.q, report.nearest)
-        values = (joint_value(q[j], arm.tree.joints[name].kind, deg) for q in postures)
-        limited = "outside its limits" if name in cfg.outside_limits else ""
-        joints.add_row(name, *values, number(report.gradient[j], 4), limited)
-    out.print(joints)
-
-    heading("Tip")
-    facts = table("", "")
-    facts.add_row("position, spacecraft at the origin", f"{vector(cfg.tip.translation)} m")
-    facts.add_row("position from the system CM", f"{vector(cfg.tip.translation - cfg.com)} m")
-    facts.add_row("distance R from the system CM", f"{number(_radius(cfg))} m")
-    if report.sigma_min <= report.error:
-        error = f"{number(report.error)} {arm.sigma_unit}"
-        facts.add_row("sigma_min may be zero", f"rounding errors are up to {error}")
-    facts.add_row("sigma_min", f"{number(report.sigma_min)} {arm.sigma_unit}")
-    facts.add_row("condition (ratio)", number(report.condition))
-    volume = unit_power(arm.sigma_unit, k)
-    facts.add_row("manipulability", f"{number(report.manipulability)} {volume}")
-    if report.determinant is not None:
-        facts.add_row("determinant", f"{number(report.determinant)} {volume}")
-    if report.length is not None:
-        facts.add_row("linear rows divided by", f"{number(report.length)} m")
-    out.print(facts)
-
-    inertial = np.allclose(report.axes, np.eye(3))
-    axes = "inertial" if inertial else "task"
-    heading(f"Directions, {axes} axes, singular values in {arm.sigma_unit}")
-    directions = table("", "sigma", *task.rows)
-    for i, direction in enumerate(np.hstack((report.available, report.lost)).T):
-        label, style = ("available", "green") if i < report.rank else ("lost", "red")
-        components = (component(x) for x in direction)
-        directions.add_row(label, number(report.sigma[i], 4), *components, style=style)
-    out.print(directions)
-    if report.null_space.size:
-        heading("Joint motions that leave the tip at rest")
-        still = table(*arm.joint_names)
-        for motion in report.null_space.T:
-            still.add_row(*(component(x) for x in motion))
-        out.print(still)

@@ -12,6 +12,8 @@ OPTIONS = {
     r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
     r"(limits|collisions)=False": r"--no-\1",
     r'check="(\w+)"': r"--check \1",
+    r'joints="all"': "--joints all",
+    r"tip=LINK": "--tip LINK",
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1 --length METRES",
     r"\bdensity=(?!\w)": "--density RHO",
     r"\bfinal_attitude\b": "--final-attitude",

@@ -22,6 +22,7 @@ from spacearm.cli.output import (
     kept,
     out,
     picture_path,
+    print_description,
     print_json,
     table,
     working,
@@ -32,7 +33,7 @@ from spacearm.files import read
 from spacearm.model.arm import SpaceArm
 from spacearm.singularities.report import angle
 from spacearm.singularities.risk import risk_profile
-from spacearm.workspaces.path_dependent import EFFORT, Workspace, workspace
+from spacearm.workspaces.path_dependent import EFFORT, workspace
 
 EFFORT_HELP = (
     f"Number of singular configurations that the search starts from, {EFFORT:,} if not given; only "
@@ -81,14 +82,14 @@ def compute_workspace(
     )
     if effort is not None and result.effort == 0:
         err.print("spacearm: note: --effort does not count: the bounds of this arm are proven")
-    free, more = free and not code, {}
-    if free:
+    more = {}
+    if free and not code:
         with working("the free workspace"):
             more = {"free": plain(result.free)}
     if as_json:
         print_json(result.to_dict() | more)
     else:
-        _print(result, free)
+        print_description(result.describe())
     if output or not (as_json or view):
         from spacearm.plots.workspaces import draw_workspace  # imports matplotlib
 
@@ -164,32 +165,6 @@ def compute_risk(
         if not as_json:
             out.print(f"wrote {where}")
     return code
-
-
-def _print(result: Workspace, free: bool) -> None:
-    size = "area [m²]" if result.planar else "volume [m³]"
-    how: str = result.kind
-    if result.kind == "certified":
-        how = f"proven to {result.gap:.1g} m"
-    elif result.effort:
-        how += f" from {result.effort:,} singular configurations (--effort)"
-    if result.kind == "found":
-        how += f", proven to {result.gap:.3g} m"
-    out.print(f"{result.arm.name}, {result.mode}: distances of the tip from the system CM ({how})")
-    rows = table("workspace", "from [m]", "to [m]", size)
-    sizes = result.volumes
-    for label, name in (
-        ("reachable", "reachable"), ("path dependent", "pdw"),
-        ("path independent", "piw"), *([("free", "free")] if free else []),
-    ):  # fmt: skip
-        radii: Array = getattr(result, name)
-        for i, (low, high) in enumerate(radii):
-            amount = f"{sizes[name]:.7g}" if i == 0 and name in sizes else ""
-            rows.add_row(label if i == 0 else "", f"{low:.7f}", f"{high:.7f}", amount)
-        if not len(radii):
-            rows.add_row(label, "none", "", "")
-    out.print(rows)
-    out.print(f"path independent share of the reachable workspace: {result.fraction:.2%}")
 
 
 def _points(path: Path) -> Array:

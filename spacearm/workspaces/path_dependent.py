@@ -19,11 +19,20 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, Result, finite, named, plain, shape_of, whole
+from spacearm.arrays import (
+    Array,
+    Progress,
+    finite,
+    named,
+    plain,
+    shape_of,
+    whole,
+)
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
+from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre
 from spacearm.singularities.risk import RiskProfile, risk_profile
@@ -41,6 +50,7 @@ from spacearm.workspaces.shells import (
     merged,
     prove,
     shell_about,
+    without,
 )
 
 UPRIGHT = 1.0 - 1e-9
@@ -298,6 +308,34 @@ class Workspace(Result):
         own = {name: value for name, value in super().to_dict().items() if name != "proof"}
         return own | plain({sizes: self.volumes, "fraction": self.fraction})
 
+    def describe(self) -> Description:
+        """Describe reachable, path dependent and path independent distances, and how sure they are.
+
+        The free workspace is among them where it has been computed.
+        """
+        how: str = self.kind
+        if self.effort:
+            how += f" from {self.effort:,} singular configurations"
+        if self.kind != "stopped":
+            how += f", proven to {self.gap:.3g} m"
+        ranges = {"reachable": self.reachable, "path dependent": self.pdw,
+                  "path independent": self.piw}  # fmt: skip
+        if "free" in vars(self):
+            ranges["free"] = self.free
+        rows: list[tuple[Cell, ...]] = []
+        for name, radii in ranges.items():
+            sizes = [self._volume(radii), *[None] * len(radii)]
+            rows += [(name, *ends, size) for ends, size in zip(radii, sizes, strict=False)]
+            rows += [(name, "none", "", "")] if not len(radii) else []
+        size = Column("area", "m²", ".7g") if self.planar else Column("volume", "m³", ".7g")
+        distances = (Column("from", "m", ".7f"), Column("to", "m", ".7f"))
+        return Description(
+            title=f"{self.arm.name}, {self.mode}",
+            verdict=f"{self.fraction:.2%} of the reachable workspace is path independent",
+            notes=[f"distances of the tip from the system CM ({how})"],
+            tables=[Table(("workspace", *distances, size), rows)],
+        )
+
     def __repr__(self) -> str:
         def text(radii: Array) -> str:
             return " ".join(f"[{low:.7g}, {high:.7g}]" for low, high in radii) or "none"
@@ -364,7 +402,7 @@ def workspace(
         pdw = merged([shell.radius for shell in shells])
         kind: Kind = "stopped"
         if proof is not None:
-            gap = max(gap, float(np.diff(proof.missing(pdw)).max(initial=0.0)))
+            gap = max(gap, float(np.diff(without(pdw, proof.radii)).max(initial=0.0)))
             kind = "certified" if gap <= max(TOLERANCE, SMALL * farthest) else "found"
         return Workspace(
             arm=arm,
@@ -372,7 +410,7 @@ def workspace(
             limits=limits,
             reachable=reachable,
             pdw=pdw,
-            piw=_outside(reachable[0], pdw),
+            piw=without(reachable, pdw, TOLERANCE),
             shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
             reachable_at=reach[0].at,
             kind=kind,
@@ -401,12 +439,6 @@ def workspace(
     except KeyboardInterrupt:
         why = "shells may be missing, or wider than found so far"
         raise StoppedError(why, known()) from None
-
-
-def _outside(whole: Array, parts: Array) -> Array:
-    """Return what sorted, disjoint parts leave of the whole, (k, 2)."""
-    edges = np.concatenate(([whole[0]], parts.ravel(), [whole[1]])).reshape(-1, 2)
-    return edges[edges[:, 1] - edges[:, 0] > TOLERANCE]
 
 
 def _within(R: float, radii: Array) -> bool:

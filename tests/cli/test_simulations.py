@@ -7,8 +7,9 @@ import pytest
 from helpers.commands import spacearm
 
 import spacearm as sa
-from spacearm.cli.motions.flights import fly, read_phases
+from spacearm.cli.motions.flights import fly
 from spacearm.cli.wording import join_numbers
+from spacearm.sweeps.motion_tables import read_phases
 
 FIGURE_5 = ["planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21]
 FIGURE_5 += ["--target", 1.5, 1.5, "--origin", "cm"]
@@ -86,31 +87,24 @@ def test_bad_input(tmp_path, words, message):
 
 FLIGHT = """
 [[phase]]
-law = "joints"
-target = [0.5, 0.6]
-kp = 4
-kd = 8
+controller = {law = "JointPD", target = [0.5, 0.6], kp = 4, kd = 8}
 duration = 4
-dt = 0.1
-grasp = {mass = 3.0, twist = [0.05, -0.08, 0, 0, 0, 0.3]}
+integration.dt = 0.1
+then.grasp = {mass = 3.0, twist = [0.05, -0.08, 0, 0, 0, 0.3]}
 
 [[phase]]
-target = [1.2, 0.9]
-kp = [5, 5]
-kd = 15
+controller = {law = "TransposedJacobian", target = [1.2, 0.9], kp = [5, 5], kd = 15}
 duration = 3
 period = 0.1
-dt = 0.1
-wrenches.spacecraft = {times = [0, 1], values = [[0, 2, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]}
-passive.q1 = {damping = 0.5}
-release = true
+integration.dt = 0.1
+plant.wrenches.spacecraft = {times = [0, 1], values = [[0, 2, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]}
+plant.passive.q1 = {damping = 0.5}
+then = "release"
 
 [[phase]]
-law = "damped"
-target = [1.2, 0.9]
-damping = 0.2
+controller = {law = "DampedLeastSquares", target = [1.2, 0.9], damping = 0.2}
 duration = 1
-dt = 0.1
+integration.dt = 0.1
 """
 
 
@@ -147,7 +141,13 @@ def test_phases_are_played(monkeypatch, capsys):
     assert shown[0].about()["motion"]["span"] == pytest.approx([0.0, 0.3])
 
 
-PD = "[[phase]]\nduration = 1\nlaw = 'joints'\ntarget = [0.3, 0.9]\nkp = 1\nkd = 1\n"
+PD = (
+    "[[phase]]\nduration = 1\ncontroller = {law = 'JointPD', target = [0.3, 0.9], kp = 1, kd = 1}\n"
+)
+
+
+def controller(words):
+    return f"[[phase]]\nduration = 1\ncontroller = {{{words}}}"
 
 
 @pytest.mark.parametrize(
@@ -155,18 +155,24 @@ PD = "[[phase]]\nduration = 1\nlaw = 'joints'\ntarget = [0.3, 0.9]\nkp = 1\nkd =
     [
         ("", "give one or more tables [[phase]]"),
         ("[[phase]]\nduration = 1\nspeed = 2", "unknown key 'speed'"),
-        ("[[phase]]\nduration = 1\nlaw = 'pd'\ntarget = [1, 1]", "unknown law 'pd'"),
-        ("[[phase]]\nduration = 1\nlaw = 'joints'\ntarget = [1, 1]", "joints needs kp and kd"),
-        ("[[phase]]\nduration = 1\ntarget = [1, 1]\ngain = 1", "transposed takes kp, kd"),
-        ("[[phase]]\ntarget = [1, 1]\nkp = 1\nkd = 1", "duration is 'missing'"),
+        (controller("law = 'pd', target = [1, 1]"), "unknown law 'pd'"),
+        (controller("target = [1, 1]"), "law is 'missing'"),
+        (controller("law = 'JointPD', target = [1, 1], kd = 1"), "kp is 'missing'"),
+        (controller("law = 'TransposedJacobian', target = [1], gain = 1"), "unknown key 'gain'"),
+        (PD.replace("duration = 1", ""), "duration is 'missing'"),
         ("phase = [", "flight.toml is not TOML"),
-        (PD + "wheels = {stiffness = 1}", "damping is 'missing'"),
-        (PD + "tips = {}", "leave it out"),
-        ("[[phase]]\nduration = 1\ntips = {}", "a table for each tip"),
-        (PD + "earthbound = true", "joints sees no Jacobian"),
-        (PD + "grasp = {mass = 1}\nrelease = true", "add a phase"),
-        (PD + "wrenches.spacecraft = {times = [0], values = [[1, 2]]}", "give 6 numbers each"),
-        (PD + "wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "growing times"),
+        (PD + "plant.wheels = {stiffness = 1}", "damping is 'missing'"),
+        (PD + "tips = {}", "unknown key 'tips'"),
+        (controller("left = {}"), "law is 'missing'"),
+        (PD.replace("kd = 1", "kd = 1, mode = 'fixed'"), "unknown key 'mode'"),
+        (PD + "then = {grasp = {mass = 1}, release = true}", "unknown key 'release'"),
+        (PD + "then = 'grasp'", 'give "release" or {grasp'),
+        (PD + "plant.limits = 1", "give true or false"),
+        (
+            PD + "plant.wrenches.spacecraft = {times = [0], values = [[1, 2]]}",
+            "give 6 numbers each",
+        ),
+        (PD + "plant.wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "growing times"),
     ],
 )
 def test_a_bad_file_of_phases_is_refused(tmp_path, text, message):
@@ -179,8 +185,9 @@ def test_a_bad_file_of_phases_is_refused(tmp_path, text, message):
 
 def test_each_of_two_tips_may_have_a_law(tmp_path):
     pytest.importorskip("tomllib")
-    laws = "law = 'joints'\nkp = 20\nkd = 30\ntarget = [" + "0.1," * 12 + "]\n"
-    text = f"[[phase]]\nduration = 2\n[phase.tips.left]\n{laws}[phase.tips.right]\n{laws}"
+    laws = "law = 'JointPD'\nkp = 20\nkd = 30\ntarget = [" + "0.1," * 12 + "]\n"
+    text = f"[[phase]]\nduration = 2\n[phase.controller.left]\n{laws}"
+    text += f"[phase.controller.right]\n{laws}"
     (tmp_path / "flight.toml").write_text(text, encoding="utf-8")
     arm = sa.load("dual_ur5", tip=("left", "right"))
     phase = read_phases(tmp_path / "flight.toml", arm)[0]

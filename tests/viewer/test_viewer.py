@@ -28,7 +28,7 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer import pictures, scene, stage
+    from spacearm.viewer import layers, pictures, stage
     from spacearm.viewer import viewer as pages
     from spacearm.viewer.session import Session
     from spacearm.viewer.shapes import shapes
@@ -569,13 +569,8 @@ def test_prismatic_and_branched_arms_have_a_scene(tmp_path):
 
 
 def recorded(viewer, path, kind="visible"):
-    node = viewer.window._tree["spacearm"]
-    for part in path.split("/"):
-        node = node[part]
-    import umsgpack
-
-    return {umsgpack.unpackb(data)["property"]: umsgpack.unpackb(data)["value"]
-            for _, data in node.properties}[kind]  # fmt: skip
+    key = Key(("spacearm", *path.split("/")), kind)
+    return umsgpack.unpackb(viewer.window._scene[key])["value"]
 
 
 def test_the_lost_direction_appears_at_the_singularity_only(viewer):
@@ -597,7 +592,7 @@ def test_layers_and_shells(viewer):
         viewer.layer("shell", True)
     with pytest.raises(sa.ConfigurationError, match="shell radius is -1"):
         viewer.shells([-1])
-    assert set(scene.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
+    assert set(layers.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
                                  "tip frame", "ellipsoid", "directions", "shells", "risk", "trace",
                                  "attitudes", "obstacles", "goal", "comparison",
                                  "wheels", "wrenches"}  # fmt: skip

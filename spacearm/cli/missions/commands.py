@@ -27,6 +27,7 @@ from spacearm.cli.output import (
     out,
     picture_path,
     print_json,
+    print_result,
     table,
     vector,
     working,
@@ -36,7 +37,7 @@ from spacearm.cli.wording import join_numbers
 from spacearm.errors import ConfigurationError
 from spacearm.mission.attitude_search import ENDS
 from spacearm.mission.attitudes import MARGIN, FeasibleAttitudes, feasible_attitudes
-from spacearm.mission.reactions import PERCENTILES, Reaction, WheelSizing, reaction, size_wheels
+from spacearm.mission.reactions import Reaction, reaction, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import NEAR
@@ -169,10 +170,7 @@ def size_wheels_of(
             seed=seed,
             progress=progress,
         )
-    if as_json:
-        print_json(found.to_dict())
-    else:
-        _print_wheels(found)
+    print_result(found, deg=deg, as_json=as_json)
     _draw(found, output, arm.name, "wheels", quiet=as_json, silent=as_json)
 
 
@@ -271,20 +269,6 @@ def _print_reaction(found: Reaction) -> None:
         f"floating, {what} turns by up to {np.degrees(found.pointing.max()):.4g}°, at up to "
         f"{np.degrees(found.smear.max()):.4g}°/s"
     )
-
-
-def _print_wheels(found: WheelSizing) -> None:
-    out.print(repr(found))
-    rows = table("covered", *(f"{axis} [N m s]" for axis in AXES))
-    for percent in PERCENTILES:
-        each, whole = found.covering(percent)
-        rows.add_row(f"{percent:g} %", *(f"{value:.4g}" for value in each), f"{whole:.4g}")
-    out.print(rows)
-    if found.cases == "postures":
-        out.print(
-            f"left out: {found.left_out:.1%} of the postures drawn, within "
-            f"{np.degrees(found.near):.3g}° of a singularity of the held arm"
-        )
 
 
 def _three(option: str, text: str) -> Array:

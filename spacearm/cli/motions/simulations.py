@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import pinocchio as pin
 import typer
 
-from spacearm.cli.motions.flights import HOLD, fly, read_phases
+from spacearm.cli.motions.flights import fly
 from spacearm.cli.motions.laws import Law, gain_of, law_of
 from spacearm.cli.options import (
     AsJson,
@@ -27,14 +26,10 @@ from spacearm.cli.options import (
 )
 from spacearm.cli.output import (
     check_picture,
-    joint_value,
     out,
     picture_path,
-    print_json,
-    rotation,
+    print_result,
     say_stopped,
-    table,
-    vector,
     working,
 )
 from spacearm.cli.output import write_picture as write
@@ -43,13 +38,16 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
-from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold
 from spacearm.motion.simulation import simulate
+from spacearm.sweeps.motion_tables import read_phases
 
 MOST = 10
 """Number of events that are printed."""
+
+HOLD = ("stiffness", "damping", "torque", "capacity")
+"""What `--hold` gives, in this order."""
 
 
 @on_a_model
@@ -166,8 +164,8 @@ def simulate_motion(
     """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
     Events: singularity, "joint limit", target, "wheel full". Ctrl-C
-    ends the run and keeps what there is. A file of phases has tables [[phase]] with the options of
-    this command, by their names in Python, and grasp = {mass = ...} or release = true.
+    ends the run and keeps what there is. A file of phases has tables [[phase]] whose keys are those
+    of sa.Phase: controller, duration, then, plant, stop, period, delay, integration.
     """
     check_picture(output)
     if save:
@@ -216,12 +214,9 @@ def simulate_motion(
         )  # fmt: skip
     if save:
         run.save(save)
-    if as_json:
-        print_json(run.to_dict())
-    else:
-        _print(run, deg)
-        if save:
-            out.print(f"wrote {save}")
+    print_result(run, deg=deg, as_json=as_json)
+    if save and not as_json:
+        out.print(f"wrote {save}")
     if output or not (as_json or view):
         from spacearm.plots.motions import draw_motion
 
@@ -244,25 +239,3 @@ def _vectors(option: str, texts: list[str] | None) -> dict[str, tuple[float, ...
     """Parse NAME=X,Y,..., as often as given."""
     pairs = [text.partition("=") for text in texts or []]
     return {name: tuple(numbers(f"{option} {name}", values)) for name, _, values in pairs}
-
-
-def _print(run: Trajectory, deg: bool) -> None:
-    out.print(f"{run.arm.name}, {run.mode}: {run.t[-1]:.6g} s, ended by {run.ended}")
-    rows = table("event", "time [s]", *run.arm.joint_names, "")
-    kinds = [run.arm.tree.joints[name].kind for name in run.arm.joint_names]
-    for event in run.events[:MOST]:
-        q = (joint_value(x, kind, deg) for x, kind in zip(event.q, kinds, strict=True))
-        rows.add_row(event.kind, f"{event.t:.4f}", *q, event.detail)
-    if run.events:
-        out.print(rows)
-    if len(run.events) > MOST:
-        out.print(f"and {len(run.events) - MOST} more events")
-    end = run[-1]
-    sigma = f"{run.sigma_min[-1]:.4g} {run.arm.sigma_unit}"
-    out.print(f"tip at the end  {vector(end.tip.translation)} m, sigma_min {sigma}")
-    out.print(f"origin          {run.origin}")
-    out.print(f"attitude        {rotation(pin.log3(end.base.rotation), deg)}")
-    out.print(
-        f"balance         energy off by {run.imbalance:.1e}, momentum by {run.drift:.1e} of what "
-        "came and went"
-    )

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import pinocchio as pin
 import typer
 
 from spacearm.cli.options import (
@@ -29,10 +28,7 @@ from spacearm.cli.output import (
     err,
     out,
     picture_path,
-    print_json,
-    rotation,
-    table,
-    vector,
+    print_result,
     working,
     write_picture,
 )
@@ -46,7 +42,6 @@ from spacearm.planning.planner import detumble as find_detumbling
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
-from spacearm.singularities.report import angle
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
 
@@ -209,12 +204,9 @@ def plan_motion(
         return INTERRUPTED
     if save:
         found.save(save)
-    if as_json:
-        print_json(found.to_dict())
-    else:
-        _print(found, deg, "velocity and effort" if fastest else "velocity")
-        if save:
-            out.print(f"wrote {save}")
+    print_result(found, deg=deg, as_json=as_json)
+    if save and not as_json:
+        out.print(f"wrote {save}")
     if output or not (as_json or view):
         from spacearm.plots.motions import draw_motion  # imports matplotlib
 
@@ -249,25 +241,3 @@ def _shells(arm: SpaceArm) -> Workspace | None:
         return workspace(arm)
     except UnsupportedError:
         return None
-
-
-def _print(found: Plan, deg: bool, limits: str) -> None:
-    out.print(f"{found.arm.name}: planned by {found.method}; {in_own_words(found.checked)}")
-    rows = table("method", "", "")
-    for method, arrived, story in found.tried:
-        rows.add_row(method, "arrives" if arrived else "fails", story)
-    out.print(rows)
-    end = found[-1]
-    for name, tip in zip(found.arm.tips, end.tips, strict=True):
-        what = "tip at the end" if len(end.tips) == 1 else f"{name} at the end"
-        out.print(f"{what:<20}{vector(tip.translation)} m")
-    out.print(f"origin              {found.origin}")
-    out.print(f"attitude            {rotation(pin.log3(end.base.rotation), deg)}")
-    out.print(f"time                {found.t[-1]:.4g} s within the {limits} limits")
-    if found.wheel_load:
-        out.print(f"wheels              {found.wheel_load}")
-    out.print(f"clear by            {found.nearest}; asked for {angle(found.clearance)}")
-    if found.certificate is not None:
-        out.print(f"no singularity is met: {'proven' if found.certificate else 'NOT proven'}")
-    if found.apart:
-        out.print("no bodies meet: proven")
