@@ -183,7 +183,7 @@ def barycentric(cfg: Configuration) -> Barycentric:
     )  # (31)
     D_j = D_ij.sum(axis=0)  # (34b)
     D, Dq = D_j.sum(axis=0), np.einsum("jab,jbn->an", D_j, F)
-    cross = [_cross(v_iE) for v_iE in v_E]
+    cross = [pin.skew(v_iE) for v_iE in v_E]
     J11, J22 = -sum(cross, np.zeros((3, 3))), F[tip]  # (34a)
     J12 = -sum((cross[i] @ F[i] for i in range(1, N + 1)), np.zeros(F[0].shape))
     r_cm = chain.T0 @ (chain.first_cm - rho[0]) + cfg.base.translation
@@ -200,12 +200,12 @@ def euler_parameters(axis: Array, angle: float) -> tuple[Array, float]:
 
 def attitude(e: Array, n: float) -> Array:
     """Return T_0 = (n^2 - e^T e) 1 + 2 e e^T + 2 n [e]x (3, 3), equations (27) and (29)."""
-    return (n * n - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * n * _cross(e)
+    return (n * n - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * n * pin.skew(e)
 
 
 def euler_parameter_rates(e: Array, n: float, w: Array) -> tuple[Array, float]:
     """Return edot = ([e]x + n 1) w / 2, ndot = -e^T w / 2 for w in spacecraft axes, (36)."""
-    return (_cross(e) @ w + n * w) / 2.0, float(-e @ w) / 2.0
+    return (pin.skew(e) @ w + n * w) / 2.0, float(-e @ w) / 2.0
 
 
 class _Chain:
@@ -262,9 +262,3 @@ class _Chain:
         self.first_cm = lever[0]
         *e, eta = pin.Quaternion(cfg.base.rotation).coeffs()
         self.T0 = attitude(np.array(e), eta)
-
-
-def _cross(a: Array) -> Array:
-    """Return [a]x, with [a]x b = a x b."""
-    x, y, z = a
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -432,8 +432,11 @@ def capture(
     rates = np.zeros(cfg.arm.n) if dq is None else dq
     before = generalized_velocity(cfg, rates)
     held = cfg.arm.grasp(mass, inertia, com).at(cfg.q, base=cfg.base)
-    M_t = _target(cfg, mass, inertia, com)
-    t = _at_tip(cfg, target_twist, com)
+    R = cfg.tip.rotation
+    lever, I = R @ np.asarray(com), np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
+    M_t = pin.Inertia(mass, lever, R @ I @ R.T).matrix()
+    t = finite(target_twist, (6,), "target_twist", "[linear [m/s]; angular [rad/s]]")
+    t[:3] -= np.cross(t[3:], lever)
     M, M_held = mass_matrix(cfg), mass_matrix(held)
     require_positive_definite(cfg.arm, M, "the mass matrix M")
     h = M @ before + cfg.J.T @ M_t @ t
@@ -450,19 +453,3 @@ def capture(
         impulse=-M_t @ dt,
         energy_lost=float(dv @ M @ dv + dt @ M_t @ dt) / 2.0,
     )
-
-
-def _target(
-    cfg: Configuration, mass: float, inertia: npt.ArrayLike | None, com: npt.ArrayLike
-) -> Array:
-    """Return M_t (6, 6), the target's spatial inertia at the tip frame's origin, inertial axes."""
-    R = cfg.tip.rotation
-    I = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
-    return pin.Inertia(mass, R @ np.asarray(com), R @ I @ R.T).matrix()
-
-
-def _at_tip(cfg: Configuration, target_twist: npt.ArrayLike, com: npt.ArrayLike) -> Array:
-    """Return t- (6,), the target's twist at the tip frame's origin, from that of its CM."""
-    t = finite(target_twist, (6,), "target_twist", "[linear [m/s]; angular [rad/s]]")
-    lever = cfg.tip.rotation @ np.asarray(com)
-    return np.concatenate((t[:3] - np.cross(t[3:], lever), t[3:]))

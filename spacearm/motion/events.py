@@ -14,7 +14,7 @@ from spacearm.mechanics.jacobian import singular_values
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import steady
-from spacearm.singularities.nearest import nearest_about
+from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.polynomials import NEVER
 
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
@@ -71,7 +71,7 @@ def clear_of_singularities(cfg: Configuration, mode: BaseMode, axes: Array | Non
     """Return the distance to the singular set less `NEAR` [rad], no more than 1."""
     distance = distance_at(cfg, mode, axes)
     if NEAR / DOUBTFUL < distance < DOUBTFUL * NEAR and is_exact(cfg.arm):
-        found = nearest_about(cfg.arm, mode, cfg.q)
+        found = nearest_locally(cfg.arm, mode, cfg.q)
         distance = distance if found is None else found[1]
     return min(distance, 1.0) - NEAR
 

@@ -47,7 +47,7 @@ from spacearm.motion.goal import (
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Description
-from spacearm.singularities.nearest import nearest_about
+from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.report import NO_INVERSE
 
 if TYPE_CHECKING:
@@ -273,7 +273,7 @@ class TipCurve:
             detail = arm.joint_names[int(np.minimum(arm.upper - q, q - arm.lower).argmin())]
         elif kind == "singularity" and not self.square:
             detail = f", {CLOSE}"
-            found = nearest_about(arm, self.mode, q) if is_exact(arm) else None
+            found = nearest_locally(arm, self.mode, q) if is_exact(arm) else None
             nearest = None if found is None else found[0]
         return Event(t, kind, q, detail, nearest)
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import MISSING, fields, replace
+from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any, get_args
 
@@ -68,25 +69,16 @@ def read_plant(table: Table) -> Plant:
         if name == "limits":
             options[name] = table.take(name, bool)
         elif name == "wheels":
-            held = table.inner(name)
-            options[name] = WheelHold(**{k: held.take(k, float) for k in _fields(held, WheelHold)})
+            options[name] = _of_numbers(table.inner(name), WheelHold)
+        elif name == "passive" and isinstance(table.values[name], str):
+            options[name] = table.take(name, str)
         elif name == "passive":
-            options[name] = _passive(table)
+            joints = table.inner(name)
+            options[name] = {j: _of_numbers(joints.inner(j), PassiveJoint) for j in joints.values}
         else:
             pushed = table.inner(name)
             options[name] = {link: _wrench(pushed, link) for link in pushed.values}
     return Plant(**options)
-
-
-def _passive(table: Table) -> dict[str, PassiveJoint] | str:
-    """Return springs, damping and friction by joint, or "described"."""
-    if isinstance(table.values["passive"], str):
-        return table.take("passive", str)
-    joints = table.inner("passive")
-    own = {name: joints.inner(name) for name in joints.values}
-    for one in own.values():
-        one.knows(*PassiveJoint._fields)
-    return {n: PassiveJoint(**{k: t.take(k, float) for k in t.values}) for n, t in own.items()}
 
 
 def _wrench(pushed: Table, link: str) -> Wrench:
@@ -173,12 +165,13 @@ def _then(table: Table) -> Grasp | Release | None:
     return Grasp(mass=body.positive("mass", float), **more)
 
 
+def _of_numbers(table: Table, kind: Any) -> Any:
+    """Return an object whose fields are all numbers."""
+    return kind(**{name: table.take(name, float) for name in _fields(table, kind)})
+
+
 def _fields(table: Table, kind: Any, *more: str) -> list[str]:
-    """Return which fields of a dataclass a table gives, or misses; refuse other keys."""
-    own = fields(kind)
-    table.knows(*more, *(f.name for f in own))
-    return [
-        f.name
-        for f in own
-        if f.name in table.values or (f.default is MISSING and f.default_factory is MISSING)
-    ]
+    """Return which fields of a class a table gives, or misses; refuse other keys."""
+    own = signature(kind).parameters
+    table.knows(*more, *own)
+    return [name for name, f in own.items() if name in table.values or f.default is f.empty]

@@ -16,8 +16,8 @@ from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, Origin
 from spacearm.planning.planner import plan
-from spacearm.planning.request import Constraints, Search
-from spacearm.planning.result import Joints, Plan
+from spacearm.planning.request import Constraints, Joints, Search
+from spacearm.planning.result import Plan
 from spacearm.polynomial.certificate import certify
 from spacearm.results import Result
 from spacearm.singularities.abstract_set import path_rows

@@ -46,7 +46,7 @@ def session():
 
 @pytest.fixture
 def viewer():
-    viewer = sa.view(sa.load("planar2"), np.radians([-65, -40]), open=False)
+    viewer = sa.view(sa.load("planar2").at(np.radians([-65, -40])), open=False)
     yield viewer
     viewer.close()
 
@@ -710,7 +710,7 @@ def test_bad_input_to_view():
     with pytest.raises(sa.ConfigurationError, match="a str cannot be shown; give a SpaceArm"):
         sa.view("planar2", open=False)
     with pytest.raises(sa.ConfigurationError, match=r"q has shape \(3,\)"):
-        sa.view(sa.load("planar2"), [1, 2, 3], open=False)
+        sa.view(sa.load("planar2").at([1, 2, 3]), open=False)
 
 
 def test_view_starts_inside_the_limits():
