@@ -9,9 +9,8 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 import typer
 
-from spacearm.description.assembly import assembled
 from spacearm.description.bus import Bus
-from spacearm.description.model_catalogue import find_arm, find_model, models_by_name
+from spacearm.description.model_catalogue import assembled, find_arm, find_model, models_by_name
 from spacearm.description.readers import formats
 from spacearm.description.readers.source import Reading
 from spacearm.description.tips import Counting
