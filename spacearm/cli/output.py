@@ -1,13 +1,14 @@
-"""Output of the commands: tables for people, JSON for scripts."""
+"""Output of the commands: tables for people, JSON for scripts, pictures, the page."""
 
 from __future__ import annotations
 
 import json
 import math
+import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -26,13 +27,18 @@ from rich.progress import (
 )
 from rich.segment import Segment
 from rich.table import Column, Table
+from rich.text import Text
 
-from spacearm.cli.wording import INTERRUPTED
+from spacearm.cli.wording import INTERRUPTED, in_own_words
 from spacearm.errors import UNPRINTABLE, ConfigurationError, StoppedError, printable, unknown
 from spacearm.files import name_part, write
+from spacearm.results import Angles, Description, Tone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from spacearm.model.arm import SpaceArm
+    from spacearm.viewer.viewer import Viewer
 
 T = TypeVar("T")
 WIDE = 1000
@@ -61,6 +67,9 @@ ROUNDING = 1e-12
 """Joint positions up to this [rad] or [m] print as 0."""
 FIRST, EVERY = 2.0, 10.0
 """Seconds after which a command tells what it does where stderr is no terminal, and how often."""
+STYLES: Mapping[Tone, str] = {
+    "": "", "good": "bold green", "caution": "bold yellow", "bad": "bold red"
+}  # fmt: skip
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -137,6 +146,94 @@ def check_picture(path: Path | None) -> None:
         raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
 
 
+def answer(
+    arm: SpaceArm,
+    result: Any,
+    kind: str,
+    *,
+    deg: bool = False,
+    as_json: bool = False,
+    save: Path | None = None,
+    output: Path | None = None,
+    view: bool = False,
+    drawing: bool = True,
+    drawn: Callable[[], Mapping[str, Any]] = dict,
+    told: Mapping[str, Any] | None = None,
+    thing: Any = None,
+) -> None:
+    """Give the answer of a command: print it, save it, draw it and show it in the browser.
+
+    Args:
+        arm: The arm that it is about, whose name the picture has.
+        result: The answer.
+        kind: What it is, for the name of the picture.
+        deg: Whether angles are printed in degrees.
+        as_json: Whether to print JSON; then a picture is drawn only if `output` names it.
+        save: Where the motion goes.
+        output: Where the picture goes; else where `picture_path` says.
+        view: Whether to show it in the browser; then a picture is drawn only if `output` names it.
+        drawing: Whether there is a picture where `output` names none.
+        drawn: Returns the options of `plot`; called if a picture is drawn.
+        told: Fields that JSON has besides.
+        thing: What is drawn and shown; the answer if None.
+    """
+    thing = result if thing is None else thing
+    if save:
+        result.save(save)
+    if as_json:
+        print_json(result.to_dict() | (told or {}))
+    else:
+        print_description(result.describe(), deg)
+        if save:
+            out.print(f"wrote {save}")
+    if output or (drawing and not (as_json or view)):
+        from spacearm.plots.show import plot  # imports matplotlib
+
+        where = picture_path(output, arm.name, kind)
+        write_picture(where, plot(thing, **drawn()))
+        if not as_json:
+            out.print(f"wrote {where}")
+    if view:
+        serve(thing)
+
+
+def serve(thing: Any) -> None:
+    """Show a thing in the browser until Ctrl-C."""
+    from spacearm.viewer.show import view as show
+
+    serve_until_interrupted(show(thing, open=False))
+
+
+def serve_until_interrupted(viewer: Viewer, port: int | None = None, no_open: bool = False) -> None:
+    """Serve the page, open it in the browser unless told not to, and wait for Ctrl-C."""
+    try:  # an interrupt may come at any moment
+        if no_open:
+            viewer.serve(port)
+        else:
+            viewer.open(port)
+        out.print(f"{viewer.session.cfg.arm.name}: {viewer.url}  (Ctrl-C ends)")
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        out.print()
+    finally:
+        viewer.close()
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Have Ctrl-C wait while packages are imported: some of them swallow it."""
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
+    try:
+        yield
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
+
+
 def picture_path(output: Path | None, name: str, kind: str) -> Path:
     """Return where a picture goes: as --output says, else by the robot's name in this folder."""
     return output or Path(f"{name_part(name)}_{kind}.png")
@@ -164,6 +261,39 @@ def heading(text: str) -> None:
 def unit_power(unit: str, power: int) -> str:
     """Return a unit to a power, as in (m/rad)^2."""
     return unit if power == 1 else f"({unit})^{power}"
+
+
+def print_result(result: Any, *, deg: bool = False, as_json: bool = False) -> None:
+    """Print a result: as JSON, or what its description holds.
+
+    Args:
+        result: The result.
+        deg: Whether angles are printed in degrees; JSON has radians.
+        as_json: Whether to print JSON.
+    """
+    if as_json:
+        print_json(result.to_dict())
+    else:
+        print_description(result.describe(), deg)
+
+
+def print_description(said: Description, deg: bool = False) -> None:
+    """Print title and verdict, notes, tables and what was not checked."""
+    angles: Angles = "deg" if deg else "rad"
+    verdict = f": {in_own_words(said.verdict)}" if said.verdict else ""
+    out.print(Text.assemble((said.title, "bold"), (verdict, STYLES[said.tone])))
+    for note in said.notes:
+        out.print(in_own_words(note))
+    for part in said.parts:
+        if part.title:
+            heading(in_own_words(part.title))
+        if part.rows:
+            rows = table(*part.head(angles))
+            for row in part.body(angles):
+                rows.add_row(*map(in_own_words, row))
+            out.print(rows)
+    if said.limits:
+        out.print(said.limits)
 
 
 def rotation(values: npt.ArrayLike, deg: bool) -> str:

@@ -10,18 +10,18 @@ INTERRUPTED = 130
 OPTIONS = {
     r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
     r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
-    r"(limits|collisions)=False": r"--no-\1",
     r'check="(\w+)"': r"--check \1",
-    r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1 --length METRES",
+    r'joints="all"': "--joints all",
+    r"tip=LINK": "--tip LINK",
+    r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",
     r"\bdensity=(?!\w)": "--density RHO",
-    r"\bfinal_attitude\b": "--final-attitude",
-    r"\ball_branches=True\b": "no --q0",
+    r"\ball_branches=True\b": "no joint values",
     r"\bsa\.risk_profile\b": "spacearm risk",
-    r"\bsa\.(workspace|plan|simulate|query|capture|mount)\b": r"spacearm \1",
+    r"\bsa\.(workspace|plan|detumble|simulate|query|capture|mount)\b": r"spacearm \1",
     r" \(sa\.Joints\)": "",
 }
 """What messages name in the words of Python, and the options that do the same."""
-VECTORS = ("--q0", "--target", "--goal", "--via", "--corner", "--kp", "--kd", "--dq0", "--wheels0")
+VECTORS = ("--target", "--goal", "--corner", "--q0")
 """Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
