@@ -31,7 +31,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import spacearm as sa
-from spacearm.mechanics.distance import tangent
+from spacearm.mechanics.distance import linearise
 from spacearm.mechanics.floating import walk
 
 NUMBER, TIMEOUT = 100, 60.0
@@ -161,7 +161,7 @@ def free(arm: sa.SpaceArm, Q: np.ndarray, limited: bool, mode: str) -> bool:
         distance, det = at["distance"], at["determinant"]
     else:
         J = [arm.task.jacobian(sa.generalized_jacobian(arm.at(q), mode=mode), np.eye(3)) for q in Q]
-        distance = tangent(arm, Q, mode).distance
+        distance = linearise(arm, Q, mode).distance
         det = np.linalg.det(J) if arm.n == arm.task.k else np.full(len(Q), np.nan)
     return bool(distance.min() > CLEAR and (np.isnan(det).all() or (det * det[0] > 0).all()))
 

@@ -8,7 +8,7 @@ from dataclasses import fields, is_dataclass
 from functools import singledispatch
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -69,23 +69,6 @@ def plain(value: Any) -> Any:
 def named(result: Any) -> dict[str, Any]:
     """Return the fields of a NamedTuple as plain JSON data: its `to_dict`."""
     return {name: plain(value) for name, value in result._asdict().items()}
-
-
-class Result:
-    """Base of frozen dataclasses that hold results: read-only arrays and `to_dict`."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-    JSON: ClassVar[Mapping[str, str]] = {}
-    """Names that fields have in `to_dict` where their own mean something else in other results."""
-
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain JSON data: arrays as nested lists, an arm as its name."""
-        return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def read_only(array: Array) -> Array:

@@ -1,8 +1,10 @@
-"""Every result has a `to_dict` of plain JSON data."""
+"""Every result has a `to_dict` of plain JSON data, and a description that is shown everywhere."""
 
 import inspect
 import json
+from dataclasses import dataclass
 from functools import cache
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +13,9 @@ from helpers.sweeps import STUDY
 
 import spacearm as sa
 from spacearm.arrays import plain
+from spacearm.cli.output import print_result
+from spacearm.reports.page import Section
+from spacearm.results import Column, Description, Measure, Result, Table, joint_values, text
 
 PLAIN = (dict, list, str, int, float, bool, type(None))
 
@@ -190,3 +195,135 @@ def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
     assert data["degrees"] == [2, 1]
     pairs = np.array(data["coefficients"])
     np.testing.assert_array_equal(pairs[..., 0] + 1j * pairs[..., 1], S.coefficients)
+
+
+KINDS = ("SpaceArm", "SingularityReport", "SingularSet", "FoundSet", "Motion", "Trajectory", "Plan")
+HOSTILE = """<robot name="a&lt;script&gt;b">
+  <link name="base"><inertial><mass value="9"/>
+    <inertia ixx="9" iyy="9" izz="9" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="&lt;b&gt;&amp;&quot;tip"><inertial><mass value="2"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="&lt;img src=x&gt;" type="prismatic"><parent link="base"/>
+    <child link="&lt;b&gt;&amp;&quot;tip"/><axis xyz="0 0 1"/>
+    <limit lower="-0.25" upper="0.5" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def cells(thing):
+    """The rows of all tables of a thing, as texts; the HTML must be well formed."""
+    root = ElementTree.fromstring(thing._repr_html_())
+    return [[cell.text or "" for cell in row] for row in root.iter("tr")]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_results_are_shown_as_sound_html(kind):
+    thing = RESULTS[kind]()
+    root = ElementTree.fromstring(thing._repr_html_())
+    assert root.find("strong").text
+    for part in root.iter("table"):
+        assert len({len(row) for row in part.iter("tr")}) == 1
+
+
+def test_names_of_a_file_are_text_and_no_markup(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(HOSTILE)
+    arm = sa.load(path, task="z")
+    for thing in (arm, sa.singularity(arm.at([0.1]))):
+        assert {e.tag for e in ElementTree.fromstring(thing._repr_html_()).iter()} <= {
+            "div", "strong", "table", "tr", "th", "td"
+        }  # fmt: skip
+        assert any("<img src=x>" in cell for row in cells(thing) for cell in row)
+    assert ["<img src=x>", "-0.25 m", "0.5 m"] in [row[:3] for row in cells(arm)]
+
+
+def test_a_report_shows_the_posture_the_way_out_and_the_lost_direction():
+    report = sa.singularity(sa.load("planar2").at(np.radians([-65, -11.41])), exact=True)
+    rows = cells(report)
+    (joint,) = (row for row in rows if row[0] == "joint_2")
+    assert joint[1].startswith("-11.41°")
+    np.testing.assert_allclose(float(joint[2].split("°")[0]), -11.411, atol=1e-3)  # nearest
+    assert joint[3].startswith("57.")  # degrees a radian
+    (lost,) = (row for row in rows if row[0] == "lost")
+    np.testing.assert_allclose(np.array(lost[2:], float), report.lost[:, 0], atol=1e-4)
+
+
+def test_a_plan_shows_what_was_tried_and_how_it_moves():
+    plan = RESULTS["Plan"]()
+    rows = cells(plan)
+    assert [row[0] for row in rows[-len(plan.tried) :]] == [a.method for a in plan.tried]
+    (joint,) = (row for row in rows if row[0] == "joint_1")
+    both = joint_values(plan.q[[0, -1], 0], [False, False])
+    assert joint[1:3] == [text(value, "both") for value in both]
+
+
+def test_values_have_units_and_a_limit_that_is_none_says_so():
+    angle, length, none = joint_values([np.pi, 0.125, -np.inf], [False, True, True])
+    assert text(angle, "both") == "180° (3.1416 rad)"
+    assert (text(angle, "deg"), text(angle, "rad")) == ("180°", "3.1416 rad")
+    assert text(length, "both") == "0.125 m"
+    assert text(none, "deg") == "none"
+    assert text(Measure(np.array([1.0, 1e-17]), "rad/s"), "deg") == "(57.296, 0)°/s"
+    assert Table.facts({"a<b": np.array([1.0, 2.5])}).to_html() == (
+        "<table><tr><td>a&lt;b</td><td>(1, 2.5)</td></tr></table>"
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Slosh(Result):
+    """A made-up result: how much fuel moves in the tank while the arm does."""
+
+    arm: sa.SpaceArm
+    t: np.ndarray
+    turn: np.ndarray
+
+    def describe(self):
+        rows = list(zip(self.t, self.turn, strict=True))
+        return Description(
+            title=self.arm.name,
+            verdict="the fuel <stays> in its tank",
+            tone="good",
+            notes=["a made-up result"],
+            tables=[Table((Column("time", "s", ".2f"), Column("turn of the fuel", "rad")), rows)],
+            events=Table(("event", Column("time", "s")), [("splash", 0.5)]),
+            not_checked="vapour",
+        )
+
+
+def test_a_description_is_all_that_a_new_result_class_needs(capsys):
+    slosh = Slosh(arm(), np.array([0.0, 0.5]), np.radians([10.0, 20.0]))
+    assert repr(slosh) == "Slosh(planar2: the fuel <stays> in its tank)"
+    assert slosh.to_dict() == {"arm": "planar2", "t": [0.0, 0.5], "turn": slosh.turn.tolist()}
+    assert_plain(slosh.describe().to_dict())
+
+    print_result(slosh, deg=True)
+    assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == [
+        "planar2: the fuel <stays> in its tank",
+        "a made-up result",
+        "time [s]  turn of the fuel [°]",
+        "0.00      10",
+        "0.50      20",
+        "",
+        "Events",
+        "event   time [s]",
+        "splash  0.5",
+        "Not checked: vapour.",
+    ]
+    print_result(slosh, as_json=True)
+    assert json.loads(capsys.readouterr().out) == slosh.to_dict()
+
+    assert [head for head, *_ in cells(slosh)] == ["time [s]", "0.00", "0.50", "event", "splash"]
+    html = slosh._repr_html_()
+    assert "the fuel &lt;stays&gt; in its tank" in html
+    section = Section("Fuel")
+    section.show(slosh.describe())
+    assert "the fuel &lt;stays&gt; in its tank" in "".join(section.blocks)
+    assert slosh.describe().tables[0].to_html() in "".join(section.blocks)
+
+
+def test_the_first_events_are_shown():
+    times = [(float(t),) for t in range(25)]
+    (shown,) = Description(title="run", events=Table(("time",), times)).parts
+    assert shown.title == "Events, the first 10 of 25"
+    assert len(shown.rows) == 10
+    (none,) = Description(title="run", events=Table(("time",), [])).parts
+    assert none.title == "Events: none"

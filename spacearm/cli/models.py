@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
-from rich.text import Text
 
 from spacearm.cli.options import (
     AsJson,
     on_a_model,
 )
-from spacearm.cli.output import heading, joint_value, number, out, print_json, table, vector
+from spacearm.cli.output import heading, number, out, print_json, print_result, table
 from spacearm.description.model_catalogue import ModelInfo, arms, catalogue
 from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
@@ -59,48 +57,7 @@ def describe_model(
     as_json: AsJson = False,
 ) -> None:
     """Show bodies, masses, joints, limits, tip, task and centre of mass of a model."""
-    if as_json:
-        return print_json(arm.to_dict())
-    scaling = f", linear rows divided by {arm.task.length:.6g} m" if arm.task.mixed else ""
-    title = f"  {arm.n} joints, {number(arm.mass)} kg  "
-    out.print(Text.assemble((arm.name, "bold"), title, (str(arm.path), "dim")))
-    out.print(f"tip {arm.tip} ({arm.tip_reason}); another one: --tip LINK")
-    out.print(f"task {arm.task.names}{scaling}")
-    out.print(f"system CM at q = 0, spacecraft frame: {vector(_system_cm(arm))} m")
-    for note in arm.notes:
-        out.print(f"note: {note}")
-    heading("Bodies")
-    bodies = table("body", "mass [kg]", "CM in its frame [m]", "principal moments [kg m²]")
-    for name, body in arm.bodies.items():
-        moments = np.linalg.eigvalsh(body.inertia)
-        bodies.add_row(name, number(body.mass), vector(body.lever), vector(moments))
-    out.print(bodies)
-    heading("Joints")
-    joints = table("joint", "type", "moves", "lower", "upper", "rate", "effort", "follows")
-    for joint in arm.tree.depth_first():
-        if joint.movable:
-            lower, upper, rate = (
-                joint_value(value, joint.kind, deg)
-                for value in (joint.lower, joint.upper, joint.velocity)
-            )
-            joints.add_row(
-                joint.name,
-                joint.kind,
-                joint.child,
-                lower,
-                upper,
-                rate if rate == "none" else f"{rate}/s",
-                "none" if np.isinf(joint.effort) else f"{number(joint.effort)} {joint.effort_unit}",
-                joint.mimic.leader if joint.mimic else "",
-            )
-    out.print(joints)
-    if arm.held:
-        heading("Held joints (to make them count: --joints all, or their names)")
-        held = table("joint", "type", "moves", "at")
-        for name, value in arm.held.items():
-            joint = arm.whole.joints[name]
-            held.add_row(name, joint.kind, joint.child, joint_value(value, joint.kind, deg))
-        out.print(held)
+    print_result(arm, deg=deg, as_json=as_json)
 
 
 @on_a_model
@@ -127,7 +84,3 @@ def convert_model(
     for note in arm.notes:
         out.print(f"note: {note}")
     out.print(f"{path}: {arm.name}, {arm.n} joints, {number(arm.mass)} kg, tip {arm.tip}")
-
-
-def _system_cm(arm: SpaceArm) -> Any:
-    return arm.at(np.zeros(arm.n)).com

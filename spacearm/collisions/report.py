@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spacearm.arrays import Array, Result
+from spacearm.arrays import Array
 from spacearm.collisions.courses import Course, Floating, Recorded
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.collisions.separation import Collisions, Contact
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
+from spacearm.results import Result
 
 
 @dataclass(frozen=True, eq=False, repr=False)

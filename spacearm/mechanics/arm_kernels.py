@@ -12,10 +12,10 @@ code. For fewer all numbers are arguments, so that all arms whose joints follow 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 from threading import RLock
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,6 @@ COMPILING = RLock()
 """Held while something is compiled, so that two threads do not compile the same."""
 Z = np.array([0.0, 0.0, 1.0])
 Shape = tuple[int, ...]
-Shapes = tuple[tuple[str, Shape], ...]
-"""Names and shapes of arguments."""
 
 WORTH = 5e-3
 """What must take longer without compiled code is compiled: who asks once often asks again [s]."""
@@ -73,11 +71,11 @@ def evaluated(
     Args:
         arm: The arm.
         mode: What the spacecraft does.
-        function: As in `arms_kernel`.
+        function: As in `ArmKernel`.
         inputs: (m, ...) arrays by name, a row for each configuration.
         numbers: What all of them share.
-        options: As in `arms_kernel`.
-        lanes: As in `arms_kernel`.
+        options: As in `ArmKernel`.
+        lanes: As in `ArmKernel`.
         once: As in `worth_compiling`.
 
     Returns:
@@ -85,7 +83,7 @@ def evaluated(
     """
     m = len(next(iter(inputs.values())))
     if m == 0 or worth_compiling(m, once=once):
-        kernel = arms_kernel([arm], mode, function, options, lanes=lanes, rows=m)
+        kernel = ArmKernel([arm], mode, function, options, lanes=lanes, rows=m)
         return kernel(inputs, numbers)
     from spacearm.compiler import numbers as by_numbers
 
@@ -155,21 +153,42 @@ def _whole(rotations: Array) -> npt.NDArray[np.float64]:
     return np.where(np.abs(rotations - whole) <= 1e-15, whole + 0.0, rotations).astype(np.float64)
 
 
-@dataclass(frozen=True, eq=False)
 class ArmKernel:
-    """A function of arms in a mode, called as a `Kernel` is; see `arms_kernel`.
+    """A function of arms in a mode as machine code, called as a `Kernel` is.
 
-    It is compiled when it is first called with arguments of some names and shapes.
+    It is compiled when it is first called with arguments of some names and shapes. Where the arms
+    differ their numbers are arguments of each lane: it is called with `lanes_of`, the number of the
+    arm of each lane.
+
+    Args:
+        arms: One arm, or several of one structure.
+        mode: What the spacecraft does.
+        function: Called as function(xp, structure, parameters, **options, **arguments), a function
+            of a module; it is traced.
+        options: What is known while tracing, by name; can be hashed.
+        outside: Names and numbers of results of functions that are called as it runs.
+        lanes: Number of lanes side by side; what suits the processor if None.
+        rows: For about how many configurations it is called. For few the frames of the bodies are
+            not those of the arm: z is the axis of their joint.
     """
 
-    arms: tuple[SpaceArm, ...]
-    mode: BaseMode
-    function: Callable[..., Any]
-    options: tuple[tuple[str, Any], ...]
-    outside: tuple[tuple[str, int], ...]
-    lanes: int | None
-    special: bool
-    found: dict[Any, tuple[Any, Array]] = field(default_factory=dict)
+    def __init__(
+        self,
+        arms: Sequence[SpaceArm],
+        mode: BaseMode,
+        function: Callable[..., Any],
+        options: Mapping[str, Any] | None = None,
+        *,
+        outside: Mapping[str, int] | None = None,
+        lanes: int | None = None,
+        rows: float = MANY,
+    ) -> None:
+        number = {arm: i for i, arm in enumerate(dict.fromkeys(arms))}
+        self._arms, self._mode, self._special = tuple(number), mode, rows >= MANY
+        self._each = [number[arm] for arm in arms] if len(number) > 1 else [0]
+        known, calls = tuple((options or {}).items()), tuple((outside or {}).items())
+        self._what = function, known, calls, lanes
+        self._found: dict[Any, tuple[Any, Array]] = {}
 
     def __call__(
         self,
@@ -186,13 +205,10 @@ class ArmKernel:
             tuple((name, np.shape(values)) for name, values in given.items()),
             tuple((name, np.shape(table)[1]) for name, table in looked.items()),
         )
-        if shapes not in self.found:
-            different = {arm: i for i, arm in enumerate(dict.fromkeys(self.arms))}
-            wanted = _Wanted(self.function, *shapes, self.outside, self.options, self.lanes)
-            kernel, own = _kernel(tuple(different), self.mode, wanted, self.special)
-            each = [different[arm] for arm in self.arms] if len(different) > 1 else [0]
-            self.found[shapes] = kernel, own[each]
-        kernel, own = self.found[shapes]
+        if shapes not in self._found:
+            kernel, own = _kernel(self._arms, self._mode, self._special, shapes, self._what)
+            self._found[shapes] = kernel, own[self._each]
+        kernel, own = self._found[shapes]
         if len(own) > 1:
             inputs = {"own": own[lanes_of], **inputs}
         else:
@@ -200,69 +216,25 @@ class ArmKernel:
         return kernel(inputs, given, looked, **how)
 
 
-def arms_kernel(
-    arms: Sequence[SpaceArm],
-    mode: BaseMode,
-    function: Callable[..., Any],
-    options: Mapping[str, Any] | None = None,
-    *,
-    outside: Mapping[str, int] | None = None,
-    lanes: int | None = None,
-    rows: float = MANY,
-) -> ArmKernel:
-    """Return a function of arms in a mode as machine code.
-
-    Where the arms differ their numbers are arguments of each lane: the kernel is called with
-    `lanes_of`, the number of the arm of each lane.
-
-    Args:
-        arms: One arm, or several of one structure.
-        mode: What the spacecraft does.
-        function: Called as function(xp, structure, parameters, **options, **arguments), a function
-            of a module; it is traced.
-        options: What is known while tracing, by name; can be hashed.
-        outside: Names and numbers of results of functions that are called as it runs.
-        lanes: Number of lanes side by side; what suits the processor if None.
-        rows: For about how many configurations it is called. For few the frames of the bodies are
-            not those of the arm: z is the axis of their joint.
-    """
-    known, calls = tuple((options or {}).items()), tuple((outside or {}).items())
-    return ArmKernel(tuple(arms), mode, function, known, calls, lanes, rows >= MANY)
-
-
-class _Wanted(NamedTuple):
-    """What is compiled: a function for arguments of some names and shapes."""
-
-    function: Callable[..., Any]
-    inputs: Shapes
-    numbers: Shapes
-    tables: tuple[tuple[str, int], ...]
-    outside: tuple[tuple[str, int], ...]
-    options: tuple[tuple[str, Any], ...]
-    lanes: int | None
-
-
 @lru_cache(maxsize=256)
 def _kernel(
-    arms: tuple[SpaceArm, ...], mode: BaseMode, wanted: _Wanted, special: bool
+    arms: tuple[SpaceArm, ...], mode: BaseMode, special: bool, shapes: Any, what: Any
 ) -> tuple[Any, Array]:
     """Return a function of different arms, and the numbers (arms, p) that are its arguments.
 
     Where it is special, zeros and ones of the arms are compiled in.
     """
     flat = np.array([_numbers(arm, special) for arm in arms])
-    shapes = tuple(np.shape(values) for values in _arrays(arms[0], special))
+    sizes = tuple(np.shape(values) for values in _arrays(arms[0], special))
     if special:
         vary = ~(np.isin(flat[0], (0.0, 1.0, -1.0)) & (flat == flat[0]).all(axis=0))
     else:
-        vary = np.repeat(np.arange(len(shapes)) != TURNS, [np.prod(shape) for shape in shapes])
+        vary = np.repeat(np.arange(len(sizes)) != TURNS, [np.prod(size) for size in sizes])
     pattern = np.where(vary, 2.0, flat[0]).tobytes()
-    structure = structure_of(arms[0], mode)
-    bare = replace(
-        structure, turns=np.zeros_like(structure.turns), scale=np.zeros_like(structure.scale)
-    )
+    tree = structure_of(arms[0], mode)
+    bare = replace(tree, turns=np.zeros_like(tree.turns), scale=np.zeros_like(tree.scale))
     with COMPILING:
-        kernel = _compiled(bare, pattern, shapes, wanted, len(arms) > 1)
+        kernel = _compiled(bare, pattern, sizes, len(arms) > 1, shapes, what)
     return kernel, flat[:, vary]
 
 
@@ -305,27 +277,24 @@ def _numbers(arm: SpaceArm, own: bool) -> Array:
 
 @lru_cache(maxsize=256)
 def _compiled(
-    structure: Structure, pattern: bytes, shapes: tuple[Shape, ...], wanted: _Wanted, each: bool
+    tree: Structure, pattern: bytes, sizes: tuple[Shape, ...], each: bool, shapes: Any, what: Any
 ) -> Any:
     """Trace and compile a function for arms of one structure, whose numbers are arguments."""
     from spacearm.compiler import symbols
     from spacearm.compiler.kernel import compiled
 
-    known = np.frombuffer(pattern)
+    known, (function, options, outside, lanes) = np.frombuffer(pattern), what
 
     def traced(own: Any, **arguments: Any) -> Any:
         flat = known.astype(object)
         flat[known == 2.0] = own
-        parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1])
+        parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in sizes])[:-1])
         *p, turns, scale = (symbols.asarray(part.reshape(shape))
-                            for part, shape in zip(parts, shapes, strict=True))  # fmt: skip
-        tree = replace(structure, turns=turns, scale=scale)
-        return wanted.function(symbols, tree, Parameters(*p), **dict(wanted.options), **arguments)
+                            for part, shape in zip(parts, sizes, strict=True))  # fmt: skip
+        arm = replace(tree, turns=turns, scale=scale)
+        return function(symbols, arm, Parameters(*p), **dict(options), **arguments)
 
-    own = (("own", (int((known == 2.0).sum()),)),)
-    inputs, numbers = wanted.inputs, wanted.numbers
-    inputs, numbers = ((*own, *inputs), numbers) if each else (inputs, (*own, *numbers))
-    return compiled(
-        traced, dict(inputs), dict(numbers), dict(wanted.tables), dict(wanted.outside),
-        lanes=wanted.lanes,
-    )  # fmt: skip
+    inputs, numbers, tables = map(dict, shapes)
+    varied = {"own": (int((known == 2.0).sum()),)}
+    inputs, numbers = (varied | inputs, numbers) if each else (inputs, varied | numbers)
+    return compiled(traced, inputs, numbers, tables, dict(outside), lanes=lanes)

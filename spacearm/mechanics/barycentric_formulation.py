@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result
+from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration
+from spacearm.results import Result
 
 
 @dataclass(frozen=True, eq=False, repr=False)

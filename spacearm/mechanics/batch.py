@@ -24,7 +24,7 @@ from spacearm.equations.plant import Pushed, Setup, loaded_accelerations
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 from spacearm.mechanics.arm_kernels import (
     WIDE,
-    arms_kernel,
+    ArmKernel,
     evaluated,
     parameters_of,
     structure_of,
@@ -94,12 +94,6 @@ def read_block(Q: Array, block: slice) -> tuple[npt.NDArray[np.float64], npt.NDA
     return q, wrong
 
 
-def place_for(results: Array, block: slice) -> Array | None:
-    """Return a block of results if compiled code can write to it, else None."""
-    place = results[block]
-    return place if place.dtype == np.float64 and place.flags.c_contiguous else None
-
-
 def fill(
     results: Mapping[str, Array],
     rows: Mapping[str, Array],
@@ -107,19 +101,22 @@ def fill(
     threads: int | None,
     progress: Progress | None,
 ) -> None:
-    """Compute results (m, ...) of rows (m, ...), block by block.
+    """Compute results (m, ...) of rows (m, ...), block by block, on several threads.
 
     Args:
         results: What is written to; NaN where a row is not finite.
         rows: What is read.
-        compute: Gives results of some rows; also takes the places that it may write them to.
+        compute: Gives results of some rows; also takes the places that compiled code may write to.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.
     """
 
     def do(block: slice) -> None:
         read = {name: read_block(values, block) for name, values in rows.items()}
-        places = {name: place_for(values, block) for name, values in results.items()}
+        places: dict[str, Array | None] = {name: values[block] for name, values in results.items()}
+        for name, place in places.items():
+            if place is not None and (place.dtype != np.float64 or not place.flags.c_contiguous):
+                places[name] = None
         found = compute({name: values for name, (values, _) in read.items()}, places)
         for name, values in results.items():
             if found[name] is not places[name]:
@@ -128,28 +125,16 @@ def fill(
                 values[block][wrong] = np.nan
 
     m = len(next(iter(rows.values())))
-    run_blocks(do, m, threads, progress, [*rows.values(), *results.values()])
-
-
-def run_blocks(
-    do: Callable[[slice], None],
-    m: int,
-    threads: int | None,
-    progress: Progress | None,
-    arrays: Sequence[Array],
-    largest: int = BLOCK,
-) -> None:
-    """Do all blocks of m configurations on several threads, with little memory."""
     threads = processors() if threads is None else whole(threads, "threads", 1)
-    size = min(largest, max(-(-m // threads), LEAST))
+    size = min(BLOCK, max(-(-m // threads), LEAST))
     blocks = [slice(i, min(i + size, m)) for i in range(0, m, size)]
-    maps = [found for array in arrays if (found := _memory_map(array)) is not None]
+    maps = [_memory_map(array) for array in (*rows.values(), *results.values())]
     with ThreadPoolExecutor(threads) as pool:
         done = pool.map(do, blocks) if len(blocks) > 1 else map(do, blocks)
         try:
             for i, _ in enumerate(done):
-                if i % BLOCKS_MAPPED == 0:
-                    for memory_map in maps:
+                for memory_map in maps if i % BLOCKS_MAPPED == 0 else ():
+                    if memory_map is not None:
                         memory_map.madvise(mmap.MADV_DONTNEED)
                 if progress:
                     progress(blocks[i].stop, m)
@@ -247,9 +232,8 @@ def evaluate(
     def compute(rows: Rows, places: Mapping[str, Array | None]) -> dict[str, Array]:
         written = [places[name] for name in own]
         found = dict(zip(own, _measured(arm, rows["q"], own, many=m, out=written), strict=True))
-        if len(own) < len(results):
-            found |= zip(NEARNESS, distances(arm, rows["q"], many=m), strict=True)
-        return found
+        near = () if len(own) == len(results) else distances(arm, rows["q"], many=m)
+        return found | dict(zip(NEARNESS, near, strict=False))
 
     fill(results, {"q": Q}, compute, threads, progress)
     return results
@@ -273,7 +257,7 @@ def _measured(
     rows = max(len(Q), many)
     if names and worth_compiling(rows, SINGLY):
         options = {"names": names}
-        kernel = arms_kernel([arm], mode, measures.measures, options, lanes=WIDE, rows=rows)
+        kernel = ArmKernel([arm], mode, measures.measures, options, lanes=WIDE, rows=rows)
         found: Sequence[Array] = kernel({"q": Q}, out=out)
         return found
     columns = np.full((len(names), len(Q)), np.nan)
@@ -326,7 +310,7 @@ def generalized_jacobians(
     arm.require_one_tip()
     Q = joint_rows(arm, Q, "Q")
     J = results_for(out, (len(Q), 6, arm.n), "out")
-    kernel = arms_kernel([arm], "free-floating", jacobian, rows=len(Q))
+    kernel = ArmKernel([arm], "free-floating", jacobian, rows=len(Q))
 
     def compute(rows: Rows, places: Mapping[str, Array | None]) -> Rows:
         if worth_compiling(len(Q), SINGLY):
@@ -451,7 +435,7 @@ def _accelerated(
     given = {name: values for name, values in rows.items() if not name.startswith("wrench")}
     if links:
         given["wrenches"] = np.stack([rows[f"wrench on {link}"] for link in links], axis=1)
-    kernel = arms_kernel([arm], mode, loaded_accelerations, {"setup": setup})
+    kernel = ArmKernel([arm], mode, loaded_accelerations, {"setup": setup})
     found: Array = kernel(given, {"placed": placed}, out=[place])
     return found
 

@@ -21,7 +21,7 @@ share `FADING` of sigma_min per radian, say.
 
 This is one step of Newton's method. Where it is short the set is bent too much for it now and
 then: it is followed by a second one, from where the first has led, to the point nearest to q on the
-set as it looks from there (`foot`). That is the iteration of the first-order reliability method,
+linearised set there (`project`). That is the iteration of the first-order reliability method,
 which measures the distance to a failure set alike: Hasofer & Lind, J. Eng. Mech. 100, 111-121
 (1974); Rackwitz & Fiessler, Comput. Struct. 9, 489-494 (1978).
 """
@@ -37,7 +37,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.compiler import numbers
 from spacearm.equations.measures import NOTHING, ZERO, distance, way_out
-from spacearm.mechanics.arm_kernels import WIDE, arms_kernel, worth_compiling
+from spacearm.mechanics.arm_kernels import WIDE, ArmKernel, worth_compiling
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
@@ -57,8 +57,8 @@ CONTRACTING = 0.5
 """The second step counts only if the first one came this much nearer, less and less up to that."""
 
 
-class Tangent(NamedTuple):
-    """The singular set as it looks from m configurations, to first order, lengths in radians.
+class Linearisation(NamedTuple):
+    """The singular set linearised at m configurations, lengths in radians.
 
     Attributes:
         distance: (m,) how far it is; inf where it is nowhere.
@@ -72,7 +72,7 @@ class Tangent(NamedTuple):
     rows: Array
 
 
-class Nearness(NamedTuple):
+class RankDistances(NamedTuple):
     """Distances to first order.
 
     Attributes:
@@ -82,7 +82,7 @@ class Nearness(NamedTuple):
         away: (n,) unit vector that leads away from the nearest singular configuration on the
             shortest way; zeros where there is none.
         sigma: The least singular value.
-        rows: (1 + |n - k|, n) rows as in `Tangent`.
+        rows: (1 + |n - k|, n) rows as in `Linearisation`.
     """
 
     distances: Array
@@ -91,7 +91,9 @@ class Nearness(NamedTuple):
     rows: Array
 
 
-def nearness(J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING) -> Nearness:
+def rank_distances(
+    J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING
+) -> RankDistances:
     """Compute how far the configurations are at which J loses one rank or several.
 
     Args:
@@ -115,20 +117,22 @@ def nearness(J: Array, dJ: Array, floor: float = 0.0, fading: float = FADING) ->
             b = np.zeros((k - p + r, n - p + r))
             b[:r, :r] = np.diag(sigma[p - r :])
             distances[p - r] = _several(A, b.ravel(), NOTHING * norm)
-    return Nearness(np.maximum.accumulate(distances[::-1])[::-1], rows[0], float(sigma[-1]), rows)
+    return RankDistances(
+        np.maximum.accumulate(distances[::-1])[::-1], rows[0], float(sigma[-1]), rows
+    )
 
 
-def nearness_of(
+def rank_distances_of(
     arm: SpaceArm, J: Array, dJ: Array, error: float | None = None, fading: float = FADING
-) -> Nearness:
-    """Compute `nearness` of an arm in radians, as `joint_scales` counts its joints.
+) -> RankDistances:
+    """Compute `rank_distances` of an arm in radians, as `joint_scales` counts its joints.
 
     Args:
         arm: The arm.
         J: (k, n) its task Jacobian.
         dJ: (n, k, n) the derivative of it with respect to each joint.
         error: Singular values of J up to this are zero; up to rounding if None.
-        fading: As of `nearness`.
+        fading: As of `rank_distances`.
 
     Returns:
         The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance; `rows` per radian.
@@ -136,12 +140,12 @@ def nearness_of(
     unit = joint_scales(arm)
     J = J * unit
     floor = ZERO * float(np.linalg.norm(J)) if error is None else error * float(unit.max())
-    found = nearness(J, dJ * unit * unit[:, None, None], floor, fading)
+    found = rank_distances(J, dJ * unit * unit[:, None, None], floor, fading)
     return found._replace(away=unit * found.away)
 
 
-def foot(seen: Tangent, offset: Array) -> Array:
-    """Return the points nearest to the origin on the set as it is seen from `offset` (m, n)."""
+def project(seen: Linearisation, offset: Array) -> Array:
+    """Project the origin on the set that is linearised at `offset` (m, n)."""
     along = (seen.rows @ offset[:, :, None])[..., 0]
     distance = np.where(np.isfinite(seen.distance), seen.distance, 0.0)  # inf has rows of zeros
     along[:, 0] -= distance
@@ -149,7 +153,10 @@ def foot(seen: Tangent, offset: Array) -> Array:
 
 
 def refined(
-    arm: SpaceArm, q: Array, seen: Tangent, look: Callable[[Array, float], Tangent]
+    arm: SpaceArm,
+    q: Array,
+    seen: Linearisation,
+    linearise_at: Callable[[Array, float], Linearisation],
 ) -> tuple[Array, Array]:
     """Take the second step where the first is short.
 
@@ -158,23 +165,23 @@ def refined(
     Args:
         arm: The arm.
         q: (m, n) configurations.
-        seen: The set as it looks from there.
-        look: Returns it as it looks from other configurations (p, n), with some fading.
+        seen: The set linearised there.
+        linearise_at: Linearises it at other configurations (p, n), with some fading.
 
     Returns:
         (m,) distances [rad] and (m, n) ways out [rad] or [m] per radian of distance.
     """
-    distance, away, stuck = _second(arm, q, seen, lambda Q: look(Q, FADING))
+    distance, away, stuck = _second(arm, q, seen, lambda Q: linearise_at(Q, FADING))
     if stuck.size and arm.n > arm.task.k:
         there = q[stuck]
         distance[stuck], away[stuck], _ = _second(
-            arm, there, look(there, 0.0), lambda Q: look(Q, 0.0)
+            arm, there, linearise_at(there, 0.0), lambda Q: linearise_at(Q, 0.0)
         )
     return distance, joint_scales(arm) * away
 
 
 def _second(
-    arm: SpaceArm, q: Array, seen: Tangent, look: Callable[[Array], Tangent]
+    arm: SpaceArm, q: Array, seen: Linearisation, linearise_at: Callable[[Array], Linearisation]
 ) -> tuple[Array, Array, npt.NDArray[np.intp]]:
     """Take the second step; also return the numbers of those that it does not bring nearer."""
     distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), joint_scales(arm)
@@ -182,8 +189,8 @@ def _second(
     if not near.size:
         return distance, away, near
     first, way = distance[near, None], away[near]
-    there = look(q[near] - unit * first * way)
-    offset = foot(there, -first * way)
+    there = linearise_at(q[near] - unit * first * way)
+    offset = project(there, -first * way)
     second = np.linalg.norm(offset, axis=1, keepdims=True)
     nearer = _fading(there.distance[:, None] / first / CONTRACTING)
     share = _fading(first / NEAR) * nearer
@@ -207,34 +214,36 @@ def distance_at(cfg: Configuration, mode: BaseMode, axes: Array | None = None) -
 
 
 def refined_at(
-    cfg: Configuration, found: Nearness, mode: BaseMode, axes: Array | None = None
+    cfg: Configuration, found: RankDistances, mode: BaseMode, axes: Array | None = None
 ) -> tuple[float, Array]:
     """Take the second step from one configuration: distance [rad] and way out (n,)."""
 
-    def look(Q: Array, fading: float) -> Tangent:
+    def linearise_at(Q: Array, fading: float) -> Linearisation:
         return _stacked([_near(cfg.arm.at(q, base=cfg.base), mode, axes, fading) for q in Q])
 
-    distance, away = refined(cfg.arm, cfg.q[None], _stacked([found]), look)
+    distance, away = refined(cfg.arm, cfg.q[None], _stacked([found]), linearise_at)
     return float(distance[0]), away[0]
 
 
-def tangent_singly(arm: SpaceArm, Q: Array, mode: BaseMode, fading: float = FADING) -> Tangent:
-    """Compute how the singular set looks from configurations Q (m, n), one by one."""
+def linearise_singly(
+    arm: SpaceArm, Q: Array, mode: BaseMode, fading: float = FADING
+) -> Linearisation:
+    """Linearise the singular set at configurations Q (m, n), one by one."""
     return _stacked([_near(arm.at(q), mode, None, fading) for q in Q])
 
 
 def _near(
     cfg: Configuration, mode: BaseMode, axes: Array | None, fading: float = FADING
-) -> Nearness:
-    """Compute the nearness of one configuration."""
+) -> RankDistances:
+    """Compute the rank_distances of one configuration."""
     J = task_jacobian(cfg, mode=mode, axes=axes)
     dJ = task_jacobian_derivative(cfg, mode=mode, axes=axes)
-    return nearness_of(cfg.arm, J, dJ, fading=fading)
+    return rank_distances_of(cfg.arm, J, dJ, fading=fading)
 
 
-def _stacked(found: list[Nearness]) -> Tangent:
-    """Return the set as it looks from several configurations."""
-    return Tangent(
+def _stacked(found: list[RankDistances]) -> Linearisation:
+    """Return the set linearised at several configurations."""
+    return Linearisation(
         np.array([near.distances[-1] for near in found]),
         np.array([near.sigma for near in found]),
         np.array([near.rows for near in found]),
@@ -256,32 +265,32 @@ def _several(A: Array, b: Array, least: float) -> float:
     return float(np.linalg.norm((U.T @ b) / size))
 
 
-def tangent(
+def linearise(
     arm: SpaceArm,
     Q: Array,
     mode: BaseMode = "free-floating",
     fading: float = FADING,
     *,
     expected: int = 0,
-) -> Tangent:
-    """Compute how the singular set looks from configurations Q (m, n).
+) -> Linearisation:
+    """Linearise the singular set at configurations Q (m, n).
 
     Args:
         arm: The arm.
         Q: Joint positions.
         mode: What the spacecraft does.
-        fading: As in `nearness.nearness`.
+        fading: As in `rank_distances`.
         expected: How many configurations it is computed for in all, if that is more.
     """
     many = max(len(Q), expected)
     if arm.n < arm.task.k or not worth_compiling(many, SINGLY):
-        return tangent_singly(arm, Q, mode, fading)
-    kernel = arms_kernel([arm], mode, distance, lanes=WIDE, rows=many)
+        return linearise_singly(arm, Q, mode, fading)
+    kernel = ArmKernel([arm], mode, distance, lanes=WIDE, rows=many)
     far, sigma, rows = kernel({"q": Q}, {"fading": fading, "radians": joint_scales(arm)})
     on_it = far == 0.0
     if on_it.any():  # singular all around, it has no normal
         rows[on_it] = np.where(np.isnan(rows[on_it]), 0.0, rows[on_it])
-    return Tangent(far, sigma, rows)
+    return Linearisation(far, sigma, rows)
 
 
 def distances(
@@ -298,7 +307,7 @@ def distances(
     if arm.n < arm.task.k:  # singular everywhere
         return np.zeros(len(Q)), np.zeros(Q.shape)
 
-    def look(there: Array, fading: float) -> Tangent:
-        return tangent(arm, there, mode, fading, expected=many or len(Q))
+    def linearise_at(there: Array, fading: float) -> Linearisation:
+        return linearise(arm, there, mode, fading, expected=many or len(Q))
 
-    return refined(arm, Q, look(Q, FADING), look)
+    return refined(arm, Q, linearise_at(Q, FADING), linearise_at)

@@ -30,12 +30,13 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, named
+from spacearm.arrays import Array, finite, named
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
+from spacearm.results import Result
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""

@@ -18,7 +18,7 @@ from spacearm.arrays import Array
 from spacearm.equations import turns
 from spacearm.equations.turns import GAUSS, magnus
 from spacearm.errors import UnsupportedError
-from spacearm.mechanics.arm_kernels import arms_kernel
+from spacearm.mechanics.arm_kernels import ArmKernel
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, kinematics, still_wheels
 from spacearm.model.joints import joint_vector
@@ -149,7 +149,7 @@ class Turns(NamedTuple):
 
 def reactions(arm: SpaceArm, Q: Array) -> Reactions:
     """Compute J*, the connection and the pose of the first tip at Q (m, n)."""
-    kernel = arms_kernel([arm], "free-floating", turns.reactions, rows=len(Q))
+    kernel = ArmKernel([arm], "free-floating", turns.reactions, rows=len(Q))
     return Reactions(*kernel({"q": Q}))
 
 
@@ -162,13 +162,13 @@ def turns_of_spacecraft(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Arra
         rates: (m, 2, n) their derivatives by the curve's parameter.
         h: (m,) lengths of the intervals.
     """
-    kernel = arms_kernel([arm], "free-floating", turns.turn, rows=len(h))
+    kernel = ArmKernel([arm], "free-floating", turns.turn, rows=len(h))
     return np.asarray(kernel({"q": Q, "dq": rates, "h": h}))
 
 
 def turns_and_effects(arm: SpaceArm, Q: Array, rates: Array, h: Array) -> Turns:
     """Compute `turns_of_spacecraft`, and how they depend on the curve."""
-    kernel = arms_kernel([arm], "free-floating", turns.turn_and_effects, rows=len(h))
+    kernel = ArmKernel([arm], "free-floating", turns.turn_and_effects, rows=len(h))
     return Turns(*kernel({"q": Q, "dq": rates, "h": h}))
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, Result, named, plain, positive, whole
+from spacearm.arrays import Array, Progress, named, plain, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mission.attitude_search import (
     ENDS,
@@ -36,6 +36,7 @@ from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
+from spacearm.results import Result
 
 MARGIN = float(np.radians(1.0))
 """Default least distance to the singular set [rad]."""

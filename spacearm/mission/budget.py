@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, positive
+from spacearm.arrays import Array, positive
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, prescribed_motion
 from spacearm.mission.attitudes import turning_axis
@@ -25,6 +25,7 @@ from spacearm.motion.following import Segment
 from spacearm.motion.goal import goal_rows
 from spacearm.motion.leading import ENDS, Led, Settings, lead_all, table_of
 from spacearm.motion.motion import Motion
+from spacearm.results import Result
 
 HORIZON = 3600.0
 """Default longest time looked at [s]."""

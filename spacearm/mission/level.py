@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, Result, finite, positive, whole
+from spacearm import results
+from spacearm.arrays import Array, Progress, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mission.attitudes import sound_margin, turning_axis
@@ -27,6 +28,7 @@ from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
 from spacearm.motion.leading import Led, Settings, Table, lead_all
+from spacearm.results import Cell, Description, Measure, Result
 
 RAYS = {2: 360, 3: 1000}
 """Default number of directions, in the plane and in space."""
@@ -127,13 +129,21 @@ class LevelReach(Result):
         goals = [as_goal(cfg, pose) for pose in poses]
         return follow(cfg, goals, limits=self.limits)
 
-    def __repr__(self) -> str:
-        unit = "m^3" if self.axis is None else "m^2"
-        broken = f", broken ones {self.planned_volume:.4g} {unit}" if len(self.point) > 1 else ""
-        return (
-            f"LevelReach({self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°: straight "
-            f"lines from {self.straight.min():.4g} to {self.straight.max():.4g} m, "
-            f"{self.volume:.4g} {unit}{broken})"
+    def describe(self) -> Description:
+        """Describe how far straight and broken lines lead the tip."""
+        unit, reach = "m³" if self.axis is None else "m²", self.straight
+        facts: dict[str, Cell] = {
+            "worst direction": Measure(reach.min(), "m"),
+            "mean over all directions": Measure(reach.mean(), "m"),
+            "best direction": Measure(reach.max(), "m"),
+            "straight lines reach": Measure(self.volume, unit),
+        }
+        if len(self.point) > 1:
+            facts["broken lines reach"] = Measure(self.planned_volume, unit)
+        return Description(
+            title=f"{self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°",
+            verdict=f"straight lines from {reach.min():.4g} to {reach.max():.4g} m",
+            tables=[results.Table.facts(facts)],
         )
 
 

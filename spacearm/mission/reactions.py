@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, Result, finite, positive, whole
+from spacearm.arrays import Array, Progress, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -26,6 +26,7 @@ from spacearm.model.arguments import HELD, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion, Playable, Trajectory
 from spacearm.planning.result import Plan
+from spacearm.results import Column, Description, Result, Table
 from spacearm.singularities.risk import NEAR, uniform
 
 PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
@@ -251,21 +252,29 @@ class WheelSizing(Result):
         found = {f"{p:g}": float(np.percentile(self.momentum, p)) for p in PERCENTILES}
         return super().to_dict() | {"percentiles": found}
 
-    def __repr__(self) -> str:
-        about = f"{len(self.momentum)} {self.cases}"
+    def describe(self) -> Description:
+        """Describe the momentum about each axis that covers shares of the cases."""
+        about = f"{len(self.momentum):,} {self.cases}"
         if self.cases == "postures":
-            about += (
-                f" at {self.tip_speed:g} m/s" if self._linear else f" at {self.tip_speed:g} rad/s"
-            )
+            unit = "m/s" if min(self.arm.task.indices) < 3 else "rad/s"
+            about += f" at {self.tip_speed:g} {unit}"
         half, most = (float(np.percentile(self.momentum, p)) for p in (50.0, 99.0))
-        return (
-            f"WheelSizing({self.arm.name}, {about}: median {half:.4g} N m s, 99 % below "
-            f"{most:.4g}, worst {self.momentum.max():.4g})"
+        rows = []
+        for percent in PERCENTILES:
+            each, whole = self.covering(percent)
+            rows.append((f"{percent:g} %", *each, whole))
+        axes = [Column(f"about {axis}", "N m s", ".4g") for axis in ("x", "y", "z", "any axis")]
+        left_out = (
+            f"left out: {self.left_out:.1%} of the postures drawn, within "
+            f"{np.degrees(self.near):.3g}° of a singularity of the held arm"
         )
-
-    @property
-    def _linear(self) -> bool:
-        return min(self.arm.task.indices) < 3
+        return Description(
+            title=f"{self.arm.name}, {about}",
+            verdict=f"median {half:.4g} N m s, 99 % below {most:.4g}, "
+            f"worst {self.momentum.max():.4g}",
+            notes=[left_out] if self.cases == "postures" else [],
+            tables=[Table(("covered", *axes), rows)],
+        )
 
 
 @of_arm

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.assembly import holding
-from spacearm.description.bodies import Inertial
+from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.tips import (
     Counting,
     Tips,
@@ -34,7 +34,7 @@ from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
 from spacearm.model.task import Task, check_count, check_movable, complete_task
 from spacearm.model.wheels import Wheel, wheels_of
-from spacearm.notebook.tables import joint_table, joint_value, shown, table
+from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_values
 
 AT_REST = read_only(np.zeros(6))
 """Momentum of a system at rest, and of wheels that do not spin."""
@@ -43,7 +43,7 @@ MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpaceArm(JointSpace):
+class SpaceArm(JointSpace, Described):
     """A free-floating spacecraft with an arm. It never changes; `replace` gives a new one.
 
     Attributes:
@@ -338,21 +338,48 @@ class SpaceArm(JointSpace):
             "notes": list(self.notes),
         }
 
-    def _repr_html_(self) -> str:
-        """Return HTML tables: tips and task, joints with limits, bodies, what was assumed."""
-        slides = {name: self.whole.joints[name].kind == "prismatic" for name in self.held}
-        chosen = [("tip", f"{', '.join(self.tips)} ({self.tip_reason})"), ("task", self.task.names)]
-        chosen += [("held", f"{j} at {joint_value(q, slides[j])}") for j, q in self.held.items()]
-        chosen += [("wheel", wheel.name) for wheel in self.wheels]
-        chosen += [("note", note) for note in self.notes]
-        return shown(
-            f"{self.name}: {self.n} joints, {self.mass:g} kg",
-            table(("", ""), chosen),
-            joint_table(self.joint_names, self.slides, {"lower": self.lower, "upper": self.upper}),
-            table(
-                ("body", "mass [kg]", "CM in its frame [m]"),
-                [(name, body.mass, body.lever) for name, body in self.bodies.items()],
-            ),
+    def describe(self) -> Description:
+        """Describe tip, task, bodies, joints with limits, what is held and what was assumed."""
+        task = self.task.names
+        if self.task.mixed:
+            task += f", linear rows divided by {self.task.length:.6g} m"
+        facts: dict[str, Cell] = {
+            "file": str(self.path),
+            "tips" if len(self.tips) > 1 else "tip": f"{', '.join(self.tips)} ({self.tip_reason}); "
+            "another one: tip=LINK",
+            "task": task,
+            "system CM at q = 0, spacecraft frame": Measure(self.at(np.zeros(self.n)).com, "m"),
+            **{f"wheel {wheel.name}, axis": Measure(wheel.axis) for wheel in self.wheels},
+        }
+        lumps = [
+            (name, body.mass, body.lever, np.linalg.eigvalsh(body.inertia))
+            for name, body in self.bodies.items()
+        ]
+        columns = ("body", Column("mass", "kg", ".6g"), Column("CM in its frame", "m"),
+                   Column("principal moments", "kg m²"))  # fmt: skip
+        tables = [
+            Table.facts(facts),
+            Table(columns, lumps, "Bodies"),
+            _joint_table([joint for joint in self.tree.depth_first() if joint.movable]),
+        ]
+        if self.held:
+            held = [self.whole.joints[name] for name in self.held]
+            at = joint_values(self.held.values(), [joint.kind == "prismatic" for joint in held])
+            rows = [
+                (joint.name, joint.kind, joint.child, q) for joint, q in zip(held, at, strict=True)
+            ]
+            tables.append(
+                Table(
+                    ("joint", "type", "moves", "at"),
+                    rows,
+                    'Held joints (to make them count: joints="all", or their names)',
+                )
+            )
+        return Description(
+            title=self.name,
+            verdict=f"{self.n} joints, {self.mass:.6g} kg",
+            notes=[f"note: {note}" for note in self.notes],
+            tables=tables,
         )
 
     def __getstate__(self) -> dict[str, object]:
@@ -542,3 +569,27 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3, com: Array | None = None)
     for array in (q, wheels, com, A, J):
         array.flags.writeable = False
     return Configuration(arm, q, wheels, AT_REST, AT_REST, com, A, J, base, tuple(tips))
+
+
+def _joint_table(joints: Sequence[Joint]) -> Table:
+    """Return the joints with their limits."""
+    slides = [joint.kind == "prismatic" for joint in joints]
+    lower, upper, rate = (
+        joint_values([getattr(joint, name) for joint in joints], slides)
+        for name in ("lower", "upper", "velocity")
+    )
+    return Table.by_columns(
+        {
+            "joint": [joint.name for joint in joints],
+            "lower": lower,
+            "upper": upper,
+            "rate": [x._replace(unit=f"{x.unit}/s") if isinstance(x, Measure) else x for x in rate],
+            "effort": [
+                "none" if np.isinf(j.effort) else Measure(j.effort, j.effort_unit) for j in joints
+            ],
+            "type": [joint.kind for joint in joints],
+            "moves": [joint.child for joint in joints],
+            "follows": [joint.mimic.leader if joint.mimic else "" for joint in joints],
+        },
+        "Joints",
+    )

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array
 from spacearm.equations import integration
 from spacearm.equations import plant as equations
-from spacearm.mechanics.arm_kernels import ArmKernel, arms_kernel
+from spacearm.mechanics.arm_kernels import ArmKernel
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import SHARPNESS
@@ -278,7 +278,7 @@ class Batch:
                     each[name] = values
             calls, options = dict(setup.called(self.n)), {"setup": setup, **options}
         arms = self.arms[:1] if function is states_within else self.arms
-        kernel = arms_kernel(
+        kernel = ArmKernel(
             arms, self.mode, function, options, outside=calls, lanes=1 if calls else lanes
         )
         return _Compiled(kernel, calls, shared, each)

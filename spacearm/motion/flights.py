@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Result, finite, plain, read_only
+from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
 from spacearm.model.arguments import of_configuration
@@ -21,6 +21,7 @@ from spacearm.motion.events import Event
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Plant
 from spacearm.motion.simulation import Integration, simulate
+from spacearm.results import Result
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""

@@ -9,7 +9,7 @@ is the unit vector with J* dq - x' ds = 0, and the singularity is the point wher
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
@@ -46,6 +46,7 @@ from spacearm.motion.goal import (
 )
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
+from spacearm.results import Description
 from spacearm.singularities.report import NO_INVERSE
 
 if TYPE_CHECKING:
@@ -315,6 +316,12 @@ class Followed(Motion):
     def singular_times(self) -> tuple[float, ...]:
         """The time of the singularity that ended the motion, if one did [s]."""
         return (float(self.t[-1]),) if self.ended == "singularity" else ()
+
+    def describe(self) -> Description:
+        """Describe the motion and why it ended."""
+        return replace(
+            super().describe(), verdict=self.reason, tone="good" if self.arrived else "caution"
+        )
 
     def __repr__(self) -> str:
         return f"Followed({self.arm.name}, {self.mode}: {self.reason})"

@@ -14,7 +14,7 @@ from spacearm.arrays import Array
 from spacearm.compiler.machine import processors
 from spacearm.equations import lines
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.arm_kernels import ArmKernel, arms_kernel
+from spacearm.mechanics.arm_kernels import ArmKernel
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.events import CLOSE, NEAR, Event
@@ -186,7 +186,7 @@ def lead_with_stops(
 def _kernel(arm: SpaceArm, keep: bool, m: int) -> ArmKernel:
     """Return `equations.lines.lead` of an arm for m motions."""
     options = {"most": KEPT_STEPS if keep else MOST_STEPS, "keep": keep}
-    return arms_kernel([arm], "free-floating", lines.lead, options, rows=STEPS * m)
+    return ArmKernel([arm], "free-floating", lines.lead, options, rows=STEPS * m)
 
 
 def _numbers(arm: SpaceArm, how: Settings, spacing: float) -> dict[str, Array | float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, finite, plain, read_only, shape_of
+from spacearm.arrays import Array, finite, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
@@ -22,8 +22,8 @@ from spacearm.motion import motion_file
 from spacearm.motion.events import Event
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
-from spacearm.notebook.tables import joint_table, shown, table
 from spacearm.polynomial.certificate import Certificate
+from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_values
 from spacearm.singularities.report import singularity
 from spacearm.singularities.sets import prove_regular
 
@@ -270,15 +270,37 @@ class Motion(Result):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.arm.name}, {self.story}, {len(self)} samples)"
 
-    def _repr_html_(self) -> str:
-        return shown(repr(self), *self._tables())
+    def describe(self) -> Description:
+        """Describe the joints on the way, and spacecraft, tips and singularity at both ends."""
+        arm, q = self.arm, self.q
+        values = {"start": q[0], "end": q[-1], "least": q.min(axis=0), "largest": q.max(axis=0)}
+        joints: dict[Column | str, Sequence[Cell]] = {"joint": arm.joint_names}
+        joints |= {name: joint_values(x, arm.slides) for name, x in values.items()}
+        start, end = (self._facts(i) for i in (0, -1))
+        ends = [(name, start[name], value) for name, value in end.items()]
+        return Description(
+            title=f"{arm.name}, {self.mode}",
+            verdict=f"{self.t[-1]:.6g} s",
+            notes=[f"origin: {self.origin}"],
+            tables=[
+                Table.by_columns(joints, "Joints"),
+                Table(("", "start", "end"), ends, "Spacecraft and tip"),
+            ],
+        )
 
-    def _tables(self) -> tuple[str, ...]:
-        q, poses = self.q, self.base[[0, -1]]
-        columns = {"start": q[0], "end": q[-1], "least": q.min(axis=0), "largest": q.max(axis=0)}
-        ends = zip(("start", "end"), poses[:, :3], poses[:, 3:], strict=True)
-        joints = joint_table(self.arm.joint_names, self.arm.slides, columns)
-        return joints, table(("spacecraft", "position [m]", "quaternion xyzw"), ends)
+    def _facts(self, i: int) -> dict[str, Measure]:
+        """Return what there is to say of a configuration, by its names."""
+        cfg, report = self[i], singularity(self[i], mode=self.mode)
+        tips = zip(self.arm.tips, cfg.tips, strict=True)
+        named = {name if len(cfg.tips) > 1 else "tip": tip.translation for name, tip in tips}
+        return {
+            "spacecraft": Measure(cfg.base.translation, "m"),
+            "attitude, rotation vector": Measure(pin.log3(cfg.base.rotation), "rad"),
+            "attitude, quaternion xyzw": Measure(self.base[i, 3:]),
+            **{name: Measure(place, "m") for name, place in named.items()},
+            "sigma_min": Measure(report.sigma_min, self.arm.sigma_unit),
+            "distance to the singular set": Measure(report.distance, "rad"),
+        }
 
     @classmethod
     def _layout(cls, arm: SpaceArm) -> Layout:
@@ -406,16 +428,27 @@ class Trajectory(Motion):
         """Return all fields and quantities as plain data, with the balances of both audits."""
         return super().to_dict() | {"imbalance": self.imbalance, "drift": self.drift}
 
-    def _tables(self) -> tuple[str, ...]:
+    def describe(self) -> Description:
+        """Describe the motion, its energies, its balances and what happened on the way."""
+        motion = super().describe()
         energies = [
-            ("kinetic energy [J]", self.energy[0], self.energy[-1]),
-            ("work of the torques [J]", self.work[0], self.work[-1]),
+            ("kinetic energy", self.energy[0], self.energy[-1]),
+            ("work of the torques", self.work[0], self.work[-1]),
         ]
-        events = [(event.kind, event.t, event.detail) for event in self.events]
-        return (
-            *super()._tables(),
-            table(("", "start", "end"), energies),
-            table(("event", "t [s]", ""), events or [("none", "", "")]),
+        balances = {
+            "energy off by": Measure(self.imbalance, "of what came and went", ".1e"),
+            "momentum off by": Measure(self.drift, "of what came and went", ".1e"),
+        }
+        return replace(
+            motion,
+            verdict=f"{motion.verdict}, ended by {self.ended}",
+            notes=[*motion.notes, *self.called],
+            tables=[
+                *motion.tables,
+                Table(("", Column("start", "J"), Column("end", "J")), energies, "Energy"),
+                Table.facts(balances, "Balances"),
+            ],
+            events=events_table(self.arm, self.events),
         )
 
     def __repr__(self) -> str:
@@ -425,3 +458,10 @@ class Trajectory(Motion):
             f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first}{called})"
         )
+
+
+def events_table(arm: SpaceArm, events: Sequence[Event]) -> Table:
+    """Return what happened on the way of an arm."""
+    columns: list[Column | str] = ["event", Column("time", "s", ".4f"), *arm.joint_names, ""]
+    rows = [(e.kind, e.t, *joint_values(e.q, arm.slides), e.detail) for e in events]
+    return Table(columns, rows)

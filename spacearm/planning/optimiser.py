@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.distance import tangent
+from spacearm.mechanics.distance import linearise
 from spacearm.mechanics.floating import attitudes, placed, walk
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
@@ -215,7 +215,7 @@ class CurveOptimiser:
         The sign is that of det J*, so that the margin goes through zero at a singularity. The
         derivative is that to first order, along the shortest way: right where the margin binds.
         """
-        near = tangent(self.arm, Q)
+        near = linearise(self.arm, Q)
         distance, away = np.minimum(near.distance, FAR), near.rows[:, 0] / joint_scales(self.arm)
         if self._square:
             sign = self.sense * np.sign(np.linalg.det(at.J[:, self.arm.task.indices]))

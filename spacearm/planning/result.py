@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -15,8 +15,8 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.notebook.tables import table
 from spacearm.planning.timing import corners, course, largest_rates, rest_to_rest_times
+from spacearm.results import Cell, Description, Measure, Table
 from spacearm.singularities.report import FAR, angle
 
 IGNORED = "collisions NOT checked (collisions=False)"
@@ -178,14 +178,29 @@ class Plan(Motion):
             "travel": self.length, "certificate": plain(self.certificate)
         }  # fmt: skip
 
-    def _tables(self) -> tuple[str, ...]:
-        met = {True: "none, proven", False: "not proven", None: "not checked"}[self.apart]
-        held = [("wheels", self.wheel_load)] if self.wheel_load else []
-        came = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
-        return (
-            *super()._tables(),
-            table(("", ""), [("collisions", met), ("checked", self.checked), *held]),
-            table(("method", "", ""), came),
+    def describe(self) -> Description:
+        """Describe the motion, what is proven of it, and the methods that were tried."""
+        motion = super().describe()
+        met = {True: "none, proven", False: "not proven", None: "not checked"}
+        proof = None if self.certificate is None else bool(self.certificate)
+        facts: dict[str, Cell] = {
+            "clear by": self.nearest,
+            "asked for": Measure(self.clearance, "rad"),
+            "singularities": met[proof],
+            "collisions": met[self.apart],
+        }
+        if self.wheel_load:
+            facts["wheels"] = self.wheel_load
+        tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
+        return replace(
+            motion,
+            verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
+            notes=[*motion.notes, self.checked],
+            tables=[
+                *motion.tables,
+                Table.facts(facts, "On the way"),
+                Table(("method", "", ""), tried, "Tried"),
+            ],
         )
 
     def __repr__(self) -> str:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from spacearm.results import Description, Table
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -65,14 +67,14 @@ class Section:
         name = f' class="{kind}"' if kind else ""
         self.blocks.append(f"<p{name}>{html.escape(text)}</p>")
 
-    def table(self, head: Sequence[str], rows: Sequence[Sequence[str]], command: str = "") -> None:
+    def show(self, said: Description, command: str = "") -> None:
+        """Add a description, and the command that prints it."""
+        self.blocks.append(said.to_html())
+        self._command(command)
+
+    def table(self, shown: Table, command: str = "") -> None:
         """Add a table, and the command that prints its numbers."""
-        top = "".join(f"<th>{html.escape(name)}</th>" for name in head)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
-            for row in rows
-        )
-        self.blocks.append(f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>")
+        self.blocks.append(shown.to_html())
         self._command(command)
 
     def picture(self, drawn: Figure, caption: str, command: str) -> None:

@@ -18,12 +18,13 @@ from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.mechanics.batch import evaluate
 from spacearm.mission.level import level_envelope, level_reach
-from spacearm.mission.reactions import PERCENTILES, size_wheels
+from spacearm.mission.reactions import size_wheels
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.plots.show import plot
 from spacearm.reports.page import Section, page
+from spacearm.results import Column, Table
 from spacearm.singularities.map import singular_map
 from spacearm.singularities.report import singularity
 from spacearm.singularities.risk import risk_profile, uniform
@@ -137,35 +138,14 @@ def _python(about: str, expression: str) -> str:
 
 
 def _arm(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
-    section.say(
-        f"{arm.n} joints, {arm.mass:.6g} kg in all, tip {arm.tip!r} ({arm.tip_reason}), task "
-        f"{arm.task.names!r}."
-    )
-    for note in arm.notes:
-        section.say(f"Note: {note}.", "about")
-    cfg = arm.at(q)
-    report = singularity(cfg)
+    section.show(arm.describe(), f"spacearm info {about}")
+    report, at = singularity(arm.at(q)), " ".join(f"{x:.6g}" for x in q)
     section.picture(
-        plot(cfg),
-        f"The working posture of this report: {report.verdict}.",
-        _python(about, f"arm.at([{', '.join(f'{x:.6g}' for x in q)}])"),
+        plot(report.configuration),
+        "The working posture of this report.",
+        _python(about, f"arm.at([{at.replace(' ', ', ')}])"),
     )
-    bodies = [
-        (name, f"{body.mass:.6g}", *(f"{x:.4g}" for x in np.linalg.eigvalsh(body.inertia)))
-        for name, body in arm.bodies.items()
-    ]
-    section.table(
-        ("body", "mass [kg]", "least moment [kg m²]", "middle [kg m²]", "largest [kg m²]"),
-        bodies,
-        f"spacearm info {about}",
-    )
-    joints = [
-        (name, *(f"{np.degrees(x) if not slides else x:.5g}" for x in (low, high, at)))
-        for name, low, high, at, slides in zip(
-            arm.joint_names, arm.lower, arm.upper, q, arm.slides, strict=True
-        )
-    ]
-    section.table(("joint, ° or m", "lower", "upper", "working posture"), joints)
+    section.show(report.describe(), f"spacearm query {about} --first-order {at}")
 
 
 def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
@@ -173,12 +153,10 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     share = evaluate(arm, uniform(arm, True, SAMPLES, np.random.default_rng(1)), ("distance",))[
         "distance"
     ]
-    near = [
-        (f"{bound:g}°", f"{np.mean(share <= np.radians(bound)):.2%}") for bound in (1, 5, 10, 20)
-    ]
-    how = "every singular posture is in it" if found.complete else "found by a search"
-    section.say(f"The singular set of the floating arm ({how}): {found!r}.")
-    section.table(("postures within the limits nearer than", "share"), near)
+    near = [(bound, np.mean(share <= bound)) for bound in np.radians((1, 5, 10, 20))]
+    section.show(found.describe())
+    columns = (Column("postures within the limits nearer than", "rad"), Column("share", "", ".2%"))
+    section.table(Table(columns, near))
     section.picture(
         plot(singular_map(arm, None, q, 121)),
         "Least joint motion to a singular posture over the two joints that change sigma_min most, "
@@ -190,22 +168,8 @@ def _singular(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
 
 def _workspaces(section: Section, arm: SpaceArm, about: str) -> None:
     found = workspace(arm, effort=EFFORT)
-    proof = f"proven to {found.gap:.1g} m"
-    if found.kind != "certified":
-        proof = f"found with {EFFORT:,} configurations, {proof.replace('to', 'up to')}"
-    section.say(f"Distances of the tip from the system CM, {proof}; {found.fraction:.2%} of the "
-                "reachable workspace is path independent.")  # fmt: skip
-    rows = [
-        (label, f"{low:.5f}", f"{high:.5f}")
-        for label, radii in (
-            ("reachable", found.reachable),
-            ("path dependent", found.pdw),
-            ("path independent", found.piw),
-        )
-        for low, high in radii
-    ]
     command = f"spacearm workspace {about} --effort {EFFORT}"
-    section.table(("workspace", "from [m]", "to [m]"), rows)
+    section.show(found.describe())
     section.picture(plot(found), "The workspaces about the system CM.", command)
 
 
@@ -224,19 +188,24 @@ def _risk(section: Section, arm: SpaceArm, about: str) -> None:
 
 def _reaction(section: Section, arm: SpaceArm, q: Array, about: str) -> None:
     at = f"[{', '.join(f'{x:.6g}' for x in q)}]"
-    rows = []
-    for tilt in TILTS:
-        reach = level_reach(arm.at(q), float(np.radians(tilt)), directions=_rays(arm))
-        rows.append((f"{tilt:g}°", f"{reach.straight.min():.4g}", f"{reach.straight.mean():.4g}",
-                     f"{reach.straight.max():.4g}"))  # fmt: skip
+    reaches = [level_reach(arm.at(q), t, directions=_rays(arm)) for t in np.radians(TILTS)]
+    reach = reaches[-1]
     section.say(
         "How far the tip goes from the working posture, along straight lines in all directions and "
         "its attitude kept, until the floating spacecraft has turned by an angle (or a singularity "
         "or a joint limit is met)."
     )
-    head = ("turned by", "worst [m]", "mean [m]", "best [m]")
+    lines = [found.straight for found in reaches]
     section.table(
-        head, rows, _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[1]):.6g})")
+        Table.by_columns(
+            {
+                Column("turned by", "rad"): np.radians(TILTS),
+                Column("worst", "m", ".4g"): [x.min() for x in lines],
+                Column("mean", "m", ".4g"): [x.mean() for x in lines],
+                Column("best", "m", ".4g"): [x.max() for x in lines],
+            }
+        ),
+        _python(about, f"sa.level_reach(arm.at({at}), {np.radians(TILTS[1]):.6g})"),
     )
     section.picture(
         plot(reach),
@@ -264,17 +233,10 @@ def _rays(arm: SpaceArm) -> int:
 
 def _wheels(section: Section, arm: SpaceArm, about: str) -> None:
     found = size_wheels(arm, tip_speed=TIP_SPEED, samples=POSTURES)
-    unit = "m/s" if min(arm.task.indices) < 3 else "rad/s"
-    section.say(
-        f"The momentum that wheels need to hold the attitude while the tip moves at {TIP_SPEED:g} "
-        f"{unit} in the worst direction, over {len(found.momentum)} postures within the limits. "
-        f"Left out are {found.left_out:.1%} within {np.degrees(found.near):.3g}° of a singularity "
-        "of the held arm. It grows in proportion to the speed."
-    )
-    rows = []
-    for percent in PERCENTILES:
-        each, whole = found.covering(percent)
-        rows.append((f"{percent:g} %", *(f"{x:.4g}" for x in each), f"{whole:.4g}"))
     command = f"spacearm wheels {about} --tip-speed {TIP_SPEED:g} --samples {POSTURES}"
-    section.table(("covered", "about x", "about y", "about z", "any axis [N m s]"), rows)
+    section.say(
+        "The momentum that wheels need to hold the attitude while the tip moves in the worst "
+        "direction; it grows in proportion to the speed of the tip."
+    )
+    section.show(found.describe())
     section.picture(plot(found), "Postures covered by the momentum of the wheels.", command)

@@ -19,12 +19,12 @@ from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_vector, warn_outside
-from spacearm.notebook.tables import shown, table
 from spacearm.polynomial.certificate import WHOLE, Certificate, certify
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import Roots
+from spacearm.results import Cell, Described, Description, Table
 from spacearm.singularities.nearest import nearest_singular
 from spacearm.singularities.polynomials import minors_of
 from spacearm.singularities.rounding import error_bars
@@ -115,7 +115,7 @@ class Component(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SingularSet(ABC):
+class SingularSet(Described, ABC):
     """The configurations at which the task Jacobian of an arm is singular; see `singular_set`.
 
     `sample` and `nearest` work for every arm, `is_free` and `clearance` unless joints mimic others.
@@ -317,14 +317,16 @@ class SingularSet(ABC):
             "codimension": self.codimension,
         }
 
-    def _repr_html_(self) -> str:
-        found = "every one" if self.complete else "those that a search finds; others may exist"
-        facts = [
-            ("mode", self.mode),
-            ("singular configurations", found),
-            ("equations that they fulfil", self.codimension),
-        ]
+    def describe(self) -> Description:
+        """Describe which singular configurations are in the set, and its dimension."""
+        facts: dict[str, Cell] = {"equations that they fulfil": self.codimension}
         if self.complete:
             joints = ", ".join(self.arm.joint_names[j] for j in self.relevant)
-            facts += [("dimension", self.dimension), ("joints that matter", joints or "none")]
-        return shown(repr(self), table(("", ""), facts))
+            facts |= {"dimension": self.dimension, "joints that matter": joints or "none"}
+        return Description(
+            title=f"{self.arm.name}, {self.mode}",
+            verdict="every singular configuration"
+            if self.complete
+            else "the singular configurations that a search finds; others may exist",
+            tables=[Table.facts(facts)],
+        )

@@ -9,12 +9,13 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, Result, whole
+from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import ConfigurationError, StoppedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
+from spacearm.results import Result
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.sets import singular_set

@@ -2,9 +2,9 @@
 
 Offsets x from the configuration count in radians of each joint (`joint_scales`), so that |x| is the
 distance. Each step of a descent goes to the point T(x) nearest to the configuration on the singular
-set linearised at x (`nearness.foot`). Nearest points are fixed points of T. The best ends are then
-moved onto the set and along it, by Newton's method on T(x) = x, its derivatives taken as
-differences, or by shorter steps towards T(x) where that is no nearer.
+set linearised at x (`mechanics.distance.project`). Nearest points are fixed points of T. The best
+ends are then moved onto the set and along it, by Newton's method on T(x) = x, its derivatives taken
+as differences, or by shorter steps towards T(x) where that is no nearer.
 
 J* itself and its derivative are all that this takes, so it works for every arm, and nothing is
 found that is not singular. That nothing nearer is missed is proven only by `nearest_root`, for
@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError
-from spacearm.mechanics.distance import Tangent, foot, nearness, tangent
+from spacearm.mechanics.distance import Linearisation, linearise, project, rank_distances
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -164,11 +164,11 @@ class Search:
     expected: int = LINEARISED
     linearised: Callable[[int], object] = bool
 
-    def linearise(self, X: Array) -> Tangent:
+    def linearise(self, X: Array) -> Linearisation:
         """Linearise the set at offsets (m, n), or at m k of them, k in a row from each of Q."""
         start = self.Q if len(self.Q) == 1 else self.Q.repeat(len(X) // len(self.Q), axis=0)
         Q = start + joint_scales(self.arm) * X
-        found = tangent(self.arm, Q, self.mode, expected=self.expected)
+        found = linearise(self.arm, Q, self.mode, expected=self.expected)
         self.linearised(len(X))
         return found
 
@@ -195,7 +195,7 @@ class Search:
         distance = np.where(np.isfinite(set_.distance), set_.distance, FAR)
         bounded = np.isfinite(self.low).any() or np.isfinite(self.high).any()
         rows = set_.rows
-        target = self._project_within(rows, distance, X) if bounded else foot(set_, X)
+        target = self._project_within(rows, distance, X) if bounded else project(set_, X)
         return target, np.linalg.norm(X, axis=1) + WEIGHT * distance
 
     def _project_within(self, rows: Array, distance: Array, X: Array) -> Array:
@@ -370,7 +370,7 @@ def lose_rank(
         J = task_jacobian(cfg, mode=mode)[:, chosen]
         dJ = task_jacobian_derivative(cfg, mode=mode)[:, :, chosen]
         wide = J.shape[1] >= len(J)
-        near = nearness(J, dJ) if wide else nearness(J.T, dJ.swapaxes(1, 2))
+        near = rank_distances(J, dJ) if wide else rank_distances(J.T, dJ.swapaxes(1, 2))
         most = max(most, float(np.linalg.norm(J)))
         if found:  # a step further, to all digits
             return q if near.sigma <= LOST * most else before

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.linalg import norm
 
-from spacearm.arrays import Array, Progress, Result
+from spacearm.arrays import Array, Progress
 from spacearm.errors import ConfigurationError
-from spacearm.mechanics.distance import nearness_of, refined_at
+from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
-from spacearm.notebook.tables import joint_table, shown, table
+from spacearm.results import (
+    Cell,
+    Column,
+    Description,
+    Measure,
+    Result,
+    Table,
+    Tone,
+    joint_values,
+    without_noise,
+)
 from spacearm.singularities.rounding import error_bars
 from spacearm.singularities.sets import nearest_posture
 
@@ -36,6 +48,7 @@ FAR = np.pi / 2.0
 """Distances beyond this are called far: to first order they tell no more [rad]."""
 LED = 0.2
 """Joints with less than this share of the way out are not named in it."""
+TONES: Mapping[Kind, Tone] = {"regular": "good", "kinematic": "caution", "dynamic": "bad"}
 PLAIN = np.radians(1.0)
 """Distances to first order beyond this are told as about so much [rad]."""
 
@@ -154,18 +167,79 @@ class SingularityReport(Result):
             f"condition={self.condition:.6g})"
         )
 
-    def _repr_html_(self) -> str:
-        arm, columns = self.configuration.arm, {"q": self.configuration.q}
-        if self.nearest is not None:
-            columns["nearest singular"] = self.nearest
-        columns["away, per rad of distance"] = self.away
-        kept = ["available"] * self.rank + ["lost"] * (len(self.sigma) - self.rank)
-        ways = zip(kept, self.sigma, *np.hstack((self.available, self.lost)), strict=True)
-        return shown(
-            f"{arm.name}, {self.mode}: {self.verdict}",
-            joint_table(arm.joint_names, arm.slides, columns),
-            table(("tip", f"sigma [{arm.sigma_unit}]", *arm.task.rows), ways),
+    def describe(self) -> Description:
+        """Describe posture, tip, directions and the joint motions that leave the tip at rest."""
+        arm, k = self.configuration.arm, len(self.sigma)
+        outside = self.configuration.outside_limits
+        more = f", {k - self.rank} of {k} directions lost" if self.rank < k else ""
+        more += f"; outside its limits: {listed(outside)}" if outside else ""
+        notes = [IN_WORDS]
+        if self.way_out:
+            notes.insert(0, f"To get away, per degree: {self.way_out}")
+        tables = [self._posture(), Table.facts(self._facts(), "Tip"), self._directions()]
+        if self.null_space.size:
+            motions = without_noise(self.null_space.T).tolist()
+            tables.append(
+                Table(arm.joint_names, motions, "Joint motions that leave the tip at rest")
+            )
+        return Description(
+            title=f"{arm.name}, {self.mode}",
+            verdict=self.verdict + more,
+            tone=TONES[self.kind],
+            notes=notes,
+            tables=tables,
         )
+
+    def _posture(self) -> Table:
+        cfg, slides = self.configuration, self.configuration.arm.slides
+        joint = "m" if slides.all() else "rad or m" if slides.any() else "rad"
+        columns: dict[Column | str, Sequence[Cell]] = {
+            "joint": cfg.arm.joint_names, "q": joint_values(cfg.q, slides)
+        }  # fmt: skip
+        if self.nearest is not None:
+            columns["nearest singular"] = joint_values(self.nearest, slides)
+        columns["away, per rad of distance"] = joint_values(self.away, slides)
+        slope = Column("dsigma_min/dq", f"{cfg.arm.sigma_unit} per {joint}", ".4g")
+        columns[slope] = list(without_noise(self.gradient))
+        if outside := cfg.outside_limits:
+            columns[""] = ["outside its limits" * (n in outside) for n in cfg.arm.joint_names]
+        return Table.by_columns(columns, "Posture")
+
+    def _facts(self) -> dict[str, Cell]:
+        """Return the facts of the tip, or of the tips, by their names."""
+        cfg, unit, k = self.configuration, self.configuration.arm.sigma_unit, len(self.sigma)
+        volume = unit if k == 1 else f"({unit})^{k}"
+        facts: dict[str, Cell] = {}
+        for name, tip in zip(cfg.arm.tips, cfg.tips, strict=True):
+            which, from_cm = f"{name}: " * (len(cfg.tips) > 1), tip.translation - cfg.com
+            facts[f"{which}position, spacecraft at the origin"] = Measure(tip.translation, "m")
+            facts[f"{which}position from the system CM"] = Measure(from_cm, "m")
+            facts[f"{which}distance R from the system CM"] = Measure(
+                float(norm(from_cm)), "m", ".6g"
+            )
+        if self.sigma_min <= self.error:
+            facts["sigma_min may be zero: rounding errors up to"] = Measure(self.error, unit)
+        facts["sigma_min"] = Measure(self.sigma_min, unit, ".6g")
+        facts["condition (ratio)"] = Measure(self.condition, "", ".6g")
+        facts["manipulability"] = Measure(self.manipulability, volume, ".6g")
+        if self.determinant is not None:
+            facts["determinant"] = Measure(self.determinant, volume, ".6g")
+        if self.length is not None:
+            facts["linear rows divided by"] = Measure(self.length, "m", ".6g")
+        return facts
+
+    def _directions(self) -> Table:
+        """Return the directions of the tip with their singular values."""
+        task, unit = self.configuration.arm.task, self.configuration.arm.sigma_unit
+        axes = "inertial" if np.allclose(self.axes, np.eye(3)) else "task"
+        directions = np.hstack((self.available, self.lost)).T
+        rows = [
+            ("available" if i < self.rank else "lost", self.sigma[i], *without_noise(direction))
+            for i, direction in enumerate(directions)
+        ]
+        columns: list[Column | str] = ["", Column("sigma", unit, ".4g")]
+        columns += [Column(row, "", ".4g") for row in task.rows]
+        return Table(columns, rows, f"Directions, {axes} axes")
 
 
 @of_configuration
@@ -232,7 +306,7 @@ def singularity(
     k, n = J.shape
     U, sigma, V = _svd(J)
     dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
-    found = nearness_of(cfg.arm, J, dJ, error)
+    found = rank_distances_of(cfg.arm, J, dJ, error)
     rank = _rank(found.distances, tolerance)
     nearest = None
     distance, away = refined_at(cfg, found, mode)
@@ -289,5 +363,5 @@ def _rank(distances: Array, tolerance: float) -> int:
 def _kind(cfg: Configuration, tolerance: float) -> Kind:
     """Tell whether a singular configuration is kinematic or dynamic."""
     J, dJ = task_jacobian(cfg, mode="fixed"), task_jacobian_derivative(cfg, mode="fixed")
-    found = nearness_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
+    found = rank_distances_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
     return "kinematic" if _rank(found.distances, tolerance) < len(J) else "dynamic"

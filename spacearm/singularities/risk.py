@@ -16,11 +16,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, Result, named, whole
+from spacearm.arrays import Array, Progress, named, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
+from spacearm.results import Result
 
 NEAR = float(np.radians(5.0))
 """Default distance to the singular set up to which a configuration is near a singularity [rad]."""

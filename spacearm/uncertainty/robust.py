@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Result, whole
+from spacearm.arrays import Array, whole
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
@@ -20,6 +20,7 @@ from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Joints, Plan
 from spacearm.polynomial.certificate import certify
+from spacearm.results import Result
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.family import Family, family_of
 from spacearm.uncertainty.intervals import UncertainArm

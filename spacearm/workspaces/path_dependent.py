@@ -19,11 +19,20 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, Result, finite, named, plain, shape_of, whole
+from spacearm.arrays import (
+    Array,
+    Progress,
+    finite,
+    named,
+    plain,
+    shape_of,
+    whole,
+)
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
+from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre
 from spacearm.singularities.risk import RiskProfile, risk_profile
@@ -297,6 +306,34 @@ class Workspace(Result):
         sizes = "areas" if self.planar else "volumes"
         own = {name: value for name, value in super().to_dict().items() if name != "proof"}
         return own | plain({sizes: self.volumes, "fraction": self.fraction})
+
+    def describe(self) -> Description:
+        """Describe reachable, path dependent and path independent distances, and how sure they are.
+
+        The free workspace is among them where it has been computed.
+        """
+        how: str = self.kind
+        if self.effort:
+            how += f" from {self.effort:,} singular configurations"
+        if self.kind != "stopped":
+            how += f", proven to {self.gap:.3g} m"
+        ranges = {"reachable": self.reachable, "path dependent": self.pdw,
+                  "path independent": self.piw}  # fmt: skip
+        if "free" in vars(self):
+            ranges["free"] = self.free
+        rows: list[tuple[Cell, ...]] = []
+        for name, radii in ranges.items():
+            sizes = [self._volume(radii), *[None] * len(radii)]
+            rows += [(name, *ends, size) for ends, size in zip(radii, sizes, strict=False)]
+            rows += [(name, "none", "", "")] if not len(radii) else []
+        size = Column("area", "m²", ".7g") if self.planar else Column("volume", "m³", ".7g")
+        distances = (Column("from", "m", ".7f"), Column("to", "m", ".7f"))
+        return Description(
+            title=f"{self.arm.name}, {self.mode}",
+            verdict=f"{self.fraction:.2%} of the reachable workspace is path independent",
+            notes=[f"distances of the tip from the system CM ({how})"],
+            tables=[Table(("workspace", *distances, size), rows)],
+        )
 
     def __repr__(self) -> str:
         def text(radii: Array) -> str:

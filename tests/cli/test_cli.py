@@ -223,7 +223,8 @@ def test_info_says_what_was_chosen_why_and_how_to_choose_otherwise(tmp_path):
     wing = (link("wing"), joint("panel", "bus", "wing"))
     path.write_text(robot(*two_links(), *wing, frame("tcp"), joint("t", "arm", "tcp", "fixed")))
     out = spacearm("info", path).stdout
-    assert "tip tcp (its name is one for tips; other arms end in wing); another one: --tip" in out
+    said = r"tip +tcp \(its name is one for tips; other arms end in wing\); another one: --tip"
+    assert re.search(said, out)
     assert "Held joints (to make them count: --joints all, or their names)" in out
     assert re.search(r"panel +revolute +wing +0 rad", out)
     assert "Held" not in spacearm("info", path, "--joints", "all").stdout

@@ -107,25 +107,26 @@ def test_an_interrupt_that_an_import_swallows_ends_the_view(monkeypatch):
 def stopped_after(blocks, size, monkeypatch):
     """Have Ctrl-C come after some blocks of configurations."""
     module = importlib.import_module("spacearm.mechanics.batch")
-    before, reports = module.run_blocks, []
+    before, reports = module.fill, []
 
-    def interrupted(do, m, threads, progress, arrays):
+    def interrupted(results, rows, compute, threads, progress):
         def tell(done, total):
             progress(done, total)
             reports.append(done)
             if len(reports) == blocks:
                 raise KeyboardInterrupt
 
-        def slowly(block):
+        def slowly(rows, places):
             time.sleep(0.01)
-            do(block)
+            return compute(rows, places)
 
         if progress is None:  # not what is waited for
-            before(do, m, threads, progress, arrays)
+            before(results, rows, compute, threads, progress)
         else:
-            before(slowly, m, threads, tell, arrays, size)
+            before(results, rows, slowly, threads, tell)
 
-    monkeypatch.setattr(module, "run_blocks", interrupted)
+    monkeypatch.setattr(module, "fill", interrupted)
+    monkeypatch.setattr(module, "BLOCK", size)
 
 
 def test_ctrl_c_in_a_map_keeps_the_postures_done(tmp_path, monkeypatch):

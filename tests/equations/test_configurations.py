@@ -13,8 +13,8 @@ from spacearm.equations.kinematics import posture
 from spacearm.equations.linear_algebra import minors
 from spacearm.equations.measures import distance
 from spacearm.mechanics import batch
-from spacearm.mechanics.arm_kernels import arms_kernel, parameters_of, structure_of
-from spacearm.mechanics.distance import tangent_singly
+from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
+from spacearm.mechanics.distance import linearise_singly
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.joints import joint_scales
 
@@ -52,7 +52,7 @@ def test_the_distance_is_that_of_the_matrices(seed, n, task, mode):
                     if task == "pose" else task, joints="all")  # fmt: skip
     assume(arm.n >= arm.task.k)
     cfg = arm.at(np.random.default_rng(seed).uniform(-3, 3, arm.n))
-    near = tangent_singly(arm, cfg.q[None], mode)
+    near = linearise_singly(arm, cfg.q[None], mode)
     with np.errstate(all="ignore"):
         far, sigma, rows = distance(numbers, *of(cfg, mode), cfg.q, 0.3, joint_scales(arm))
     J = task_jacobian(cfg, mode=mode) * joint_scales(arm)
@@ -92,7 +92,7 @@ def test_both_libraries_take_the_same_gradients(cfg, mode, seed):
 
         return xp.gradient(along, q)
 
-    kernel = arms_kernel([arm], mode, power)
+    kernel = ArmKernel([arm], mode, power)
     found, wanted = kernel({"q": cfg.q[None]})[0], power(numbers, *of(cfg, mode), cfg.q)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * (np.abs(wanted).max() + 1.0))
 

@@ -11,7 +11,7 @@ import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import lines
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
-from spacearm.mechanics.distance import tangent_singly
+from spacearm.mechanics.distance import linearise_singly
 from spacearm.motion.following import segments
 from spacearm.motion.leading import Settings, _numbers, lead_all, lead_with_stops, table_of
 
@@ -134,7 +134,7 @@ def test_the_least_distance_is_found_between_steps():
     table, how = table_of([segments(cfg, [goal], None)]), Settings(limits=False)
     led = lead_all(arm, q[None], np.eye(4)[3:], table, settings=how)
     _, rows = lead_with_stops(arm, q, np.eye(4)[3], table, 400, how)
-    found = tangent_singly(arm, rows, "free-floating").distance
+    found = linearise_singly(arm, rows, "free-floating").distance
     assert 40 < found.argmin() < 360
     assert led.distance[0] == pytest.approx(found.min(), rel=2e-4)
 

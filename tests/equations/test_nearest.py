@@ -6,7 +6,7 @@ import pytest
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations.measures import nearest
-from spacearm.mechanics.arm_kernels import arms_kernel, parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
 from spacearm.mechanics.distance import FADING, distance_at
 from spacearm.model.joints import joint_scales
 from spacearm.singularities.nearest import nearest_about
@@ -18,7 +18,7 @@ def found_by(arm, Q, between, rest=1e-13):
     """What the equation gives for configurations Q (m, n), compiled, and of the first by NumPy."""
     unit = joint_scales(arm)
     shared = {"fading": FADING, "radians": unit, "between": np.array(between), "rest": rest}
-    kernel = arms_kernel([arm], MODE, nearest, {"most": 40})
+    kernel = ArmKernel([arm], MODE, nearest, {"most": 40})
     found = kernel({"q": Q}, shared)
     tree, p = structure_of(arm, MODE), parameters_of(arm)
     with np.errstate(all="ignore"):

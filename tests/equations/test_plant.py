@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import spacearm as sa
 from spacearm.compiler import numbers
 from spacearm.equations import plant as equations
-from spacearm.mechanics.arm_kernels import arms_kernel, parameters_of, structure_of
+from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
 from spacearm.motion.plant import PassiveJoint
 from spacearm.motion.system import System, WantedEvent, prepared, start_state
 
@@ -44,7 +44,7 @@ class Run:
 
     def compiled(self, function, t=0.0):
         arm, known = self.system.arm, self.prepared
-        kernel = arms_kernel(
+        kernel = ArmKernel(
             [arm], self.system.mode, function, {"setup": known.setup},
             outside=dict(known.setup.called(arm.n)),
         )  # fmt: skip

@@ -12,7 +12,7 @@ from helpers.arms import load_text, random_chain, random_tree
 
 import spacearm as sa
 from spacearm.mechanics.arm_kernels import parameters_of
-from spacearm.mechanics.distance import nearness_of
+from spacearm.mechanics.distance import rank_distances_of
 from spacearm.mechanics.jacobian import matrix_derivatives, task_jacobian, task_jacobian_derivative
 
 COMPILER = shutil.which("gcc")
@@ -73,7 +73,7 @@ class Library:
         """The distance to first order and the way out against those by Pinocchio."""
         cfg = self.arm.at(q)
         J, dJ = task_jacobian(cfg, mode=mode), task_jacobian_derivative(cfg, mode=mode)
-        wanted = nearness_of(self.arm, J, dJ)
+        wanted = rank_distances_of(self.arm, J, dJ)
         away = np.empty(self.arm.n)
         distance = self.call("distance", q, away, returns=ctypes.c_double)
         assert distance == pytest.approx(wanted.distances[-1], rel=1e-8, abs=1e-12)

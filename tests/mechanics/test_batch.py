@@ -105,19 +105,19 @@ def test_a_held_spacecraft_is_one_without_end_of_inertia(name, mode, rng):
     """The compiled equations against the matrices."""
     arm = sa.load(name)
     Q = rng.uniform(-3, 3, (20, arm.n))
-    arm_kernels, one = distance.tangent(arm, Q, mode), distance.tangent_singly(arm, Q, mode)
-    assert arm_kernels.distance == pytest.approx(one.distance, rel=1e-9)
-    assert arm_kernels.sigma == pytest.approx(one.sigma, abs=1e-13)
-    for a, b in zip(arm_kernels.rows, one.rows, strict=True):
+    many, one = distance.linearise(arm, Q, mode), distance.linearise_singly(arm, Q, mode)
+    assert many.distance == pytest.approx(one.distance, rel=1e-9)
+    assert many.sigma == pytest.approx(one.sigma, abs=1e-13)
+    for a, b in zip(many.rows, one.rows, strict=True):
         assert a.T @ a == pytest.approx(b.T @ b, abs=1e-9)
 
 
 def test_distances_without_the_compiler_are_the_same(rng):
     arm = sa.load("chaser7")
     Q = rng.uniform(-3, 3, (MANY, 7))
-    arm_kernels, few = (sa.evaluate(arm, rows, ("distance", "away")) for rows in (Q, Q[:5]))
-    for name in arm_kernels:
-        np.testing.assert_allclose(few[name], arm_kernels[name][:5], rtol=1e-9, atol=1e-12)
+    many, few = (sa.evaluate(arm, rows, ("distance", "away")) for rows in (Q, Q[:5]))
+    for name in many:
+        np.testing.assert_allclose(few[name], many[name][:5], rtol=1e-9, atol=1e-12)
 
 
 def test_distances_at_singular_configurations_are_zero(rng):
@@ -194,9 +194,9 @@ def test_any_number_of_configurations(m, rng):
 def test_both_routes_agree_where_they_meet(rng):
     arm = sa.load("mda6")
     Q = rng.uniform(-3, 3, (FEW, 6))
-    arm_kernels, few = sa.evaluate(arm, Q), sa.evaluate(arm, Q[1:])
+    many, few = sa.evaluate(arm, Q), sa.evaluate(arm, Q[1:])
     for name in QUANTITIES:
-        np.testing.assert_allclose(arm_kernels[name][1:], few[name], rtol=1e-9)
+        np.testing.assert_allclose(many[name][1:], few[name], rtol=1e-9)
     J, J_few = sa.generalized_jacobians(arm, Q), sa.generalized_jacobians(arm, Q[1:])
     np.testing.assert_allclose(J[1:], J_few, atol=1e-13)
 

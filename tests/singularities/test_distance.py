@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import spacearm as sa
-from spacearm.mechanics.distance import tangent
+from spacearm.mechanics.distance import linearise
 from spacearm.model.joints import joint_scales
 
 SQUARE = ("planar2", "planar3", "mda6", "ets7")
@@ -126,7 +126,7 @@ def test_a_straight_elbow_is_singular_although_the_arm_is_redundant(mode, elbow)
     Q = rng.uniform(0.3, 1.5, (60, 7))
     Q[:, 3] = elbow
     found = np.array([sa.singularity(arm.at(q), mode=mode).distance for q in Q[:6]])
-    many = tangent(arm, Q, mode)
+    many = linearise(arm, Q, mode)
     np.testing.assert_allclose(found, elbow, rtol=0.01)
     np.testing.assert_allclose(many.distance, elbow, rtol=0.1)
     np.testing.assert_allclose(np.abs(many.rows[:, 0, 3]), 1.0, atol=0.02)

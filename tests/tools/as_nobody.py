@@ -24,7 +24,7 @@ SHARE = (
     "tests/mechanics/test_momentum.py",
     "tests/mission/test_reactions.py::test_bad_input", "tests/model/test_configuration.py",
     "tests/model/test_mount.py", "tests/model/test_wheels.py", "tests/motion/test_motion.py",
-    "tests/notebook", "tests/planning/test_guesses.py", "tests/plots/test_postures.py",
+    "tests/planning/test_guesses.py", "tests/plots/test_postures.py",
     "tests/polynomial/test_trig.py", "tests/singularities/test_rounding.py",
     "tests/sweeps/test_study_arms.py",
     "tests/planning/test_retiming.py::test_what_makes_no_sense_is_refused", "tests/test_files.py",
