@@ -7,7 +7,7 @@ import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +19,8 @@ from spacearm.files import write
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.loading import load
 from spacearm.viewer.readouts import source_of
+
+T = TypeVar("T", str, list[str], dict[str, object])
 
 ROUNDED = 1e-6
 """How much the length of a quaternion may be off."""
@@ -33,15 +35,6 @@ def number(value: object, what: str) -> float:
     if isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST:
         return float(value)
     raise ConfigurationError(f"{what} is {str(value)[:40]!r}; give a finite number")
-
-
-def vector(value: object, what: str) -> Array:
-    """Return a vector (3,) out of a message, zero if it is left out.
-
-    Raises:
-        ConfigurationError: It is no list of three finite numbers; names it by `what`.
-    """
-    return np.zeros(3) if value is None else numbers(value, 3, what)
 
 
 def numbers(value: object, count: int, what: str) -> Array:
@@ -97,20 +90,6 @@ class Origin(NamedTuple):
         return cls(source, arm, {}, changed=_is_changed(arm, source))
 
 
-class Chosen(NamedTuple):
-    """An arm that was asked for.
-
-    Attributes:
-        arm: The arm.
-        origin: Where it comes from.
-        said: The warnings of its reading.
-    """
-
-    arm: SpaceArm
-    origin: Origin
-    said: str
-
-
 def _is_changed(arm: SpaceArm, source: str) -> bool:
     """Tell whether `load` gives another arm than this; where it gives none, `made` says so."""
     tip = arm.tips[0] if len(arm.tips) == 1 else arm.tips
@@ -143,7 +122,9 @@ def offered(arm: SpaceArm, origin: Origin) -> dict[str, Any]:
     }
 
 
-def chosen(cfg: Configuration, origin: Origin, message: dict[str, Any], folder: Path) -> Chosen:
+def chosen(
+    cfg: Configuration, origin: Origin, message: dict[str, Any], folder: Path
+) -> tuple[SpaceArm, Origin, str]:
     """Return the arm that a message asks for.
 
     Args:
@@ -155,14 +136,21 @@ def chosen(cfg: Configuration, origin: Origin, message: dict[str, Any], folder: 
             count, where they are not to stay [rad] or [m].
         folder: Where a file may be written.
 
+    Returns:
+        The arm, where it comes from, and the warnings of its reading.
+
     Raises:
         ConfigurationError: The message makes no sense.
         SpaceArmError: The robot cannot be loaded.
     """
-    options, joints = _options(message), _joints(message)
+    texts = {name: _given(message, name, str, "a text") for name in ("tip", "task")}
+    options: dict[str, Any] = {name: text for name, text in texts.items() if text is not None}
+    joints = _given(message, "joints", list, "a list of names")
+    values = _given(message, "locked", dict, "values by joint") or {}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        source, arm, locked, made, changed = origin
+        source, arm, kept, made, changed = origin
+        locked = dict(kept)
         if (file := message.get("file")) is not None:
             source, path = _written(file, folder)
             arm, locked, made = _read(path, source), {}, "the file dropped on the page"
@@ -175,7 +163,7 @@ def chosen(cfg: Configuration, origin: Origin, message: dict[str, Any], folder: 
         whole = arm.replace(**options) if options else arm
         if joints is not None:
             place = {**whole.held, **dict(zip(cfg.arm.joint_names, cfg.q.tolist(), strict=True))}
-            locked = {**locked, **_values(message)}
+            locked |= {str(name): number(x, "locked joint") for name, x in values.items()}
             there = {name: locked.get(name, place.get(name, 0.0)) for name in whole.joint_names}
             locked = {name: value for name, value in there.items() if name not in joints}
             besides = [name for name in joints if name not in there]
@@ -183,37 +171,16 @@ def chosen(cfg: Configuration, origin: Origin, message: dict[str, Any], folder: 
         locked = {name: value for name, value in locked.items() if name in whole.joint_names}
         found = whole.replace(locked=locked) if locked else whole
     said = dict.fromkeys(_told(str(warning.message), folder) for warning in caught)
-    chosen = Origin(source, whole, locked, made, changed)
-    return Chosen(found, chosen, "; ".join(list(said)[:MOST_WARNINGS]))
+    origin = Origin(source, whole, locked, made, changed)
+    return found, origin, "; ".join(list(said)[:MOST_WARNINGS])
 
 
-def _options(message: dict[str, Any]) -> dict[str, Any]:
-    """Return tip and task of a message, those that it has."""
-    options: dict[str, Any] = {}
-    for name in ("tip", "task"):
-        if (value := message.get(name)) is not None:
-            if not isinstance(value, str):
-                raise ConfigurationError(f"{name} is {str(value)[:40]!r}; give a text")
-            options[name] = value
-    return options
-
-
-def _joints(message: dict[str, Any]) -> list[str] | None:
-    """Return the names of the joints that are to count; None if the message has none."""
-    joints = message.get("joints")
-    if joints is None:
-        return None
-    if not isinstance(joints, list) or not all(isinstance(name, str) for name in joints):
-        raise ConfigurationError(f"joints is {str(joints)[:40]!r}; give a list of names")
-    return joints
-
-
-def _values(message: dict[str, Any]) -> dict[str, float]:
-    """Return the values of a message's joints that do not count."""
-    values = message.get("locked", {})
-    if not isinstance(values, dict):
-        raise ConfigurationError(f"locked is {str(values)[:40]!r}; give values by joint")
-    return {str(name): number(value, "locked joint") for name, value in values.items()}
+def _given(message: dict[str, Any], name: str, kind: type[T], words: str) -> T | None:
+    """Return what a message has of a kind under a name; None if it has nothing."""
+    value = message.get(name)
+    if value is None or (isinstance(value, kind) and all(isinstance(key, str) for key in value)):
+        return value
+    raise ConfigurationError(f"{name} is {str(value)[:40]!r}; give {words}")
 
 
 def _read(path: Path, name: str) -> SpaceArm:

@@ -9,7 +9,6 @@ from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
@@ -22,6 +21,7 @@ from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
 from spacearm.processes import Process, Progress, WorkerError
 from spacearm.singularities.risk import risk_profile
+from spacearm.viewer.motions import some
 from spacearm.viewer.stage import Stage
 from spacearm.workspaces.path_dependent import workspace
 
@@ -138,7 +138,7 @@ def plan_to(
 ) -> Plan:
     """Return a motion from a configuration to a pose of the tip."""
     return plan(
-        start.arm.at(start.q, base=start.base),
+        start,
         goal,
         constraints=Constraints(obstacles=obstacles),
         search=Search(timeout=LONGEST, progress=progress),
@@ -151,7 +151,7 @@ def planning(stage: Stage) -> Callable[..., Plan]:
     Raises:
         ConfigurationError: There is no goal.
     """
-    return partial(plan_to, stage.session.cfg, _goal(stage), stage.obstacles)
+    return partial(plan_to, _at_rest(stage.session.cfg), _goal(stage), stage.obstacles)
 
 
 def layer(stage: Stage, what: object, path: object) -> tuple[str, Callable[..., Any]]:
@@ -185,14 +185,19 @@ def _start_and_path(stage: Stage, path: object) -> tuple[Configuration, list[pin
             raise ConfigurationError("there is no motion whose tip path could be taken")
         motion = stage.motion
         motion.arm.require_one_tip()
-        rows = np.linspace(0, len(motion) - 1, min(len(motion), MOST_CORNERS)).round().astype(int)
+        rows = some(len(motion), MOST_CORNERS)
         poses = [pin.XYZQUATToSE3(row) for row in motion.tip[rows]]
         corners = [_from(com, pose) for com, pose in zip(motion.com[rows], poses, strict=True)]
-        return motion[0], corners
+        return _at_rest(motion[0]), corners
     if path != "goal":
         raise ConfigurationError(unknown("path of the tip", str(path)[:40], ("goal", "motion")))
     cfg, goal = stage.session.cfg, _goal(stage)
-    return cfg, [_from(cfg.com, cfg.tip), _from(cfg.com, goal)]
+    return _at_rest(cfg), [_from(cfg.com, cfg.tip), _from(cfg.com, goal)]
+
+
+def _at_rest(cfg: Configuration) -> Configuration:
+    """Return a configuration without momentum: what the page asks for is at rest."""
+    return cfg.arm.at(cfg.q, base=cfg.base)
 
 
 def _goal(stage: Stage) -> pin.SE3:

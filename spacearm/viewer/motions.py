@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
@@ -52,14 +54,27 @@ def compared(motion: Motion, other: Any) -> Comparison:
     if not isinstance(other, str):
         second = Motion.of(other)
         return Comparison(f"{type(second).__name__}, {second.story}", second)
-    mode = next((mode for mode in WORDS if mode == other), None)
     if getattr(motion, "flight", None) is not None:
         raise UnsupportedError(
             "the arm of a flight grasps and releases bodies; give the motion to compare it with"
         )
+    mode = mode_named(other, "comparison")
+    cfgs, rows = [motion[0]], some(len(motion), MOST_ROWS)
+    for q in motion.q[rows[1:]]:
+        cfgs.append(moved(cfgs[-1], q, mode))
+    return Comparison(WORDS[mode], Motion(motion.arm, motion.t[rows], **samples(cfgs), mode=mode))
+
+
+def mode_named(value: object, what: str = "mode") -> BaseMode:
+    """Return a mode of the spacecraft out of a message.
+
+    Raises:
+        ConfigurationError: There is none of that name; calls it by `what`.
+    """
+    mode = next((mode for mode in WORDS if mode == value), None)
     if mode is None:
-        raise ConfigurationError(unknown("comparison", other[:40], tuple(WORDS)))
-    return Comparison(WORDS[mode], _reacting(motion, mode))
+        raise ConfigurationError(unknown(what, str(value)[:40], WORDS))
+    return mode
 
 
 def moved(cfg: Configuration, q: Array, mode: BaseMode) -> Configuration:
@@ -71,13 +86,9 @@ def moved(cfg: Configuration, q: Array, mode: BaseMode) -> Configuration:
     return cfg.arm.at(q, base=cfg.base)
 
 
-def _reacting(motion: Motion, mode: BaseMode) -> Motion:
-    """Return the same joint motion from the same start with another spacecraft."""
-    rows = np.linspace(0, len(motion) - 1, min(len(motion), MOST_ROWS)).round().astype(int)
-    cfgs = [motion[0]]
-    for q in motion.q[rows[1:]]:
-        cfgs.append(moved(cfgs[-1], q, mode))
-    return Motion(motion.arm, motion.t[rows], **samples(cfgs), mode=mode)
+def some(count: int, most: int) -> npt.NDArray[np.int64]:
+    """Return the numbers of at most so many of the rows of a motion, evenly spread."""
+    return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
 
 MOST_SAMPLES = 600
@@ -106,8 +117,7 @@ class Curves(NamedTuple):
 
     def plain(self, beside: Curves | None) -> dict[str, Any]:
         """Return plain data, with curves of another motion; values that are not finite are None."""
-        data = {"name": self.name, "unit": self.unit, "labels": self.labels}
-        told: dict[str, Any] = {**data, "values": _columns(self.values)}
+        told = {**self._asdict(), "values": _columns(self.values)}
         if beside is not None:
             told["beside"] = {"labels": beside.labels, "values": _columns(beside.values)}
         return told
@@ -120,75 +130,62 @@ def account(motion: Motion, other: Comparison | None = None) -> dict[str, Any]:
         motion: The motion.
         other: The motion that it is compared with.
     """
-    told = {
+    t, curves = _sampled(motion)
+    beside: dict[tuple[str, str], Curves] = {}
+    if other is not None:
+        own, (known, second) = t, _sampled(other.motion)
+        t = np.union1d(own, known)
+        curves = [group.at(t, own) for group in curves]
+        beside = {(group.name, group.unit): group.at(t, known) for group in second}
+    return {
         "story": f"{type(motion).__name__}, {motion.story}",
-        "events": _events(motion),
+        "events": [
+            {"t": float(event.t), "kind": event.kind, "detail": event.detail}
+            for event in getattr(motion, "events", ())
+        ],
         "compared": None if other is None else other.name,
         "momentum": bool(np.any(getattr(motion, "momentum", 0.0))),
-    }
-    t, own = _sampled(motion)
-    if other is None:
-        curves = [group.plain(None) for group in own]
-        return {**told, "span": [float(t[0]), float(t[-1])], "t": t.tolist(), "curves": curves}
-    known, second = _sampled(other.motion)
-    times = np.union1d(t, known)
-    beside = {(group.name, group.unit): group.at(times, known) for group in second}
-    curves = [group.at(times, t).plain(beside.get((group.name, group.unit))) for group in own]
-    return {
-        **told,
-        "span": [float(times[0]), float(times[-1])],
-        "t": times.tolist(),
-        "curves": curves,
+        "span": [float(t[0]), float(t[-1])],
+        "t": t.tolist(),
+        "curves": [group.plain(beside.get((group.name, group.unit))) for group in curves],
     }
 
 
 def _sampled(motion: Motion) -> tuple[Array, list[Curves]]:
     """Return times of a motion and its curves at them."""
-    rows = np.linspace(0, len(motion) - 1, min(len(motion), MOST_SAMPLES)).round().astype(int)
-    rows = np.unique(rows)
-    return motion.t[rows], _curves(motion, rows)
+    rows = some(len(motion), MOST_SAMPLES)
+    return motion.t[rows], list(_curves(motion, rows))
 
 
-def _events(motion: Motion) -> list[dict[str, Any]]:
-    """Return what happened on the way."""
-    found = getattr(motion, "events", ())
-    return [{"t": float(e.t), "kind": e.kind, "detail": e.detail} for e in found]
-
-
-def _curves(motion: Motion, rows: Array) -> list[Curves]:
-    """Return the curves of a motion at some of its samples."""
-    arm, names = motion.arm, short_names(motion.arm.joint_names)
+def _curves(motion: Motion, rows: npt.NDArray[np.int64]) -> Iterator[Curves]:
+    """Yield the curves of a motion at some of its samples."""
+    arm, names, q = motion.arm, short_names(motion.arm.joint_names), motion.q[rows]
     turning, sliding = np.flatnonzero(~arm.slides), np.flatnonzero(arm.slides)
-    q = motion.q[rows]
-    groups: list[Curves] = []
     if len(turning):
-        groups.append(Curves("joints", "°", [names[j] for j in turning], np.degrees(q[:, turning])))
+        yield Curves("joints", "°", [names[j] for j in turning], np.degrees(q[:, turning]))
     if len(sliding):
-        groups.append(Curves("sliding joints", "m", [names[j] for j in sliding], q[:, sliding]))
-    rpy = [pin.rpy.matrixToRpy(pin.Quaternion(row).toRotationMatrix())
-           for row in motion.base[rows, 3:]]  # fmt: skip
-    turned = np.degrees(np.unwrap(rpy, axis=0))
-    groups.append(Curves("attitude", "°", ["roll", "pitch", "yaw"], turned))
-    distance = np.degrees(motion.distance[rows])[:, None]
-    groups.append(Curves("distance", "°", ["to a singular posture"], distance))
-    groups.append(Curves("sigma_min", arm.sigma_unit, ["sigma_min"], motion.sigma_min[rows, None]))
+        yield Curves("sliding joints", "m", [names[j] for j in sliding], q[:, sliding])
+    turns = [pin.Quaternion(row).toRotationMatrix() for row in motion.base[rows, 3:]]
+    rpy = np.unwrap([pin.rpy.matrixToRpy(R) for R in turns], axis=0)
+    yield Curves("attitude", "°", ["roll", "pitch", "yaw"], np.degrees(rpy))
+    distance = np.degrees(motion.distance[rows, None])
+    yield Curves("distance", "°", ["to a singular posture"], distance)
+    yield Curves("sigma_min", arm.sigma_unit, ["sigma_min"], motion.sigma_min[rows, None])
     if len(arm.tips) == 1:
-        tip, com = motion.tip[rows, :3], motion.com[rows]
-        groups.append(Curves("tip", "m", ["x", "y", "z"], tip))
-        radius = np.linalg.norm(tip - com, axis=1)[:, None]
-        groups.append(Curves("R from the CM", "m", ["R"], radius))
+        tip = motion.tip[rows, :3]
+        yield Curves("tip", "m", ["x", "y", "z"], tip)
+        radius = np.linalg.norm(tip - motion.com[rows], axis=1)
+        yield Curves("R from the CM", "m", ["R"], radius[:, None])
     if (torque := getattr(motion, "torque", None)) is not None:
-        groups.append(Curves("torques", "N m" if not len(sliding) else "N m or N", names,
-                             torque[rows]))  # fmt: skip
+        yield Curves("torques", "N m or N" if len(sliding) else "N m", names, torque[rows])
     if arm.wheels and (wheels := getattr(motion, "wheels", None)) is not None:
-        groups.append(Curves("wheels", "N m s", [wheel.name for wheel in arm.wheels], wheels[rows]))
+        yield Curves("wheels", "N m s", [wheel.name for wheel in arm.wheels], wheels[rows])
     pushes: dict[str, Array] = dict(getattr(motion, "wrenches", {}))
     for link, short in zip(pushes, short_names(list(pushes)), strict=True):
         for what, unit, part in (("force", "N", slice(3)), ("torque", "N m", slice(3, 6))):
             if pushes[link][:, part].any():
                 values = pushes[link][rows, part]
-                groups.append(Curves(f"{what} on {short}", unit, ["x", "y", "z"], values))
-    return groups
+                yield Curves(f"{what} on {short}", unit, ["x", "y", "z"], values)
 
 
 def _columns(values: Array) -> list[list[float | None]]:

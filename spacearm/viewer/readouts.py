@@ -63,13 +63,17 @@ NEAR = math.radians(5.0)
 """Distance to the singular set below which a posture counts as near it [rad]."""
 FAR = math.radians(30.0)
 """Distance to the singular set from which on colours do not change [rad]."""
+VIEW = (0.55, -0.75, 0.5)
+"""Direction to view a spatial arm from."""
+PLANE_VIEWS = ((1.0, -0.2, 0.3), (0.2, -1.0, 0.3), (0.0, -0.35, 1.0))
+"""Directions to view planar arms from: near the normal of their plane, x, y or z."""
 STILL = math.radians(0.05)
 """Joint motions below this are not named [rad] or [m]."""
 
 
 def about(arm: SpaceArm) -> dict[str, Any]:
     """Return what the panel shows of an arm once."""
-    normal = arm.tree.plane_normal()
+    normal, collisions = arm.tree.plane_normal(), _collisions(arm)
     return {
         "model": arm.name,
         "tip": arm.tip,
@@ -78,11 +82,11 @@ def about(arm: SpaceArm) -> dict[str, Any]:
         "unit": arm.sigma_unit,
         "meaning": IN_WORDS,
         "missing": listed(_missing_meshes(arm)),
-        "contacts": _checked(arm),
+        "contacts": collisions if isinstance(collisions, str) else collisions.account,
         "held": dict(arm.held),
         "near": NEAR,
         "tolerance": TOLERANCE,
-        "view": [0.55, -0.75, 0.5] if normal is None else _over_the_plane(normal),
+        "view": VIEW if normal is None else PLANE_VIEWS[normal],
         "normal": None if normal is None else np.eye(3)[normal].tolist(),
     }
 
@@ -168,11 +172,9 @@ def as_python(cfg: Configuration, source: str, locked: Mapping[str, float], made
     )
 
 
-def joint_value(value: float, kind: str) -> str:
-    """Write a joint position or motion for people: in degrees, or metres if it slides."""
-    if kind == "prismatic":
-        return f"{value:.4g} m"
-    return f"{np.degrees(value):.5g}°"
+def joint_value(value: float, slides: bool) -> str:
+    """Write a joint position for people: in degrees, or metres if it slides."""
+    return f"{value:.4g} m" if slides else f"{np.degrees(value):.5g}°"
 
 
 def turns(arm: SpaceArm, way: Array) -> str:
@@ -210,21 +212,10 @@ def _collisions(arm: SpaceArm) -> Collisions | str:
         return f"collisions not checked: {error}"
 
 
-def _checked(arm: SpaceArm) -> str:
-    """Return what the check for contacts covers, in one sentence."""
-    found = _collisions(arm)
-    return found if isinstance(found, str) else found.account
-
-
 def _contacts(cfg: Configuration) -> list[list[str]]:
     """Return the names of the bodies that meet each other."""
     found = _collisions(cfg.arm)
     return [] if isinstance(found, str) else [list(pair) for pair in found.touching(cfg.q)]
-
-
-def _over_the_plane(normal: int) -> list[float]:
-    """Return the direction to view a planar arm from: near the normal of its plane."""
-    return [[1.0, -0.2, 0.3], [0.2, -1.0, 0.3], [0.0, -0.35, 1.0]][normal]
 
 
 POINTS = 61
@@ -257,7 +248,8 @@ def joint_map(
     angles = np.linspace(-np.pi, np.pi, POINTS)
     Q = np.tile(cfg.q, (POINTS * POINTS, 1))
     Q[:, pair] = np.stack([angles.repeat(POINTS), np.tile(angles, POINTS)], axis=1)
-    shares = _shares(distances(arm, Q, mode)[0].reshape(POINTS, POINTS))
+    near = np.clip(distances(arm, Q, mode)[0].reshape(POINTS, POINTS).T / FAR, 0.0, 1.0)
+    shares = np.nan_to_num(near * SHARES, nan=0.0).round().astype(int).tolist()
     curves = None
     if found.complete and found.codimension == 1:
         traced = found.curves(pair, cfg.q, resolution=RESOLUTION)
@@ -265,20 +257,23 @@ def joint_map(
     return {"joints": pair, "shares": shares, "curves": curves, "q": cfg.q.tolist()}
 
 
-def _shares(distance: Array) -> list[list[int]]:
-    """Return distances, first index the first joint, as `SHARES` by rows of the second one."""
-    shares = np.clip(distance.T / FAR, 0.0, 1.0) * SHARES
-    rows: list[list[int]] = np.nan_to_num(shares, nan=0.0).round().astype(int).tolist()
-    return rows
-
-
 def _pair(arm: SpaceArm, joints: object) -> list[int]:
     """Return the numbers of two different revolute joints, as the page gave them."""
     if not isinstance(joints, list) or len(joints) != 2:
         raise ConfigurationError(f"joints is {str(joints)[:40]!r}; give two numbers of joints")
     for joint in joints:
-        if not isinstance(joint, int) or isinstance(joint, bool) or not 0 <= joint < arm.n:
-            raise ConfigurationError(f"joint index is {str(joint)[:40]!r}; give 0 to {arm.n - 1}")
+        joint_number(joint, arm)
     if joints[0] == joints[1] or arm.slides[joints].any():
         raise ConfigurationError("a map is over two different revolute joints")
     return joints
+
+
+def joint_number(value: object, arm: SpaceArm) -> int:
+    """Return the number of a joint out of a message.
+
+    Raises:
+        ConfigurationError: There is no such joint.
+    """
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < arm.n:
+        raise ConfigurationError(f"joint index is {str(value)[:40]}; give 0 to {arm.n - 1}")
+    return value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import meshcat
 import meshcat.geometry as g
@@ -18,6 +18,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import SingularityReport
 from spacearm.viewer.layers import Grid, draw_grid
+from spacearm.viewer.motions import some
 from spacearm.viewer.readouts import NEAR
 from spacearm.viewer.shapes import Bodies, along, at, bar, distance_colors, overlay, tube
 from spacearm.viewer.window import Window
@@ -26,6 +27,7 @@ AXES = (0xD62728, 0x00914D, 0x1F4FD8)
 BROWN, PURPLE, CYAN, AMBER, MAGENTA, PINK = (
     0x7A4A00, 0x7B52C7, 0x17BECF, 0xF5A800, 0xD6007F, 0xF065B5,
 )  # fmt: skip
+SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
 LAYERS = {
     "grid": "#8b949e",
@@ -174,17 +176,17 @@ class Scene:
 
     # --- on request -----------------------------------------------------------------------
 
-    def shells(self, radii: Sequence[tuple[float, int]]) -> None:
-        """Draw translucent spheres about the system CM, of pairs of radius [m] and colour."""
+    def shells(self, radii: Sequence[float]) -> None:
+        """Draw translucent spheres of radii [m] about the system CM."""
         layer = self.root["shells"]
         layer.delete()
-        for i, (radius, color) in enumerate(radii):
+        for i, (radius, color) in enumerate(zip(radii, cycle(SHELL_COLORS), strict=False)):
             material = g.MeshPhongMaterial(color=color, opacity=0.12, depthWrite=False)
             layer[str(i)].set_object(g.Sphere(radius), material)
 
     def trace(self, points: Array, values: Array) -> None:
         """Draw a path (m, 3) [m], coloured by values (m,): vermilion at 0, yellow, blue at 1."""
-        rows = np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).round().astype(int)
+        rows = some(len(points), MOST_POINTS)
         geometry = tube(points[rows], distance_colors(values[rows]), 0.006 * self.size)
         material = g.MeshBasicMaterial(
             vertexColors=True, transparent=True, depthTest=False, depthWrite=False

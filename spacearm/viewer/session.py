@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +19,8 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.report import SingularityReport, angle, singularity
 from spacearm.viewer import readouts
-from spacearm.viewer.choices import Origin, number, numbers, placement, vector
-from spacearm.viewer.motions import WORDS, moved
+from spacearm.viewer.choices import Origin, number, numbers, placement
+from spacearm.viewer.motions import mode_named, moved
 from spacearm.viewer.readouts import short_names
 
 MODES = ("posture", "free-floating")
@@ -84,16 +84,13 @@ class Session:
         Raises:
             ConfigurationError: The motion is too long to integrate the reaction.
         """
-        if self._moves != "free-floating":
-            self.show(moved(self.cfg, q, self._moves))
-            return
-        way = np.abs(q - self.cfg.q).max()
-        if way > LONGEST:
+        way = float(np.abs(q - self.cfg.q).max())
+        if way > LONGEST and self._moves == "free-floating":
             raise ConfigurationError(
                 f"a joint would move by {way:.4g} rad or m; the spacecraft is followed over at "
                 f"most {LONGEST:g}: switch to posture"
             )
-        self.show(moved(self.cfg, q, "free-floating"))
+        self.show(moved(self.cfg, q, self._moves))
 
     @property
     def home(self) -> Array:
@@ -141,47 +138,36 @@ class Session:
     def _move(self, indices: Sequence[object], values: Sequence[object]) -> None:
         q = self.cfg.q.copy()
         for index, given in zip(indices, values, strict=True):
-            value = number(given, "value")
-            if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(q):
-                raise ConfigurationError(f"joint index is {index!r}; give 0 to {len(q) - 1}")
-            q[index] = self._within(index, value)
+            value, j = number(given, "value"), readouts.joint_number(index, self.arm)
+            lower, upper = (end[j] for end in self.range)
+            slack = 1e-6 * (upper - lower)  # a slider's end is rounded
+            if not lower - slack <= value <= upper + slack:
+                slides = bool(self.arm.slides[j])
+                at, low, high = (readouts.joint_value(x, slides) for x in (value, lower, upper))
+                name = self.arm.joint_names[j]
+                raise ConfigurationError(f"{name} at {at} is outside its range ({low} to {high})")
+            q[j] = value
         self.go(q)
-
-    def _within(self, index: int, value: float) -> float:
-        """Return a joint position; an error if it is outside the range of its slider."""
-        lower, upper = (end[index] for end in self.range)
-        slack = 1e-6 * (upper - lower)  # a slider's end is rounded
-        if not lower - slack <= value <= upper + slack:
-            kind = "prismatic" if self.arm.slides[index] else "revolute"
-            at, low, high = (readouts.joint_value(x, kind) for x in (value, lower, upper))
-            name = self.arm.joint_names[index]
-            raise ConfigurationError(f"{name} at {at} is outside its range ({low} to {high})")
-        return value
 
     def _grab(self, message: dict[str, Any]) -> None:
         """Pull the tip by a shift [m] and a turn [rad] from where it was grabbed."""
         grip = number(message.get("grip"), "grip")
         if grip != self._grip or self._grabbed is None:
             self._grip, self._grabbed = grip, self.cfg.tip
-        shift, turn = (vector(message.get(name), name) for name in ("shift", "turn"))
+        shift, turn = (numbers(message.get(x) or [0.0] * 3, 3, x) for x in ("shift", "turn"))
         grabbed = self._grabbed
         goal = pin.SE3(pin.exp3(turn) @ grabbed.rotation, grabbed.translation + shift)
-        found = pulled(self.cfg, goal, self._moves, self._moved, self.range)
-        self.blocked = found.blocked
-        self.show(found.cfg)
+        cfg, self.blocked = pulled(self.cfg, goal, self._moves, self.range)
+        self.show(cfg)
 
     def _goal(self, message: dict[str, Any]) -> None:
         """Set the goal of plans: the tip's pose, with a position and an attitude if given."""
         goal = self.cfg.tip.copy()
         if message.get("position") is not None:
-            goal.translation = vector(message["position"], "position")
+            goal.translation = numbers(message["position"], 3, "position")
         if message.get("rpy") is not None:
-            goal.rotation = pin.rpy.rpyToMatrix(vector(message["rpy"], "rpy"))
+            goal.rotation = pin.rpy.rpyToMatrix(numbers(message["rpy"], 3, "rpy"))
         self.goal = goal
-
-    def _moved(self, cfg: Configuration, q: Array) -> Configuration:
-        """Return a configuration after a short joint motion in the present mode."""
-        return moved(cfg, q, self._moves)
 
     @property
     def _moves(self) -> BaseMode:
@@ -190,10 +176,7 @@ class Session:
         return "fixed" if by_hand else self.spacecraft
 
     def _attitude(self, message: dict[str, Any]) -> None:
-        rpy = message.get("rpy")
-        if not isinstance(rpy, list) or len(rpy) != 3:
-            raise ConfigurationError(f"attitude is {rpy!r}; give [roll, pitch, yaw]")
-        R = pin.rpy.rpyToMatrix(np.array([number(angle, "attitude") for angle in rpy]))
+        R = pin.rpy.rpyToMatrix(numbers(message.get("rpy"), 3, "attitude"))
         self.show(self.arm.at(self.cfg.q, base=pin.SE3(R, self.cfg.base.translation)))
 
     def _posture(self, message: dict[str, Any]) -> None:
@@ -208,10 +191,7 @@ class Session:
         self.mode = mode
 
     def _spacecraft(self, message: dict[str, Any]) -> None:
-        spacecraft = next((mode for mode in WORDS if mode == message.get("mode")), None)
-        if spacecraft is None:
-            raise ConfigurationError(unknown("mode", str(message.get("mode"))[:40], WORDS))
-        self.spacecraft = spacecraft
+        self.spacecraft = mode_named(message.get("mode"))
         self.show(self.cfg)
 
     def _home(self) -> None:
@@ -238,17 +218,24 @@ class Session:
 
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        said: dict[str, Any] = {"mode": self.mode, "note": self.note, "blocked": self.blocked}
-        said |= {"spacecraft": self.spacecraft}
-        said |= {"goal": None if self.goal is None else readouts.pose(self.goal)}
         source, _, locked, made, changed = self.origin
         code = readouts.as_python(self.cfg, source, locked, made)
         if changed:
             code = f"# without what was changed in Python: locked joints, masses, lengths\n{code}"
         if self.spacecraft != "free-floating":
             code += f"report = sa.singularity(cfg, mode={self.spacecraft!r})\n"
-        return {**said, **readouts.readout(self.report), "python": code}
+        return {
+            "mode": self.mode,
+            "note": self.note,
+            "blocked": self.blocked,
+            "spacecraft": self.spacecraft,
+            "goal": None if self.goal is None else readouts.pose(self.goal),
+            **readouts.readout(self.report),
+            "python": code,
+        }
 
+
+# --- the tip pulled -----------------------------------------------------------------------------
 
 MOST_STEPS = 40
 START = 1e-4
@@ -265,25 +252,9 @@ BENDS = (0.1, -0.1, 0.02, -0.02)
 """Joint motions by which a singular posture is left [rad] or [m]."""
 
 
-class Grabbed(NamedTuple):
-    """Where the arm is after the tip was pulled.
-
-    Attributes:
-        cfg: The configuration.
-        blocked: Why the tip is not where it was pulled to; empty if it is.
-    """
-
-    cfg: Configuration
-    blocked: str
-
-
 def pulled(
-    cfg: Configuration,
-    goal: pin.SE3,
-    mode: BaseMode,
-    moved: Callable[[Configuration, Array], Configuration],
-    bounds: tuple[Array, Array],
-) -> Grabbed:
+    cfg: Configuration, goal: pin.SE3, mode: BaseMode, bounds: tuple[Array, Array]
+) -> tuple[Configuration, str]:
     """Bring the tip to a pose, or as near as it comes from here, along the rows of the task.
 
     Levenberg's and Marquardt's method: steps along lost directions are damped away, and the tip
@@ -293,13 +264,15 @@ def pulled(
         cfg: Where the arm is.
         goal: Pose of the tip in the inertial frame.
         mode: What the spacecraft does.
-        moved: Moves a configuration to joint positions (n,), the spacecraft with it.
         bounds: (n,) lower and upper joint positions.
+
+    Returns:
+        The configuration, and why the tip is not where it was pulled to; empty if it is.
     """
     lower, upper = bounds
 
     def tried(step: Array) -> tuple[Configuration, Array, float]:
-        trial = moved(cfg, np.clip(cfg.q + step, lower, upper))
+        trial = moved(cfg, np.clip(cfg.q + step, lower, upper), mode)
         left = _error(trial, goal)
         return trial, left, float(np.linalg.norm(left))
 
@@ -328,7 +301,7 @@ def pulled(
             if found[2] >= size * LESS:
                 break
             (cfg, error, size), damping = found, START
-    return Grabbed(cfg, _reason(cfg, error, largest, mode, bounds))
+    return cfg, _reason(cfg, error, largest, mode, bounds)
 
 
 def _error(cfg: Configuration, goal: pin.SE3) -> Array:
@@ -353,12 +326,13 @@ def _reason(
     if pushed.any():
         names = short_names(arm.joint_names)
         ends = [names[j] for j in np.flatnonzero(pushed)]
-        where = (
-            "is at the end of its range" if len(ends) == 1 else "are at the ends of their ranges"
-        )
+        place = "the end of its range" if len(ends) == 1 else "the ends of their ranges"
+        where = f"{'is' if len(ends) == 1 else 'are'} at {place}"
         return f"The tip cannot follow: {listed(ends)} {where}"
     return "The tip cannot follow: in this direction it has no motion left"
 
+
+# --- the first posture --------------------------------------------------------------------------
 
 REGULAR = math.radians(10.0)
 """Distance to the singular set from which on a posture is good to begin with [rad]."""

@@ -15,7 +15,6 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
-from spacearm.viewer.session import opening_posture
 
 if TYPE_CHECKING:
     from spacearm.viewer.viewer import Viewer
@@ -102,17 +101,7 @@ def in_notebook() -> bool:
     return shell is not None and hasattr(shell, "kernel")
 
 
-def _start(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Configuration:
-    """Return the configuration at q; at zeros, or the limits nearest to them, if q is None."""
-    return arm.at(np.clip(0.0, arm.lower, arm.upper) if q is None else q, base=base)
-
-
-def _arm(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
-    """Show an arm at q; bent, if nothing is asked for and it is singular at zeros."""
-    return _posture(arm.at(opening_posture(arm) if q is None else q, base=base))
-
-
-def _posture(cfg: Configuration, motion: Motion | None = None) -> Viewer:
+def _viewer(cfg: Configuration, motion: Motion | None = None) -> Viewer:
     """Show a configuration, and the motion that begins there."""
     with warnings.catch_warnings():  # meshcat imports what pyzmq deprecates
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -121,38 +110,51 @@ def _posture(cfg: Configuration, motion: Motion | None = None) -> Viewer:
     return Viewer(cfg, motion)
 
 
-def _motion(thing: Any) -> Viewer:
+def _start(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Configuration:
+    """Return the configuration at q; at zeros, or the limits nearest to them, if q is None."""
+    return arm.at(np.clip(0.0, arm.lower, arm.upper) if q is None else q, base=base)
+
+
+def _arm(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
+    """Show an arm at q; bent, if nothing is asked for and it is singular at zeros."""
+    from spacearm.viewer.session import opening_posture  # slow to import
+
+    return _viewer(arm.at(opening_posture(arm) if q is None else q, base=base))
+
+
+def _motion(thing: Any, *_: object) -> Viewer:
     """Play a motion."""
     motion = Motion.of(thing)
-    return _posture(motion.at(float(motion.t[0])), motion)
+    return _viewer(motion.at(float(motion.t[0])), motion)
 
 
-def _workspace(thing: Any, start: Configuration) -> Viewer:
+def _workspace(space: Any, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
     """Show the path dependent and path independent workspaces, cut open."""
-    viewer = _posture(start)
-    viewer.shells(thing)
+    viewer = _viewer(_start(space.arm, q, base))
+    viewer.shells(space)
     return viewer
 
 
-def _attitudes(thing: Any) -> Viewer:
+def _nearest(found: Any, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
+    """Show the posture of a singular set that is nearest in joint space."""
+    start = _start(found.arm, q, base)
+    return _viewer(start.arm.at(found.nearest(start.q)[0], base=start.base))
+
+
+def _attitudes(found: Any, *_: object) -> Viewer:
     """Play the motion from the best attitude, with all feasible ones around the spacecraft."""
-    viewer = _motion(thing.motion())
-    viewer.attitudes(thing)
+    viewer = _motion(found.motion())
+    viewer.attitudes(found)
     return viewer
 
 
-def _nearest(thing: Any, start: Configuration) -> Viewer:
-    """Show the singular posture that is nearest in joint space."""
-    return _posture(start.arm.at(thing.nearest(start.q)[0], base=start.base))
-
-
-def _region(thing: Any) -> Viewer:
+def _region(region: Any, *_: object) -> Viewer:
     """Show the first singular configuration of a region."""
-    if not thing.singular:
+    if not region.singular:
         raise ConfigurationError(
-            f"the region is {thing.kind} and has no singular configuration to show; view the arm"
+            f"the region is {region.kind} and has no singular configuration to show; view the arm"
         )
-    return _posture(thing.singular[0])
+    return _viewer(region.singular[0])
 
 
 class _Rule(NamedTuple):
@@ -180,32 +182,18 @@ def _has(*names: str) -> Callable[[Any], bool]:
 
 
 RULES = (
-    _Rule("a SpaceArm", _a(SpaceArm), lambda arm, q, base: _arm(arm, q, base), True),
-    _Rule("a Configuration", _a(Configuration), lambda cfg, *_: _posture(cfg)),
-    _Rule(
-        "a motion (with arm, t, q and base)",
-        _has("arm", "t", "q", "base"),
-        lambda motion, *_: _motion(motion),
-    ),
+    _Rule("a SpaceArm", _a(SpaceArm), _arm, True),
+    _Rule("a Configuration", _a(Configuration), lambda cfg, *_: _viewer(cfg)),
+    _Rule("a motion (with arm, t, q and base)", _has("arm", "t", "q", "base"), _motion),
     _Rule("a Flight", _has("phases", "motion"), lambda flight, *_: _motion(flight.motion)),
-    _Rule(
-        "a Workspace",
-        _has("arm", "pdw", "reachable"),
-        lambda space, q, base: _workspace(space, _start(space.arm, q, base)),
-        True,
-    ),
-    _Rule(
-        "a singular set",
-        _has("arm", "nearest"),
-        lambda found, q, base: _nearest(found, _start(found.arm, q, base)),
-        True,
-    ),
-    _Rule("feasible attitudes", _has("arm", "motion", "start"), lambda f, *_: _attitudes(f)),
-    _Rule("a Region", _has("singular", "kind"), lambda region, *_: _region(region)),
+    _Rule("a Workspace", _has("arm", "pdw", "reachable"), _workspace, True),
+    _Rule("a singular set", _has("arm", "nearest"), _nearest, True),
+    _Rule("feasible attitudes", _has("arm", "motion", "start"), _attitudes),
+    _Rule("a Region", _has("singular", "kind"), _region),
     _Rule(
         "a result with a configuration",
         _has("configuration"),
-        lambda result, *_: _posture(result.configuration),
+        lambda result, *_: _viewer(result.configuration),
     ),
 )
 """The first rule that holds for a thing shows it."""

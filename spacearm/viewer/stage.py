@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from meshcat.animation import AnimationClip
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
-from spacearm.singularities.risk import RiskProfile
 from spacearm.viewer.layers import (
     AttitudeLayer,
     Key,
@@ -32,12 +31,13 @@ from spacearm.viewer.scene import Scene
 from spacearm.viewer.session import Session
 from spacearm.viewer.shapes import GHOST, STEEL, VIOLET, Ghost, draw_axes
 from spacearm.viewer.window import Window
-from spacearm.workspaces.path_dependent import Workspace, centre_of
+from spacearm.workspaces.path_dependent import centre_of
 
 MOST_FRAMES = 9000
 """Largest number of frames of a motion in a page; each takes some kilobytes."""
 MOST_POSES = 600
 """Largest number of postures along a motion that the page moves through by itself."""
+FRAMES_PER_SECOND = 30
 VIEW = np.array([0.55, -0.75, 0.0])
 """Direction from which workspaces of spatial arms are cut open: the page's, but level."""
 PLAYED = ("wheels", "wrenches", "trace", "goal", "comparison")
@@ -100,28 +100,19 @@ class Stage:
         self._obstacle_layer = ObstacleLayer(node, self.obstacles)
         self.show_layer("obstacles", "obstacles" not in self.hidden)
 
-    def draw_shells(self, space: Workspace) -> None:
-        """Draw a workspace."""
-        self._centre = space.mode
-        self._explain("shells", draw_workspace(self.scene.root["shells"], space, self._view))
-
-    def draw_risk(self, risk: RiskProfile) -> None:
-        """Draw how likely singular postures are, over the distance of the tip from the CM."""
-        self._explain("risk", draw_risk(self.scene.root["risk"], risk, self._view))
-
-    def draw_attitudes(self, found: FeasibleAttitudes) -> None:
-        """Draw the attitudes from which the tip can follow a path."""
-        self._explain("attitudes", self._attitudes.show(found))
-
-    def _explain(self, layer: str, keys: list[Key]) -> None:
+    def show_computed(self, layer: str, result: Any) -> None:
+        """Draw workspaces, the risk or feasible attitudes in the layer of that name."""
+        if layer == "attitudes":
+            keys = self._attitudes.show(result)
+        else:
+            normal = self.scene.arm.tree.plane_normal()
+            view = VIEW if normal is None else np.eye(3)[normal]  # in the frame of the layer
+            draw = draw_workspace if layer == "shells" else draw_risk
+            keys = draw(self.scene.root[layer], result, view)
+        if layer == "shells":
+            self._centre = result.mode
         self.legend = [key for key in self.legend if key.layer != layer] + keys
         self.show_layer(layer, True)
-
-    @property
-    def _view(self) -> Array:
-        """Direction from which workspaces are seen, in the frame of their layers."""
-        normal = self.scene.arm.tree.plane_normal()
-        return VIEW if normal is None else np.eye(3)[normal]
 
     def compare(self, other: Comparison | None) -> None:
         """Show another motion in step with the present one; none if None."""
@@ -182,9 +173,13 @@ class Stage:
 
     def animate(self) -> None:
         """Record the motion into the window."""
-        if motion := self.motion:
-            self._window.send(self._recorded(motion, MOST_FRAMES, lambda cfg, t: self._draw(
-                cfg, singularity(cfg, mode=motion.mode), t)))  # fmt: skip
+        if not (motion := self.motion):
+            return
+
+        def draw(cfg: Configuration, t: float) -> None:
+            self._draw(cfg, singularity(cfg, mode=motion.mode), t)
+
+        self._window.send(self._recorded(motion, MOST_FRAMES, draw))
 
     def poses(self) -> dict[str, Any]:
         """Return where things are along the motion, for the page to move them in every frame."""
@@ -200,9 +195,12 @@ class Stage:
         nodes = recorder.poses(len(tips))
         nodes["/spacearm/ellipsoid/body"] = np.array(tips)
         first, last = self.span
-        packed = {path: packed_text(values) for path, values in nodes.items()}
-        return {"played": self.played, "first": first, "last": last, "rows": len(tips),
-                "nodes": packed}  # fmt: skip
+        packed = {
+            path: base64.b64encode(rows.astype("<f4").tobytes()).decode()
+            for path, rows in nodes.items()
+        }
+        played = {"played": self.played, "first": first, "last": last}
+        return {**played, "rows": len(tips), "nodes": packed}
 
     def _recorded(
         self, motion: Motion, most: int, draw: Callable[[Configuration, float], None]
@@ -221,17 +219,10 @@ class Stage:
         return recorder
 
 
-def packed_text(values: Array) -> str:
-    """Return numbers as base64 of little-endian floats of 32 bits."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()
-
-
-FRAMES_PER_SECOND = 30
-TYPES = {"position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool"}
-
-
 class Recorder:
     """Takes drawing commands in place of the window and keeps what changes, frame by frame.
+
+    It is a command of meshcat itself: the animation.
 
     Attributes:
         frame: The frame that commands belong to.
@@ -239,33 +230,30 @@ class Recorder:
 
     def __init__(self) -> None:
         self.frame = 0.0
-        self._tracks: dict[str, dict[str, list[dict[str, Any]]]] = {}
+        self._clips: dict[str, AnimationClip] = {}
 
     def __call__(self, content: dict[str, Any]) -> None:
         """Record a lowered set_transform or set_property command at the current frame."""
+        new = AnimationClip(fps=FRAMES_PER_SECOND, name="motion")
+        clip = self._clips.setdefault(content["path"], new)
         if content["type"] == "set_property":
-            self._key(content["path"], content["property"], content["value"])
+            clip.set_property(self.frame, content["property"], "bool", content["value"])
         elif content["type"] == "set_transform":
             matrix = np.array(content["matrix"]).reshape(4, 4).T
             scale = np.linalg.norm(matrix[:3, :3], axis=0)
-            self._key(content["path"], "position", matrix[:3, 3].tolist())
-            self._key(content["path"], "scale", scale.tolist())
-            quaternion = pin.Quaternion(matrix[:3, :3] / scale).normalized().coeffs()
-            self._key(content["path"], "quaternion", quaternion.tolist())
-
-    def _key(self, path: str, name: str, value: Any) -> None:
-        keys = self._tracks.setdefault(path, {}).setdefault(name, [])
-        keys.append({"time": self.frame, "value": value})
+            turn = pin.Quaternion(matrix[:3, :3] / scale).normalized().coeffs()
+            clip.set_property(self.frame, "position", "vector3", matrix[:3, 3].tolist())
+            clip.set_property(self.frame, "scale", "vector3", scale.tolist())
+            clip.set_property(self.frame, "quaternion", "quaternion", turn.tolist())
 
     def poses(self, frames: int) -> dict[str, Array]:
         """Return (frames, 7) position [m] and quaternion x, y, z, w of nodes placed in each."""
-        found = {}
-        for path, tracks in self._tracks.items():
-            places, turns = tracks.get("position", []), tracks.get("quaternion", [])
-            if len(places) == frames:
-                rows = [(*a["value"], *b["value"]) for a, b in zip(places, turns, strict=True)]
-                found[path] = np.array(rows)
-        return found
+        tracks = {path: clip.tracks for path, clip in self._clips.items()}
+        return {
+            path: np.hstack((found["position"].values, found["quaternion"].values))
+            for path, found in tracks.items()
+            if "position" in found and len(found["position"].values) == frames
+        }
 
     def lower(self) -> dict[str, Any]:
         """Return the animation as a meshcat command."""
@@ -274,17 +262,6 @@ class Recorder:
             "path": "",
             "options": {"play": False, "repetitions": 1},
             "animations": [
-                {
-                    "path": path,
-                    "clip": {
-                        "fps": FRAMES_PER_SECOND,
-                        "name": "motion",
-                        "tracks": [
-                            {"name": f".{name}", "type": TYPES[name], "keys": keys}
-                            for name, keys in tracks.items()
-                        ],
-                    },
-                }
-                for path, tracks in self._tracks.items()
+                {"path": path, "clip": clip.lower()} for path, clip in self._clips.items()
             ],
         }

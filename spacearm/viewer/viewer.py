@@ -36,11 +36,12 @@ from spacearm.viewer.stage import Stage
 from spacearm.viewer.window import Window
 from spacearm.workspaces.path_dependent import Workspace
 
-SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
+MOST_PICTURES = 3000
+"""Largest number of pictures of a motion."""
 
 
-class Host:
-    """What is on show and how it is changed, from Python and by the page's messages.
+class Viewer:
+    """A scene of one arm: in the browser, in a notebook, in a file.
 
     Attributes:
         window: The drawing.
@@ -48,6 +49,7 @@ class Host:
 
     def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
         self.window = Window()
+        self._server: Server | None = None
         self._lock = threading.RLock()
         self._edition = 0
         self._stage = Stage(self.window, Session(cfg.arm, cfg), motion)
@@ -58,24 +60,6 @@ class Host:
     def session(self) -> Session:
         """The configuration on show, and how the panel moves it."""
         return self._stage.session
-
-    def _change_arm(self, message: dict[str, Any]) -> None:
-        """Show the arm that the page asks for, in the present posture if it has the same joints."""
-        before = self.session
-        with tempfile.TemporaryDirectory() as folder:
-            arm, origin, said = chosen(before.cfg, before.origin, message, Path(folder))
-            arm.require_one_tip()
-            same = arm.joint_names == before.arm.joint_names
-            q = before.cfg.q if same else opening_posture(arm)
-            session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
-            session.mode = before.mode
-            session.handle({"do": "spacecraft", "mode": before.spacecraft})
-            session.note = said
-            with self.window.replaced():
-                self._stage = Stage(self.window, session)
-        self._job.cancel()
-        self._given = None
-        self._edition += 1
 
     # --- what is shown ----------------------------------------------------------------------
 
@@ -114,13 +98,6 @@ class Host:
             self._stage.compare(found)
         self._changed()
 
-    def _compare_with(self, asked: object) -> None:
-        """Compare the motion with what the page names: a mode, what was given, or nothing."""
-        if asked == "given" and self._given:
-            self.compare(self._given.motion)
-        else:
-            self.compare(str(asked) if asked else None)
-
     @property
     def configuration(self) -> Configuration:
         """The configuration on show, moved in the page or by `show`."""
@@ -143,15 +120,9 @@ class Host:
         """
         with self._lock:
             if isinstance(radii, Workspace):
-                self._stage.draw_shells(radii)
+                self._stage.show_computed("shells", radii)
             else:
-                colors = [SHELL_COLORS[i % len(SHELL_COLORS)] for i in range(len(radii))]
-                for radius in radii:
-                    if not 0.0 < radius < np.inf:
-                        raise ConfigurationError(
-                            f"shell radius is {radius}; give a positive length"
-                        )
-                self._stage.scene.shells(list(zip(radii, colors, strict=True)))
+                self._stage.scene.shells([positive(r, "shell radius", "length") for r in radii])
         self._changed()
 
     def attitudes(self, found: FeasibleAttitudes) -> None:
@@ -161,7 +132,7 @@ class Host:
             found: What `sa.feasible_attitudes` has found.
         """
         with self._lock:
-            self._stage.draw_attitudes(found)
+            self._stage.show_computed("attitudes", found)
         self._changed()
 
     def layer(self, name: str, visible: bool) -> None:
@@ -188,111 +159,6 @@ class Host:
             self._stage.obstruct(obstacles_of(obstacles, self.session.arm))
         self._changed()
 
-    def _changed(self) -> None:
-        """Have the present state drawn."""
-        self.draw()
-
-    def _finished(self, name: str, result: Any) -> None:
-        """Show what a worker has computed."""
-        if name == "plan":
-            self._given = None
-            self._stage.play(replace(result, arm=self.session.arm))
-        elif name == "shells":
-            self._stage.draw_shells(result)
-        elif name == "attitudes":
-            self._stage.draw_attitudes(result)
-        else:
-            self._stage.draw_risk(result)
-
-    # --- the panel (see server.Panel) -------------------------------------------------------
-
-    def handle(self, message: object, client: object = None) -> dict[str, Any] | None:
-        """Do what a message of the page asks; return what the one who asked is told."""
-        with self._lock:
-            kind = message.get("do") if isinstance(message, dict) else None
-            if isinstance(message, dict) and kind == "layer":
-                self.layer(str(message.get("name")), bool(message.get("visible")))
-            elif isinstance(message, dict) and kind == "time" and self._stage.motion:
-                self._stage.seek(number(message.get("t"), "time"))
-            elif isinstance(message, dict) and kind == "compare":
-                self._compare_with(message.get("with"))
-            elif kind == "plan":
-                self._job.start("plan", planning(self._stage), client)
-            elif isinstance(message, dict) and kind == "compute":
-                asked = layer(self._stage, message.get("what"), message.get("path"))
-                self._job.start(*asked, client)
-            elif kind == "cancel":
-                self._job.cancel()
-            elif kind == "poses":
-                return {"poses": self._stage.poses()}
-            elif kind == "motion":
-                return {"motion": self._told_motion()}
-            elif isinstance(message, dict) and kind == "arm":
-                self._change_arm(message)
-            elif isinstance(message, dict) and kind == "map":
-                session = self.session
-                told = joint_map(session.cfg, message.get("joints"), session.spacecraft)
-                return {"map": {**told, "spacecraft": session.spacecraft}}
-            else:
-                self.session.handle(message)
-        return None
-
-    def left(self, client: object) -> None:
-        """End what a client of the page has asked for, who is gone."""
-        with self._lock:
-            self._job.left(client)
-
-    def readout(self) -> dict[str, Any]:
-        """Return what the panel shows of the configuration."""
-        with self._lock:
-            stage = self._stage
-            state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
-            state |= {"motion": stage.motion is not None}
-            state |= {"edition": self._edition, **self._job.readout()}
-            legend = [key._asdict() for key in stage.legend]
-            return {**self.session.readout(), **state, "legend": legend}
-
-    def draw(self) -> None:
-        """Draw the configuration."""
-        with self._lock:
-            self._stage.draw()
-
-    def about(self) -> dict[str, Any]:
-        """Return what the page needs once."""
-        session = self.session
-        more = {
-            "layers": LAYERS,
-            "grid": self._stage.scene.grid._asdict(),
-            "motion": self._told_motion(),
-            "edition": self._edition,
-        }
-        return {**session.about(), **more, "choices": offered(session.arm, session.origin)}
-
-    def _told_motion(self) -> dict[str, Any] | None:
-        """Return what the page needs of the motion, and what it can be compared with."""
-        if not (motion := self._stage.motion):
-            return None
-        flown = getattr(motion, "flight", None) is not None
-        ways: dict[str, str] = {} if flown else {words: mode for mode, words in WORDS.items()}
-        given = {} if self._given is None else {self._given.name: "given"}
-        return {**account(motion, self._stage.other), "ways": {**ways, **given}}
-
-
-MOST_PICTURES = 3000
-"""Largest number of pictures of a motion."""
-
-
-class Viewer(Host):
-    """A scene of one arm: in the browser, in a notebook, in a file.
-
-    Attributes:
-        window: The drawing.
-    """
-
-    def __init__(self, cfg: Configuration, motion: Motion | None = None) -> None:
-        self._server: Server | None = None
-        super().__init__(cfg, motion)
-
     # --- in the browser ---------------------------------------------------------------------
 
     @property
@@ -317,13 +183,6 @@ class Viewer(Host):
     def open(self, port: int | None = None) -> None:
         """Serve the page and open it in the browser; arguments and errors as for `serve`."""
         webbrowser.open(self._served(port).invitation())
-
-    def _changed(self) -> None:
-        """Send the present state to the browsers, or draw it."""
-        if self._server:
-            self._server.refresh()
-        else:
-            super()._changed()
 
     def _served(self, port: int | None) -> Server:
         if self._server is None:
@@ -440,3 +299,112 @@ class Viewer(Host):
 
     def __repr__(self) -> str:
         return f"Viewer({self.session.arm.name}, {self.url or 'not served'})"
+
+    # --- the panel (see server.Panel) -------------------------------------------------------
+
+    def handle(self, message: object, client: object = None) -> dict[str, Any] | None:
+        """Do what a message of the page asks; return what the one who asked is told."""
+        asked = message if isinstance(message, dict) else {}
+        with self._lock:
+            stage = self._stage
+            match asked.get("do"):
+                case "layer":
+                    self.layer(str(asked.get("name")), bool(asked.get("visible")))
+                case "time" if stage.motion:
+                    stage.seek(number(asked.get("t"), "time"))
+                case "compare":
+                    other = asked.get("with")
+                    given = self._given.motion if self._given and other == "given" else None
+                    self.compare(given or str(other or "") or None)
+                case "plan":
+                    self._job.start("plan", planning(stage), client)
+                case "compute":
+                    self._job.start(*layer(stage, asked.get("what"), asked.get("path")), client)
+                case "cancel":
+                    self._job.cancel()
+                case "poses":
+                    return {"poses": stage.poses()}
+                case "motion":
+                    return {"motion": self._told_motion()}
+                case "arm":
+                    self._change_arm(asked)
+                case "map":
+                    mode = stage.session.spacecraft
+                    told = joint_map(stage.session.cfg, asked.get("joints"), mode)
+                    return {"map": {**told, "spacecraft": mode}}
+                case _:
+                    stage.session.handle(message)
+        return None
+
+    def _change_arm(self, message: dict[str, Any]) -> None:
+        """Show the arm that the page asks for, in the present posture if it has the same joints."""
+        before = self.session
+        with tempfile.TemporaryDirectory() as folder:
+            arm, origin, said = chosen(before.cfg, before.origin, message, Path(folder))
+            arm.require_one_tip()
+            same = arm.joint_names == before.arm.joint_names
+            q = before.cfg.q if same else opening_posture(arm)
+            session = Session(arm, arm.at(q, base=before.cfg.base if same else None), origin)
+            session.mode = before.mode
+            session.handle({"do": "spacecraft", "mode": before.spacecraft})
+            session.note = said
+            with self.window.replaced():
+                self._stage = Stage(self.window, session)
+        self._job.cancel()
+        self._given = None
+        self._edition += 1
+
+    def _changed(self) -> None:
+        """Send the present state to the browsers, or draw it."""
+        if self._server:
+            self._server.refresh()
+        else:
+            self.draw()
+
+    def _finished(self, name: str, result: Any) -> None:
+        """Show what a worker process has computed."""
+        if name == "plan":
+            self._given = None
+            self._stage.play(replace(result, arm=self.session.arm))
+        else:
+            self._stage.show_computed(name, result)
+
+    def left(self, client: object) -> None:
+        """End what a client of the page has asked for, who is gone."""
+        with self._lock:
+            self._job.left(client)
+
+    def readout(self) -> dict[str, Any]:
+        """Return what the panel shows of the configuration."""
+        with self._lock:
+            stage = self._stage
+            state = {"hidden": sorted(stage.hidden), "t": stage.time, "played": stage.played}
+            state |= {"motion": stage.motion is not None, "edition": self._edition}
+            state |= {"legend": [key._asdict() for key in stage.legend]}
+            return {**self.session.readout(), **state, **self._job.readout()}
+
+    def draw(self) -> None:
+        """Draw the configuration."""
+        with self._lock:
+            self._stage.draw()
+
+    def about(self) -> dict[str, Any]:
+        """Return what the page needs once."""
+        session = self.session
+        return {
+            **session.about(),
+            "layers": LAYERS,
+            "grid": self._stage.scene.grid._asdict(),
+            "motion": self._told_motion(),
+            "edition": self._edition,
+            "choices": offered(session.arm, session.origin),
+        }
+
+    def _told_motion(self) -> dict[str, Any] | None:
+        """Return what the page needs of the motion, and what it can be compared with."""
+        if not (motion := self._stage.motion):
+            return None
+        flown = getattr(motion, "flight", None) is not None
+        ways: dict[str, str] = {} if flown else {words: mode for mode, words in WORDS.items()}
+        given = {} if self._given is None else {self._given.name: "given"}
+        return {**account(motion, self._stage.other), "ways": {**ways, **given}}

@@ -1,7 +1,7 @@
 """Window: a meshcat scene kept in this process, for any number of browsers and for files.
 
 `meshcat.Visualizer` uses it in place of meshcat's own window: no second process, no ZeroMQ socket,
-and one port for everything. It builds on private modules of meshcat, whose version is pinned.
+and one port for everything.
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import umsgpack
-from meshcat.servers.tree import SceneTree, find_node, walk
 from meshcat.servers.zmqserver import VIEWER_ROOT
 
 
@@ -33,6 +32,7 @@ class Key(NamedTuple):
     what: str
 
 
+M = TypeVar("M")
 DELETE = "delete"
 """Kind of the message that a node is gone, with all below it."""
 BUNDLE = 50_000
@@ -52,9 +52,7 @@ class Outbox:
     def put(self, key: Key, message: str | bytes) -> None:
         """Add a message, in the place of one of the same key that waits."""
         if key.what == DELETE:
-            depth = len(key.path)
-            kept = self._waiting.items()
-            self._waiting = {k: m for k, m in kept if k.path[:depth] != key.path}
+            self._waiting = _without(self._waiting, key.path)
         self._waiting[key] = message
 
     def take(self) -> str | bytes | None:
@@ -77,6 +75,11 @@ class Outbox:
 
     def __len__(self) -> int:
         return len(self._waiting)
+
+
+def _without(messages: dict[Key, M], path: tuple[str, ...]) -> dict[Key, M]:
+    """Return messages without those about a node and all below it."""
+    return {key: m for key, m in messages.items() if key.path[: len(path)] != path}
 
 
 PAGE = Path(__file__).parent / "page"
@@ -102,7 +105,7 @@ class Window:
     """
 
     def __init__(self) -> None:
-        self._tree = SceneTree()
+        self._scene: dict[Key, bytes] = {}
         self._lock = threading.RLock()
         self.listeners: list[Callable[[Key, bytes], None]] = []
         self.recorder: Callable[[dict[str, Any]], None] | None = None
@@ -113,19 +116,13 @@ class Window:
         if self.recorder:
             self.recorder(content)
             return
-        kind, path = content["type"], [part for part in content["path"].split("/") if part]
-        data = umsgpack.packb(content)
+        path = tuple(part for part in content["path"].split("/") if part)
+        key, data = Key(path, content.get("property", content["type"])), umsgpack.packb(content)
         with self._lock:
-            if kind == DELETE:
-                find_node(self._tree, path[:-1]).pop(path[-1], None)
+            if key.what == DELETE:
+                self._scene = _without(self._scene, path)
             else:
-                node = find_node(self._tree, path)
-                if kind == "set_property":
-                    node.properties = [p for p in node.properties if p[0] != content["property"]]
-                    node.properties.append((content["property"], data))
-                else:
-                    setattr(node, kind.removeprefix("set_"), data)
-            key = Key(tuple(path), content.get("property", kind))
+                self._scene[key] = data
             for listener in self.listeners:
                 listener(key, data)
 
@@ -133,32 +130,20 @@ class Window:
     def replaced(self) -> Iterator[None]:
         """Draw another scene in place of the present one, which stays if that fails."""
         with self._lock:
-            before, self._tree = self._tree, SceneTree()
+            before, self._scene = self._scene, {}
             listeners, self.listeners = self.listeners, []  # browsers load the new scene as a whole
             try:
                 yield
             except BaseException:
-                self._tree = before
+                self._scene = before
                 raise
             finally:
                 self.listeners = listeners
 
     def commands(self) -> list[bytes]:
-        """Return the commands that draw the present scene."""
+        """Return the commands that draw the present scene, those that make its objects first."""
         with self._lock:
-            return list(self._commands())
-
-    def _commands(self) -> Iterator[bytes]:
-        for node in walk(self._tree):
-            if node.object is not None:
-                yield node.object
-            for _, data in node.properties:
-                yield data
-            if node.transform is not None:
-                yield node.transform
-        for node in walk(self._tree):  # once all objects are there
-            if node.animation is not None:
-                yield node.animation
+            return [self._scene[key] for key in sorted(self._scene, key=_rank)]
 
     def static_html(self, title: str, shown: dict[str, Any]) -> str:
         """Return a page that shows the scene without a server or a network.
@@ -181,11 +166,13 @@ class Window:
             "<title>spacearm</title>": f"<title>{html.escape(title)}</title>",
             "<body>": '<body class="saved">',
         }
-        pieces = re.split("|".join(map(re.escape, parts)), _text(PAGE / "index.html"))
-        found = re.findall("|".join(map(re.escape, parts)), _text(PAGE / "index.html"))
-        return pieces[0] + "".join(
-            parts[f] + piece for f, piece in zip(found, pieces[1:], strict=True)
-        )
+        marks = "|".join(map(re.escape, parts))
+        return re.sub(marks, lambda mark: parts[mark[0]], _text(PAGE / "index.html"))
+
+
+def _rank(key: Key) -> int:
+    """Return when a command is sent: objects, their properties, their places, motions of them."""
+    return {"set_object": 0, "set_transform": 2, "set_animation": 3}.get(key.what, 1)
 
 
 def _text(path: Path) -> str:

@@ -569,13 +569,8 @@ def test_prismatic_and_branched_arms_have_a_scene(tmp_path):
 
 
 def recorded(viewer, path, kind="visible"):
-    node = viewer.window._tree["spacearm"]
-    for part in path.split("/"):
-        node = node[part]
-    import umsgpack
-
-    return {umsgpack.unpackb(data)["property"]: umsgpack.unpackb(data)["value"]
-            for _, data in node.properties}[kind]  # fmt: skip
+    key = Key(("spacearm", *path.split("/")), kind)
+    return umsgpack.unpackb(viewer.window._scene[key])["value"]
 
 
 def test_the_lost_direction_appears_at_the_singularity_only(viewer):
