@@ -26,7 +26,7 @@ from spacearm.cli.options import (
 from spacearm.cli.output import answer, check_picture, out, working
 from spacearm.cli.questions import With, inner, question, start_of
 from spacearm.cli.wording import NUMBER, join_numbers
-from spacearm.mission.attitude_search import MARGIN, feasible_attitudes
+from spacearm.mission.attitudes import MARGIN, feasible_attitudes
 from spacearm.mission.reactions import reaction, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
@@ -153,7 +153,7 @@ def write_report(
 
     Joint values give the working posture; without them it is one far from singularities.
     """
-    from spacearm.plots.report_page import design_report  # imports matplotlib
+    from spacearm.reports.sections import design_report  # imports matplotlib
 
     start = joint_values(arm, q, deg) if q else None
     with working("writing the report") as progress:

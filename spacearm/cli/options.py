@@ -47,7 +47,8 @@ def complete_model(incomplete: str) -> list[tuple[str, str]]:
 
     Arms without a spacecraft are among them: --bus-mass mounts them.
     """
-    known = [(info.name, info.summary) for info in (*catalogue(), *arms())]
+    known = [(info.name, info.summary) for info in catalogue()]
+    known += [(info.name, info.summary) for info in arms()]
     return [(name, summary) for name, summary in known if name.startswith(incomplete)]
 
 

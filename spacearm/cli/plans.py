@@ -81,8 +81,6 @@ KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", 
 """Keys of the question that a plan and a detumbling have in common."""
 
 
-
-
 def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Callable[..., int]:
     """Return the command that asks `plan` or `detumble`, whose questions differ in a few keys."""
 
@@ -109,7 +107,7 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
         target = _goal(arm, goal, asked, deg)
         constraints = constraints_of(inner(asked, "constraints"))
         around = tuple(obstacle_of(text, deg) for text in obstacle or ())
-        kept = obstacles_of(constraints.obstacles)
+        kept = obstacles_of(constraints.obstacles, arm)
         constraints = replace(constraints, obstacles=(*kept, *around))
         try:
             with working("planning") as progress:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 from io import BytesIO
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from spacearm import results
 from spacearm.arrays import Array, plain
 from spacearm.cli.options import (
     AsJson,
@@ -39,12 +41,12 @@ from spacearm.cli.output import (
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.files import read, write
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.impact import capture
+from spacearm.mechanics.dynamics import capture
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
-from spacearm.results import Description, Table
+from spacearm.results import Cell, Column, Description, Table
 from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.nearest import GLOBAL_DIMENSION
 from spacearm.singularities.report import TOLERANCE, angle, singularity
@@ -126,18 +128,26 @@ def find_nearest(
     square = found.complete and found.codimension == 1 and not arm.slides.any()
     proven = square and not limits and 0 < len(found.relevant) <= GLOBAL_DIMENSION
     if as_json:
-        facts = {"arm": arm, "mode": mode.value, "joints": arm.joint_names, "q": start}
-        facts |= {"nearest": nearest, "distance": distance, "proven": proven, "limits": limits}
+        facts: dict[str, Any] = {"arm": arm, "mode": mode.value, "joints": arm.joint_names}
+        facts |= {
+            "q": start,
+            "nearest": nearest,
+            "distance": distance,
+            "proven": proven,
+            "limits": limits,
+        }
         print_json(plain(facts))
         return
-    turns = {"q": start, "nearest singular": nearest, "turn": nearest - start}
+    columns: dict[str | Column, Sequence[Cell]] = {"joint": arm.joint_names}
+    for name, values in (("q", start), ("nearest singular", nearest), ("turn", nearest - start)):
+        columns[name] = results.joint_values(values, arm.slides)
     how = "proven: no singular posture is nearer" if proven else "found by a search"
     print_description(
         Description(
             title=f"{arm.name}, {mode.value}",
             verdict=f"{'' if proven else 'at most '}{angle(distance)} away",
             notes=(f"{how}; joint limits {'count' if limits else 'do not count'}",),
-            tables=(Table.of_joints(arm.joint_names, arm.slides, turns),),
+            tables=(Table.by_columns(columns),),
         ),
         deg,
     )
@@ -184,8 +194,9 @@ def _described(
     notes, tables = [], []
     if proof.at is not None:
         first = 1 + (proof.segment or 0)
-        way = {f"on the way from posture {first} to {first + 1}": proof.at}
-        tables.append(Table.of_joints(arm.joint_names, arm.slides, way))
+        way = f"on the way from posture {first} to {first + 1}"
+        at = results.joint_values(proof.at, arm.slides)
+        tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))
     if distance is not None:
         worst = int(np.argmin(distance))
         near = f"about {angle(float(distance[worst]))} from a singular posture, to first order"

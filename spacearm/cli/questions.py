@@ -18,6 +18,7 @@ from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import read
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
+from spacearm.model.joints import warn_outside
 from spacearm.model.loading import load
 from spacearm.motion.controllers import (
     Controller,
@@ -27,10 +28,10 @@ from spacearm.motion.controllers import (
     ResolvedRate,
     TransposedJacobian,
 )
-from spacearm.model.joints import warn_outside
-from spacearm.motion.goal import Goal, goal_of
 from spacearm.motion.flights import Grasp, Phase, Release
+from spacearm.motion.goal import Goal, goal_of
 from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench
+from spacearm.motion.simulation import Integration
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Joints
 from spacearm.sweeps.toml import Table, parse
@@ -93,7 +94,7 @@ def _nested(keys: Sequence[str], value: Any) -> dict[str, Any]:
 
 
 def _value(text: str) -> Any:
-    """Return what a text means: a number, true, false, a list, a table as JSON has it; or itself."""
+    """Return what a text means as JSON: a number, true, false, a list, a table; else itself."""
     try:
         return json.loads(text)
     except ValueError:
@@ -249,18 +250,18 @@ def phases_of(arm: SpaceArm, given: Sequence[Any]) -> list[Phase]:
 
     `then` is "release", or a table with the fields of `Grasp`.
     """
-    tables = [Table(f"phase {i}", values) for i, values in enumerate(given)]
-    return [
-        built(
-            Phase,
-            one,
-            controller=lambda _, one=one: controller_of(arm, inner(one, "controller")),
-            then=lambda value, one=one: _then(value, one),
-            plant=lambda _, one=one: plant_of(inner(one, "plant")),
-            integration=lambda _, one=one: built(Integration, inner(one, "integration")),
-        )
-        for one in tables
-    ]
+    return [_phase(arm, Table(f"phase {i}", values)) for i, values in enumerate(given)]
+
+
+def _phase(arm: SpaceArm, given: Table) -> Phase:
+    return built(
+        Phase,
+        given,
+        controller=lambda _: controller_of(arm, inner(given, "controller")),
+        then=lambda value: _then(value, given),
+        plant=lambda _: plant_of(inner(given, "plant")),
+        integration=lambda _: built(Integration, inner(given, "integration")),
+    )
 
 
 def _then(value: Any, given: Table) -> Grasp | Release:

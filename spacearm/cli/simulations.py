@@ -22,7 +22,6 @@ from spacearm.cli.options import (
 from spacearm.cli.output import (
     answer,
     check_picture,
-    out,
     say_stopped,
     working,
 )
@@ -115,9 +114,13 @@ def simulate_motion(
             progress=progress,
             **options,
         )
+
+    def drawn() -> dict[str, Any]:
+        return {"target": mark_of(run[-1], laws.goal(0.0))} if isinstance(laws, TipLaw) else {}
+
     answer(
         arm, run, "simulation", deg=deg, as_json=as_json, save=save, output=output, view=view,
-        drawn=lambda: {"target": mark_of(run[-1], laws.goal(0.0))} if isinstance(laws, TipLaw) else {},
+        drawn=drawn,
     )  # fmt: skip
     return _ended(run, f"{run.t[-1]:.4g} of {seconds:g} s simulated")
 
@@ -135,11 +138,9 @@ def _fly(
     phases = phases_of(start.arm, asked.take("phases", list))
     with working("simulating") as progress:
         flight = simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
-    for i, run in enumerate(flight.phases if save else ()):
-        where = save.with_stem(f"{save.stem}_{i}")
-        run.save(where)
-        if not as_json:
-            out.print(f"wrote {where}")
+    for i, run in enumerate(flight.phases):
+        if save:
+            run.save(save.with_stem(f"{save.stem}_{i}"))
     answer(start.arm, flight, "simulation", deg=deg, as_json=as_json, output=output, view=view)
     return _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
 

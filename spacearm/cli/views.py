@@ -12,7 +12,7 @@ from spacearm.cli.output import out, serve_until_interrupted, undisturbed, worki
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
-from spacearm.viewer.comparison import WORDS
+from spacearm.viewer.motions import WORDS
 from spacearm.viewer.show import view as show
 
 

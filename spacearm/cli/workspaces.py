@@ -97,7 +97,10 @@ def compute_workspace(
     def drawn() -> dict[str, Any]:
         floats = not result.planar and mode == "free-floating" and not code
         with working("drawing") as progress:
-            return {"path": points, "profile": result.profile(progress=progress) if floats else None}
+            return {
+                "path": points,
+                "profile": result.profile(progress=progress) if floats else None,
+            }
 
     answer(
         arm, result, "workspace", as_json=as_json, output=output, view=view, drawn=drawn, told=told

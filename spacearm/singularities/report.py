@@ -10,7 +10,7 @@ import numpy as np
 from numpy.linalg import norm
 
 from spacearm.arrays import Array, Progress
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode, of_configuration

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 from helpers.commands import spacearm
+from spacearm.cli.motions.flights import fly, read_phases
 
 import spacearm as sa
-from spacearm.cli.motions.flights import fly, read_phases
 from spacearm.cli.wording import join_numbers
 
 FIGURE_5 = ["planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21]
