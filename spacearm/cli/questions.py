@@ -52,6 +52,8 @@ LAWS: dict[str, Callable[..., Controller]] = {
     for law in (TransposedJacobian, ResolvedRate, DampedLeastSquares, Reactionless, JointPD)
 }
 """Controllers by their names."""
+GAINS = {"kp": 5.0, "kd": 15.0, "gain": 1.0}
+"""Gains of the controllers that take them, where none are given."""
 SHAPES = ("box", "sphere", "cylinder", "mesh", "robot")
 
 
@@ -199,8 +201,8 @@ def _law(arm: SpaceArm, given: Table) -> Controller:
     if name not in LAWS:
         raise given.fail("law", unknown("law", name, tuple(LAWS)))
     fields = {key: value for key, value in given.values.items() if key != "law"}
-    if name == "TransposedJacobian":
-        fields = {"kp": 5.0, "kd": 15.0} | fields
+    needed = inspect.signature(LAWS[name]).parameters
+    fields = {key: value for key, value in GAINS.items() if key in needed} | fields
     rest = Table(given.where, fields)
     made = {} if name == "JointPD" else {"target": lambda v: goal_of(arm, np.array(v), "target")}
     return built(LAWS[name], rest, **made)

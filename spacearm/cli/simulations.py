@@ -63,7 +63,11 @@ def simulate_motion(
         ),
     ] = None,
     controller: Annotated[
-        str | None, typer.Option(help=f"Control law: {', '.join(LAWS)}.", metavar="LAW")
+        str | None,
+        typer.Option(
+            help=f"Control law: {', '.join(LAWS)}; gains by --with controller.kp=... .",
+            metavar="LAW",
+        ),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Duration [s]; 60 if not given.", show_default=False)
@@ -135,7 +139,10 @@ def _fly(
     as_json: bool,
 ) -> int:
     """Simulate the phases of a flight; files get the number of their phase."""
-    phases = phases_of(start.arm, asked.take("phases", list))
+    given = asked.values["phases"]
+    if not isinstance(given, list) or not given:
+        raise asked.fail("phases", "give one or more tables [[phases]]")
+    phases = phases_of(start.arm, given)
     with working("simulating") as progress:
         flight = simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
     for i, run in enumerate(flight.phases):

@@ -21,7 +21,7 @@ OPTIONS = {
     r" \(sa\.Joints\)": "",
 }
 """What messages name in the words of Python, and the options that do the same."""
-VECTORS = ("--target", "--goal", "--corner", "--q0")
+VECTORS = ("--target", "--goal", "--corner")
 """Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 

@@ -270,9 +270,9 @@ def test_the_spin_of_a_point_mass_is_told_to_count_for_nothing():
     ("words", "remedy"),
     [
         (("workspace", "chaser7", "--task", "position"), "--lock joint_7=0.0; "),
-        (("plan", "planar2", "--q0", 4, 0, "--goal", 1, 1), "--no-limits ignores"),
+        (("plan", "planar2", 4, 0, "--goal", 1, 1), "limits=False ignores"),
         (
-            ("plan", "planar2", "--q0", 0.3, 1.2, "--goal", 9, 9, "--timeout", 1),
+            ("plan", "planar2", 0.3, 1.2, "--goal", 9, 9, "--with", "search.timeout=1"),
             "spacearm workspace shows",
         ),
     ],

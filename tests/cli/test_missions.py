@@ -8,7 +8,7 @@ from helpers.commands import answer, spacearm
 
 import spacearm as sa
 
-START = ("--q0", "-57.936", "60.337", "--attitude", "0", "0", "21", "--deg")
+START = ("-57.936", "60.337", "--attitude", "0", "0", "21", "--deg")
 PATH = ("--corner", "2", "0", "--corner", "1.5", "1.5")
 
 
@@ -22,7 +22,7 @@ def test_attitudes_of_figure_5(tmp_path):
     got = answer("attitudes", "planar2", *START, *PATH, "--samples", "90", "--margin", "5")
     np.testing.assert_allclose(np.degrees(got["intervals"]), [[57.506, 65.156]], atol=1e-3)
     assert got["corners"] == [[2.0, 0.0], [1.5, 1.5]]
-    wrong = spacearm("attitudes", "planar2", *PATH, "--momentum", "1,2")
+    wrong = spacearm("attitudes", "planar2", *PATH, "--with", "start.momentum=[1,2]")
     assert wrong.returncode == 2
     assert "three numbers" in wrong.stderr
 
