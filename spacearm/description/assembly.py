@@ -15,7 +15,7 @@ from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.source import Reading
 from spacearm.description.tips import choose_tips, only_tip
-from spacearm.description.tree import Tree
+from spacearm.description.tree import Tree, free_name
 from spacearm.errors import ModelError
 
 
@@ -60,7 +60,7 @@ def bolted(
     chosen = choose_tips(tree, path, asked)
     tip = only_tip(chosen.links, tree.name)
     name = _name(bus, known.name if known else tree.name, name)
-    whole = bus.joined(tree.renamed(f"{name}_"), name, bus.root, at)
+    whole = bus.joined(tree.renamed(lambda part: f"{name}_{part}"), name, bus.root, at)
     frame = Tree(name, name, {name: None}, {})
     whole = whole.joined(frame, f"{name}.tip", f"{name}_{tip}", pin.SE3.Identity())
     found = () if asked else (f"the tip of {name} is {tip!r}: {chosen.reason}",)
@@ -70,7 +70,7 @@ def bolted(
 
 def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:
     """Return the tree with a body fixed to a link, as a link "payload" of its own."""
-    name = tree.free_name("payload")
+    name = free_name("payload", tree.has)
     return tree.joined(body(name, rigid, None, STEEL), name, link, pin.SE3.Identity())
 
 
@@ -81,7 +81,7 @@ def _name(bus: Tree, robot: str, name: str | None) -> str:
         ModelError: The name is no text, or taken.
     """
     if name is None:
-        return bus.free_name(robot)
+        return free_name(robot, bus.has)
     if not isinstance(name, str) or not name:
         raise ModelError(f"name of the arm is {name!r}; give it as text")
     if bus.has(name):

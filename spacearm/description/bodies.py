@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -71,6 +72,12 @@ class Inertial(NamedTuple):
         if I.any() and (fault := rigid.fault()):
             raise ModelError(f"{body} {fault}; give {prefix}mass and {prefix}inertia of a body")
         return rigid
+
+    @classmethod
+    def of_spatial(cls, inertia: pin.Inertia) -> Inertial:
+        """Return a Pinocchio spatial inertia in the link frame, its axes those of the link."""
+        pose = pin.SE3(np.eye(3), inertia.lever)
+        return cls(float(inertia.mass), pose, np.array(inertia.inertia))
 
     @property
     def point(self) -> bool:
@@ -178,10 +185,10 @@ class Joint:
         origin = self.origin * self.motion(value)
         return replace(self, kind="fixed", origin=origin, mimic=None, slid=slid)
 
-    def renamed(self, prefix: str) -> Joint:
-        """Return the joint with `prefix` before its name and every name that it refers to."""
-        mimic = self.mimic and self.mimic._replace(leader=prefix + self.mimic.leader)
-        name, parent, child = (prefix + text for text in (self.name, self.parent, self.child))
+    def renamed(self, rename: Callable[[str], str]) -> Joint:
+        """Return the joint with its name and every name that it refers to changed."""
+        mimic = self.mimic and self.mimic._replace(leader=rename(self.mimic.leader))
+        name, parent, child = map(rename, (self.name, self.parent, self.child))
         return replace(self, name=name, parent=parent, child=child, mimic=mimic)
 
     def pinocchio(self) -> pin.JointModel:

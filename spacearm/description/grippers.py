@@ -71,87 +71,69 @@ class _Grippers:
     """The grippers of one robot."""
 
     def __init__(self, tree: Tree) -> None:
-        self._tree = tree
-        moving = [joint for joint in tree.joints.values() if joint.movable]
+        self._tree, self._lumps, moving = tree, tree.lumps(), tree.movable()
         self._common = shared(j.name for j in moving) | shared(j.child for j in moving)
-        self._behind: dict[str, list[Joint]] = {}
-        for joint in tree.depth_first():
-            self._behind.setdefault(joint.parent, []).append(joint)
-        self._lumps = tree.lumps()
+        behind: dict[str, list[_Branch]] = {link: [] for link in tree.links}
         self._branches: dict[str, _Branch] = {}
         for joint in reversed(tree.depth_first()):
-            behind = [self._branches[j.name] for j in self._behind.get(joint.child, [])]
-            self._branches[joint.name] = _Branch(tree, joint, behind)
+            self._branches[joint.name] = branch = _Branch(tree, joint, behind[joint.child][::-1])
+            behind[joint.parent].append(branch)
         self.found: dict[str, tuple[str, ...]] = {}
         for palm, links in self._lumps.items():
-            out = [j for link in links for j in self._behind.get(link, []) if j.movable]
-            if out and palm != tree.root and (begin := self._fingers(palm, out)):
-                self.found[palm] = tuple(sorted(begin))
+            out = [b for link in links for b in behind[link][::-1] if b.first.movable]
+            if out and palm != tree.root and self._are_fingers(palm, out):
+                self.found[palm] = tuple(sorted(branch.first.name for branch in out))
 
-    def _fingers(self, palm: str, out: Sequence[Joint]) -> list[str]:
-        """Return the joints behind a palm at which fingers begin."""
-        branches = [self._branches[joint.name] for joint in out]
-        named = [branch for branch in branches if self._finger_named(branch)]
-        if not self._short(palm, branches) or any(map(self._has_tip, branches)):
-            return []
-        if not named:
-            if max(sum(j.mimic is None for j in b.joints) for b in branches) > MOST_JOINTS:
-                return []
-            told = (
-                self._jaw(palm, branches[0]) if len(branches) == 1 else self._pair(palm, branches)
-            )
-            if not told or not self._light(palm, branches):
-                return []
-        return [branch.first.name for branch in branches]
+    def _are_fingers(self, palm: str, branches: Sequence[_Branch]) -> bool:
+        """Whether what moves behind a body is fingers, by its names or its shape."""
+        if not self._short(palm, branches) or any(self._have_tip(b.links) for b in branches):
+            return False
+        names = [name for b in branches for name in (b.first.name, b.first.child)]
+        if any(is_finger(name, self._common) for name in names):
+            return True
+        if max(sum(j.mimic is None for j in b.joints) for b in branches) > MOST_JOINTS:
+            return False
+        if len(branches) == 1:
+            told = self._jaw(palm, branches[0])
+        else:
+            told = self._coupled(branches) or self._opposing(branches) or _alike(branches)
+        return told and self._light(palm, branches)
 
     def _short(self, palm: str, branches: Sequence[_Branch]) -> bool:
         """Whether the branches are short beside the arm."""
-        chain = self._tree.chain(palm)
-        first = next(i for i, joint in enumerate(chain) if joint.movable)
-        way = sum(_length(joint.origin) for joint in chain[first + 1 :])
-        way += max(_length(self._placed(palm, branch.first)) for branch in branches)
+        frames = self._tree.frames
+        palms = (frames[palm].actInv(frames[branch.first.child]) for branch in branches)
+        way = self._tree.way_to(palm) + max(map(_length, palms))
         return max(branch.extent for branch in branches) <= SHORT * way
 
     def _light(self, palm: str, branches: Sequence[_Branch]) -> bool:
         """Whether the branches are light beside what the first joint of the arm moves."""
-        first = next(joint for joint in self._tree.chain(palm) if joint.movable)
-        mass = sum(branch.mass for branch in branches)
+        first, mass = self._tree.movable(palm)[0], sum(branch.mass for branch in branches)
         return mass <= LIGHT * (self._branches[first.name].mass - mass)
 
-    def _placed(self, palm: str, joint: Joint) -> pin.SE3:
-        """Return the pose of a joint in the frame of the palm that carries it."""
-        pose, link = joint.origin, joint.parent
-        into = {j.child: j for j in self._tree.chain(link)}
-        while link != palm:
-            pose, link = into[link].origin * pose, into[link].parent
-        return pose
-
-    def _finger_named(self, branch: _Branch) -> bool:
-        return any(
-            is_finger(name, self._common)
-            for joint in branch.joints[:1]
-            for name in (joint.name, joint.child)
-        )
-
-    def _has_tip(self, branch: _Branch) -> bool:
-        """Whether a branch has a frame that is named as a tip."""
-        return any(tip_rank(link, self._common) is not None for link in branch.links)
+    def _have_tip(self, links: Sequence[str]) -> bool:
+        """Whether links have one that is named as a tip."""
+        return any(tip_rank(link, self._common) is not None for link in links)
 
     def _jaw(self, palm: str, branch: _Branch) -> bool:
         """Whether the only branch behind a body is a jaw, whose name does not say so."""
-        if len(branch.joints) > 1 or self._has_tip(branch) or not _hinged(self._tree, branch):
+        if len(branch.joints) > 1 or not self._hinged(branch.first):
             return False
-        fixed = any(tip_rank(link, self._common) is not None for link in self._lumps[palm])
-        return fixed or grasps(branch.first.name, self._common)
+        return self._have_tip(self._lumps[palm]) or grasps(branch.first.name, self._common)
 
-    def _pair(self, palm: str, branches: Sequence[_Branch]) -> bool:
-        """Whether several branches behind one body are fingers, though no name says so."""
-        return self._coupled(branches) or self._opposing(palm, branches) or _alike(branches)
+    def _hinged(self, joint: Joint) -> bool:
+        """Whether a joint opens and closes: less than half a turn, what it moves off its axis."""
+        if joint.kind == "prismatic":
+            return math.isfinite(joint.upper - joint.lower)
+        body = self._tree.bodies[joint.child]
+        lever = body.origin.translation
+        beside = np.linalg.norm(np.cross(joint.axis, lever)) > 0.1 * np.linalg.norm(lever)
+        return joint.upper - joint.lower < math.pi and (body.mass == 0.0 or bool(beside))
 
-    def _opposing(self, palm: str, branches: Sequence[_Branch]) -> bool:
+    def _opposing(self, branches: Sequence[_Branch]) -> bool:
         """Whether two of the branches are single joints that slide along parallel axes."""
-        single = [b.first for b in branches if b.kinds == ("prismatic",)]
-        axes = [self._placed(palm, joint).rotation @ joint.axis for joint in single]
+        single, frames = [b.first for b in branches if b.kinds == ("prismatic",)], self._tree.frames
+        axes = [frames[joint.child].rotation @ joint.axis for joint in single]
         return any(abs(a @ b) > 0.99 for i, a in enumerate(axes) for b in axes[:i])
 
     def _coupled(self, branches: Sequence[_Branch]) -> bool:
@@ -171,33 +153,6 @@ def _alike(branches: Sequence[_Branch]) -> bool:
     extents = [branch.extent for branch in branches]
     same = len({branch.kinds for branch in branches}) == 1
     return same and max(extents) <= ALIKE * min(extents)
-
-
-def _hinged(tree: Tree, branch: _Branch) -> bool:
-    """Whether a joint opens and closes: less than half a turn, what it moves beside its axis."""
-    joint = branch.first
-    if joint.kind == "prismatic":
-        return math.isfinite(joint.upper - joint.lower)
-    if not joint.upper - joint.lower < math.pi:
-        return False
-    whole = pin.Inertia.Zero()
-    for link, pose in _fixed_to(tree, joint.child):
-        if part := tree.links[link]:
-            whole += pose.act(part.spatial())
-    beside = np.linalg.norm(np.cross(joint.axis, whole.lever))
-    return whole.mass == 0.0 or bool(beside > 0.1 * np.linalg.norm(whole.lever))
-
-
-def _fixed_to(tree: Tree, link: str) -> list[tuple[str, pin.SE3]]:
-    """Return the links fixed to a link, itself included, and their poses in its frame."""
-    found = [(link, pin.SE3.Identity())]
-    for parent, pose in found:
-        found += [
-            (joint.child, pose * joint.origin)
-            for joint in tree.joints.values()
-            if joint.parent == parent and joint.kind == "fixed"
-        ]
-    return found
 
 
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.arrays import LARGEST
+from spacearm.arrays import LARGEST, Array
 from spacearm.errors import ModelError
 from spacearm.files import read
 
@@ -124,6 +124,35 @@ def capsule(
     ends = [pin.SE3(np.eye(3), np.array([0.0, 0.0, z])) for z in (-length / 2.0, length / 2.0)]
     spheres = (Shape(pose * end, Sphere(radius), rgba) for end in ends)
     return (Shape(pose, Cylinder(radius, length), rgba), *spheres)
+
+
+def primitive(
+    kind: str,
+    numbers: Callable[[str, int], Array],
+    pose: pin.SE3,
+    rgba: tuple[float, ...] | None,
+) -> tuple[Shape, ...]:
+    """Return a box, sphere, cylinder or capsule, or an ellipsoid as its box, at a pose.
+
+    Args:
+        kind: One of these words.
+        numbers: Returns so many numbers of its element by name.
+        pose: Its pose in the link frame.
+        rgba: The colour.
+    """
+    geometry: Geometry
+    match kind:
+        case "box":
+            geometry = Box(tuple(numbers("size", 3).tolist()))
+        case "ellipsoid":
+            geometry = Box(tuple((2.0 * numbers("radii", 3)).tolist()))
+        case "sphere":
+            geometry = Sphere(numbers("radius", 1).item())
+        case _:
+            geometry = Cylinder(numbers("radius", 1).item(), numbers("length", 1).item())
+            if kind == "capsule":
+                return capsule(pose, *geometry, rgba)
+    return (Shape(pose, geometry, rgba),)
 
 
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")

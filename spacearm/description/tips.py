@@ -15,7 +15,6 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from lxml import etree
 
-from spacearm.description.bodies import Joint
 from spacearm.description.grippers import fingers, is_hand, is_wheel, measures, shared, tip_rank
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, listed, unknown
@@ -31,14 +30,6 @@ class Tips(NamedTuple):
     reason: str
 
 
-class _Robot(NamedTuple):
-    """A tree, its bodies as in `Tree.lumps`, and the words that all moving links share."""
-
-    tree: Tree
-    lumps: dict[str, list[str]]
-    common: frozenset[str]
-
-
 class _Candidate(NamedTuple):
     """A link that could be the tip: the best one of an arm."""
 
@@ -46,11 +37,6 @@ class _Candidate(NamedTuple):
     reason: str
     sure: bool
     joints: int
-
-
-def movable(tree: Tree, tip: str) -> list[Joint]:
-    """Return the joints between the spacecraft and a link that can move, the first one first."""
-    return [joint for joint in tree.chain(tip) if joint.movable]
 
 
 def choose_tips(tree: Tree, path: Path, tip: str | Sequence[str] | Tips | None) -> Tips:
@@ -98,10 +84,10 @@ def _check(tree: Tree, link: str) -> None:
     """Refuse a link that does not exist or is part of the spacecraft."""
     if link not in tree.links:
         raise ConfigurationError(f"tip: {unknown('link', link, tree.links)}")
-    if not movable(tree, link):
+    if not tree.movable(link):
         raise ConfigurationError(
             f"tip {link!r} is part of the spacecraft; choose a link behind a movable joint: "
-            f"{listed([link for link in tree.links if movable(tree, link)])}"
+            f"{listed([link for link in tree.links if tree.movable(link)])}"
         )
 
 
@@ -114,15 +100,14 @@ def _found(tree: Tree, path: Path) -> Tips:
     Raises:
         ModelError: Several links could be it.
     """
-    count = sum(joint.movable for joint in tree.joints.values())
-    if count > MOST_JOINTS:
+    if tree.freedoms > MOST_JOINTS:
         raise ModelError(
-            f"{path}: {count} movable joints are too many to look for a tip among; name it: tip="
+            f"{path}: {tree.freedoms} movable joints are too many to look for a tip among; name "
+            "it: tip="
         )
-    common = shared(joint.child for joint in tree.joints.values() if joint.movable)
-    robot, arms = _Robot(tree, tree.lumps(), common), _arms(tree)
-    found = [candidate for body, begin in arms.items() for candidate in _on(robot, body, begin)]
-    candidates = _named_by_srdf(robot, path, arms) or found
+    common, arms = shared(joint.child for joint in tree.movable()), _arms(tree)
+    found = [tip for body, begin in arms.items() for tip in _on(tree, common, body, begin)]
+    candidates = _named_by_srdf(tree, common, path, arms) or found
     if not candidates:
         wheels = [joint.name for joint in tree.leading()]
         raise ModelError(
@@ -158,36 +143,37 @@ def _arms(tree: Tree) -> dict[str, tuple[str, ...]]:
     """
     palms = fingers(tree)
     first = {joint for begin in palms.values() for joint in begin}
-    body_of = {link: body for body, links in tree.lumps().items() for link in links}
     ends: dict[str, tuple[str, ...]] = {}
-    for joint in tree.depth_first():
-        carrier = body_of[joint.parent]
-        if joint.movable and joint.name not in first and (carrier in ends or carrier == tree.root):
-            ends[body_of[joint.child]] = palms.get(joint.child, ())
-    carries = {
-        body_of[joint.parent]
-        for joint in tree.joints.values()
-        if joint.movable and body_of[joint.child] in ends
-    }
-    turned = {joint.child for joint in tree.joints.values() if is_wheel(joint.name, joint.child)}
-    return {body: begin for body, begin in ends.items() if body not in carries | turned}
+    carries = {joint.child for joint in tree.joints.values() if is_wheel(joint.name, joint.child)}
+    for joint in tree.movable():
+        carrier = tree.body_of[joint.parent]
+        if joint.name not in first and (carrier in ends or carrier == tree.root):
+            ends[joint.child] = palms.get(joint.child, ())
+            carries.add(carrier)
+    return {body: begin for body, begin in ends.items() if body not in carries}
 
 
 def _same_arm(tree: Tree, link: str, other: str) -> bool:
     """Whether the joints on the way to one of two links are on the way to the other."""
-    one, two = ({joint.name for joint in movable(tree, end)} for end in (link, other))
+    one, two = ({joint.name for joint in tree.movable(end)} for end in (link, other))
     return one <= two or two <= one
 
 
 def _count(tree: Tree, link: str) -> int:
     """Return the number of joints that move a link on their own, or by joints that mimic them."""
-    return len({tree.leader(joint).name for joint in movable(tree, link)})
+    return len({tree.leader(joint).name for joint in tree.movable(link)})
 
 
-def _on(robot: _Robot, body: str, begin: Sequence[str]) -> list[_Candidate]:
-    """Return the links of the last body of an arm that could be its tip, one where it is clear."""
-    tree, common = robot.tree, robot.common
-    links, count = robot.lumps[body], _count(tree, body)
+def _on(tree: Tree, common: Collection[str], body: str, begin: Sequence[str]) -> list[_Candidate]:
+    """Return the links of the last body of an arm that could be its tip, one where it is clear.
+
+    Args:
+        tree: The tree.
+        common: Words that the names of all moving links share.
+        body: The body.
+        begin: The joints on it at which fingers begin.
+    """
+    links, count = tree.lumps()[body], _count(tree, body)
     ranks = {link: tip_rank(link, common) for link in links}
     if named := _outermost(tree, [link for link, rank in ranks.items() if rank is not None]):
         surest = min(rank for link in named if (rank := ranks[link]) is not None)
@@ -205,7 +191,7 @@ def _on(robot: _Robot, body: str, begin: Sequence[str]) -> list[_Candidate]:
     depth = {leaf: len(tree.chain(leaf)) for leaf in leaves or [body]}
     outer = _fork(tree, [leaf for leaf in depth if depth[leaf] == max(depth.values())])
     reason = "it is the last link" if outer in depth else "it is the last link before others branch"
-    if (cargo := _cargo(robot, body, outer)) and cargo != outer:
+    if (cargo := _cargo(tree, body, outer)) and cargo != outer:
         outer, reason = cargo, "it is the first link that outweighs the arm"
     return [_Candidate(outer, reason, False, count)]
 
@@ -231,12 +217,12 @@ def _outermost(tree: Tree, links: Sequence[str]) -> list[str]:
     return [link for link in links if link not in inner]
 
 
-def _cargo(robot: _Robot, body: str, link: str) -> str | None:
+def _cargo(tree: Tree, body: str, link: str) -> str | None:
     """Return the first link behind a body, on the way to a link, that outweighs the arm, if any."""
-    tree, lumps = robot.tree, robot.lumps
+    lumps = tree.lumps()
     mass = {name: 0.0 if part is None else part.mass for name, part in tree.links.items()}
     way = [joint.child for joint in tree.chain(link)]
-    arm = sum(mass[other] for joint in movable(tree, body)[:-1] for other in lumps[joint.child])
+    arm = sum(mass[other] for joint in tree.movable(body)[:-1] for other in lumps[joint.child])
     for name in way[way.index(body) :]:
         if name != body and mass[name] > arm > 0.0:
             return name
@@ -251,24 +237,24 @@ def _fork(tree: Tree, links: Sequence[str]) -> str:
     return same[-1]
 
 
-def _named_by_srdf(robot: _Robot, path: Path, arms: dict[str, tuple[str, ...]]) -> list[_Candidate]:
+def _named_by_srdf(
+    tree: Tree, common: Collection[str], path: Path, arms: dict[str, tuple[str, ...]]
+) -> list[_Candidate]:
     """Return the tips that an SRDF beside the file names; a finger stands for its palm."""
-    tree = robot.tree
-    body_of = {link: body for body, links in robot.lumps.items() for link in links}
     first = {joint: body for body, begin in arms.items() for joint in begin}
     found: dict[str, _Candidate] = {}
     links, file = named_tips(tree, path)
     for link in links:
-        palm = next((first[j.name] for j in movable(tree, link) if j.name in first), None)
+        palm = next((first[j.name] for j in tree.movable(link) if j.name in first), None)
         if palm is None:
             found[link] = _Candidate(link, f"{file} names it", True, _count(tree, link))
         else:
-            for other in _on(robot, palm, arms[palm]):
+            for other in _on(tree, common, palm, arms[palm]):
                 reason = f"{file} names {link!r}, a part that moves in its gripper"
                 found.setdefault(other.link, other._replace(reason=reason))
     bodies: dict[str, list[str]] = {}
     for link in found:
-        bodies.setdefault(body_of[link], []).append(link)
+        bodies.setdefault(tree.body_of[link], []).append(link)
     return [found[link] for named in bodies.values() for link in _outermost(tree, named)]
 
 
@@ -291,45 +277,33 @@ def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[
         ConfigurationError: joints names no movable joint, or one that mimics another.
     """
     leading = {joint.name: joint for joint in tree.leading()}
-    counting = {tree.leader(j).name for tip in tips for j in tree.chain(tip) if j.movable}
-    counting |= leading.keys() if joints == "all" else _named(tree, joints)
+    counting = {tree.leader(joint).name for tip in tips for joint in tree.movable(tip)}
+    if joints == "all":
+        counting |= leading.keys()
+    elif joints != "tip":
+        tree.require_leading(joints, "joints", "name")
+        counting |= set(joints)
     held = {name: joint.rest for name, joint in leading.items() if name not in counting}
     return tree.locked(held), held
 
 
-def counted(joints: Counting) -> str | tuple[str, ...]:
+def counted(joints: Counting) -> Counting:
     """Return `joints` as it was given, checked and with its names as a tuple.
 
     Raises:
         ConfigurationError: It is neither "tip", "all" nor names.
     """
-    if isinstance(joints, str) and joints in ("tip", "all"):
+    if joints == "tip" or joints == "all":
         return joints
     if isinstance(joints, str) or not isinstance(joints, Collection):
         raise ConfigurationError(f'joints is {joints!r}; give "tip", "all" or a list of names')
     return tuple(joints)
 
 
-def _named(tree: Tree, joints: Counting) -> set[str]:
-    """Return the joints that are named, checked."""
-    if joints == "tip":
-        return set()
-    leading = [joint.name for joint in tree.leading()]
-    for name in joints:
-        joint = tree.joints.get(name) if isinstance(name, str) else None
-        if joint and joint.movable and joint.mimic:
-            raise ConfigurationError(
-                f"joints: {name!r} mimics {joint.mimic.leader!r}; name that one"
-            )
-        if name not in leading:
-            raise ConfigurationError(f"joints: {unknown('movable joint', name, leading)}")
-    return set(joints)
-
-
-def remaining(tree: Tree, joints: str | tuple[str, ...]) -> Counting:
+def remaining(tree: Tree, joints: Counting) -> Counting:
     """Return `joints` without the names of joints that have been locked or made wheels since."""
-    if isinstance(joints, str):
-        return counted(joints)
+    if joints == "tip" or joints == "all":
+        return joints
     leading = {joint.name for joint in tree.leading()}
     return tuple(name for name in joints if name in leading)
 
@@ -348,31 +322,30 @@ def named_tips(tree: Tree, path: Path) -> tuple[tuple[str, ...], str]:
         tree: The robot.
         path: Its file.
     """
-    own = [file for file in _files(path) if file.stem == path.name.partition(".")[0]]
-    for file in (*own, *(file for file in _files(path) if file not in own)):
-        if (robot := _read(file)) is not None and robot.get("name") == tree.name:
-            links = _tips(robot)
-            if moved := tuple(link for link in links if link in tree.links and _moves(tree, link)):
-                return moved, file.name
+    name = path.name.partition(".")[0]
+    for file in sorted(dict.fromkeys(_files(path)), key=lambda file: file.stem != name):
+        robot = _read(file)
+        if robot is None or robot.get("name") != tree.name:
+            continue
+        effectors = [element.get("parent_link") for element in robot.findall("end_effector")]
+        chains = [element.get("tip_link") for element in robot.findall("group/chain")]
+        links = dict.fromkeys(link for link in (*effectors, *chains) if link and link in tree.links)
+        if moved := tuple(link for link in links if tree.movable(link)):
+            return moved, file.name
     return (), ""
 
 
-def _files(path: Path) -> list[Path]:
-    """Return the SRDF files beside a robot file, the nearest first."""
-    return list(
-        dict.fromkeys(f for folder in _folders(path) for f in sorted(folder.glob("*.srdf")))
-    )
-
-
-def _folders(path: Path) -> Iterator[Path]:
+def _files(path: Path) -> Iterator[Path]:
+    """Yield the SRDF files beside a robot file, the nearest first."""
     if not path.is_file():  # a name only, of what `mount` put together
         return
     above = list(path.resolve().parents)[:ABOVE]
-    for folder in above[:2]:
-        yield from (folder, folder / "srdf", folder / "config")
+    folders = [folder / inner for folder in above[:2] for inner in ("", "srdf", "config")]
     for folder in above[1:]:
         for package in sorted(folder.glob("*moveit_config*")):
-            yield from (package / "config", package / "srdf")
+            folders += (package / "config", package / "srdf")
+    for folder in folders:
+        yield from sorted(folder.glob("*.srdf"))
 
 
 def _read(file: Path) -> etree._Element | None:
@@ -386,14 +359,3 @@ def _read(file: Path) -> etree._Element | None:
         return None
     sound = document.getroot().tag == "robot" and not document.docinfo.doctype
     return document.getroot() if sound else None
-
-
-def _tips(robot: etree._Element) -> list[str]:
-    """Return the parent links of end effectors, and the ends of chains."""
-    effectors = [element.get("parent_link") for element in robot.findall("end_effector")]
-    chains = [element.get("tip_link") for element in robot.findall("group/chain")]
-    return list(dict.fromkeys(link for link in (*effectors, *chains) if link))
-
-
-def _moves(tree: Tree, link: str) -> bool:
-    return any(joint.movable for joint in tree.chain(link))

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain, count
+from itertools import count
 from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array
+from spacearm.arrays import LARGEST, LEAST_MASS, Array, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.shapes import Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
@@ -69,6 +69,12 @@ class Tree:
     def _into(self) -> dict[str, Joint]:
         return {joint.child: joint for joint in self.joints.values()}
 
+    def way_to(self, link: str) -> float:
+        """Sum the distances between the joints up to a link [m], from the first movable one on."""
+        chain = self.chain(link)
+        first = next(i for i, joint in enumerate(chain) if joint.movable)
+        return sum(float(np.linalg.norm(joint.origin.translation)) for joint in chain[first + 1 :])
+
     def leaves(self) -> list[str]:
         """Return the links without children, other than those that only mark a place."""
         carriers = {joint.parent for joint in self.joints.values()}
@@ -76,13 +82,32 @@ class Tree:
         parents = {joint.parent for joint in self.joints.values() if joint.child not in idle}
         return [link for link in self.links if link not in parents | idle]
 
-    def lumps(self) -> dict[str, list[str]]:
-        """Return the links that move as one body, by the one of them nearest to the root."""
+    @cached_property
+    def frames(self) -> dict[str, pin.SE3]:
+        """Poses of all links in the root frame, joints at zero."""
+        frames = {self.root: pin.SE3.Identity()}
+        for joint in self.depth_first():
+            frames[joint.child] = frames[joint.parent] * joint.origin
+        return frames
+
+    @cached_property
+    def bodies(self) -> dict[str, Inertial]:
+        """The rigid bodies, in link axes at their CM, by the link nearest to the root."""
+        inertias = list(self.pinocchio().inertias)[1:]
+        return dict(zip(self.lumps(), map(Inertial.of_spatial, inertias), strict=True))
+
+    @cached_property
+    def body_of(self) -> dict[str, str]:
+        """The link nearest to the root of those that move as one body with each link."""
         leader = {self.root: self.root}
         for joint in self.depth_first():
             leader[joint.child] = joint.child if joint.movable else leader[joint.parent]
+        return leader
+
+    def lumps(self) -> dict[str, list[str]]:
+        """Return the links that move as one body, by the one of them nearest to the root."""
         lumps: dict[str, list[str]] = {}
-        for link, first in leader.items():
+        for link, first in self.body_of.items():
             lumps.setdefault(first, []).append(link)
         return lumps
 
@@ -91,24 +116,22 @@ class Tree:
         start = (f"{name}_", f"{name}.")
         return any(n == name or n.startswith(start) for n in (*self.links, *self.joints))
 
-    def free_name(self, name: str) -> str:
-        """Return the name, with a number from 2 on if it is taken."""
-        names = chain((name,), (f"{name}_{i}" for i in count(2)))
-        return next(free for free in names if not self.has(free))
-
-    def renamed(self, prefix: str) -> Tree:
-        """Return the tree with `prefix` before every name of a link or a joint."""
-        joints = [joint.renamed(prefix) for joint in self.joints.values()]
-        return Tree(
-            name=self.name,
-            root=prefix + self.root,
-            links={prefix + name: part for name, part in self.links.items()},
+    def renamed(self, rename: Callable[[str], str]) -> Tree:
+        """Return the tree with every name of a link or a joint changed."""
+        joints = [joint.renamed(rename) for joint in self.joints.values()]
+        return replace(
+            self,
+            root=rename(self.root),
+            links={rename(name): part for name, part in self.links.items()},
             joints={joint.name: joint for joint in joints},
-            visuals={prefix + name: shapes for name, shapes in self.visuals.items()},
-            tips=tuple(prefix + tip for tip in self.tips),
-            marks=tuple(prefix + mark for mark in self.marks),
-            notes=self.notes,
+            visuals={rename(name): shapes for name, shapes in self.visuals.items()},
+            tips=tuple(map(rename, self.tips)),
+            marks=tuple(map(rename, self.marks)),
         )
+
+    def with_joints(self, *joints: Joint) -> Tree:
+        """Return the tree with these joints in place of those of the same names."""
+        return replace(self, joints={**self.joints, **{joint.name: joint for joint in joints}})
 
     def joined(self, other: Tree, name: str, parent: str, at: pin.SE3) -> Tree:
         """Return both trees as one, the root of `other` fixed to a link of this one.
@@ -144,15 +167,8 @@ class Tree:
         """
         if not isinstance(values, Mapping):
             raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
-        leading = [joint.name for joint in self.leading()]
+        self.require_leading(values, "locked", "lock")
         for name, value in values.items():
-            joint = self.joints.get(name)
-            if joint and joint.mimic:
-                raise ConfigurationError(
-                    f"locked: joint {name!r} mimics {joint.mimic.leader!r}; lock that one"
-                )
-            if name not in leading:
-                raise ConfigurationError(f"locked: {unknown('movable joint', name, leading)}")
             if not isinstance(value, Real) or not abs(value) <= LARGEST:
                 raise ConfigurationError(f"locked: joint {name!r} at {value}; give a finite value")
         values = dict(values)
@@ -162,11 +178,7 @@ class Tree:
             if joint.mimic and joint.mimic.leader in values and joint.name not in values
         }:
             values |= followers
-        joints = {
-            name: joint.frozen(values[name]) if name in values else joint
-            for name, joint in self.joints.items()
-        }
-        return replace(self, joints=joints)
+        return self.with_joints(*(self.joints[name].frozen(at) for name, at in values.items()))
 
     def with_wheels(self, names: Collection[str]) -> Tree:
         """Return the tree with joints taken as the axles of momentum wheels.
@@ -179,15 +191,42 @@ class Tree:
         for name in names:
             if name not in turning:
                 raise ConfigurationError(f"wheels: {unknown('turning joint', name, turning)}")
-        joints = {
-            name: replace(joint, kind="wheel") if name in names else joint
-            for name, joint in self.joints.items()
-        }
-        return replace(self, joints=joints)
+        return self.with_joints(*(replace(self.joints[name], kind="wheel") for name in names))
+
+    def movable(self, link: str | None = None) -> list[Joint]:
+        """Return the joints that can move, those on the way to a link only if one is given."""
+        joints = self.depth_first() if link is None else self.chain(link)
+        return [joint for joint in joints if joint.movable]
+
+    @property
+    def freedoms(self) -> int:
+        """Number of movable joints."""
+        return sum(joint.movable for joint in self.joints.values())
 
     def leading(self) -> list[Joint]:
         """Return the movable joints that mimic no other, in the order of q."""
-        return [joint for joint in self.depth_first() if joint.movable and not joint.mimic]
+        return [joint for joint in self.movable() if not joint.mimic]
+
+    def require_leading(self, names: Iterable[object], argument: str, verb: str) -> None:
+        """Refuse what is no name of a movable joint, or of one that mimics another.
+
+        Args:
+            names: What was given.
+            argument: Name of the argument.
+            verb: What it does to joints, for the message.
+
+        Raises:
+            ConfigurationError: There is such a name.
+        """
+        leading = [joint.name for joint in self.leading()]
+        for name in names:
+            joint = self.joints.get(name) if isinstance(name, str) else None
+            if joint and joint.movable and joint.mimic:
+                raise ConfigurationError(
+                    f"{argument}: joint {name!r} mimics {joint.mimic.leader!r}; {verb} that one"
+                )
+            if name not in leading:
+                raise ConfigurationError(f"{argument}: {unknown('movable joint', name, leading)}")
 
     def leader(self, joint: Joint) -> Joint:
         """Return the joint that a joint mimics in the end; the joint itself if it mimics none."""
@@ -197,13 +236,11 @@ class Tree:
 
     def plane_normal(self) -> int | None:
         """Return the axis (0, 1, 2) that all joints turn about or slide normal to, if any."""
-        attitude, normals = {self.root: np.eye(3)}, {0, 1, 2}
-        for joint in self.depth_first():
-            attitude[joint.child] = R = attitude[joint.parent] @ joint.origin.rotation
-            if joint.movable:
-                along = np.abs(R @ joint.axis)
-                wanted = 0.0 if joint.kind == "prismatic" else 1.0
-                normals = {i for i in normals if abs(along[i] - wanted) < 1e-9}
+        normals = {0, 1, 2}
+        for joint in self.movable():
+            along = np.abs(self.frames[joint.child].rotation @ joint.axis)
+            wanted = 0.0 if joint.kind == "prismatic" else 1.0
+            normals = {i for i in normals if abs(along[i] - wanted) < 1e-9}
         return normals.pop() if len(normals) == 1 else None
 
     def with_spacecraft(self, mass: float | None, inertia: npt.ArrayLike | None) -> Tree:
@@ -216,12 +253,11 @@ class Tree:
         Raises:
             ModelError: No rigid body can have this mass and inertia.
         """
-        lump = self.lumps()[self.root]
-        body = self.pinocchio().inertias[1]
+        lump, body = self.lumps()[self.root], self.bodies[self.root]
         spacecraft = Inertial.of(
             body.mass if mass is None else mass,
             body.inertia if inertia is None else inertia,
-            body.lever,
+            body.origin.translation,
             body="the spacecraft",
             prefix="base_",
         )
@@ -236,20 +272,19 @@ class Tree:
         """
         part = self.links.get(link)
         if part is None:
-            raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.bodies())}")
+            raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.massive())}")
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
         part = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
         return replace(self, links={**self.links, link: part})
 
-    def bodies(self) -> list[str]:
+    def massive(self) -> list[str]:
         """Return the names of the links that have mass."""
         return [name for name, part in self.links.items() if part is not None]
 
     def with_mount(self, joint: Joint, mount: pin.SE3) -> Tree:
         """Return the tree with a joint moved to a pose in the spacecraft frame."""
-        moved = replace(joint, parent=self.root, origin=mount)
-        return replace(self, joints={**self.joints, joint.name: moved})
+        return self.with_joints(replace(joint, parent=self.root, origin=mount))
 
     def pinocchio(self) -> pin.Model:
         """Make the Pinocchio model, with a free-flyer root and a body frame for every link."""
@@ -279,10 +314,15 @@ class Tree:
         return model
 
 
+def free_name(name: str, taken: Callable[[str], bool]) -> str:
+    """Return the name, with a number from 2 on if it is taken."""
+    numbered = (name if i == 1 else f"{name}_{i}" for i in count(1))
+    return next(free for free in numbered if not taken(free))
+
+
 def coupling(tree: Tree) -> tuple[Array, Array]:
     """Return C and c of (positions of all movable joints) = C q + c, mimic joints included."""
-    movable = [joint for joint in tree.depth_first() if joint.movable]
-    leading = [joint.name for joint in tree.leading()]
+    movable, leading = tree.movable(), [joint.name for joint in tree.leading()]
     C, c = np.zeros((len(movable), len(leading))), np.zeros(len(movable))
     for i, joint in enumerate(movable):
         scale = 1.0
@@ -300,10 +340,10 @@ def joint_limits(tree: Tree) -> tuple[Array, Array]:
     Raises:
         ModelError: The limits of a joint and of one that mimics it exclude each other.
     """
-    leading, movable = tree.leading(), [j for j in tree.depth_first() if j.movable]
+    leading = tree.leading()
     lower = np.array([joint.lower for joint in leading])
     upper = np.array([joint.upper for joint in leading])
-    for joint, gains, offset in zip(movable, *coupling(tree), strict=True):
+    for joint, gains, offset in zip(tree.movable(), *coupling(tree), strict=True):
         j = int(np.abs(gains).argmax())
         if gains[j] == 0.0:  # it stays where it is
             continue
@@ -315,5 +355,4 @@ def joint_limits(tree: Tree) -> tuple[Array, Array]:
                 f"{lower[j]:g} to {upper[j]:g}; correct <limit> or <mimic>"
             )
         lower[j], upper[j] = max(lower[j], low), min(upper[j], high)
-    lower.flags.writeable = upper.flags.writeable = False
-    return lower, upper
+    return read_only(lower), read_only(upper)

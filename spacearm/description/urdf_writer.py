@@ -9,17 +9,8 @@ import pinocchio as pin
 from lxml import etree
 from lxml.builder import E
 
+from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Sphere,
-    Unusable,
-    Visuals,
-)
 from spacearm.description.tree import Tree
 
 
@@ -41,17 +32,17 @@ def document(tree: Tree, tips: tuple[str, ...]) -> bytes:
 
 
 def _link(tree: Tree, name: str) -> etree._Element:
-    shapes = tree.visuals.get(name, Visuals())
+    given = tree.visuals.get(name, shapes.Visuals())
     inertial = tree.links[name]
     return E.link(
         *([_inertial(inertial)] if inertial else []),
-        *(_shape(E.visual, shape) for shape in shapes.visual),
-        *(_shape(E.collision, shape) for shape in shapes.collision),
+        *(_shape(E.visual, shape) for shape in given.visual),
+        *(_shape(E.collision, shape) for shape in given.collision),
         name=name,
     )
 
 
-def _shape(element: Callable[..., etree._Element], shape: Shape) -> etree._Element:
+def _shape(element: Callable[..., etree._Element], shape: shapes.Shape) -> etree._Element:
     """Write <visual> or <collision>; a material is named after its colour."""
     parts = [_origin(shape.pose), _geometry(shape.geometry)]
     if shape.rgba:
@@ -60,18 +51,18 @@ def _shape(element: Callable[..., etree._Element], shape: Shape) -> etree._Eleme
     return element(*parts)
 
 
-def _geometry(geometry: Geometry) -> etree._Element:
+def _geometry(geometry: shapes.Geometry) -> etree._Element:
     """Write <geometry>; an empty one, which cannot be used either, for an unusable one."""
     match geometry:
-        case Box(size):
+        case shapes.Box(size):
             return E.geometry(E.box(size=_text(size)))
-        case Sphere(radius):
+        case shapes.Sphere(radius):
             return E.geometry(E.sphere(radius=repr(radius)))
-        case Cylinder(radius, length):
+        case shapes.Cylinder(radius, length):
             return E.geometry(E.cylinder(radius=repr(radius), length=repr(length)))
-        case Mesh(name, file, scale):
+        case shapes.Mesh(name, file, scale):
             return E.geometry(E.mesh(filename=str(file or name), scale=_text(scale)))
-        case Unusable():
+        case shapes.Unusable():
             return E.geometry()
 
 

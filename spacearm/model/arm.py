@@ -22,20 +22,21 @@ from spacearm.description.tips import (
     choose_tips,
     counted,
     hold,
-    movable,
     only_tip,
     remaining,
 )
 from spacearm.description.tree import Tree, coupling, joint_limits
 from spacearm.description.urdf_writer import document
-from spacearm.errors import UnsupportedError, called_from_outside, listed
+from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
-from spacearm.model.task import Task, check_count, check_movable, complete_task
+from spacearm.model.task import Task, complete_task
 from spacearm.model.wheels import Wheel, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_values
 
+MOST_JOINTS = 200
+"""Largest number of movable joints that count."""
 AT_REST = read_only(np.zeros(6))
 """Momentum of a system at rest, and of wheels that do not spin."""
 MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
@@ -80,7 +81,7 @@ class SpaceArm(JointSpace, Described):
     task: Task
     wheels: tuple[Wheel, ...]
     joint_names: tuple[str, ...]
-    joints: str | tuple[str, ...]
+    joints: Counting
     held: Mapping[str, float]
     coupling: Array | None
     offsets: Array
@@ -105,13 +106,18 @@ class SpaceArm(JointSpace, Described):
             ConfigurationError: tip, task or joints is not valid.
             ModelError: No joint can move, several links could be the tip, or the arm has no length
                 for a mixed task.
-            UnsupportedError: More than `task.MOST_JOINTS` joints count.
+            UnsupportedError: More than `MOST_JOINTS` joints count.
         """
         joints = counted(joints)
-        check_movable(whole, path)
+        if not whole.freedoms:
+            raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
         tips, reason = choose_tips(whole, path, tip)
         tree, held = hold(whole, tips, joints)
-        check_count(tree, path)
+        if tree.freedoms > MOST_JOINTS:
+            raise UnsupportedError(
+                f"{path}: {tree.freedoms} movable joints, and Pinocchio's memory grows with their "
+                f"cube; lock all but {MOST_JOINTS}"
+            )
         leading, (C, offsets) = tree.leading(), coupling(tree)
         (lower, upper), model = joint_limits(tree), tree.pinocchio()
         return cls(
@@ -168,7 +174,7 @@ class SpaceArm(JointSpace, Described):
     @property
     def mount(self) -> pin.SE3:
         """Pose of the first joint on the way to the tip, in the spacecraft frame."""
-        name = movable(self.tree, self.tip)[0].name
+        name = self.tree.movable(self.tip)[0].name
         return self.model.jointPlacements[self.model.getJointId(name)].copy()
 
     def at(
@@ -250,7 +256,7 @@ class SpaceArm(JointSpace, Described):
         if base_mass is not None or base_inertia is not None:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
-            tree = tree.with_mount(movable(tree, self.tip)[0], sound_pose(mount, "mount"))
+            tree = tree.with_mount(tree.movable(self.tip)[0], sound_pose(mount, "mount"))
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
         tree = tree.locked({} if locked is None else locked).with_wheels(wheels)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, NO_NUMBERS, Array, read_only
 from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, call_site, listed, unknown, warn
-from spacearm.model.task import Task, way_to_tip
+from spacearm.model.task import Task
 
 ROUNDING = 1e-9
 """How far outside its limits a joint still counts as at the limit [rad], for values in degrees."""
@@ -178,7 +178,7 @@ def joint_scales(arm: JointSpace) -> Array:
     to the tip, counts as a radian: by that way a turn of one radian moves the tip at most. A
     sliding joint without limits counts by that length (1 m if it is zero).
     """
-    length = max(way_to_tip(arm.tree, tip) for tip in arm.tips)
+    length = max(map(arm.tree.way_to, arm.tips))
     travel = (arm.upper - arm.lower) / TURN
     limited = np.isfinite(travel) & (travel > 0.0)
     slide = np.where(limited, np.minimum(travel, length or np.inf), length or 1.0)

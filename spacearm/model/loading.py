@@ -25,7 +25,7 @@ from spacearm.model.task import Task
 
 
 def load(
-    model: RobotSource,
+    source: RobotSource,
     *,
     tip: str | Sequence[str] | None = None,
     task: str | Task | None = None,
@@ -43,12 +43,12 @@ def load(
     fixed to the actual bus is fine, and one that it floats in is left out. Movable leaves without
     mass are held. The n joints are those on the way to the tip; fingers, solar panels and other
     arms are held where they are, at zero or at the limit nearest to it, see `SpaceArm.held`. Joints
-    that mimic another are not among the n joints; their limits count as
-    limits of the joint that they follow.
+    that mimic another are not among the n joints; their limits count as limits of the joint that
+    they follow.
 
     Args:
-        model: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml) or
-            SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
+        source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)
+            or SDF; or a pin.Model or RobotWrapper, fixed base or free-flyer.
         tip: Link whose frame is the tip, or several, whose task rows are then stacked. Default:
             the links that the URDF names by <tip link>, else what an SRDF beside the file names,
             else the frame with a name for tips (tool0, hand_tcp, ee_link, ...), else the hand, else
@@ -89,10 +89,10 @@ def load(
         >>> sa.load("mda6", locked={"joint_6": 0.0}, task="position")
         SpaceArm(mda6: 5 joints, 807.26 kg, tip 'tip', task 'position')
     """
-    info = find_model(model)
-    path = info.path if info else formats.path_of(model)
+    info = find_model(source)
+    path = info.path if info else formats.path_of(source)
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
-    tree = assembled(info, reading) if info else formats.read(model, reading)
+    tree = assembled(info, reading) if info else formats.read(source, reading)
     tree = tree.locked(locked or {}).with_wheels(wheels)
     return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints)
 

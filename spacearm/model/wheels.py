@@ -64,16 +64,15 @@ def rotor(tree: Tree, wheel: Joint) -> float:
 
 def _spinning(tree: Tree, wheel: Joint) -> tuple[pin.Inertia, list[Joint]]:
     """Return the inertia of what a wheel spins, in its frame, and the joints on it that move."""
-    whole, carried, waiting = pin.Inertia.Zero(), [], [(wheel.child, pin.SE3.Identity())]
-    while waiting:
-        link, pose = waiting.pop()
+    behind, carried = [wheel.child], []
+    for joint in tree.depth_first():
+        if joint.parent in behind:
+            behind.append(joint.child)
+            carried += [] if joint.kind == "fixed" else [joint]
+    hub, whole = tree.frames[wheel.child], pin.Inertia.Zero()
+    for link in behind:
         if part := tree.links[link]:
-            whole += pose.act(part.spatial())
-        for joint in tree.joints.values():
-            if joint.parent == link:
-                if joint.kind != "fixed":
-                    carried.append(joint)
-                waiting.append((joint.child, pose * joint.origin))
+            whole += hub.actInv(tree.frames[link]).act(part.spatial())
     return whole, carried
 
 

@@ -8,6 +8,7 @@ contracted, the largest first; derivatives up to an order are carried along.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -214,6 +215,12 @@ class Jets:
             return np.inf
         weights = [np.exp(power)[:, None] for power in powers]
         return float(derivative_bounds(self._sizes, weights, 0))
+
+
+def stacked(polynomials: Sequence[Jets], Q: Array, order: int = 0) -> Jet:
+    """Evaluate c polynomials at Q (m, n): values (m, c), gradients (m, c, n), hessians."""
+    jets = [f(Q, order) for f in polynomials]
+    return Jet(*(np.stack(parts, axis=1) for parts in zip(*jets, strict=True)))
 
 
 class Pointwise:

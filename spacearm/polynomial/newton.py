@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.jets import Jets, Pointwise
+from spacearm.polynomial.jets import Jets, Pointwise, stacked
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 
 STEPS = 60
@@ -175,9 +175,7 @@ def onto(polynomials: Sequence[TrigPolynomial], points: Array) -> Array:
     """Move points (m, n) onto the common roots by the Gauss-Newton method."""
     scaled = [Jets.of(f) for f in polynomials]
     for _ in range(ONTO_STEPS):
-        jets = [f(points, 1) for f in scaled]
-        values = np.stack([jet.value for jet in jets], axis=1)
-        G = np.stack([jet.gradient for jet in jets], axis=1)
+        values, G, _ = stacked(scaled, points, 1)
         step = -(np.linalg.pinv(G, rcond=1e-9) @ values[:, :, None])[:, :, 0]
         points = points + shortened(step, ONTO_STRIDE)
         if np.abs(step).max(initial=0.0) < 1e-14:

@@ -22,7 +22,7 @@ from itertools import permutations
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.jets import Jets, stacked
 from spacearm.polynomial.newton import onto, shortened
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
 from spacearm.polynomial.univariate import Complex, line_roots
@@ -173,9 +173,9 @@ def _roots_where_lost(
         along = line(lines, 1)
         slopes = along.gradient.reshape(len(X), -1, f.n).copy()
         slopes[:, :, j] = 0.0
-        parts = [g(X, 1) for g in jets]
-        values = np.column_stack([*(p.value for p in parts), along.value.reshape(len(X), -1)])
-        return values, np.concatenate([*(p.gradient[:, None] for p in parts), slopes], axis=1)
+        values, gradients, _ = stacked(jets, X, 1)
+        values = np.column_stack((values, along.value.reshape(len(X), -1)))
+        return values, np.concatenate((gradients, slopes), axis=1)
 
     X = Q
     for _ in range(STEPS):

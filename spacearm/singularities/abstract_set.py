@@ -50,9 +50,7 @@ def prove_free(
         limits: Whether only what lies within the joint limits counts.
         progress: Called as progress(done, 1000), in thousandths of the path.
     """
-    rows = np.array([joint_vector(arm, q, "path") for q in np.atleast_2d(np.asarray(path))])
-    if not len(rows):
-        raise ConfigurationError("path has no rows; give at least one configuration")
+    rows = path_rows(arm, path)
 
     def singular(q: Array) -> bool:
         cfg = arm.at(q)
@@ -72,6 +70,18 @@ def prove_free(
         margin = min(margin, proof.margin)
     noise = max(minor.noise() / minor.scale for minor in minors)
     return Certificate(True, None, None, margin, "free", noise)
+
+
+def path_rows(arm: SpaceArm, path: npt.ArrayLike) -> Array:
+    """Return the checked configurations (m, n) of a path.
+
+    Raises:
+        ConfigurationError: There is none, or a row is none.
+    """
+    rows = np.array([joint_vector(arm, q, "path") for q in np.atleast_2d(np.asarray(path))])
+    if not len(rows):
+        raise ConfigurationError("path has no rows; give at least one configuration")
+    return rows
 
 
 def _within(arm: SpaceArm, path: Array) -> list[tuple[int, Array]]:

@@ -97,10 +97,7 @@ class ExactSet(SingularSet):
     chart: Chart
     sifted: bool = False
 
-    @property
-    def complete(self) -> bool:
-        """True."""
-        return True
+    complete = True
 
     @property
     def codimension(self) -> int:

@@ -16,7 +16,6 @@ from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.results import Result
-from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.sets import singular_set
 
@@ -95,51 +94,49 @@ def singular_map(
     """
     found = singular_set(arm)
     centre = joint_vector(arm, np.zeros(arm.n) if q is None else q, "q")
+    if joints is not None and len(joints) != 2:
+        raise ConfigurationError(f"joints is {joints!r}; name two")
     chosen = joints or [arm.joint_names[j] for j in telling_joints(arm)]
     names = [joint_name(arm, name) for name in chosen]
-    if len(names) != 2:
-        raise ConfigurationError(f"joints is {joints!r}; name two")
-    a, b = (_turning(arm, name) for name in names)
+    a, b = (arm.joint_names.index(name) for name in names)
     if a == b:
         raise ConfigurationError(f"joint {names[0]!r} is named twice; name two joints")
+    for j in (a, b):
+        if arm.slides[j]:
+            name = arm.joint_names[j]
+            raise ConfigurationError(f"joint {name!r} is prismatic; a map is over revolute joints")
     points = whole(points, "points", 2)
     angles = np.linspace(-np.pi, np.pi, points)
     Q = np.tile(centre, (points * points, 1))
     Q[:, a], Q[:, b] = angles.repeat(points), np.tile(angles, points)
-    at = {name: np.full(points * points, np.nan) for name in ("distance", "sigma_min")}
+    rows = {name: np.full(points * points, np.nan) for name in ("distance", "sigma_min")}
     held = {n: float(x) for n, x in zip(arm.joint_names, centre, strict=True) if n not in names}
-    distance, sigma = (at[name].reshape(points, points) for name in ("distance", "sigma_min"))
     result = SingularMap(
         arm=arm.name,
         joints=(names[0], names[1]),
         held=held,
         angles=angles,
-        distance=distance,
-        sigma_min=sigma,
+        **{name: row.reshape(points, points) for name, row in rows.items()},
         unit=arm.sigma_unit,
         curves=None,
         joint_limits=np.stack((arm.lower, arm.upper), axis=1)[[a, b]],
     )
     curved = found.complete and found.codimension == 1
-    tell = progress or _nothing
+
+    def tell(done: int, total: int) -> None:
+        if progress:
+            progress(done, (1 + curved) * total)
+
     try:
-        evaluate(arm, Q, tuple(at), out=at, progress=lambda done, of: tell(done, (1 + curved) * of))
+        evaluate(arm, Q, tuple(rows), out=rows, progress=tell)
         if curved:
-            result = replace(result, curves=_curves(found, centre, a, b))
-            tell(2 * len(Q), 2 * len(Q))
+            curves = [curve[:, [a, b]] for curve in found.curves((a, b), centre)]
+            result = replace(result, curves=curves)
+            tell(2 * len(Q), len(Q))
     except KeyboardInterrupt:
-        done = int((~np.isnan(distance)).sum())
-        raise StoppedError(f"{done:,} of {distance.size:,} postures done", result) from None
+        done = int((~np.isnan(result.distance)).sum())
+        raise StoppedError(f"{done:,} of {len(Q):,} postures done", result) from None
     return result
-
-
-def _nothing(*_: int) -> None:
-    """Report to nobody."""
-
-
-def _curves(found: SingularSet, q: Array, a: int, b: int) -> list[Array]:
-    """Trace the singular curves over joints a and b, the others as in q."""
-    return [curve[:, [a, b]] for curve in found.curves((a, b), q)]
 
 
 def telling_joints(arm: SpaceArm) -> list[int]:
@@ -154,10 +151,3 @@ def telling_joints(arm: SpaceArm) -> list[int]:
     sigma = evaluate(arm, lines.reshape(-1, arm.n), ("sigma_min",))["sigma_min"]
     change = sigma.reshape(LINES, len(turning), ON_LINE).std(axis=2).mean(axis=0)
     return sorted(turning[np.argsort(-change, kind="stable")[:2]].tolist())
-
-
-def _turning(arm: SpaceArm, name: str) -> int:
-    """Return the number of a joint, which must be revolute."""
-    if arm.slides[arm.joint_names.index(name)]:
-        raise ConfigurationError(f"joint {name!r} is prismatic; a map is over revolute joints")
-    return arm.joint_names.index(name)

@@ -33,7 +33,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, named
@@ -116,27 +115,7 @@ def _norms(matrix: Array, columns: int) -> Array:
     return np.linalg.norm(blocks, 2, axis=(2, 3))
 
 
-class _Sizes(NamedTuple):
-    """Moments of what each joint carries about the spacecraft's frame, absolute values summed.
-
-    One entry for the whole system, then one for each joint of the model; see the module's
-    docstring for distance and way.
-
-    Attributes:
-        mass: m [kg].
-        first: s, the first moment by distance [kg m].
-        first_by_way: w, the first moment by way [kg m].
-        second: i, three times the second moment (distance times way) and twice the inertia about
-            the bodies' own CMs, which is turned from both sides [kg m^2].
-    """
-
-    mass: Array
-    first: Array
-    first_by_way: Array
-    second: Array
-
-
-def _sizes(cfg: Configuration, terms: Array) -> tuple[_Sizes, Array, Array, float]:
+def _sizes(cfg: Configuration, terms: Array) -> tuple[Array, Array, Array, float]:
     """Add up the sizes of the terms.
 
     Args:
@@ -144,8 +123,12 @@ def _sizes(cfg: Configuration, terms: Array) -> tuple[_Sizes, Array, Array, floa
         terms: (nv - 6,) sizes of the terms that add up to the positions of the model's joints.
 
     Returns:
-        The sizes; the way to each tip; the joints on it (tips, nv - 5), 1 or 0, the spacecraft
-        first; the rounding u of a term.
+        Moments (4, nv - 5) about the spacecraft's frame of all that is carried, absolute values
+        summed, by the spacecraft and by each joint of the model: mass m [kg], first moment by
+        distance s and by way w [kg m], and i, three times the second moment (distance times way)
+        and twice the inertia about the bodies' own CMs, which is turned from both sides [kg m^2].
+        The way to each tip; the joints on it (tips, nv - 5), 1 or 0, the spacecraft first; the
+        rounding u of a term.
     """
     arm, s = cfg.arm, _structure(cfg.arm)
     term = np.zeros(len(s.slides))
@@ -159,10 +142,10 @@ def _sizes(cfg: Configuration, terms: Array) -> tuple[_Sizes, Array, Array, floa
     far = way[s.bodies] + s.to_CM
     near = distance[s.bodies] + s.lever + u * far
     each = np.array([s.mass, s.mass * near, s.mass * far, 3.0 * s.mass * near * far + s.inertia])
-    return _Sizes(*(each @ s.carried[s.bodies])), way[s.tips], s.carried[s.tips], u
+    return each @ s.carried[s.bodies], way[s.tips], s.carried[s.tips], u
 
 
-class _Structure(NamedTuple):
+class _Structure:
     """What of the sizes does not depend on the configuration.
 
     Attributes:
@@ -181,51 +164,31 @@ class _Structure(NamedTuple):
         inertia: (bodies,) twice the norms of their inertias [kg m^2].
     """
 
-    crossed: Array
-    carried: Array
-    moving: npt.NDArray[np.bool_]
-    slides: npt.NDArray[np.bool_]
-    slid: Array
-    placements: Array
-    origins: Array
-    bodies: list[int]
-    tips: list[int]
-    mass: Array
-    to_CM: Array
-    lever: Array
-    inertia: Array
+    def __init__(self, arm: SpaceArm) -> None:
+        tree, model = arm.tree, arm.model
+        joints = tree.depth_first()
+        links = [tree.root, *(joint.child for joint in joints)]
+        self.crossed = np.zeros((len(links), len(joints)))
+        for j, joint in enumerate(joints):
+            self.crossed[j + 1] = self.crossed[links.index(joint.parent)]
+            self.crossed[j + 1, j] = 1.0
+        self.moving = np.array([joint.movable for joint in joints])
+        self.carried = np.column_stack((np.ones(len(links)), self.crossed[:, self.moving]))
+        self.slides = np.array([joint.kind == "prismatic" for joint in joints])
+        self.slid = np.array([joint.slid for joint in joints])
+        self.placements = _lengths([place.translation for place in model.jointPlacements[2:]])
+        self.origins = _lengths([joint.origin.translation for joint in joints])
+        self.tips = [links.index(tip) for tip in arm.tips]
+        self.bodies = [k for k, link in enumerate(links) if tree.links[link] is not None]
+        mass, CM, I = zip(*(tree.links[links[k]] for k in self.bodies), strict=True)
+        frames = [model.frames[model.getFrameId(links[k], pin.BODY)] for k in self.bodies]
+        lever = [f.placement.act(pose.translation) for f, pose in zip(frames, CM, strict=True)]
+        self.mass, self.lever = np.array(mass), _lengths(lever)
+        self.to_CM = _lengths([pose.translation for pose in CM])
+        self.inertia = 2.0 * np.linalg.norm(I, 2, axis=(1, 2))
 
 
-@lru_cache(maxsize=16)
-def _structure(arm: SpaceArm) -> _Structure:
-    """Return the structure of an arm's sizes."""
-    tree, model = arm.tree, arm.model
-    joints = tree.depth_first()
-    links = [tree.root, *(joint.child for joint in joints)]
-    crossed = np.zeros((len(links), len(joints)))
-    for j, joint in enumerate(joints):
-        crossed[j + 1] = crossed[links.index(joint.parent)]
-        crossed[j + 1, j] = 1.0
-    moving = np.array([joint.movable for joint in joints])
-    bodies = [k for k, link in enumerate(links) if tree.links[link] is not None]
-    mass, CM, I = zip(*(tree.links[links[k]] for k in bodies), strict=True)
-    frames = [model.frames[model.getFrameId(links[k], pin.BODY)].placement for k in bodies]
-    r = [frame.act(pose.translation) for frame, pose in zip(frames, CM, strict=True)]
-    return _Structure(
-        crossed=crossed,
-        carried=np.column_stack((np.ones(len(links)), crossed[:, moving])),
-        moving=moving,
-        slides=np.array([joint.kind == "prismatic" for joint in joints]),
-        slid=np.array([joint.slid for joint in joints]),
-        placements=_lengths([placement.translation for placement in model.jointPlacements[2:]]),
-        origins=_lengths([joint.origin.translation for joint in joints]),
-        bodies=bodies,
-        tips=[links.index(tip) for tip in arm.tips],
-        mass=np.array(mass),
-        to_CM=_lengths([pose.translation for pose in CM]),
-        lever=_lengths(r),
-        inertia=2.0 * np.linalg.norm(I, 2, axis=(1, 2)),
-    )
+_structure = lru_cache(maxsize=16)(_Structure)
 
 
 def _lengths(vectors: list[Array]) -> Array:

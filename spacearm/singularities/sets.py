@@ -51,10 +51,8 @@ class FoundSet(SingularSet):
         mode: What the spacecraft does.
     """
 
-    @property
-    def complete(self) -> bool:
-        """False: other singular configurations may exist beside those found."""
-        return False
+    complete = False
+    """Other singular configurations may exist beside those found."""
 
     def _unsupported(self, *_: object, **__: object) -> NoReturn:
         """Raise UnsupportedError: the set is not known as a whole, and why."""

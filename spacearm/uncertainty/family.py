@@ -9,15 +9,14 @@ corners of the box are attained. Halving the box (de Casteljau) brings both toge
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from math import comb
 
 import numpy as np
 
 from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
-from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.trig import Sampler, TrigPolynomial
 from spacearm.polynomial.univariate import Complex
@@ -78,14 +77,12 @@ class Family:
 
     def __call__(self, q: Array, shares: Array) -> Array:
         """Evaluate S at one posture (n,) for many arms (m, p)."""
-        values = np.array([f(q) for f in self.control]).reshape([d + 1 for d in self.degrees])
+        shape = [1, *(d + 1 for d in self.degrees)]
+        values: Array = np.array([f(q) for f in self.control]).reshape(shape)
+        values = values.repeat(len(shares), axis=0)
         t = (shares - self.low) / (self.high - self.low)
         for j, d in enumerate(self.degrees):
-            basis = _bernstein(t[:, j], d)
-            if j == 0:
-                values = np.tensordot(basis, values, axes=(1, 0))
-            else:
-                values = np.einsum("ma,ma...->m...", basis, values)
+            values = np.einsum("ma,ma...->m...", _bernstein(t[:, j], d), values)
         return values
 
     def halves(self, j: int) -> tuple[Family, Family]:
@@ -99,14 +96,12 @@ class Family:
         middle = 0.5 * (self.low[j] + self.high[j])
         below, above = self.high.copy(), self.low.copy()
         below[j] = above[j] = middle
-        parts = (np.moveaxis(np.array(part), 0, j) for part in (left, right[::-1]))
-        first, second = parts
-        return (
-            Family(self.low, below, self.degrees, first, self.error),
-            Family(above, self.high, self.degrees, second, self.error),
-        )
+        first, second = (np.moveaxis(np.array(part), 0, j) for part in (left, right[::-1]))
+        lower = replace(self, high=below, coefficients=first)
+        return lower, replace(self, low=above, coefficients=second)
 
 
+@lru_cache(maxsize=8)
 def family_of(uncertain: UncertainArm) -> Family:
     """Fit the singularity polynomials of all arms in the box.
 
@@ -126,7 +121,7 @@ def family_of(uncertain: UncertainArm) -> Family:
         )
     nodes = [_nodes(d) for d in degrees]
     grid = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, p)
-    samplers = [_sampler(uncertain, uncertain.realise(t)) for t in grid]
+    samplers = [_sampler(uncertain, t) for t in grid]
     inverse = [np.linalg.inv(_bernstein(x, d)) for x, d in zip(nodes, degrees, strict=True)]
 
     def control(Q: Array) -> Array:
@@ -147,9 +142,9 @@ def family_of(uncertain: UncertainArm) -> Family:
     return found
 
 
-def _sampler(uncertain: UncertainArm, arm: SpaceArm) -> Sampler:
-    """Return the function that computes S, comparable between arms."""
-    return comparable_sampler(arm, uncertain.arm)
+def _sampler(uncertain: UncertainArm, shares: Array) -> Sampler:
+    """Return the function that computes S of one of the arms, comparable between them."""
+    return comparable_sampler(uncertain.realise(shares), uncertain.arm)
 
 
 def _degree(uncertain: UncertainArm, j: int, Q: Array, rng: np.random.Generator) -> int:
@@ -157,7 +152,7 @@ def _degree(uncertain: UncertainArm, j: int, Q: Array, rng: np.random.Generator)
     x = _nodes(HIGHEST)
     shares = np.tile(uncertain.sample(1, rng), (len(x), 1))
     shares[:, j] = x
-    values = np.array([_sampler(uncertain, uncertain.realise(t))(Q) for t in shares])
+    values = np.array([_sampler(uncertain, t)(Q) for t in shares])
     series = np.polynomial.chebyshev.chebfit(2.0 * x - 1.0, values.reshape(len(x), -1), HIGHEST)
     size = np.abs(series).max(axis=1)
     return max(1, int(np.flatnonzero(size > 1e-11 * size.max()).max(initial=0)))
@@ -170,7 +165,7 @@ def _check(found: Family, uncertain: UncertainArm, Q: Array, rng: np.random.Gene
         UnsupportedError: They differ.
     """
     for t in uncertain.sample(4, rng):
-        wanted = _sampler(uncertain, uncertain.realise(t))(Q)[:, 0]
+        wanted = _sampler(uncertain, t)(Q)[:, 0]
         got = np.array([found(q, t[None])[0] for q in Q])
         off = float(np.abs(got - wanted).max() / np.abs(wanted).max())
         if off > EXACT:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array, finite, whole
 from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 from spacearm.model.arguments import of_arm
@@ -110,6 +110,12 @@ class UncertainArm:
                 column[:] = np.clip((values - p.low) / (p.high - p.low), 0.0, 1.0)
         return shares
 
+    def tried(self, samples: int, seed: int, corners: int) -> Array:
+        """Return random shares, and all corners where there are at most so many parameters."""
+        shares = self.sample(whole(samples, "samples", 1), np.random.default_rng(seed))
+        few = len(self.parameters) <= corners
+        return np.vstack((shares, self.corners())) if few else shares
+
     def to_dict(self) -> dict[str, Any]:
         """Return the arm's name and the intervals by name as plain JSON data."""
         return {
@@ -151,7 +157,7 @@ def uncertain(arm: SpaceArm, spread: Mapping[str, Spread]) -> UncertainArm:
         part = links.get(link)
         if part is None or part.mass == 0.0:
             raise ModelError(
-                f"link {link!r} has no mass; name one of: {listed(arm.whole.bodies())}"
+                f"link {link!r} has no mass; name one of: {listed(arm.whole.massive())}"
             )
         for kind, value in kinds.items():
             if kind not in KINDS:

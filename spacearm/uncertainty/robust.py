@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, whole
+from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
@@ -21,15 +20,17 @@ from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Joints, Plan
 from spacearm.polynomial.certificate import certify
 from spacearm.results import Result
+from spacearm.singularities.abstract_set import path_rows
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.family import Family, family_of
 from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.workspaces.path_dependent import workspace
+from spacearm.workspaces.shells import merged, without
 
 SAMPLES = 200
 """Default number of random arms."""
-MOST_CORNERS = 8
-"""Parameters up to which all corners of the box are tried."""
+MOST_CORNERS, MOST_CORNERS_OF_SHELLS = 8, 5
+"""Parameters up to which all corners of the box are tried, for distances and for shells."""
 MOST_BOXES = 400
 """Boxes of parameters that a proof may look at."""
 CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
@@ -124,9 +125,7 @@ def distance_range(
     """
     arm = uncertain.arm
     q = joint_vector(arm, q, "q")
-    shares = uncertain.sample(whole(samples, "samples", 1), np.random.default_rng(seed))
-    if len(uncertain.parameters) <= MOST_CORNERS:
-        shares = np.vstack((shares, uncertain.corners()))
+    shares = uncertain.tried(samples, seed, MOST_CORNERS)
     found = np.array([singularity(uncertain.realise(t).at(q)).distance for t in shares])
     nominal = float(singularity(arm.at(q)).distance)
     least = int(np.argmin(found))
@@ -167,10 +166,8 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
         >>> sa.is_free_for_all(about, np.radians([[-65, 30], [20, 60]])).free
         True
     """
-    rows = np.array(
-        [joint_vector(uncertain.arm, q, "path") for q in np.atleast_2d(np.asarray(path))]
-    )
-    open_, looked = [_family(uncertain)], 0
+    rows = path_rows(uncertain.arm, path)
+    open_, looked = [family_of(uncertain)], 0
     while open_ and looked < MOST_BOXES:
         box = open_.pop()
         looked += 1
@@ -186,11 +183,9 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
             continue
         if len(ends) == 2:  # S changes sign at the start itself, between two corners
             return _at_start(box, uncertain, rows[0], looked)
-        widest = int(np.argmax(box.high - box.low))
-        open_ += box.halves(widest)
-    if open_:
-        return RobustCertificate(False, "undecided", None, None, looked)
-    return RobustCertificate(True, "free", None, None, looked)
+        open_ += box.halves(int(np.argmax(box.high - box.low)))
+    verdict = "undecided" if open_ else "free"
+    return RobustCertificate(not open_, verdict, None, None, looked)
 
 
 def _at_start(box: Family, uncertain: UncertainArm, q: Array, looked: int) -> RobustCertificate:
@@ -200,17 +195,8 @@ def _at_start(box: Family, uncertain: UncertainArm, q: Array, looked: int) -> Ro
     low, high = corners[int(np.argmin(values))], corners[int(np.argmax(values))]
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if box(q, middle[None])[0] < 0.0:
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if box(q, middle[None])[0] < 0.0 else (low, middle)
     return RobustCertificate(False, "singular", uncertain.named(low), q.copy(), looked)
-
-
-@lru_cache(maxsize=8)
-def _family(uncertain: UncertainArm) -> Family:
-    """Fit the polynomials once for each uncertain arm."""
-    return family_of(uncertain)
 
 
 def robust_plan(
@@ -334,29 +320,18 @@ def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) ->
         >>> len(sa.shell_bands(about, samples=1).low)
         2
     """
-    shares = uncertain.sample(whole(samples, "samples", 1), np.random.default_rng(seed))
-    if len(uncertain.parameters) <= 5:
-        shares = np.vstack((shares, uncertain.corners()))
+    shares = uncertain.tried(samples, seed, MOST_CORNERS_OF_SHELLS)
     found = [workspace(uncertain.arm).pdw]
     found += [workspace(uncertain.realise(t)).pdw for t in shares]
     numbers = {len(pdw) for pdw in found}
     bounds: Any = np.array(found) if len(numbers) == 1 else np.zeros((1, 0, 2))
-    low = np.stack((bounds[:, :, 0].min(axis=0), bounds[:, :, 0].max(axis=0)), axis=1)
-    high = np.stack((bounds[:, :, 1].min(axis=0), bounds[:, :, 1].max(axis=0)), axis=1)
-    edges = np.unique(np.concatenate([pdw.ravel() for pdw in found]))
-    middles = 0.5 * (edges[:-1] + edges[1:])
-    held = np.array([[any(a <= R <= b for a, b in pdw) for R in middles] for pdw in found])
-    held = held.reshape(len(found), len(middles))
+    low, high = np.stack((bounds.min(axis=0), bounds.max(axis=0)), axis=2).swapaxes(0, 1)
+    sometimes = merged([shell for pdw in found for shell in pdw])
+    gaps = merged([gap for pdw in found for gap in without(sometimes, pdw)])
     return ShellBands(
         low=low,
         high=high,
-        always=_runs(edges, np.asarray(held.all(axis=0))),
-        sometimes=_runs(edges, np.asarray(held.any(axis=0))),
+        always=without(sometimes, gaps),
+        sometimes=sometimes,
         tried=len(found),
     )
-
-
-def _runs(edges: Array, inside: npt.NDArray[np.bool_]) -> Array:
-    """Return the ranges (k, 2) of neighbouring intervals that are inside."""
-    steps = np.diff(np.concatenate(([0], inside.astype(int), [0])))
-    return np.stack((edges[np.flatnonzero(steps == 1)], edges[np.flatnonzero(steps == -1)]), axis=1)

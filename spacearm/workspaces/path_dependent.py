@@ -50,6 +50,7 @@ from spacearm.workspaces.shells import (
     merged,
     prove,
     shell_about,
+    without,
 )
 
 UPRIGHT = 1.0 - 1e-9
@@ -401,7 +402,7 @@ def workspace(
         pdw = merged([shell.radius for shell in shells])
         kind: Kind = "stopped"
         if proof is not None:
-            gap = max(gap, float(np.diff(proof.missing(pdw)).max(initial=0.0)))
+            gap = max(gap, float(np.diff(without(pdw, proof.radii)).max(initial=0.0)))
             kind = "certified" if gap <= max(TOLERANCE, SMALL * farthest) else "found"
         return Workspace(
             arm=arm,
@@ -409,7 +410,7 @@ def workspace(
             limits=limits,
             reachable=reachable,
             pdw=pdw,
-            piw=_outside(reachable[0], pdw),
+            piw=without(reachable, pdw, TOLERANCE),
             shells=tuple(sorted(shells, key=lambda shell: shell.radius[0])),
             reachable_at=reach[0].at,
             kind=kind,
@@ -438,12 +439,6 @@ def workspace(
     except KeyboardInterrupt:
         why = "shells may be missing, or wider than found so far"
         raise StoppedError(why, known()) from None
-
-
-def _outside(whole: Array, parts: Array) -> Array:
-    """Return what sorted, disjoint parts leave of the whole, (k, 2)."""
-    edges = np.concatenate(([whole[0]], parts.ravel(), [whole[1]])).reshape(-1, 2)
-    return edges[edges[:, 1] - edges[:, 0] > TOLERANCE]
 
 
 def _within(R: float, radii: Array) -> bool:

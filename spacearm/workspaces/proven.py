@@ -22,7 +22,7 @@ joints are connected.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,13 +30,13 @@ import numpy.typing as npt
 
 from spacearm.arrays import Array
 from spacearm.polynomial.branch_and_bound import enclose
-from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.jets import Jet, Jets, stacked
 from spacearm.polynomial.trig import EPS
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import is_singular
 from spacearm.singularities.polynomials import distances, minors_of, radius_squared
 from spacearm.workspaces.extent import Box, least_distance
-from spacearm.workspaces.shells import Shell, members, merged
+from spacearm.workspaces.shells import Shell, members, merged, without
 
 ILL = 1e10
 """Condition of df/dy above which no proof is tried."""
@@ -73,21 +73,9 @@ class Equations:
         self.third = np.array([f.polynomial.derivative_bounds(3) for f in polynomials])
         self.degrees = np.array([max((1, *f.polynomial.degrees)) for f in polynomials])
 
-    def __call__(self, Q: Array) -> tuple[Array, Array]:
-        """Compute values (m, c) and derivatives (m, c, n) at Q (m, n)."""
-        jets = [f(Q, 1) for f in self.polynomials]
-        values = np.stack([jet.value for jet in jets], axis=1)
-        return values, np.stack([jet.gradient for jet in jets], axis=1)
-
-    def derivatives(self, Q: Array) -> tuple[Array, Array]:
-        """Compute first (m, c, n) and second derivatives (m, c, n, n) at Q (m, n)."""
-        jets = [f(Q, 2) for f in self.polynomials]
-        first = np.stack([jet.gradient for jet in jets], axis=1)
-        return first, np.stack([jet.hessian for jet in jets], axis=1)
-
-    def values(self, Q: Array) -> Array:
-        """Compute values (m, c) at Q (m, n)."""
-        return np.stack([f(Q).value for f in self.polynomials], axis=1)
+    def __call__(self, Q: Array, order: int = 0) -> Jet:
+        """Compute values (m, c) and derivatives up to an order, (m, c, n), at Q (m, n)."""
+        return stacked(self.polynomials, Q, order)
 
     def noise(self, largest: float) -> Array:
         """Bound the errors of values (c,) at angles up to `largest` [rad]."""
@@ -104,7 +92,7 @@ class Equations:
         """
         Q = np.clip(Q, self.low, self.high)
         for _ in range(POLISH):
-            values, slopes = self(Q)
+            values, slopes, _ = self(Q, 1)
             if np.abs(values).max(initial=0.0) < CONVERGED:
                 break
             slopes = slopes * self.free(Q)[:, None]
@@ -157,10 +145,10 @@ def tubes(f: Equations, chain: Array) -> list[Tube]:
 def _hold(f: Equations, start: Array, end: Array) -> tuple[Booleans, Array]:
     """Check which segments (m, n) hold a curve, and how far its ends may be from theirs (m,)."""
     middle, half = 0.5 * (start + end), 0.5 * (end - start)
-    slopes, second = f.derivatives(middle)
+    _, slopes, second = f(middle, 2)
     low, high = np.minimum(start, end), np.maximum(start, end)
     noise = f.noise(float(np.abs((low, high)).max()) + 1.0)
-    sizes = np.maximum(np.abs(f.values(start)), np.abs(f.values(end))) + noise
+    sizes = np.maximum(np.abs(f(start).value), np.abs(f(end).value)) + noise
     margin = np.minimum(low - f.low, f.high - high)
     y = _pivots(np.where(margin[:, None] > AT_LIMIT, slopes, 0.0))
     own = np.take_along_axis(slopes, y[:, None], axis=2)
@@ -241,15 +229,6 @@ class Proven(NamedTuple):
     curves: tuple[Array, ...]
     radii: Array
 
-    def missing(self, wanted: Array) -> Array:
-        """Return the distances of `wanted` (k, 2) that are not proven, (m, 2)."""
-        parts = []
-        for low, high in wanted:
-            inner = self.radii[(self.radii[:, 1] > low) & (self.radii[:, 0] < high)]
-            edges = np.concatenate(([low], inner.ravel(), [high])).reshape(-1, 2)
-            parts.append(edges[edges[:, 1] > edges[:, 0]])
-        return np.concatenate([np.empty((0, 2)), *parts])
-
 
 def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: float) -> Proven:
     """Prove that something is singular at every distance of shells.
@@ -264,24 +243,17 @@ def prove_shells(found: ExactSet, box: Box, shells: Sequence[Shell], farthest: f
         shells: The shells.
         farthest: A distance that the tip never exceeds [m].
     """
-    arm, mode = found.arm, found.mode
+    prover = Prover(found, box)
     if not shells:
-        return Proven((), np.empty((0, 2)))
-    shared = shared_columns(found) if found.codimension > 1 else ()
-    R2 = radius_squared(arm, mode=mode)
-    prover = Prover(
-        Equations([Jets.of(f) for f in found.triangle.equations], box),
-        Jets.of(R2),
-        lambda Q: distances(arm, Q, mode),
-        arm.n * float(np.sqrt(R2.scale)),  # |p(q) - p(q + pi)| = 2 |dp/dq| <= 2 max |p|
-        lambda q: not is_singular(arm, q, mode, shared),
-    )
-    sample = members(found, box, SAMPLE, np.random.default_rng(0))
-    wanted = merged([shell.radius for shell in shells])
-    ends = np.concatenate([np.empty((0, arm.n)), *(shell.at for shell in shells)])
-    tolerance = max(TOLERANCE, NARROW * farthest) if found.dimension > 2 else TOLERANCE
-    known = found.pieces if found.dimension == 1 and not box.limited else []
-    return prover.prove(wanted, known, ends, sample, tolerance)
+        return prover.proven
+    prover.wanted = merged([shell.radius for shell in shells])
+    prover.tolerance = max(TOLERANCE, NARROW * farthest) if found.dimension > 2 else TOLERANCE
+    if found.dimension == 1 and not box.limited:
+        for chain in found.pieces:
+            prover.add(chain)
+    prover.walk_from_ends(np.concatenate([shell.at for shell in shells]))
+    prover.walk_from_sample(members(found, box, SAMPLE, np.random.default_rng(0)))
+    return prover.proven
 
 
 def left_out(found: ExactSet, box: Box, pdw: Array, farthest: float) -> float:
@@ -318,79 +290,67 @@ def shared_columns(found: ExactSet) -> tuple[int, ...]:
 class Prover:
     """Looks for curves that prove the distances of shells.
 
+    Attributes:
+        proven: What is proven so far.
+        wanted: (k, 2) distances to prove [m].
+        tolerance: Width of parts that may be left [m].
+
     Args:
-        f: Equations of the singular set.
-        R2: The squared distance, in some unit.
-        distances: Computes R (m,) at configurations (m, n) [m].
-        slope: By how much R changes at most if no joint moves by more than 1 rad [m].
-        counts: Says whether the curve through a point (n,) is singular: of redundant arms.
+        found: The singular set, of revolute joints.
+        box: Range of the joints.
     """
 
-    def __init__(
-        self,
-        f: Equations,
-        R2: Jets,
-        distances: Callable[[Array], Array],
-        slope: float,
-        counts: Callable[[Array], bool],
-    ) -> None:
-        self.f, self.R2, self.distances, self.counts = f, R2, distances, counts
-        self.level = LEVEL * float(R2.polynomial.lipschitz.max())
-        self.slope = slope
+    def __init__(self, found: ExactSet, box: Box) -> None:
+        self.arm, self.mode = found.arm, found.mode
+        self.f = Equations([Jets.of(f) for f in found.triangle.equations], box)
+        self.shared = shared_columns(found) if found.codimension > 1 else ()
+        R2 = radius_squared(self.arm, mode=self.mode)
+        self.R2 = Jets.of(R2)
+        self.level = LEVEL * float(self.R2.polynomial.lipschitz.max())
+        # by so much R changes at most if no joint moves by more than 1 rad [m]:
+        self.slope = self.arm.n * float(np.sqrt(R2.scale))  # |p(q) - p(q + pi)| = 2 |dp/dq|
         self.rng = np.random.default_rng(0)
+        nothing: Array = np.empty((0, 2))
+        self.proven, self.wanted, self.tolerance = Proven((), nothing), nothing, 0.0
 
-    def prove(
-        self, wanted: Array, known: list[Array], ends: Array, sample: Array, tolerance: float
-    ) -> Proven:
-        """Prove the distances `wanted` (k, 2), but for parts up to `tolerance` wide [m].
+    def distances(self, Q: Array) -> Array:
+        """Compute R (m,) at configurations (m, n) [m]."""
+        return distances(self.arm, Q, self.mode)
 
-        Args:
-            wanted: Distances.
-            known: Chains of points on the set (m, n).
-            ends: (e, n) singular configurations at their ends.
-            sample: (m, n) others, from which to walk where walks from the ends do not suffice.
-            tolerance: In metres.
-        """
-        proven, vain = Proven((), np.empty((0, 2))), 0
+    def walk_from_ends(self, ends: Array) -> None:
+        """Walk from singular configurations (e, n) at the ends of the wanted distances."""
         ends = ends[np.argsort(-self.distances(ends))]
-        for chain in known:
-            proven = self._with(proven, chain)
         for end in ends:
-            proven = self._from(end, proven, wanted, tolerance)
+            self.walk_both_ways(end)
         for end in ends:  # where the derivatives of the equations vanish no curve begins
             R = float(self.distances(end[None])[0])
             for away in BESIDE:
-                missing = self._open(proven, wanted, tolerance)
+                missing = self.missing()
                 beside = self._beside(end, away)
                 if len(beside) and np.abs(missing - R).min(initial=np.inf) <= TOLERANCE:
-                    proven = self._from(beside[0], proven, wanted, tolerance)
-        R_of_sample = self.distances(sample)
-        tolerance *= COARSER
-        while len(sample) and len(missing := self._open(proven, wanted, tolerance)):
+                    self.walk_both_ways(beside[0])
+
+    def walk_from_sample(self, sample: Array) -> None:
+        """Walk from others (m, n), where walks from the ends do not suffice."""
+        R, vain = self.distances(sample), 0
+        self.tolerance *= COARSER
+        while len(sample) and vain < IN_VAIN and len(missing := self.missing()):
             low, high = missing[np.argmax(missing[:, 1] - missing[:, 0])]
-            near = np.abs(R_of_sample - self.rng.uniform(low, high)).argmin()
-            proven = self._from(sample[near], proven, wanted, tolerance)
-            left = self._open(proven, wanted, tolerance)
-            vain += bool(np.diff(left).sum() > ENOUGH * np.diff(missing).sum())
-            if vain == IN_VAIN:
-                break
-        return proven
+            self.walk_both_ways(sample[np.abs(R - self.rng.uniform(low, high)).argmin()])
+            vain += bool(np.diff(self.missing()).sum() > ENOUGH * np.diff(missing).sum())
 
-    def _from(self, start: Array, proven: Proven, wanted: Array, tolerance: float) -> Proven:
+    def walk_both_ways(self, start: Array) -> None:
         """Walk from a start (n,) while wanted distances are missing; add what it proves."""
-        missing = self._open(proven, wanted, tolerance)
-        if not len(missing):
-            return proven
-        R = float(self.distances(start[None])[0])
-        low, high = missing[np.argmin(np.abs(missing - R).min(axis=1))]
-        down, up = self.walk(start, -1.0, low), self.walk(start, 1.0, high)
-        return self._with(proven, np.concatenate((down[::-1], up[1:])))
+        missing = self.missing()
+        if len(missing):
+            R = float(self.distances(start[None])[0])
+            low, high = missing[np.argmin(np.abs(missing - R).min(axis=1))]
+            down, up = self.walk(start, -1.0, low), self.walk(start, 1.0, high)
+            self.add(np.concatenate((down[::-1], up[1:])))
 
-    @staticmethod
-    def _open(proven: Proven, wanted: Array, tolerance: float) -> Array:
+    def missing(self) -> Array:
         """Return the wanted distances that are not proven yet, (k, 2)."""
-        missing = proven.missing(wanted)
-        return missing[missing[:, 1] - missing[:, 0] > tolerance]
+        return without(self.wanted, self.proven.radii, self.tolerance)
 
     def _beside(self, end: Array, away: float) -> Array:
         """Return points on the set (m, n) some way from an end [rad], regular ones first."""
@@ -398,23 +358,26 @@ class Prover:
         turn *= away / np.linalg.norm(turn, axis=1, keepdims=True)
         tried = self.f.onto(np.clip(end + turn, self.f.low, self.f.high))
         near = np.linalg.norm(tried - end, axis=1) < 2.0 * away
-        found = tried[near & (np.abs(self.f.values(tried)).max(axis=1) < ON_SET)]
-        sigma = np.linalg.svd(self.f(found)[1], compute_uv=False)[:, -1]
+        found = tried[near & (np.abs(self.f(tried).value).max(axis=1) < ON_SET)]
+        sigma = np.linalg.svd(self.f(found, 1).gradient, compute_uv=False)[:, -1]
         return np.asarray(found[np.argsort(-sigma)])
 
-    def _with(self, proven: Proven, chain: Array) -> Proven:
-        """Add what a chain of points proves."""
+    def add(self, chain: Array) -> None:
+        """Add what a chain of points (m, n) on the set proves."""
         for points, error in tubes(self.f, chain) if len(chain) > 1 else ():
             R, off = self.distances(points), error * self.slope
             low, high = R.min() + off, R.max() - off
-            more = merged([*proven.radii, np.array([low, high])])
+            more = merged([*self.proven.radii, np.array([low, high])])
             if (
                 low < high
-                and np.diff(more).sum() > np.diff(proven.radii).sum() + TOLERANCE
-                and any(self.counts(points[i]) for i in (0, len(points) // 2, -1))
+                and np.diff(more).sum() > np.diff(self.proven.radii).sum() + TOLERANCE
+                and any(self._counts(points[i]) for i in (0, len(points) // 2, -1))
             ):
-                proven = Proven((*proven.curves, points), more)
-        return proven
+                self.proven = Proven((*self.proven.curves, points), more)
+
+    def _counts(self, q: Array) -> bool:
+        """Check whether the columns that the minors share are independent at q (n,)."""
+        return not is_singular(self.arm, q, self.mode, self.shared)
 
     def walk(self, start: Array, sign: float, stop: float) -> Array:
         """Walk along the set to where R is larger (sign 1) or smaller (-1), points (m, n).
@@ -426,7 +389,7 @@ class Prover:
         while len(points) < MOST_STEPS and stride > LEAST_STRIDE and sign * (stop - R) > 0.0:
             tried = self.f.onto((q + stride * self._direction(q, sign))[None])
             there = float(self.distances(tried)[0])
-            on_set = np.abs(self.f.values(tried)).max() < ON_SET
+            on_set = np.abs(self.f(tried).value).max() < ON_SET
             near = np.linalg.norm(tried[0] - q) < 2.0 * stride
             if on_set and near and sign * (there - R) > 0.0:
                 q, R, stride = tried[0], there, min(1.5 * stride, STRIDE)
@@ -438,7 +401,7 @@ class Prover:
     def _direction(self, q: Array, sign: float) -> Array:
         """Return the direction (n,) along the set, within the box, in which R changes most."""
         g = sign * self.R2(q[None], 1).gradient[0]
-        _, slopes = self.f(q[None])
+        slopes = self.f(q[None], 1).gradient
         free = np.ones(len(q), dtype=bool)
         for _ in range(len(q)):
             d = _along(slopes[0], g, free)

@@ -179,6 +179,16 @@ def merged(ranges: list[Array]) -> Array:
     return np.array(union, dtype=np.float64).reshape(-1, 2)
 
 
+def without(ranges: Array, parts: Array, tolerance: float = 0.0) -> Array:
+    """Return what sorted, disjoint parts (m, 2) leave of such ranges (k, 2), wider than so much."""
+    left: list[Array] = [np.empty((0, 2))]
+    for low, high in ranges:
+        inner = parts[(parts[:, 1] > low) & (parts[:, 0] < high)]
+        edges = np.concatenate(([low], inner.ravel(), [high])).reshape(-1, 2)
+        left.append(edges[edges[:, 1] - edges[:, 0] > tolerance])
+    return np.concatenate(left)
+
+
 def _pieces(found: SingularSet, box: Box) -> list[tuple[Array, Pairs]]:
     """Return points (m, n) of the set and the pairs of neighbours among them (e, 2).
 
@@ -299,27 +309,26 @@ def found_shells(
     for end in stationary:
         i = 0 if R2(end[None])[0] < R2(Q[:1])[0] else -1
         pieces[i] = np.vstack((pieces[i], end))
-    sampled = [_sampled(piece, R2(piece), i) for i, piece in enumerate(pieces)]
-    shells: list[Shell] = []
-    left = sorted(sampled, key=lambda shell: -len(pieces[shell.component]))
+
+    def singular(q: Array) -> bool:
+        return bool(found.are_singular(q[None])[0])
+
+    shells, left = list[Shell](), list[Shell]()
+    for i in sorted(range(len(pieces)), key=lambda i: -len(pieces[i])):
+        squares = R2(pieces[i])
+        at = [int(squares.argmin()), int(squares.argmax())]
+        left.append(Shell(np.sqrt(np.maximum(squares[at], 0.0)), pieces[i][at], i))
     while left:
         keep([*shells, *left])
         searches.expect(len(left))
         i = left[0].component
-        shells.append(
-            shell_about(
-                found.arm,
-                found.mode,
-                equations,
-                pieces[i],
-                box,
-                i,
-                step=searches.step,
-                within=within,
-                counts=lambda q: bool(found.are_singular(q[None])[0]),
-            )
-        )
-        left = [part for part in left[1:] if not _holds(shells[-1], part)]
+        shell = shell_about(
+            found.arm, found.mode, equations, pieces[i], box, i,
+            step=searches.step, within=within, counts=singular,
+        )  # fmt: skip
+        shells.append(shell)
+        low, high = shell.radius + np.array((-NEGLIGIBLE, NEGLIGIBLE))
+        left = [part for part in left[1:] if part.radius[0] < low or part.radius[1] > high]
     return shells
 
 
@@ -336,15 +345,3 @@ def members(found: ExactSet, box: Box, m: int, rng: np.random.Generator) -> Arra
         kept.append(Q[box.holds(Q)])
         lines, met = lines + len(drawn), met + len(Q)
     return np.concatenate(kept)
-
-
-def _sampled(Q: Array, R2: Array, number: int) -> Shell:
-    """Return the shell of a piece as far as its sample (m, n), with squared distances, reaches."""
-    at = [int(R2.argmin()), int(R2.argmax())]
-    return Shell(np.sqrt(np.maximum(R2[at], 0.0)), Q[at], number)
-
-
-def _holds(shell: Shell, part: Shell) -> bool:
-    """Tell whether one shell holds another."""
-    low, high = shell.radius
-    return bool(low - NEGLIGIBLE <= part.radius[0] and part.radius[1] <= high + NEGLIGIBLE)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.description.grippers import is_finger, is_hand, tip_rank, words
-from spacearm.description.tips import choose_tips, movable
+from spacearm.description.tips import choose_tips
 from spacearm.description.tree import Tree
 
 NOWHERE = sa.arms()[0].path.parent  # a folder without an SRDF
@@ -386,4 +386,4 @@ def test_random_arms_with_grippers_end_in_their_palms(seed, n, gripper):
         ]
     arm = found(*parts, *GRIPPERS[gripper])
     assert (arm.n, arm.tip) == (n, "l_4")
-    assert not {j.name for j in movable(arm.whole, arm.tip)} & arm.held.keys()
+    assert not {j.name for j in arm.whole.movable(arm.tip)} & arm.held.keys()

@@ -8,7 +8,7 @@ import pytest
 from helpers.arms import link, load_text, robot, two_links
 
 import spacearm as sa
-from spacearm.description.readers import urdf
+from spacearm.description.readers import formats
 from spacearm.description.shapes import (
     Box,
     Cylinder,
@@ -52,11 +52,11 @@ def test_shapes_are_read_as_data_and_written_back(text, tmp_path):
     read = tree(body + PAINT, body)
     expected = GEOMETRIES[text]
     (tmp_path / "again.urdf").write_bytes(document(read, ()))
-    for one in (read, urdf.read(tmp_path / "again.urdf"), read.renamed("a_")):
+    for one in (read, formats.read(tmp_path / "again.urdf"), read.renamed("a_{}".format)):
         (shapes,) = one.visuals.values()
         same(shapes.visual[0], Shape(POSE, expected, (0.1, 0.2, 0.3, 0.4)))
         same(shapes.collision[0], Shape(POSE, expected))
-    assert list(read.renamed("a_").visuals) == ["a_arm"]
+    assert list(read.renamed("a_{}".format).visuals) == ["a_arm"]
 
 
 def test_links_without_shapes_have_no_entry():
@@ -69,12 +69,12 @@ def test_mesh_files_are_named_by_absolute_paths(tmp_path):
     body = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
     bus, _, elbow = two_links()
     path.write_text(robot(bus, link("arm", inside=body), elbow))
-    read = urdf.read(path)
+    read = formats.read(path)
     assert read.visuals["arm"].visual[0].geometry == Mesh("part.stl", tmp_path / "part.stl")
     (tmp_path / "elsewhere").mkdir()
     again = tmp_path / "elsewhere" / "r.urdf"
     again.write_bytes(document(read, ()))
-    assert urdf.read(again).visuals["arm"].visual[0].geometry.file == tmp_path / "part.stl"
+    assert formats.read(again).visuals["arm"].visual[0].geometry.file == tmp_path / "part.stl"
 
 
 BOX = '<geometry><box size="1 1 1"/></geometry>'
@@ -115,7 +115,7 @@ def test_faults_do_not_stop_physics_and_are_kept(text, tmp_path):
     """They load without a word, and a written file has them still."""
     read = tree(text or " ", text or " ")
     (tmp_path / "again.urdf").write_bytes(document(read, ()))
-    again = urdf.read(tmp_path / "again.urdf")
+    again = formats.read(tmp_path / "again.urdf")
     for shape in (*read.visuals["arm"].visual, *read.visuals["arm"].collision):
         assert isinstance(shape.geometry, Unusable)
         assert re.search(f"robot.urdf: .*{FAULTS[text]}", shape.geometry.problem)

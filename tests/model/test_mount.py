@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.description.readers import urdf
+from spacearm.description.readers import formats
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -317,7 +317,7 @@ def test_point_masses_on_bodies_can_be_read(tmp_path):
     same(arm, rewritten(arm))
     text = robot(link("bus", 50.0), link("arm", inertia=np.zeros((3, 3))), joint("e", "bus", "arm"))
     with pytest.raises(sa.ModelError, match="a motion of 'e' moves no mass"):
-        urdf.read(saved(text, tmp_path))
+        formats.read(saved(text, tmp_path))
 
 
 def test_an_arm_stands_on_the_top_face_of_a_bus_with_a_size():

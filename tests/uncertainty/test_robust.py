@@ -230,6 +230,6 @@ def test_bad_input(arm, about):
     with pytest.raises(sa.ConfigurationError, match="shares is"):
         about.realise([0.0, 2.0, 0.0])
     redundant = sa.load("planar3", task="x y")
-    unsure = sa.uncertain(redundant, {redundant.tree.bodies()[-1]: {"mass": 0.1}})
+    unsure = sa.uncertain(redundant, {redundant.tree.massive()[-1]: {"mass": 0.1}})
     with pytest.raises(sa.UnsupportedError, match="redundant"):
         sa.is_free_for_all(unsure, np.zeros((2, 3)))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import count
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +11,7 @@ import pinocchio as pin
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.readers.source import Source
 from spacearm.description.shapes import Visuals
-from spacearm.description.tree import ROOT_JOINT, Tree
+from spacearm.description.tree import ROOT_JOINT, Tree, free_name
 from spacearm.errors import listed, unknown
 
 SAME_FRAME = 1e-15
@@ -45,14 +44,14 @@ class Forest:
 
     def mark(self, name: str, link: str, pose: pin.SE3) -> None:
         """Add a frame that marks a place on a link, under another name if it is taken."""
-        name = self.free_name(name, self.links)
+        name = free_name(name, self.links.__contains__)
         self.add(name)
         self.marks.append(name)
         self.fix(link, name, pose)
 
     def fix(self, parent: str, child: str, pose: pin.SE3, name: str = "") -> None:
         """Fix a link to another at a pose in the frame of that one."""
-        name = name or self.free_name(f"{child}_fixed", self.joints)
+        name = name or free_name(f"{child}_fixed", self.joints.__contains__)
         self.joints[name] = Joint(name, "fixed", parent, child, pose, np.array([1.0, 0.0, 0.0]))
 
     def join(
@@ -72,18 +71,13 @@ class Forest:
         for joint in joints:
             behind = child
             if apart or joint is not joints[-1]:
-                behind = self.free_name(f"{child}_at_{joint.name}", self.links)
+                behind = free_name(f"{child}_at_{joint.name}", self.links.__contains__)
                 self.add(behind)
                 self.marks.append(behind)
             self.joints[joint.name] = replace(joint, parent=parent, child=behind)
             parent = behind
         if last is not None and (apart or not joints):
             self.fix(parent, child, last)
-
-    def free_name(self, name: str, taken: Iterable[str]) -> str:
-        """Return the name, with a number from 2 on if it is taken."""
-        numbered = (name if i == 1 else f"{name}_{i}" for i in count(1))
-        return next(free for free in numbered if free not in taken)
 
     def check(self, source: Source) -> None:
         """Refuse loops.
@@ -102,7 +96,7 @@ class Forest:
                     f"link {link!r} closes a loop: joints {one} and {other} both lead to it",
                     "cut the loop at one of them",
                 )
-        reached = {link for root in self.roots() for link in self.tree("", root).links}
+        reached = self.behind(*self.roots())
         if stray := [link for link in self.links if link not in reached]:
             source.fail(f"links {listed(stray)} form a loop", "cut it at one joint")
 
@@ -111,24 +105,25 @@ class Forest:
         children = {joint.child for joint in self.joints.values()}
         return [link for link in self.links if link not in children]
 
+    def behind(self, *roots: str) -> set[str]:
+        """Return the links that hang on some links, these included."""
+        children: dict[str, list[str]] = {}
+        for joint in self.joints.values():
+            children.setdefault(joint.parent, []).append(joint.child)
+        reached, waiting = set(roots), list(roots)
+        while waiting:
+            waiting += (more := set(children.get(waiting.pop(), ())) - reached)
+            reached |= more
+        return reached
+
     def tree(self, name: str, root: str) -> Tree:
         """Return the tree behind a root link."""
-        into: dict[str, list[Joint]] = {}
-        for joint in self.joints.values():
-            into.setdefault(joint.parent, []).append(joint)
-        links, waiting = [root], [root]
-        joints: dict[str, Joint] = {}
-        while waiting:
-            for joint in into.get(waiting.pop(), []):
-                joints[joint.name] = joint
-                links.append(joint.child)
-                waiting.append(joint.child)
-        reached = set(links)
+        reached = self.behind(root)
         return Tree(
             name=name,
             root=root,
             links={link: part for link, part in self.links.items() if link in reached},
-            joints={joint: one for joint, one in self.joints.items() if joint in joints},
+            joints={name: joint for name, joint in self.joints.items() if joint.parent in reached},
             visuals={link: shapes for link, shapes in self.visuals.items() if link in reached},
             marks=tuple(mark for mark in self.marks if mark in reached),
         )
@@ -144,13 +139,13 @@ class Forest:
         Raises:
             ModelError: There is none with a joint, or several with equally many.
         """
-        trees = sorted((self.tree(name, root) for root in roots), key=lambda t: -freedoms(t))
-        if not trees or freedoms(trees[0]) == 0:
+        trees = sorted((self.tree(name, root) for root in roots), key=lambda t: -t.freedoms)
+        if not trees or trees[0].freedoms == 0:
             source.fail("has no joint that can move", "describe the joints of an arm")
-        if len(trees) > 1 and freedoms(trees[1]) == freedoms(trees[0]):
-            alike = [t.root for t in trees if freedoms(t) == freedoms(trees[0])]
+        alike = [tree.root for tree in trees if tree.freedoms == trees[0].freedoms]
+        if len(alike) > 1:
             source.fail(
-                f"holds {len(alike)} robots of {freedoms(trees[0])} joints each, whose roots are "
+                f"holds {len(alike)} robots of {trees[0].freedoms} joints each, whose roots are "
                 f"{listed(alike)}",
                 "keep one of them, or join them to one spacecraft",
             )
@@ -160,11 +155,6 @@ class Forest:
                 f"it: {listed(others)}"
             )
         return trees[0]
-
-
-def freedoms(tree: Tree) -> int:
-    """Count the movable joints."""
-    return sum(joint.movable for joint in tree.joints.values())
 
 
 def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:
@@ -187,25 +177,9 @@ SPLIT_BALL = (
 def unprefixed(tree: Tree) -> Tree:
     """Return the tree without the name of a model that all its names start with."""
     prefix = tree.root.partition("::")[0] + "::"
-    names = [*tree.links, *tree.joints]
-    if not all(name.startswith(prefix) for name in names):
+    if not all(name.startswith(prefix) for name in (*tree.links, *tree.joints)):
         return tree
-    cut = len(prefix)
-    return replace(
-        tree,
-        name=prefix[:-2],
-        root=tree.root[cut:],
-        links={name[cut:]: part for name, part in tree.links.items()},
-        joints={name[cut:]: _cut(joint, cut) for name, joint in tree.joints.items()},
-        visuals={name[cut:]: shapes for name, shapes in tree.visuals.items()},
-        marks=tuple(mark[cut:] for mark in tree.marks),
-    )
-
-
-def _cut(joint: Joint, cut: int) -> Joint:
-    mimic = joint.mimic and joint.mimic._replace(leader=joint.mimic.leader[cut:])
-    name, parent, child = joint.name[cut:], joint.parent[cut:], joint.child[cut:]
-    return replace(joint, name=name, parent=parent, child=child, mimic=mimic)
+    return replace(tree.renamed(lambda name: name.removeprefix(prefix)), name=prefix[:-2])
 
 
 def check_mimics(source: Source, joints: dict[str, Joint]) -> None:

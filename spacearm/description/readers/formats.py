@@ -9,12 +9,10 @@ from typing import TypeAlias
 
 from lxml import etree
 
-from spacearm.description.readers import pinocchio_model, urdf
+from spacearm.description.readers import mjcf, pinocchio_model, sdf, urdf
 from spacearm.description.readers.forest import check_mimics
 from spacearm.description.readers.masses import checked
-from spacearm.description.readers.mjcf import read as read_mjcf
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
-from spacearm.description.readers.sdf import read as read_sdf
 from spacearm.description.readers.source import Reading, Source
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
@@ -39,28 +37,24 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
     Warns:
         ModelWarning: Something was assumed; each warning is a note too.
     """
-    reading = reading or Reading()
     source = Source(path_of(robot), reading)
     if isinstance(robot, PINOCCHIO_MODELS):
         tree = pinocchio_model.read(source, robot)
-    elif source.path.suffix == ".xacro":
-        return urdf.read(robot, reading)
     else:
-        root = source.root()
-        if root.tag == "robot":
-            return urdf.read(robot, reading)
-        tree = _read(source, root)
+        tree = _read(source, source.root())
     check_mimics(source, joints := dict(tree.joints))
     tree = checked(source, replace(tree, joints=joints))
     return replace(tree, notes=tuple(source.notes))
 
 
 def _read(source: Source, root: etree._Element) -> Tree:
-    """Read an MJCF or SDF by its root element."""
+    """Read a file by its root element; a xacro source by its name, too."""
+    if root.tag == "robot" or source.path.suffix == ".xacro":
+        return urdf.read(source, root)
     if root.tag == "mujoco":
-        return read_mjcf(source)
+        return mjcf.read(source)
     if root.tag == "sdf":
-        return read_sdf(source, root)
+        return sdf.read(source, root)
     if root.tag == "mujocoinclude":
         source.fail("is a part of an MJCF", "load the file that includes it")
     source.fail(

@@ -8,7 +8,7 @@ joints is left that moves no mass at all.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,28 +17,16 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
+from spacearm.description import shapes
 from spacearm.description.bodies import LONGEST, TRIANGLE_TOLERANCE, Inertial
 from spacearm.description.readers.source import Source
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Sphere,
-    Visuals,
-    capsule,
-    read_mesh,
-)
 from spacearm.description.tree import Tree, coupling
-from spacearm.errors import ModelError
+from spacearm.errors import ModelError, listed
 
 SINGULAR = 1e-10
 """Eigenvalue of the scaled joint inertia up to which some motion moves no mass."""
 LIGHT = 0.2
 """Mass of a spacecraft, as a share of what moves on it, up to which it looks like a foot."""
-SHOWN = 6
-"""Names that a list of links or joints shows."""
 
 
 def checked(source: Source, tree: Tree) -> Tree:
@@ -62,24 +50,14 @@ def checked(source: Source, tree: Tree) -> Tree:
     if source.reading.check != "accept":
         tree = _without_idle_leaves(source, tree)
     _check_motions(source, tree)
-    for doubt in implausible(tree, bodies(tree)):
+    for doubt in implausible(tree):
         source.warn(doubt)
     return tree
 
 
-def bodies(tree: Tree) -> dict[str, Inertial]:
-    """Return the rigid bodies, in link axes at their CM, by the link nearest to the root."""
-    inertias = list(tree.pinocchio().inertias)[1:]
-    leaders = [tree.root, *(joint.child for joint in tree.depth_first() if joint.movable)]
-    return {
-        leader: Inertial(float(I.mass), pin.SE3(np.eye(3), I.lever), np.array(I.inertia))
-        for leader, I in zip(leaders, inertias, strict=True)
-    }
-
-
 def _require_masses(source: Source, tree: Tree) -> None:
     """Refuse a spacecraft without mass, and a robot of which nothing that moves has mass."""
-    masses = {leader: body.mass for leader, body in bodies(tree).items()}
+    masses = {leader: body.mass for leader, body in tree.bodies.items()}
     if source.reading.spacecraft and masses[tree.root] == 0.0:
         file = str(source.path)
         source.fail(
@@ -98,7 +76,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
         )
     if masses and not any(masses.values()):
         source.fail(
-            f"no movable link has mass: <inertial> is zero or missing in {_some(masses)}",
+            f"no movable link has mass: <inertial> is zero or missing in {_quoted(masses)}",
             "add it, or estimate it from their shapes: density=2700 [kg/m^3] in Python, "
             "--density 2700 on the command line"
             if source.reading.density is None
@@ -108,7 +86,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
 
 def _check_links(source: Source, tree: Tree) -> None:
     """Refuse links that no rigid body can be, unless they are part of a body that is sound."""
-    whole, check = bodies(tree), source.reading.check
+    whole, check = tree.bodies, source.reading.check
     for leader, lump in tree.lumps().items():
         parts = {link: part for link in lump if (part := tree.links[link]) is not None}
         sound = whole[leader].mass > 0.0 and whole[leader].fault() is None
@@ -148,8 +126,7 @@ def _without_idle_leaves(source: Source, tree: Tree) -> Tree:
     carried = {link: _content(part) for link, part in tree.links.items()}
     for joint in reversed(tree.depth_first()):
         carried[joint.parent] += carried[joint.child]
-    led = coupling(tree)[0] != 0.0
-    movable = [joint for joint in tree.depth_first() if joint.movable]
+    movable, led = tree.movable(), coupling(tree)[0] != 0.0
     idle = [
         joint
         for joint, moves in zip(tree.leading(), led.T, strict=True)
@@ -160,8 +137,7 @@ def _without_idle_leaves(source: Source, tree: Tree) -> Tree:
             f"movable link {joint.child!r} has no mass and carries none: its joint {joint.name!r} "
             "is held; if it is to move, give it mass and inertia, or density="
         )
-    held = {joint.name: float(np.clip(0.0, joint.lower, joint.upper)) for joint in idle}
-    return tree.locked(held) if held else tree
+    return tree.locked({joint.name: joint.rest for joint in idle})
 
 
 def _content(part: Inertial | None) -> float:
@@ -178,7 +154,7 @@ def _check_motions(source: Source, tree: Tree) -> None:
     """
     weak = {
         leader: body
-        for leader, body in bodies(tree).items()
+        for leader, body in tree.bodies.items()
         if leader != tree.root and (body.mass == 0.0 or _thin(body))
     }
     if not weak:
@@ -186,8 +162,8 @@ def _check_motions(source: Source, tree: Tree) -> None:
     say = source.note if source.reading.check == "accept" else source.warn
     if moving := _motion_without_mass(tree):
         problem = (
-            f"a motion of {_some(moving)} moves no mass: no mass, or no inertia about some axis, "
-            f"is given for {_some(weak)}"
+            f"a motion of {_quoted(moving)} moves no mass: no mass, or no inertia about some axis, "
+            f"is given for {_quoted(weak)}"
         )
         if source.reading.check == "error":
             source.fail(
@@ -200,9 +176,9 @@ def _check_motions(source: Source, tree: Tree) -> None:
     if massless := [
         leader for leader, body in weak.items() if body.mass == 0.0 and leader not in tree.marks
     ]:
-        say(f"links between joints without mass are taken as massless: {_some(massless)}")
+        say(f"links between joints without mass are taken as massless: {_quoted(massless)}")
     if thin := [leader for leader, body in weak.items() if _thin(body)]:
-        say(f"bodies without inertia about some axis are taken as thin: {_some(thin)}")
+        say(f"bodies without inertia about some axis are taken as thin: {_quoted(thin)}")
 
 
 def _motion_without_mass(tree: Tree) -> list[str]:
@@ -216,7 +192,8 @@ def _motion_without_mass(tree: Tree) -> list[str]:
         M = pin.crba(model, data, q)
         H = C.T @ (np.triu(M) + np.triu(M, 1).T)[6:, 6:] @ C
         scale = np.sqrt(H.diagonal().clip(0.0))
-        if still := [name for name, s in zip(leading, scale, strict=True) if s * s <= _noise(H)]:
+        noise = 1e-15 * np.abs(H).max()  # what rounding leaves of an inertia that is zero
+        if still := [name for name, s in zip(leading, scale, strict=True) if s * s <= noise]:
             return still
         values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
         if values[0] > SINGULAR:
@@ -225,24 +202,16 @@ def _motion_without_mass(tree: Tree) -> list[str]:
     return [name for name, x in zip(leading, motion, strict=True) if x > 0.1 * motion.max()]
 
 
-def _noise(H: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> float:
-    """Return what rounding leaves of an inertia [kg m^2] or mass [kg] that is zero."""
-    return 1e-15 * float(np.abs(H).max())
-
-
-def _some(names: Iterable[str]) -> str:
-    """Return the first names, and how many more there are."""
-    listed = [repr(name) for name in names]
-    rest = len(listed) - SHOWN
-    return ", ".join(listed[:SHOWN]) + (f" and {rest} more" if rest > 0 else "")
+def _quoted(names: Iterable[str]) -> str:
+    return listed([repr(name) for name in names])
 
 
 def with_density(source: Source, tree: Tree, density: float) -> Tree:
     """Return the tree with mass properties for the links that have shapes and no mass.
 
-    Shapes are taken as solid; where shapes of a link overlap, both count, but for
-    the ends of capsules. Those for collisions are
-    used, else those that are drawn. A mesh that is not closed is taken as its convex hull.
+    Shapes are taken as solid; where shapes of a link overlap, both count, but for the ends of
+    capsules. Those for collisions are used, else those that are drawn. A mesh that is not closed is
+    taken as its convex hull.
 
     Args:
         source: The file.
@@ -255,13 +224,16 @@ def with_density(source: Source, tree: Tree, density: float) -> Tree:
     found: dict[str, Inertial] = {}
     bare: list[str] = []
     for link, inertial in tree.links.items():
-        shapes = tree.visuals.get(link, Visuals())
-        if (inertial is None or inertial.mass == 0.0) and any(shapes):
-            solid = _solid(shapes.collision or shapes.visual) or _solid(shapes.visual)
+        solids = tree.visuals.get(link, shapes.Visuals())
+        if (inertial is None or inertial.mass == 0.0) and any(solids):
+            solid = _solid(solids.collision or solids.visual) or _solid(solids.visual)
             if solid is None:
                 bare.append(link)
             else:
-                found[link] = _inertial(solid, density)
+                part = Inertial.of_spatial(solid)
+                found[link] = part._replace(
+                    mass=density * part.mass, inertia=density * part.inertia
+                )
     if found:
         masses = ", ".join(f"{link!r} {part.mass:.4g} kg" for link, part in found.items())
         source.warn(f"density {density:g} kg/m^3 gives mass and inertia from shapes: {masses}")
@@ -271,73 +243,55 @@ def with_density(source: Source, tree: Tree, density: float) -> Tree:
     return replace(tree, links={**tree.links, **found})
 
 
-def _inertial(volume: pin.Inertia, density: float) -> Inertial:
-    """Return the mass properties of a body of density 1 at another density."""
-    pose = pin.SE3(np.eye(3), volume.lever)
-    return Inertial(density * volume.mass, pose, density * volume.inertia)
-
-
-def _solid(shapes: Sequence[Shape]) -> pin.Inertia | None:
+def _solid(solids: Sequence[shapes.Shape]) -> pin.Inertia | None:
     """Return the inertia of solid shapes of density 1; None if no shape can be used."""
     parts: list[pin.Inertia] = []
-    rest = list(shapes)
+    rest = list(solids)
     while rest:
         first = rest.pop(0)
         solid = _solid_of(first.geometry)
-        if isinstance(first.geometry, Cylinder) and _round_ended(first, rest[:2]):
-            solid = _at_density_1(coal.Capsule(*first.geometry))
+        if isinstance(first.geometry, shapes.Cylinder) and _round_ended(first, rest[:2]):
+            solid = _of_primitive(coal.Capsule(*first.geometry))
             del rest[:2]
-        if solid is not None:
+        if solid is not None and solid.mass > 0.0:
             parts.append(first.pose.act(solid))
     return sum(parts[1:], start=parts[0]) if parts else None
 
 
-def _round_ended(cylinder: Shape, ends: Sequence[Shape]) -> bool:
+def _round_ended(cylinder: shapes.Shape, ends: Sequence[shapes.Shape]) -> bool:
     """Whether a cylinder and the two shapes behind it are a `capsule`."""
-    _, *spheres = capsule(cylinder.pose, *cylinder.geometry)
+    _, *spheres = shapes.capsule(cylinder.pose, *cylinder.geometry)
     return len(ends) == 2 and all(
         end.geometry == sphere.geometry and end.pose.isApprox(sphere.pose)
         for end, sphere in zip(ends, spheres, strict=True)
     )
 
 
-def _solid_of(geometry: Geometry) -> pin.Inertia | None:
-    """Return the inertia of a solid geometry of density 1."""
+def _solid_of(geometry: shapes.Geometry) -> pin.Inertia | None:
+    """Return the inertia of a solid geometry of density 1; None if it cannot be used."""
     match geometry:
-        case Box(size):
-            shape = coal.Box(*size)
-        case Sphere(radius):
-            shape = coal.Sphere(radius)
-        case Cylinder(radius, length):
-            shape = coal.Cylinder(radius, length)
-        case Mesh(_, Path() as file, scale):
-            return _solid_mesh(file, scale)
-        case _:
-            return None
-    return _at_density_1(shape)
+        case shapes.Box(size):
+            return _of_primitive(coal.Box(*size))
+        case shapes.Sphere(radius):
+            return _of_primitive(coal.Sphere(radius))
+        case shapes.Cylinder(radius, length):
+            return _of_primitive(coal.Cylinder(radius, length))
+        case shapes.Mesh(_, Path() as file, scale):
+            try:
+                mesh = shapes.read_mesh(file)
+            except ModelError:
+                return None
+            mesh.vertices = np.asarray(mesh.vertices) * scale
+            solid = mesh if mesh.is_volume else mesh.convex_hull  # of one that is not closed
+            centre, moments = np.array(solid.center_mass), np.array(solid.moment_inertia)
+            return pin.Inertia(float(solid.volume), centre, moments)
+    return None
 
 
-def _at_density_1(shape: coal.ShapeBase) -> pin.Inertia | None:
-    """Return the inertia of a shape about its centre; None if it has no volume."""
-    volume = float(shape.computeVolume())
-    if not volume > 0.0:
-        return None
-    return pin.Inertia(volume, np.zeros(3), np.array(shape.computeMomentofInertia()))
-
-
-def _solid_mesh(file: Path, scale: tuple[float, ...]) -> pin.Inertia | None:
-    """Return the inertia of a closed mesh, or of the convex hull of an open one, of density 1."""
-    try:
-        mesh = read_mesh(file)
-    except ModelError:
-        return None
-    mesh.vertices = np.asarray(mesh.vertices) * scale
-    solid = mesh if mesh.is_volume else mesh.convex_hull
-    if not solid.volume > 0.0:
-        return None
-    return pin.Inertia(
-        float(solid.volume), np.array(solid.center_mass), np.array(solid.moment_inertia)
-    )
+def _of_primitive(shape: coal.ShapeBase) -> pin.Inertia:
+    """Return the inertia of a shape of density 1 about its centre."""
+    moments = np.array(shape.computeMomentofInertia())
+    return pin.Inertia(float(shape.computeVolume()), np.zeros(3), moments)
 
 
 SAME_HEIGHT = 1e-6
@@ -360,13 +314,12 @@ def with_flat_bodies(source: Source, tree: Tree) -> Tree:
     axis = tree.plane_normal()
     if axis is None:
         return tree
-    frames = _frames(tree)
     plates = {
         link: plate
         for link, part in tree.links.items()
-        if part and (plate := _plate(part, frames[link].rotation[axis])) is not None
+        if part and (plate := _plate(part, tree.frames[link].rotation[axis])) is not None
     }
-    if not plates or not _level(tree, frames, axis):
+    if not plates or not _level(tree, axis):
         return tree
     moments = ", ".join(f"{link!r}" for link in plates)
     source.warn(
@@ -391,21 +344,17 @@ def _plate(part: Inertial, normal: Array) -> Inertial | None:
     return part._replace(inertia=0.5 * moment * (np.eye(3) + np.outer(n, n)))
 
 
-def _level(tree: Tree, frames: dict[str, pin.SE3], axis: int) -> bool:
+def _level(tree: Tree, axis: int) -> bool:
     """Whether all centres of mass lie in one plane, as they must for a planar motion."""
     points = np.array(
-        [frames[link].act(part.origin.translation) for link, part in tree.links.items() if part]
+        [
+            tree.frames[link].act(part.origin.translation)
+            for link, part in tree.links.items()
+            if part
+        ]
     )
     size = float(np.ptp(points, axis=0).max())
     return float(np.ptp(points[:, axis])) <= SAME_HEIGHT * max(size, 1.0)
-
-
-def _frames(tree: Tree) -> dict[str, pin.SE3]:
-    """Return the poses of all links in the root frame, joints at zero."""
-    frames = {tree.root: pin.SE3.Identity()}
-    for joint in tree.depth_first():
-        frames[joint.child] = frames[joint.parent] * joint.origin
-    return frames
 
 
 FAR = 10.0
@@ -414,32 +363,29 @@ LEAST_SIZE = 1.0
 """Length [m] that a robot is taken to have at least, where its joints are close together."""
 
 
-def implausible(tree: Tree, bodies: Mapping[str, Inertial]) -> list[str]:
-    """Return what no spacecraft has, a sentence each.
+def implausible(tree: Tree) -> list[str]:
+    """Return what a body can have and no spacecraft has, as from wrong units, a sentence each.
 
-    Args:
-        tree: Links and joints.
-        bodies: The rigid bodies, by the link nearest to the root.
+    Inertias in kg mm^2, lengths in millimetres and masses in grams load without a fault. What
+    betrays them is the radius of gyration of a body, sqrt(I / m), which is no longer than the robot
+    itself.
     """
     lengths = {
-        joint.name: float(np.linalg.norm(joint.origin.translation))
-        for joint in tree.joints.values()
+        name: float(np.linalg.norm(joint.origin.translation)) for name, joint in tree.joints.items()
     }
     found = [
         f"joint {name!r} is {length:.4g} m from the one before it, as if in millimetres"
         for name, length in lengths.items()
         if length > LONGEST
     ]
-    levers = [float(np.linalg.norm(body.origin.translation)) for body in bodies.values()]
+    levers = [float(np.linalg.norm(body.origin.translation)) for body in tree.bodies.values()]
     size = max(LEAST_SIZE, sum(lengths.values()), *levers)
-    for link, body in bodies.items():
-        if body.mass > 0.0:
-            largest = float(np.linalg.eigvalsh(body.inertia)[-1])
-            radius = float(np.sqrt(max(largest, 0.0) / body.mass))
-            if radius > FAR * size:
-                found.append(
-                    f"body {link!r} of {body.mass:.4g} kg has an inertia of {largest:.4g} kg m^2, "
-                    f"as if its mass were {radius:.4g} m from its CM; the robot is {size:.3g} m "
-                    "long (SI units: kg m^2)"
-                )
+    for link, body in tree.bodies.items():
+        largest = float(np.linalg.eigvalsh(body.inertia)[-1])
+        if body.mass > 0.0 and (radius := np.sqrt(max(largest, 0.0) / body.mass)) > FAR * size:
+            found.append(
+                f"body {link!r} of {body.mass:.4g} kg has an inertia of {largest:.4g} kg m^2, as "
+                f"if its mass were {radius:.4g} m from its CM; the robot is {size:.3g} m long (SI "
+                "units: kg m^2)"
+            )
     return found

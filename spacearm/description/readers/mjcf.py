@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,20 +18,10 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import LEAST_MASS, Array
+from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import SPLIT_BALL, Forest, freedoms, turns
+from spacearm.description.readers.forest import SPLIT_BALL, Forest, turns
 from spacearm.description.readers.source import Source
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Sphere,
-    Unusable,
-    Visuals,
-    capsule,
-)
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
 
@@ -99,7 +88,7 @@ class _Reader:
         forest.add(self._bodies[0])
         for body in range(1, model.nbody):
             inertial = None if body in self._geoms.unknown else self._inertial(body)
-            forest.add(self._bodies[body], inertial, self._geoms.shapes(model, body))
+            forest.add(self._bodies[body], inertial, self._geoms.of_body(model, body))
             joints = [i for i in range(model.njnt) if model.jnt_bodyid[i] == body]
             if not joints or self._kind(joints[0]) != "FREE":
                 self._join(forest, body, joints)
@@ -121,10 +110,10 @@ class _Reader:
         """
         world = self._bodies[0]
         free = [root for root in forest.roots() if root != world]
-        if any(freedoms(forest.tree("", root)) for root in free):
+        if any(forest.tree("", root).freedoms for root in free):
             return free
         held = [joint for joint in forest.joints.values() if joint.parent == world]
-        counts = {j.name: freedoms(forest.tree("", j.child)) + j.movable for j in held}
+        counts = {j.name: forest.tree("", j.child).freedoms + j.movable for j in held}
         most = max(counts.values(), default=0)
         others = [forest.joints.pop(j.name) for j in held if counts[j.name] < most]
         if moving := [joint.child for joint in others if counts[joint.name]]:
@@ -293,7 +282,7 @@ class Drawn(NamedTuple):
     """
 
     geom: mujoco.MjsGeom
-    mesh: Mesh | Unusable | None
+    mesh: shapes.Mesh | shapes.Unusable | None
     offset: pin.SE3
     rgba: tuple[float, ...] | None
 
@@ -307,7 +296,6 @@ class Geoms:
         self._source, self._spec = source, spec
         self._kinds = {int(k): name[7:] for name, k in mujoco.mjtGeom.__members__.items()}
         self._given = {m.name or Path(m.file).stem: m for m in spec.meshes}
-        self._folder = source.path.resolve().parent
         colours = {m.name: tuple(m.rgba.tolist()) for m in spec.materials}
         self._drawn: list[Drawn] = []
         self._lost: list[mujoco.MjsBody] = []
@@ -322,13 +310,14 @@ class Geoms:
             if mesh is None:
                 continue
             weighs = _weighs(body, geom, getattr(body, "compiler", spec.compiler))
-            there = isinstance(mesh, Unusable) or mesh.file is not None
-            if there and (weighs or self._kinds[int(geom.type)] not in ("MESH", "SDF")):
+            there = isinstance(mesh, shapes.Unusable) or mesh.file is not None
+            fitted = self._kinds[int(geom.type)] not in ("MESH", "SDF")  # a primitive to its mesh
+            if there and (weighs or fitted):
                 needed.add(geom.meshname)
                 continue
             if weighs:
                 self._stand_in(body, geom.meshname)
-            elif isinstance(mesh, Mesh) and not there:
+            elif isinstance(mesh, shapes.Mesh) and not there:
                 missing.append(mesh.name)
             geom.meshname, geom.type, geom.mass = "", mujoco.mjtGeom.mjGEOM_SPHERE, 0.0
             geom.size[:] = 1.0
@@ -369,68 +358,53 @@ class Geoms:
                 body.explicitinertial = body in self._lost
             spec.compiler.inertiafromgeom = ways.mjINERTIAFROMGEOM_AUTO
 
-    def _mesh(self, name: str) -> tuple[Mesh | Unusable | None, pin.SE3]:
+    def _mesh(self, name: str) -> tuple[shapes.Mesh | shapes.Unusable | None, pin.SE3]:
         """Return a mesh, and its pose in the frame of its geom."""
+        here = pin.SE3.Identity()
         if not name:
-            return None, pin.SE3.Identity()
-        mesh = self._given.get(name)
+            return None, here
+        mesh, path = self._given.get(name), self._source.path
         if mesh is None or not mesh.file:
-            problem = f"{self._source.path}: mesh {name!r} is no file; save it as one to see it"
-            return Unusable(problem), pin.SE3.Identity()
-        compiler = getattr(mesh, "compiler", self._spec.compiler)  # its own from MuJoCo 4 on
-        folder = getattr(compiler, "meshdir", "") or self._spec.meshdir
-        path = self._folder / folder / mesh.file
+            problem = f"{path}: mesh {name!r} is no file; save it as one to see it"
+            return shapes.Unusable(problem), here
         R = pin.Quaternion(*mesh.refquat).normalized().matrix().T
         scale = mesh.scale
         if not np.allclose(R, np.eye(3)) and np.ptp(scale) > 1e-12:
-            problem = (
-                f"{self._source.path}: mesh {name!r} is scaled along axes that are not its own"
-            )
-            return Unusable(f"{problem}; scale its file"), pin.SE3.Identity()
-        offset = pin.SE3(R, -scale * (R @ mesh.refpos))
-        file = path.resolve() if path.is_file() else None
-        shown = os.path.relpath(path, self._folder)
-        return Mesh(shown, file, tuple(scale.tolist())), offset
+            problem = f"{path}: mesh {name!r} is scaled along axes that are not its own"
+            return shapes.Unusable(f"{problem}; scale its file"), here
+        compiler = getattr(mesh, "compiler", self._spec.compiler)  # its own from MuJoCo 4 on
+        folder = path.resolve().parent
+        file = folder / (getattr(compiler, "meshdir", "") or self._spec.meshdir) / mesh.file
+        found = file.resolve() if file.is_file() else None
+        scaled = shapes.Mesh(os.path.relpath(file, folder), found, tuple(scale.tolist()))
+        return scaled, pin.SE3(R, -scale * (R @ mesh.refpos))
 
-    def shapes(self, model: mujoco.MjModel, body: int) -> Visuals:
+    def of_body(self, model: mujoco.MjModel, body: int) -> shapes.Visuals:
         """Return the shapes of a body of the compiled model."""
-        visual: list[Shape] = []
-        collision: list[Shape] = []
+        visual: list[shapes.Shape] = []
+        collision: list[shapes.Shape] = []
         for drawn in self._drawn:
             i = drawn.geom.id
-            if model.geom_bodyid[i] != body:
-                continue
-            shapes = list(self._shapes(model, i, drawn))
-            if model.geom_group[i] < DRAWN_GROUPS:
-                visual += shapes
-            if model.geom_contype[i] or model.geom_conaffinity[i]:
-                collision += shapes
-        return Visuals(tuple(visual), tuple(collision))
+            if model.geom_bodyid[i] == body:
+                found = self._shapes(model, i, drawn)
+                visual += found if model.geom_group[i] < DRAWN_GROUPS else ()
+                collides = model.geom_contype[i] or model.geom_conaffinity[i]
+                collision += found if collides else ()
+        return shapes.Visuals(tuple(visual), tuple(collision))
 
-    def _shapes(self, model: mujoco.MjModel, i: int, drawn: Drawn) -> Iterator[Shape]:
-        """Yield the shapes of a compiled geom."""
+    def _shapes(self, model: mujoco.MjModel, i: int, drawn: Drawn) -> tuple[shapes.Shape, ...]:
+        """Return the shapes of a compiled geom; none of a plane."""
         pose = pose_of(model.geom_pos[i], model.geom_quat[i])
-        kind, size = self._kinds[int(model.geom_type[i])], model.geom_size[i].tolist()
-        placeholder = drawn.mesh is not None and not drawn.geom.meshname
-        if drawn.mesh is not None and (placeholder or kind in ("MESH", "SDF")):
-            if kind in ("MESH", "SDF"):  # compiled meshes are moved to their principal axes
-                mesh = model.geom_dataid[i]
-                pose = pose * pose_of(model.mesh_pos[mesh], model.mesh_quat[mesh]).inverse()
-            yield Shape(pose * drawn.offset, drawn.mesh, drawn.rgba)
-            return
-        if kind == "CAPSULE":
-            yield from capsule(pose, size[0], 2.0 * size[1], drawn.rgba)
-        elif geometry := _primitive(kind, size):
-            yield Shape(pose, geometry, drawn.rgba)
-
-
-def _primitive(kind: str, size: list[float]) -> Geometry | None:
-    """Return a primitive, an ellipsoid as its box; None for a plane."""
-    if kind == "SPHERE":
-        return Sphere(size[0])
-    if kind == "CYLINDER":
-        return Cylinder(size[0], 2.0 * size[1])
-    return Box(tuple(2.0 * x for x in size)) if kind in ("BOX", "ELLIPSOID") else None
+        kind, size = self._kinds[int(model.geom_type[i])], model.geom_size[i]
+        if kind in ("MESH", "SDF"):  # compiled meshes are moved to their principal axes
+            mesh = model.geom_dataid[i]
+            pose = pose * pose_of(model.mesh_pos[mesh], model.mesh_quat[mesh]).inverse()
+        if drawn.mesh is not None and (kind in ("MESH", "SDF") or not drawn.geom.meshname):
+            return (shapes.Shape(pose * drawn.offset, drawn.mesh, drawn.rgba),)
+        if kind not in ("BOX", "SPHERE", "CYLINDER", "CAPSULE", "ELLIPSOID"):
+            return ()
+        numbers = {"size": 2.0 * size, "radii": size, "radius": size[:1], "length": 2.0 * size[1:2]}
+        return shapes.primitive(kind.lower(), lambda name, _: numbers[name], pose, drawn.rgba)
 
 
 def _weighs(body: mujoco.MjsBody, geom: mujoco.MjsGeom, compiler: mujoco.MjsCompiler) -> bool:

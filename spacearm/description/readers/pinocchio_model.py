@@ -8,24 +8,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
+import coal
 import numpy as np
 import pinocchio as pin
 from pinocchio.robot_wrapper import RobotWrapper
 
+from spacearm.arrays import Array
+from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.forest import SAME_FRAME, SPLIT_BALL, Forest
 from spacearm.description.readers.source import Source
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Mesh,
-    Shape,
-    Sphere,
-    Unusable,
-    Visuals,
-    capsule,
-)
-from spacearm.description.tree import Tree
+from spacearm.description.tree import Tree, free_name
 
 PinocchioModel: TypeAlias = pin.Model | RobotWrapper
 PINOCCHIO_MODELS = (pin.Model, RobotWrapper)
@@ -39,6 +32,8 @@ ROWS = {
 """Joints in a row that stand for a joint of several freedoms."""
 LEAST_SHARE = 1e-12
 """Share of the mass of a body that rounding leaves of zero."""
+HALVES = {"size": "halfSide", "length": "halfLength"}
+"""Names of half lengths in coal."""
 NO_LIMIT = 1e300
 """Pinocchio writes the largest number there is where there is no limit."""
 
@@ -102,10 +97,10 @@ class _Reader:
         bodies = {f: frame for f, frame in frames.items() if frame.type == pin.BODY}
         first = next((f for f, b in bodies.items() if b.placement.isIdentity(SAME_FRAME)), None)
         leader = self._model.names[i] if first is None else bodies.pop(first).name
-        leader = forest.free_name(leader, forest.links)
+        leader = free_name(leader, forest.links.__contains__)
         whole, parts = self._shared_out(i, frames, bodies)
         forest.add(leader, _inertial(whole), self._shapes(i))
-        names = {f: forest.free_name(frame.name, forest.links) for f, frame in bodies.items()}
+        names = {f: free_name(frame.name, forest.links.__contains__) for f, frame in bodies.items()}
         for f, frame in bodies.items():
             forest.add(names[f], parts.get(f))
             above = frame.parentFrame
@@ -211,7 +206,7 @@ class _Reader:
         mimic = Mimic(self._joints[leader][0], float(follower.scaling), float(follower.offset))
         row[0] = replace(row[0], mimic=mimic)
 
-    def _shapes(self, i: int) -> Visuals:
+    def _shapes(self, i: int) -> shapes.Visuals:
         """Return the shapes that move with joint i."""
         visual, collision = (
             tuple(
@@ -222,37 +217,32 @@ class _Reader:
             )
             for geometry in (self._visual, self._collision)
         )
-        return Visuals(visual, collision)
+        return shapes.Visuals(visual, collision)
 
 
 def _inertial(inertia: pin.Inertia) -> Inertial | None:
     if inertia.mass == 0.0 and not inertia.inertia.any():
         return None
-    return Inertial(inertia.mass, pin.SE3(np.eye(3), inertia.lever), inertia.inertia.copy())
+    return Inertial.of_spatial(inertia)
 
 
 def _limit(value: float) -> float:
     return math.copysign(math.inf, value) if abs(value) >= NO_LIMIT else float(value)
 
 
-def _shape(thing: pin.GeometryObject) -> tuple[Shape, ...]:
+def _shape(thing: pin.GeometryObject) -> tuple[shapes.Shape, ...]:
     """Return a geometry object as shapes; an ellipsoid counts as its box."""
-    import coal
-
     pose, rgba, given = thing.placement.copy(), tuple(map(float, thing.meshColor)), thing.geometry
-    if isinstance(given, coal.Box):
-        return (Shape(pose, Box(tuple((2.0 * given.halfSide).tolist())), rgba),)
-    if isinstance(given, coal.Sphere):
-        return (Shape(pose, Sphere(float(given.radius)), rgba),)
-    if isinstance(given, coal.Cylinder):
-        return (Shape(pose, Cylinder(float(given.radius), 2.0 * given.halfLength), rgba),)
-    if isinstance(given, coal.Capsule):
-        return capsule(pose, float(given.radius), 2.0 * given.halfLength, rgba)
-    if isinstance(given, coal.Ellipsoid):
-        return (Shape(pose, Box(tuple((2.0 * given.radii).tolist())), rgba),)
+
+    def numbers(name: str, _: int) -> Array:
+        half = HALVES.get(name)
+        return np.atleast_1d(2.0 * getattr(given, half) if half else getattr(given, name))
+
+    if isinstance(given, (coal.Box, coal.Sphere, coal.Cylinder, coal.Capsule, coal.Ellipsoid)):
+        return shapes.primitive(type(given).__name__.lower(), numbers, pose, rgba)
     path = Path(thing.meshPath)
     if path.suffix and path.is_file():
         scale = tuple(np.ravel(thing.meshScale).tolist())
-        return (Shape(pose, Mesh(thing.meshPath, path.resolve(), scale), rgba),)
+        return (shapes.Shape(pose, shapes.Mesh(thing.meshPath, path.resolve(), scale), rgba),)
     problem = f"geometry {thing.name!r} is no file; give the model one with the path of its mesh"
-    return (Shape(pose, Unusable(problem), rgba),)
+    return (shapes.Shape(pose, shapes.Unusable(problem), rgba),)

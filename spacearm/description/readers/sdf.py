@@ -7,42 +7,26 @@ there for a free-floating arm.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.description.bodies import Joint, Mimic
-from spacearm.description.readers.forest import SPLIT_BALL, Forest, freedoms, turns, unprefixed
-from spacearm.description.readers.sdf_contents import (
-    WORLD,
-    Contents,
-    Scope,
-    inertial,
-    largest,
-    limit,
-    number,
-    pose,
-    relative_to,
-    vector,
-    words,
-)
-from spacearm.description.readers.source import Source
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Mesh,
-    Shape,
-    Sphere,
-    Unusable,
-    Visuals,
-    capsule,
-)
+from spacearm.arrays import LARGEST, LEAST_MASS, Array
+from spacearm.description.bodies import Inertial, Joint, Mimic
+from spacearm.description.readers.forest import SPLIT_BALL, Forest, turns, unprefixed
+from spacearm.description.readers.sdf_frames import WORLD, Contents, Scope, pose, relative_to, words
+from spacearm.description.readers.source import Source, describe, evaluate
+from spacearm.description.shapes import Mesh, Shape, primitive
 from spacearm.description.tree import Tree
-from spacearm.errors import ModelError
 
+UNLIMITED = 1e15
+"""Limits beyond it are SDFormat's way to say that there is none (±1e16)."""
+
+
+NO_LIMIT = ("", "inf", "+inf", "-inf", "infinity", "-infinity")
 AXES = {
     "fixed": (),
     "revolute": ("axis",),
@@ -53,6 +37,8 @@ AXES = {
     "ball": (),
 }
 """Axes of each type of joint."""
+LENGTHS = {"size": "1 1 1", "radii": "1 1 1", "radius": "1", "length": "1"}
+"""SDFormat's defaults; the radius of a capsule is 0.5."""
 MODEL_AXES = (1, 5)
 """Before this version all axes are in the axes of the model."""
 
@@ -87,16 +73,9 @@ class _Reader:
     def tree(self) -> Tree:
         """Return the tree of the robot."""
         forest, source = Forest(), self._source
-        shapes = Shapes(source)
         for name, scope, link in self._contents.links:
-
-            def placed(
-                element: etree._Element, name: str = name, scope: Scope = scope
-            ) -> pin.SE3 | None:
-                frame = scope.name(relative_to(element))
-                return self._contents.frames.pose(frame, name, element) if frame else None
-
-            forest.add(name, inertial(source, link), shapes.of(link, placed))
+            shapes = source.shapes(link, partial(self._shapes, name, scope))
+            forest.add(name, inertial(source, link), shapes)
         forest.add(WORLD)
         for name, scope, element in self._contents.joints:
             self._join(forest, name, scope, element)
@@ -110,7 +89,7 @@ class _Reader:
             for joint in held:
                 del forest.joints[joint.name]
             del forest.links[WORLD]
-            if any(freedoms(forest.tree("", joint.child)) for joint in held):
+            if any(forest.tree("", joint.child).freedoms for joint in held):
                 bases = ", ".join(repr(joint.child) for joint in held)
                 source.note(
                     f"{bases} is fixed to the world: it is taken as the spacecraft, which floats "
@@ -118,6 +97,29 @@ class _Reader:
                 )
         tree = forest.robot(source, self._contents.name, forest.roots())
         return unprefixed(tree)
+
+    def _shapes(self, link: str, scope: Scope, parent: etree._Element) -> tuple[Shape, ...]:
+        """Read a <visual> or <collision> of a link."""
+        source, rgba = self._source, None
+        at = pose(source, parent)
+        if frame := scope.name(relative_to(parent)):
+            at = self._contents.frames.pose(frame, link, parent) * at
+        material, element = parent.find("material"), parent.find("geometry/*")
+        if material is not None and material.find("diffuse") is not None:
+            rgba = tuple(np.clip(vector(source, material, "diffuse", "1 1 1 1"), 0, 1).tolist())
+        if element is None or element.tag in ("empty", "plane"):
+            return ()
+        if element.tag == "mesh":
+            name, scale = words(element, "uri"), vector(source, element, "scale", "1 1 1")
+            return (Shape(at, Mesh(name, source.mesh(name), tuple(scale.tolist())), rgba),)
+        if element.tag in ("box", "sphere", "cylinder", "capsule", "ellipsoid"):
+            lengths = LENGTHS | ({"radius": "0.5"} if element.tag == "capsule" else {})
+
+            def numbers(name: str, _: int) -> Array:
+                return vector(source, element, name, lengths[name])
+
+            return primitive(element.tag, numbers, at, rgba)
+        source.fail_without_geometry(parent, "box, sphere, cylinder, capsule, ellipsoid or mesh")
 
     def _join(self, forest: Forest, name: str, scope: Scope, joint: etree._Element) -> None:
         """Join the child of a <joint> to its parent."""
@@ -203,72 +205,55 @@ class _Reader:
         return Mimic(leader, gain, offset - gain * reference)
 
 
-class Shapes:
-    """The shapes of the links of a file."""
+def vector(source: Source, parent: etree._Element, tag: str, default: str) -> Array:
+    """Read the finite numbers in a child element, as many as the default has."""
+    element = source.child(parent, tag)
+    if element is None:
+        return np.array([float(word) for word in default.split()])
+    return source.values(element, f"<{tag}>", element.text or "", len(default.split()))
 
-    def __init__(self, source: Source) -> None:
-        self._source = source
 
-    def of(
-        self, link: etree._Element, placed: Callable[[etree._Element], pin.SE3 | None]
-    ) -> Visuals:
-        """Return the shapes of a <link>.
+def limit(source: Source, parent: etree._Element | None, tag: str, none: float) -> float:
+    """Read a limit, which may be infinite; `none` where there is none."""
+    element = None if parent is None else source.child(parent, tag)
+    if element is None or (text := (element.text or "").strip().lower()) in NO_LIMIT:
+        return none
+    value = evaluate(text)
+    if value is None:
+        source.fail(f"{describe(element)} is {text[:60]!r}", "give a number, or inf for no limit")
+    return none if abs(value) > UNLIMITED else value
 
-        Args:
-            link: The link.
-            placed: Returns the pose of the frame that the <pose> of an element names, in the
-                frame of the link; None if it names none.
-        """
-        visual, collision = (
-            tuple(s for e in link.findall(tag) for s in self._shapes(e, placed))
-            for tag in ("visual", "collision")
+
+def largest(value: float) -> float:
+    """Return a limit of effort or velocity: SDFormat writes a negative one where there is none."""
+    return math.inf if value < 0.0 or value > LARGEST else value
+
+
+def inertial(source: Source, link: etree._Element) -> Inertial | None:
+    """Read the <inertial> of a link, with SDFormat's defaults of 1 kg and 1 kg m^2."""
+    name = link.get("name")
+    element = source.child(link, "inertial")
+    if element is None:
+        source.warn(f"link {name!r} has no <inertial>: 1 kg and 1 kg m^2, SDFormat's default")
+        return Inertial(1.0, pin.SE3.Identity(), np.eye(3))
+    if element.get("auto") in ("true", "1"):
+        source.warn(
+            f"link {name!r} has <inertial auto='true'>, which is not computed here; load with "
+            "density= (SDFormat's default is 1000 kg/m^3)"
         )
-        return Visuals(visual, collision)
-
-    def _shapes(
-        self, element: etree._Element, placed: Callable[[etree._Element], pin.SE3 | None]
-    ) -> Iterable[Shape]:
-        """Read a <visual> or <collision>; an ellipsoid counts as its box."""
-        try:
-            at = (placed(element) or pin.SE3.Identity()) * pose(self._source, element)
-            return self._geometry(element, at, self._rgba(element))
-        except ModelError as error:
-            return (Shape(pin.SE3.Identity(), Unusable(str(error))),)
-
-    def _geometry(
-        self, parent: etree._Element, at: pin.SE3, rgba: tuple[float, ...] | None
-    ) -> Iterable[Shape]:
-        source, element = self._source, parent.find("geometry/*")
-        kind = "" if element is None else str(element.tag)
-        if element is None or kind in ("empty", "plane"):
-            return ()
-        if kind == "box":
-            return (Shape(at, Box(tuple(vector(source, element, "size", "1 1 1"))), rgba),)
-        if kind == "sphere":
-            return (Shape(at, Sphere(number(source, element, "radius", 1.0)), rgba),)
-        if kind in ("cylinder", "capsule"):
-            radius = number(source, element, "radius", 1.0 if kind == "cylinder" else 0.5)
-            length = number(source, element, "length", 1.0)
-            if kind == "capsule":
-                return capsule(at, radius, length, rgba)
-            return (Shape(at, Cylinder(radius, length), rgba),)
-        if kind == "ellipsoid":
-            radii = vector(source, element, "radii", "1 1 1")
-            return (Shape(at, Box(tuple(2.0 * radii)), rgba),)
-        if kind == "mesh":
-            name = words(element, "uri")
-            scale = vector(source, element, "scale", "1 1 1")
-            return (Shape(at, Mesh(name, source.mesh(name), tuple(scale.tolist())), rgba),)
-        link = parent.getparent()
-        owner = "" if link is None else link.get("name", "")
+        return None
+    mass = vector(source, element, "mass", "1").item()
+    if mass < 0.0 or 0.0 < mass < LEAST_MASS:
         source.fail(
-            f"link {owner!r} has a {parent.tag!s} of the geometry <{kind}>",
-            "give it a box, sphere, cylinder, capsule, ellipsoid or mesh",
+            f"the <mass> of link {name!r} is {mass:g} kg", f"give at least {LEAST_MASS:g} kg"
         )
-
-    def _rgba(self, parent: etree._Element) -> tuple[float, ...] | None:
-        """Read the colour of a <visual>."""
-        material = parent.find("material")
-        if material is None or material.find("diffuse") is None:
-            return None
-        return tuple(np.clip(vector(self._source, material, "diffuse", "1 1 1 1"), 0, 1).tolist())
+    given = source.child(element, "inertia")
+    I = np.eye(3)
+    if given is not None:
+        for i in range(3):
+            for j in range(i, 3):
+                entry = vector(source, given, f"i{'xyz'[i]}{'xyz'[j]}", f"{i == j:d}").item()
+                I[i, j] = I[j, i] = entry
+    elif mass:
+        source.warn(f"link {name!r} has no <inertia>: 1 kg m^2, SDFormat's default")
+    return Inertial(mass, pose(source, element), I if mass or given is not None else 0.0 * I)

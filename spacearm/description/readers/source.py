@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import math
+import operator
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NoReturn, TypeAlias
@@ -16,14 +19,20 @@ from lxml import etree
 
 from spacearm.arrays import LARGEST, MOST_LINKS, Array, positive
 from spacearm.description.readers.packages import Packages
+from spacearm.description.shapes import Shape, Unusable, Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown, warn
 from spacearm.files import read
 
-TOKEN = re.compile(
-    r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|pi(?![a-z])|[-+*/()])", re.ASCII | re.IGNORECASE
-)
-DEEPEST = 50
-"""Largest number of parentheses and signs inside one another."""
+ARITHMETIC = re.compile(r"[\d.e+*/() pi-]{1,200}", re.ASCII)
+"""Characters of numbers with pi, + - * / and parentheses, as SPART's files write their numbers."""
+OPERATIONS: Mapping[type, Callable[..., float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
 
 
 def split(text: str, count: int) -> list[str]:
@@ -36,53 +45,28 @@ def split(text: str, count: int) -> list[str]:
 
 def evaluate(text: str) -> float | None:
     """Compute the number that a text stands for; None if it stands for none."""
-    tokens: list[str] = []
-    end = 0
-    text = text.strip()
-    while end < len(text):
-        token = TOKEN.match(text, end)
-        if token is None:
-            return None
-        tokens.append(token[1].lower())
-        end = token.end()
-    try:
-        value = _sum(tokens, 0)
-    except (IndexError, ValueError, ZeroDivisionError):
+    text = " ".join(text.lower().split())
+    if not ARITHMETIC.fullmatch(text):
         return None
-    return None if tokens else value
+    with suppress(ValueError):
+        return float(text)
+    try:
+        return _value(ast.parse(text, mode="eval").body)
+    except (SyntaxError, ValueError, ArithmeticError, MemoryError, RecursionError):
+        return None
 
 
-def _sum(tokens: list[str], depth: int) -> float:
-    value = _product(tokens, depth)
-    while tokens and tokens[0] in "+-":
-        sign = 1.0 if tokens.pop(0) == "+" else -1.0
-        value += sign * _product(tokens, depth)
-    return value
-
-
-def _product(tokens: list[str], depth: int) -> float:
-    value = _factor(tokens, depth)
-    while tokens and tokens[0] in "*/":
-        if tokens.pop(0) == "*":
-            value *= _factor(tokens, depth)
-        else:
-            value /= _factor(tokens, depth)
-    return value
-
-
-def _factor(tokens: list[str], depth: int) -> float:
-    if depth > DEEPEST:
-        raise ValueError("too deep")
-    token = tokens.pop(0)
-    if token in "+-":
-        value = _factor(tokens, depth + 1)
-        return -value if token == "-" else value
-    if token == "(":
-        value = _sum(tokens, depth + 1)
-        if tokens.pop(0) != ")":
-            raise ValueError("no )")
-        return value
-    return math.pi if token == "pi" else float(token)
+def _value(node: ast.expr) -> float:
+    match node:
+        case ast.Constant(int() | float() as number):
+            return float(number)
+        case ast.Name("pi"):
+            return math.pi
+        case ast.UnaryOp(sign, value) if type(sign) in OPERATIONS:
+            return OPERATIONS[type(sign)](_value(value))
+        case ast.BinOp(left, operation, right) if type(operation) in OPERATIONS:
+            return OPERATIONS[type(operation)](_value(left), _value(right))
+    raise ValueError("more than arithmetic")
 
 
 Check = Literal["error", "warn", "accept"]
@@ -197,6 +181,35 @@ class Source:
         if name not in self._meshes:
             self._meshes[name] = self.packages.file(name)
         return self._meshes[name]
+
+    def shapes(
+        self, link: etree._Element, read: Callable[[etree._Element], Iterable[Shape]]
+    ) -> Visuals:
+        """Read each <visual> and <collision> of a link.
+
+        No fault in them stops a robot from loading, since physics needs none of them: one with a
+        fault becomes an `Unusable`, which whoever needs the shape reports.
+        """
+
+        def safely(element: etree._Element) -> Iterable[Shape]:
+            try:
+                return read(element)
+            except ModelError as error:
+                return (Shape(pin.SE3.Identity(), Unusable(str(error))),)
+
+        visual, collision = (
+            tuple(shape for element in link.findall(tag) for shape in safely(element))
+            for tag in ("visual", "collision")
+        )
+        return Visuals(visual, collision)
+
+    def fail_without_geometry(self, parent: etree._Element, known: str) -> NoReturn:
+        """Say that a <visual> or <collision> has no geometry that is known."""
+        link, element = parent.getparent(), parent.find("geometry/*")
+        owner = "" if link is None else link.get("name", "")
+        kind = "" if element is None else f" (<{element.tag!s}>)"
+        problem = f"link {owner!r} has a {parent.tag!s} without a known geometry{kind}"
+        self.fail(problem, f"give it a {known}")
 
     def warn_of_missing_meshes(self, others: Iterable[str] = ()) -> None:
         """Warn of mesh files that were not found, if any; one warning for all.

@@ -8,49 +8,35 @@ gives a `ModelWarning`.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
-import pinocchio as pin
 from lxml import etree
 
 from spacearm.arrays import LARGEST, LEAST_MASS
 from spacearm.description.bodies import Inertial, Joint, Mimic
-from spacearm.description.readers.forest import check_mimics
-from spacearm.description.readers.masses import checked
-from spacearm.description.readers.source import Reading, Source, describe, evaluate
-from spacearm.description.shapes import (
-    Box,
-    Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Sphere,
-    Unusable,
-    Visuals,
-    capsule,
-)
+from spacearm.description.readers.forest import Forest, check_mimics
+from spacearm.description.readers.source import Source, describe, evaluate
+from spacearm.description.shapes import Mesh, Shape, primitive
 from spacearm.description.tree import Tree
-from spacearm.errors import ModelError, listed, unknown
+from spacearm.errors import listed, unknown
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 FLOATING = ("floating", "planar")
 """Joints that only a spacecraft has; those above it are left out, for it floats by itself."""
+INFINITE = ("", "inf", "infinity", ".inf")
+MANY_TURNS = 30.0
+"""Angle [rad] beyond which a limit looks like one in degrees."""
 
 
-def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
-    """Read and check a URDF.
+def read(source: Source, written: etree._Element) -> Tree:
+    """Read a URDF; a xacro source is expanded.
 
     Args:
-        path: The file.
-        reading: How it is read.
-
-    Returns:
-        The tree; its notes say what was assumed.
+        source: The file, which takes the notes.
+        written: Its root element.
 
     Raises:
         ModelError: The file has a fault; the message names file, element, value and remedy.
@@ -58,32 +44,38 @@ def read(path: str | os.PathLike[str], reading: Reading | None = None) -> Tree:
     Warns:
         ModelWarning: Something was assumed; each warning is a note too.
     """
-    reading = reading or Reading()
-    source = Source(Path(path), reading)
-    robot = _robot(source)
-    links = {name: _inertial(source, e) for name, e in source.named(robot, "link").items()}
-    if not links:
+    robot, forest = _expanded(source, written), Forest()
+    materials = {m.get("name"): m for m in robot.findall("material")}
+    for name, link in source.named(robot, "link").items():
+        shapes = source.shapes(link, partial(_shapes, source, materials))
+        forest.add(name, _inertial(source, link), shapes)
+    if not forest.links:
         source.fail("has no links", "describe the spacecraft and its arm by <link> and <joint>")
-    joints = {name: _joint(source, e, links) for name, e in source.named(robot, "joint").items()}
-    links, joints = _without_world(source, links, joints)
-    check_mimics(source, joints)
-    warn_of_limits(source, robot, joints)
-    tree = Tree(
-        name=robot.get("name") or source.path.name.partition(".")[0],
-        root=_root(source, links, joints),
-        links=links,
-        joints=joints,
-        visuals=read_visuals(source, robot),
-        tips=tuple(_named_link(source, tip, links) for tip in robot.findall("tip")),
+    for name, joint in source.named(robot, "joint").items():
+        forest.joints[name] = _joint(source, joint, forest.links)
+    tips = tuple(_named_link(source, tip, forest.links) for tip in robot.findall("tip"))
+    _leave_out_world(source, forest)
+    check_mimics(source, forest.joints)  # first: a joint that mimics a fixed one has no limits
+    _warn_of_limits(source, robot, forest.joints)
+    forest.check(source)
+    root, *others = forest.roots()
+    if others:
+        source.fail(
+            f"has {1 + len(others)} root links ({listed([root, *others])})",
+            "join them to one spacecraft by fixed joints",
+        )
+    source.warn_of_missing_meshes()
+    name = robot.get("name") or source.path.name.partition(".")[0]
+    return replace(forest.tree(name, root), tips=tips)
+
+
+def _expanded(source: Source, robot: etree._Element) -> etree._Element:
+    """Return the root element of a URDF, expanded from a xacro source."""
+    in_xacro = any(
+        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
+        for element in robot.iter(etree.Element)  # the namespace has had several addresses
     )
-    tree = checked(source, tree)
-    return replace(tree, notes=tuple(source.notes))
-
-
-def _robot(source: Source) -> etree._Element:
-    """Return the root element of a URDF; a xacro source is expanded."""
-    robot = source.root()
-    if source.path.suffix == ".xacro" or _in_xacro(robot):
+    if source.path.suffix == ".xacro" or in_xacro:
         from spacearm.description.readers.xacro import expanded  # slow to import
 
         robot = expanded(source, robot)
@@ -95,12 +87,22 @@ def _robot(source: Source) -> etree._Element:
     return robot
 
 
-def _in_xacro(root: etree._Element) -> bool:
-    """Whether a document has elements for xacro, whose namespace has had several addresses."""
-    return any(
-        element.prefix == "xacro" or "/xacro" in (etree.QName(element).namespace or "")
-        for element in root.iter(etree.Element)
-    )
+def _leave_out_world(source: Source, forest: Forest) -> None:
+    """Leave out a frame that the spacecraft floats in, and the joint that it floats by."""
+    for joint in [joint for joint in forest.joints.values() if joint.kind in FLOATING]:
+        beside = [j for j in forest.joints.values() if joint.parent in (j.parent, j.child)]
+        if forest.links[joint.parent] is not None or beside != [joint]:
+            source.fail(
+                f"joint {joint.name!r} is of type {joint.kind!r}, a freedom that only the "
+                "spacecraft has",
+                "leave it out above the spacecraft, whose root link floats by itself; elsewhere "
+                "replace it by revolute and prismatic joints",
+            )
+        source.warn(
+            f"joint {joint.name!r} of type {joint.kind!r} and the link {joint.parent!r} are left "
+            f"out: the spacecraft {joint.child!r} floats by itself"
+        )
+        del forest.links[joint.parent], forest.joints[joint.name]
 
 
 # --- links and joints -----------------------------------------------------------------------
@@ -143,11 +145,11 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
         if length < 1e-12:
             source.fail(f"joint {name!r} has a zero axis", "give the direction it moves along")
         direction = direction / length
-    limits, mimic = read_limits(source, element, kind), _mimic(source, element, kind)
+    limits, mimic = _limits(source, element, kind), _mimic(source, element, kind)
     joint = Joint(name, kind, parent, child, source.pose(element), direction, *limits, mimic)
     if not joint.movable:
         return joint
-    damping, friction = read_dynamics(source, element)
+    damping, friction = (_resistance(source, element, name) for name in ("damping", "friction"))
     return replace(joint, damping=damping, friction=friction)
 
 
@@ -171,200 +173,40 @@ def _mimic(source: Source, joint: etree._Element, kind: str) -> Mimic | None:
     mimic = source.child(joint, "mimic")
     if mimic is None or kind == "fixed":
         return None
-    multiplier, offset = (
-        source.number(mimic, "multiplier", "1"),
-        source.number(mimic, "offset", "0"),
-    )
-    return Mimic(mimic.get("joint", ""), multiplier, offset)
+    gain, offset = source.number(mimic, "multiplier", "1"), source.number(mimic, "offset", "0")
+    return Mimic(mimic.get("joint", ""), gain, offset)
 
 
-# --- the whole ------------------------------------------------------------------------------
+# --- limits, whose writers mean different things by infinite and by zero -----------------------
 
 
-def _root(source: Source, links: Collection[str], joints: Mapping[str, Joint]) -> str:
-    """Find the one link without a parent, and check that every other is reached in one way."""
-    into: dict[str, Joint] = {}
-    for joint in joints.values():
-        if other := into.get(joint.child):
-            source.fail(
-                f"link {joint.child!r} closes a loop: joints {other.name!r} and {joint.name!r} "
-                "both lead to it",
-                "cut the loop at one of them",
-            )
-        into[joint.child] = joint
-    roots = [link for link in links if link not in into]
-    if len(roots) > 1:
-        source.fail(
-            f"has {len(roots)} root links ({listed(roots)})",
-            "join them to one spacecraft by fixed joints",
-        )
-    children: dict[str, list[str]] = {link: [] for link in links}
-    for joint in joints.values():
-        children[joint.parent].append(joint.child)
-    reached, waiting = set(roots), list(roots)
-    while waiting:
-        waiting += (more := children[waiting.pop()])
-        reached.update(more)
-    if stray := [link for link in links if link not in reached]:
-        source.fail(f"links {listed(stray)} form a loop", "cut it at one joint")
-    return roots[0]
+def _limits(source: Source, joint: etree._Element, kind: str) -> tuple[float, float, float, float]:
+    """Read lower and upper limit, largest rate and effort; infinite where there is none.
 
-
-def _without_world(
-    source: Source, links: dict[str, Inertial | None], joints: dict[str, Joint]
-) -> tuple[dict[str, Inertial | None], dict[str, Joint]]:
-    """Leave out a frame that the spacecraft floats in, and the joint that it floats by."""
-    floating = [joint for joint in joints.values() if joint.kind in FLOATING]
-    for joint in floating:
-        beside = [j for j in joints.values() if joint.parent in (j.parent, j.child)]
-        if links[joint.parent] is not None or beside != [joint]:
-            source.fail(
-                f"joint {joint.name!r} is of type {joint.kind!r}, a freedom that only the "
-                "spacecraft has",
-                "leave it out above the spacecraft, whose root link floats by itself; elsewhere "
-                "replace it by revolute and prismatic joints",
-            )
-        source.warn(
-            f"joint {joint.name!r} of type {joint.kind!r} and the link {joint.parent!r} are left "
-            f"out: the spacecraft {joint.child!r} floats by itself"
-        )
-        links = {name: part for name, part in links.items() if name != joint.parent}
-        joints = {name: j for name, j in joints.items() if j is not joint}
-    return links, joints
-
-
-def read_visuals(source: Source, robot: etree._Element) -> dict[str, Visuals]:
-    """Return the shapes of every link that has any.
-
-    Args:
-        source: The file.
-        robot: Its root element.
-
-    Warns:
-        ModelWarning: Mesh files are missing; one warning for all.
-    """
-    reader = _Reader(source, robot)
-    shapes = {link.get("name", ""): reader.visuals(link) for link in robot.findall("link")}
-    source.warn_of_missing_meshes()
-    return {link: found for link, found in shapes.items() if any(found)}
-
-
-class _Reader:
-    """The shapes of one robot, and the mesh files that they name."""
-
-    def __init__(self, source: Source, robot: etree._Element) -> None:
-        self._source = source
-        self._materials = {m.get("name"): m for m in robot.findall("material")}
-
-    def visuals(self, link: etree._Element) -> Visuals:
-        """Return the shapes of a <link>."""
-        visual, collision = (
-            tuple(shape for element in link.findall(tag) for shape in self._shapes(element))
-            for tag in ("visual", "collision")
-        )
-        return Visuals(visual, collision)
-
-    def _shapes(self, element: etree._Element) -> tuple[Shape, ...]:
-        """Read a <visual> or <collision>."""
-        try:
-            pose, rgba = self._source.pose(element), self._rgba(element)
-            if (round_ended := element.find("geometry/capsule")) is not None:
-                lengths = (self._source.lengths(round_ended, n, 1) for n in ("radius", "length"))
-                radius, length = (value.item() for value in lengths)
-                return capsule(pose, radius, length, rgba)
-            return (Shape(pose, self._geometry(element), rgba),)
-        except ModelError as error:
-            return (Shape(pin.SE3.Identity(), Unusable(str(error))),)
-
-    def _geometry(self, parent: etree._Element) -> Geometry:
-        source, element = self._source, parent.find("geometry/*")
-        # a collision body without extension would be far from everything
-        lengths = source.lengths if parent.tag == "collision" else source.numbers
-        kind = "" if element is None else element.tag
-        if element is not None and kind == "box":
-            return Box(tuple(lengths(element, "size", 3).tolist()))
-        if element is not None and kind == "sphere":
-            return Sphere(lengths(element, "radius", 1).item())
-        if element is not None and kind == "cylinder":
-            radius, length = (lengths(element, name, 1).item() for name in ("radius", "length"))
-            return Cylinder(radius, length)
-        if element is not None and kind == "mesh":
-            name = element.get("filename", "")
-            scale = source.numbers(element, "scale", 3, "1 1 1")
-            return Mesh(name, source.mesh(name), tuple(scale.tolist()))
-        link = parent.getparent()
-        owner = "" if link is None else link.get("name", "")
-        source.fail(
-            f"link {owner!r} has a {parent.tag!s} without a known geometry",
-            "give it a box, sphere, cylinder, capsule or mesh",
-        )
-
-    def _rgba(self, parent: etree._Element) -> tuple[float, ...] | None:
-        """Read the colour of a <visual>: its own, or that of the robot's material it names."""
-        material = parent.find("material")
-        if material is not None and len(material) == 0:
-            material = self._materials.get(material.get("name"))
-        color = None if material is None else material.find("color")
-        return None if color is None else tuple(self._source.numbers(color, "rgba", 4).tolist())
-
-
-INFINITE = ("", "inf", "infinity", ".inf")
-MANY_TURNS = 30.0
-"""Angle [rad] beyond which a limit looks like one in degrees."""
-
-
-class Limits(NamedTuple):
-    """Limits of a joint, infinite where there is none.
-
-    Attributes:
-        lower: Least angle [rad] or displacement [m].
-        upper: Largest angle [rad] or displacement [m].
-        velocity: Largest rate [rad/s] or [m/s].
-        effort: Largest torque [N m] or force [N].
-    """
-
-    lower: float = -math.inf
-    upper: float = math.inf
-    velocity: float = math.inf
-    effort: float = math.inf
-
-
-def read_limits(source: Source, joint: etree._Element, kind: str) -> Limits:
-    """Read the limits of a joint; URDF takes a missing lower or upper one as 0.
-
-    A range from 0 to 0 and a rate or an effort of 0 are what exporters write where they know
-    nothing: no limits. See `warn_of_limits`.
-
-    Args:
-        source: The file.
-        joint: Its <joint>.
-        kind: As in `Joint`.
-
-    Raises:
-        ModelError: They are not numbers, negative or reversed.
+    URDF takes a missing lower or upper one as 0. A range from 0 to 0 and a rate or an effort of 0
+    are what exporters write where they know nothing: no limits.
     """
     limit = source.child(joint, "limit")
+    lower, upper = -math.inf, math.inf
     if limit is None or kind not in ("revolute", "continuous", "prismatic", "wheel"):
-        return Limits()
+        return lower, upper, math.inf, math.inf
     velocity, effort = (_bound(source, limit, name) or math.inf for name in ("velocity", "effort"))
     if min(velocity, effort) < 0.0:
         source.fail(
             f"{describe(limit)} has velocity {velocity:g} and effort {effort:g}",
             "give positive numbers",
         )
-    unlimited = Limits(velocity=velocity, effort=effort)
-    if kind in ("continuous", "wheel") or not (limit.get("lower") or limit.get("upper")):
-        return unlimited
-    lower, upper = (_bound(source, limit, name, "0", sign) for name, sign in ENDS)
+    if kind in ("revolute", "prismatic") and (limit.get("lower") or limit.get("upper")):
+        ends = (("lower", -1.0), ("upper", 1.0))
+        lower, upper = (_bound(source, limit, name, "0", sign) for name, sign in ends)
     if lower > upper:
         source.fail(
             f"{describe(limit)} is reversed (lower {lower:g}, upper {upper:g})",
             "exchange the two (a missing one counts as 0)",
         )
-    return unlimited if lower == upper == 0.0 else unlimited._replace(lower=lower, upper=upper)
-
-
-ENDS = (("lower", -1.0), ("upper", 1.0))
+    if lower == upper == 0.0:
+        lower, upper = -math.inf, math.inf
+    return lower, upper, velocity, effort
 
 
 def _bound(
@@ -374,72 +216,80 @@ def _bound(
     text = limit.get(name, default).strip().lower()
     if text.lstrip("+-") in INFINITE:
         return -math.inf if text.startswith("-") else sign * math.inf
-    try:
-        huge = abs(float(text)) > LARGEST
-    except ValueError:
-        huge = False
-    return math.copysign(math.inf, float(text)) if huge else source.number(limit, name, default)
+    value = evaluate(text)
+    if value is not None and abs(value) > LARGEST:
+        return math.copysign(math.inf, value)
+    return source.number(limit, name, default)
 
 
-def read_dynamics(source: Source, joint: etree._Element) -> tuple[float, float]:
-    """Read the damping and the dry friction of a joint; what is not a number from 0 on is not one.
-
-    Args:
-        source: The file, which is warned.
-        joint: Its <joint>.
-    """
-    dynamics, found = joint.find("dynamics"), [0.0, 0.0]
-    for i, name in enumerate(("damping", "friction")):
-        text = "" if dynamics is None else dynamics.get(name, "").strip()
-        if not text:
-            continue
-        value = evaluate(text)
-        if value is not None and 0.0 <= value <= LARGEST:
-            found[i] = value
-        else:
-            source.warn(f"{name}={text[:60]!r} of joint {joint.get('name')!r} is taken as none")
-    return found[0], found[1]
+def _resistance(source: Source, joint: etree._Element, name: str) -> float:
+    """Read the damping or dry friction of a joint; what is no number from 0 on is none."""
+    dynamics = joint.find("dynamics")
+    text = "" if dynamics is None else dynamics.get(name, "").strip()
+    value = evaluate(text or "0")
+    if value is not None and 0.0 <= value <= LARGEST:
+        return value
+    source.warn(f"{name}={text[:60]!r} of joint {joint.get('name')!r} is taken as none")
+    return 0.0
 
 
-def warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, Joint]) -> None:
-    """Warn of limits that are missing, that are not used or that look like degrees.
-
-    Args:
-        source: The file.
-        robot: Its root element.
-        joints: Its joints, read.
-    """
-    given = {e.get("name", ""): e.find("limit") for e in robot.findall("joint")}
-    kinds = ("revolute", "prismatic")
-    free = [j.name for j in joints.values() if j.kind in kinds and _endless(j)]
-    if free:
-        source.warn(f"no limits on {listed(free)}: taken as unlimited")
-    turning = [
-        name
-        for name, limit in given.items()
-        if limit is not None and (limit.get("lower") or limit.get("upper"))
-        if name in joints and joints[name].kind == "continuous" and joints[name].mimic is None
+def _warn_of_limits(source: Source, robot: etree._Element, joints: Mapping[str, Joint]) -> None:
+    """Warn of limits that are missing, that are not used or that look like degrees."""
+    written = {e.get("name", ""): e.find("limit") for e in robot.findall("joint")}
+    given = [(joints[n], e) for n, e in written.items() if n in joints and e is not None]
+    bounded = [joint for joint in joints.values() if joint.kind in ("revolute", "prismatic")]
+    free = [j.name for j in bounded if math.isinf(j.lower) and math.isinf(j.upper)]
+    unused = [
+        joint.name
+        for joint, limit in given
+        if limit.get("lower") or limit.get("upper")
+        if joint.kind == "continuous" and joint.mimic is None
     ]
-    if turning:
-        source.note(f"limits of {listed(turning)} do not count, as for all continuous joints")
-    for end, what in (("velocity", "rate"), ("effort", "effort")):
-        zero = [
-            name
-            for name, limit in given.items()
-            if limit is not None and name in joints and joints[name].movable
-            if limit.get(end) and math.isinf(getattr(joints[name], end))
+    slow, weak = (
+        [
+            joint.name
+            for joint, limit in given
+            if joint.movable and math.isinf(getattr(joint, end))
             if limit.get(end, "").strip().lower().lstrip("+-") not in INFINITE
         ]
-        if zero:
-            source.note(f"{what} limit of {listed(zero)} is zero or endless: taken as none")
+        for end in ("velocity", "effort")
+    )
     far = [
-        j.name
-        for j in joints.values()
-        if j.kind == "revolute" and any(MANY_TURNS < abs(x) < math.inf for x in (j.lower, j.upper))
+        joint.name
+        for joint in bounded
+        if joint.kind == "revolute"
+        if any(MANY_TURNS < abs(x) < math.inf for x in (joint.lower, joint.upper))
     ]
-    if far:
-        source.warn(f"limits of {listed(far)} look like degrees, and are taken as radians")
+    for say, names, text in (
+        (source.warn, free, "no limits on {}: taken as unlimited"),
+        (source.note, unused, "limits of {} do not count, as for all continuous joints"),
+        (source.note, slow, "rate limit of {} is zero or endless: taken as none"),
+        (source.note, weak, "effort limit of {} is zero or endless: taken as none"),
+        (source.warn, far, "limits of {} look like degrees, and are taken as radians"),
+    ):
+        if names:
+            say(text.format(listed(names)))
 
 
-def _endless(joint: Joint) -> bool:
-    return math.isinf(joint.lower) and math.isinf(joint.upper)
+# --- shapes ---------------------------------------------------------------------------------
+
+
+def _shapes(
+    source: Source, materials: Mapping[str | None, etree._Element], parent: etree._Element
+) -> tuple[Shape, ...]:
+    """Read a <visual> or <collision>; its colour is its own, or of the material that it names."""
+    material = parent.find("material")
+    if material is not None and len(material) == 0:
+        material = materials.get(material.get("name"))
+    color = None if material is None else material.find("color")
+    rgba = None if color is None else tuple(source.numbers(color, "rgba", 4).tolist())
+    pose, element = source.pose(parent), parent.find("geometry/*")
+    if element is not None and element.tag == "mesh":
+        name, scale = element.get("filename", ""), source.numbers(element, "scale", 3, "1 1 1")
+        return (Shape(pose, Mesh(name, source.mesh(name), tuple(scale.tolist())), rgba),)
+    if element is not None and element.tag in ("box", "sphere", "cylinder", "capsule"):
+        # a collision body without extension would be far from everything
+        positive = parent.tag == "collision" or element.tag == "capsule"
+        numbers = source.lengths if positive else source.numbers
+        return primitive(element.tag, partial(numbers, element), pose, rgba)
+    source.fail_without_geometry(parent, "box, sphere, cylinder, capsule or mesh")

@@ -1,8 +1,11 @@
-"""SDF contents: the links, joints and frames of a file, those of nested models and includes too."""
+"""SDF frames: the links, joints and frames of a file, those of nested models and includes too.
+
+Every frame has a pose relative to another one, as SDFormat's "Pose frame semantics" says; names of
+what is inside a nested model start with the model's name and "::".
+"""
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from copy import deepcopy
@@ -15,9 +18,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from spacearm.arrays import LARGEST, LEAST_MASS, Array
-from spacearm.description.bodies import Inertial
-from spacearm.description.readers.source import Source, describe, evaluate
+from spacearm.description.readers.source import Source, describe
 from spacearm.errors import listed, unknown
 
 
@@ -356,37 +357,6 @@ def _model_files(path: Path) -> Iterator[Path]:
     yield path / "model.sdf"
 
 
-UNLIMITED = 1e15
-"""Limits beyond it are SDFormat's way to say that there is none (±1e16)."""
-
-
-NO_LIMIT = ("", "inf", "+inf", "-inf", "infinity", "-infinity")
-
-
-def vector(source: Source, parent: etree._Element, tag: str, default: str) -> Array:
-    """Read the finite numbers in a child element, as many as the default has."""
-    element = source.child(parent, tag)
-    if element is None:
-        return np.array([float(word) for word in default.split()])
-    return source.values(element, f"<{tag}>", element.text or "", len(default.split()))
-
-
-def number(source: Source, parent: etree._Element, tag: str, default: float) -> float:
-    """Read the finite number in a child element."""
-    return float(vector(source, parent, tag, repr(default))[0])
-
-
-def limit(source: Source, parent: etree._Element | None, tag: str, none: float) -> float:
-    """Read a limit, which may be infinite; `none` where there is none."""
-    element = None if parent is None else source.child(parent, tag)
-    if element is None or (text := (element.text or "").strip().lower()) in NO_LIMIT:
-        return none
-    value = evaluate(text)
-    if value is None:
-        source.fail(f"{describe(element)} is {text[:60]!r}", "give a number, or inf for no limit")
-    return none if abs(value) > UNLIMITED else value
-
-
 def pose(source: Source, parent: etree._Element) -> pin.SE3:
     """Read the <pose> of an element: position and roll, pitch, yaw, or a quaternion xyzw."""
     element = source.child(parent, "pose")
@@ -411,41 +381,6 @@ def relative_to(parent: etree._Element) -> str:
     return "" if element is None else element.get("relative_to", "")
 
 
-def inertial(source: Source, link: etree._Element) -> Inertial | None:
-    """Read the <inertial> of a link, with SDFormat's defaults of 1 kg and 1 kg m^2."""
-    name = link.get("name")
-    element = source.child(link, "inertial")
-    if element is None:
-        source.warn(f"link {name!r} has no <inertial>: 1 kg and 1 kg m^2, SDFormat's default")
-        return Inertial(1.0, pin.SE3.Identity(), np.eye(3))
-    if element.get("auto") in ("true", "1"):
-        source.warn(
-            f"link {name!r} has <inertial auto='true'>, which is not computed here; load with "
-            "density= (SDFormat's default is 1000 kg/m^3)"
-        )
-        return None
-    mass = number(source, element, "mass", 1.0)
-    if mass < 0.0 or 0.0 < mass < LEAST_MASS:
-        source.fail(
-            f"the <mass> of link {name!r} is {mass:g} kg", f"give at least {LEAST_MASS:g} kg"
-        )
-    given = source.child(element, "inertia")
-    I = np.eye(3)
-    if given is not None:
-        for i in range(3):
-            for j in range(i, 3):
-                entry = number(source, given, f"i{'xyz'[i]}{'xyz'[j]}", float(i == j))
-                I[i, j] = I[j, i] = entry
-    elif mass:
-        source.warn(f"link {name!r} has no <inertia>: 1 kg m^2, SDFormat's default")
-    return Inertial(mass, pose(source, element), I if mass or given is not None else 0.0 * I)
-
-
 def words(element: etree._Element, tag: str) -> str:
     """Return the text of a child element, without blanks around it."""
     return (element.findtext(tag) or "").strip()
-
-
-def largest(value: float) -> float:
-    """Return a limit of effort or velocity: SDFormat writes a negative one where there is none."""
-    return math.inf if value < 0.0 or value > LARGEST else value
