@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from helpers.commands import spacearm
-from spacearm.cli.motions.flights import fly, read_phases
 
 import spacearm as sa
 from spacearm.cli.wording import join_numbers
