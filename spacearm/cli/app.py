@@ -30,11 +30,11 @@ COMMANDS = {
     ),
     "mount": (
         "models.write_model",
-        "Mount an arm on a bus (--bus-mass) and write both as one URDF, which every command loads.",
+        "Write a robot of any format, or an arm on its bus (--bus-mass), as a URDF; say what was left out.",
     ),
     "convert": (
         "models.write_model",
-        "Write a robot of any format (xacro, MJCF, SDF) as a URDF; what was left out is printed.",
+        "Write a robot of any format, or an arm on its bus (--bus-mass), as a URDF; say what was left out.",
     ),
     "query": (
         "queries.report_singularity",

@@ -50,6 +50,7 @@ def find_attitudes(
         float | None,
         typer.Option(help="Least distance to the singular set [rad]; 1 degree by default.", min=0),
     ] = None,
+    samples: Annotated[int | None, typer.Option(help="Number of attitudes tried at first.")] = None,
     no_limits: NoLimits = False,
     more: With = None,
     output: Picture = None,
@@ -61,10 +62,10 @@ def find_attitudes(
 
     With joint values, a posture near the start of the path, from that branch of postures; else
     from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
-    samples, seed.
+    refine, seed.
     """
     check_picture(output)
-    asked = question(more, "start", "speed", "samples", "refine", "seed", "length")
+    asked = question(more, "start", "speed", "refine", "seed", "length")
     anywhere = not q and "q" not in inner(asked, "start").values
     near = np.zeros(arm.n) if anywhere else joint_values(arm, q, deg) if q else None
     start = start_of(arm, asked, near, attitude, deg)
@@ -76,6 +77,7 @@ def find_attitudes(
             all_branches=anywhere,
             margin=MARGIN if given is None else given,
             limits=not no_limits,
+            samples=samples,
             progress=progress,
             **{key: value for key, value in asked.values.items() if key != "start"},
         )

@@ -287,9 +287,7 @@ def configuration(
     arm: SpaceArm, words: Sequence[str | float] | None, attitude: Three | None, deg: bool
 ) -> Configuration:
     """Return the configuration that joint values and the spacecraft's attitude mean."""
-    q = joint_values(arm, words or [], deg)
-    warn_outside(arm, q)
-    return arm.at(q, base=spacecraft_pose(attitude, deg))
+    return arm.at(joint_values(arm, words or [], deg), base=spacecraft_pose(attitude, deg))
 
 
 def spacecraft_pose(attitude: Three | None, deg: bool) -> pin.SE3:

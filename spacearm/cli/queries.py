@@ -145,7 +145,7 @@ def find_nearest(
     print_description(
         Description(
             title=f"{arm.name}, {mode.value}",
-            verdict=f"{'' if proven else 'at most '}{angle(distance)} away",
+            verdict=f"{'' if proven else 'at most '}{np.degrees(distance):.5g}° away",
             notes=(f"{how}; joint limits {'count' if limits else 'do not count'}",),
             tables=(Table.by_columns(columns),),
         ),

@@ -10,6 +10,7 @@ INTERRUPTED = 130
 OPTIONS = {
     r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
     r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
+    r"\b(limits|collisions)=False": r"--with constraints.\1=false",
     r'check="(\w+)"': r"--check \1",
     r'joints="all"': "--joints all",
     r"tip=LINK": "--tip LINK",

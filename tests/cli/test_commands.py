@@ -51,7 +51,7 @@ def test_path_proves_or_names_the_singular_posture(tmp_path):
     got = answer("path", "planar2", through, "--deg")
     at = np.array(got["certificate"]["at"])
     assert abs(sa.singularity_polynomial(sa.load("planar2"))(at)) < 1e-9
-    assert "not checked: collisions" in run.stdout
+    assert "Not checked: collisions" in run.stdout
 
 
 @pytest.mark.slow
@@ -270,7 +270,7 @@ def test_the_spin_of_a_point_mass_is_told_to_count_for_nothing():
     ("words", "remedy"),
     [
         (("workspace", "chaser7", "--task", "position"), "--lock joint_7=0.0; "),
-        (("plan", "planar2", 4, 0, "--goal", 1, 1), "limits=False ignores"),
+        (("plan", "planar2", 4, 0, "--goal", 1, 1), "--with constraints.limits=false ignores"),
         (
             ("plan", "planar2", 0.3, 1.2, "--goal", 9, 9, "--with", "search.timeout=1"),
             "spacearm workspace shows",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.arms import with_wheels
 from helpers.commands import spacearm
 
 import spacearm as sa
@@ -30,8 +31,20 @@ COMMANDS = {
     "risk": ("planar2", "--samples", 60),
     "design": ("planar2", "--vary", "base_inertia=2"),
     "capture": ("planar2", *CM, "--mass", 5),
-    "simulate": ("planar2", *LAW, "--limits"),
+    "simulate": ("planar2", *LAW, "--with", "plant.limits=true"),
     "plan": ("planar2", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
+    "detumble": (
+        "planar2",
+        *CM,
+        "--goal",
+        1.2,
+        0.9,
+        *OBSTACLES,
+        "--with",
+        "start.momentum=[0, 0, 0, 0, 0, 0.2]",
+        "--with",
+        'constraints.wheels={"torque": 2.0, "capacity": 9.0}',
+    ),
     "attitudes": ("planar2", "--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16),
     "reaction": ("planar2", "--motion", "run.npz"),
     "wheels": ("planar2", "--motion", "run.npz"),
@@ -82,6 +95,8 @@ def folder(tmp_path_factory):
     sa.Motion(
         sa.load("planar2"), [0.0, 1.0], [[0.3, 0.9], [0.35, 1.0]], np.tile(np.eye(7)[6], (2, 1))
     ).save(here / "run.npz")
+    text = with_wheels("planar2", (0, 0, 1))
+    (here / "wheels.urdf").write_text(text, encoding="utf-8")
     return here
 
 

@@ -7,7 +7,9 @@ import pytest
 from helpers.commands import spacearm
 
 import spacearm as sa
+from spacearm.cli.questions import phases_of
 from spacearm.cli.wording import join_numbers
+from spacearm.sweeps.toml import parse
 
 FIGURE_5 = ["planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21]
 FIGURE_5 += ["--target", 1.5, 1.5, "--with", "origin=cm"]
@@ -40,10 +42,10 @@ def test_figures_5_and_6(tmp_path):
     [
         "planar2 0.3 0.8 --target 1.2 0.9 --controller ResolvedRate",
         "planar2 0.3 0.8 --target 1.2 0.9 --controller DampedLeastSquares",
-        "planar3 0.3 0.8 -0.5 --target 1.2 0.9 1.0 --with controller.kp=[5,5,2] --with controller.kd=[10,10,4]",
+        "planar3 0.3 0.8 -0.5 --target 1.2 0.9 1.0 --with controller.kp=[5,5,2]",
         "planar3 0.3 0.8 -0.5 --target 1.2,0.9 --controller Reactionless --task x,y",
         "chaser7 0 1 0 1 0 1 0 --target 0 .9 0 .8 0 .7 0 --controller JointPD",
-        "planar2 0.3 0.8 --target 1.2 0.9 --with controller.mode=fixed --with mode=attitude-controlled",
+        "planar2 0.3 0.8 --target 1.2 0.9 --with controller.mode=fixed --with mode=fixed",
         "planar2 0.3 0.8 --target 1.2 --task x --controller DampedLeastSquares",
     ],
 )
@@ -61,7 +63,7 @@ def test_every_law_as_json(tmp_path, words):
     ("words", "message"),
     [
         (("0.1", "--target", "1", "1"), "1 joint values given"),
-        (("0.1 x", "--target", "1", "1"), "'x' is no number"),
+        (("0.1", "x", "--target", "1", "1"), "'x' is no number"),
         (("0.1", "0.2", "--target", "1"), "takes 2: x y"),
         (("0.1", "0.2", "--target", "9", "9"), "spacearm workspace"),
         (("0.1", "0.2", "--target", "1", "1", "--with", "controller.kp=NaN"), "kp"),
@@ -168,7 +170,7 @@ controller = {law = "JointPD", target = [0.3, 0.9], kp = 1, kd = 1}
         ("phases = [", "flight.toml is not TOML"),
         (PD + "plant.wheels = {stiffness = 1}", "a WheelHold needs it"),
         (PD + "plant.wheels = 3", "make it a table"),
-        (PD + "then = 'go'", "'release'"),
+        (PD + "then = 'go'", '"release"'),
         (PD + "then = {inertia = 1}", "a Grasp needs it"),
         (PD + "plant.wrenches.spacecraft = {times = [0], values = [[1, 2]]}", "6 numbers"),
         (PD + "plant.wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "growing times"),

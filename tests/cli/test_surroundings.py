@@ -81,7 +81,7 @@ def test_an_interrupt_before_there_is_anything_to_keep_is_said(monkeypatch, caps
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("spacearm.cli.mounting.load", interrupted)
+    monkeypatch.setattr("spacearm.cli.options.load", interrupted)
     monkeypatch.setattr(sys, "argv", ["spacearm", *words])
     with pytest.raises(SystemExit, match="130"):
         main()

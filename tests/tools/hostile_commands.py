@@ -37,9 +37,10 @@ COMMANDS = (
     "simulate planar2 --deg -57 60 --target 1.5 1.5 --duration 0.5 --output sim.svg",
     "simulate planar2 0.3 0.9 --target 0.5 0.5 --controller JointPD --duration 0.2 --with "
     "controller.kp=[1,2] --with controller.kd=1 --save sim.npz --json",
-    "simulate planar2 0.3 0.9 --target 1 1 --controller DampedLeastSquares --with controller.gain=1 --duration 0.2 "
-    "--with stop=target --with integration.rtol=1e-6 --json",
-    "plan planar2 --deg -57 60 --goal 1.5 1.5 --with origin=cm --with search.timeout=2 --json --save plan.npz",
+    "simulate planar2 0.3 0.9 --target 1 1 --controller DampedLeastSquares --duration 0.2 "
+    "--with controller.gain=1 --with stop=target --with integration.rtol=1e-6 --json",
+    "plan planar2 --deg -57 60 --goal 1.5 1.5 --with origin=cm --with search.timeout=2 "
+    "--json --save plan.npz",
     "view planar2 0.1 0.2 --no-open --port 7470", "view robot.urdf --save page.html",
     "map robot.urdf --points 9 --task pose --npz map.npz",
     "workspace robot.urdf --effort 20 --limits", "workspace robot.urdf --task x --effort 20",

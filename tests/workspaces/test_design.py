@@ -100,7 +100,7 @@ def test_command_as_json(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("planar2",), "nothing to vary"),
+        (("planar2",), "Missing option '--vary'"),
         (("planar2", "--vary", "mount_x=a:b"), "--vary mount_x=a:b"),
         (("planar2", "--vary", "mount_x=0:1:0"), "LOW:HIGH:COUNT"),
         (("planar2", "--vary", "mount_x=0:1", "--output", "d.gif"), "gif"),
