@@ -34,7 +34,7 @@ COMMANDS = {
     "simulate": ("planar2", *LAW, "--with", "plant.limits=true"),
     "plan": ("planar2", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
     "detumble": (
-        "planar2",
+        "wheels.urdf",
         *CM,
         "--goal",
         1.2,
