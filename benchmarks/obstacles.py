@@ -22,8 +22,8 @@ import numpy as np
 import pinocchio as pin
 
 import spacearm as sa
-from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
+from spacearm.collisions.swept_motion import Recorded
 from spacearm.mechanics.floating import walk
 from spacearm.planning.timing import largest_rates, rest_to_rest_times
 

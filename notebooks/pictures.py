@@ -71,7 +71,7 @@ def singular_posture() -> Figure:
 def view() -> None:
     """The page of `spacearm view planar2 --deg -65 -11.41 --attitude 0 0 40`."""
     attitude = pin.SE3(pin.utils.rotate("z", np.radians(40)), np.zeros(3))
-    viewer = sa.view(sa.load("planar2"), np.radians([-65, -11.41]), base=attitude, open=False)
+    viewer = sa.view(sa.load("planar2").at(np.radians([-65, -11.41]), base=attitude), open=False)
     with sync_playwright() as playwright:
         options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=which("chromium"), args=options)

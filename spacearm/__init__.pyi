@@ -95,9 +95,9 @@ from spacearm.motion.simulation import simulate_many as simulate_many
 from spacearm.planning.planner import detumble as detumble
 from spacearm.planning.planner import plan as plan
 from spacearm.planning.request import Constraints as Constraints
+from spacearm.planning.request import Joints as Joints
 from spacearm.planning.request import Search as Search
 from spacearm.planning.result import Attempt as Attempt
-from spacearm.planning.result import Joints as Joints
 from spacearm.planning.result import Plan as Plan
 from spacearm.planning.retiming import time_optimal as time_optimal
 from spacearm.planning.tracking import Tracking as Tracking

@@ -13,6 +13,7 @@ from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.viewer.motions import WORDS
+from spacearm.viewer.session import opening_posture
 from spacearm.viewer.show import view as show
 
 
@@ -70,8 +71,8 @@ def view_configuration(
         elif compare:
             raise ConfigurationError("there is no motion to compare; give --motion")
         else:
-            start = joint_values(arm, q, deg) if q else None
-            viewer = show(arm, start, base=spacecraft_pose(attitude, deg), open=False)
+            start = joint_values(arm, q, deg) if q else opening_posture(arm)
+            viewer = show(arm.at(start, base=spacecraft_pose(attitude, deg)), open=False)
     if save:
         out.print(f"wrote {viewer.save(save)}")
     if png:

@@ -1,22 +1,36 @@
-"""Bodies of an arm that may collide, and how far its joints can move them.
+"""Bodies of an arm that may collide, how far its joints can move them, and which must not meet.
 
 A link counts with its collision geometry. Where the description gives none that can be read, its
 visuals stand in, each as its convex hull, or as the box around it where it is flat. Links without
 either are not checked, and `Bodies.account` names them.
+
+Links that a joint of the description connects may touch, locked and fixed ones included, and bodies
+that touch in every posture.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Mapping
+from functools import lru_cache
+from itertools import combinations
 from typing import NamedTuple
 
 import coal
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
+from spacearm.arrays import Array
 from spacearm.collisions.solids import collision_solids, visual_solids
 from spacearm.description.shapes import Visuals
 from spacearm.errors import listed
 from spacearm.model.arm import SpaceArm
+
+POSTURES = 64
+"""Random postures; bodies that touch in all of them are taken to be joined."""
+CLOSE = 1e-4
+"""Distance below which bodies count as touching, as a share of the arm's reach."""
+NOWHERE: Mapping[int, pin.SE3] = {}
 
 
 class Body(NamedTuple):
@@ -99,6 +113,11 @@ def extent(pose: pin.SE3, shape: coal.CollisionGeometry) -> float:
     return float(np.linalg.norm(pose.act(shape.aabb_center)) + shape.aabb_radius)
 
 
+def slides_along(arm: SpaceArm, joint: int) -> bool:
+    """Tell whether a joint of the model slides."""
+    return bool(arm.tree.joints[arm.model.names[joint]].kind == "prismatic")
+
+
 def _reach(
     arm: SpaceArm, frame: pin.Frame, pose: pin.SE3, shape: coal.CollisionGeometry
 ) -> tuple[dict[int, float], dict[int, list[int]], float]:
@@ -109,9 +128,111 @@ def _reach(
     between: list[int] = []
     joint = frame.parentJoint
     while joint > 1:
-        sliding = arm.tree.joints[arm.model.names[joint]].kind == "prismatic"
+        sliding = slides_along(arm, joint)
         reach[joint], slides[joint] = (1.0, []) if sliding else (far, list(between))
         between += [joint - 2] if sliding else []
         far += float(np.linalg.norm(arm.model.jointPlacements[joint].translation))
         joint = arm.model.parents[joint]
     return reach, slides, far
+
+
+class Geometry:
+    """Solids on the joints of an arm, and pairs of them.
+
+    Args:
+        arm: The arm.
+        solids: The joint that carries each, its pose there and the solid of coal.
+        pairs: Numbers of the solids in each pair.
+    """
+
+    def __init__(
+        self,
+        arm: SpaceArm,
+        solids: Iterable[tuple[int, pin.SE3, coal.CollisionGeometry]],
+        pairs: Iterable[tuple[int, int]],
+    ) -> None:
+        self._arm, self._model = arm, pin.GeometryModel()
+        for i, (joint, pose, solid) in enumerate(solids):
+            self._model.addGeometryObject(pin.GeometryObject(f"{i}", joint, pose, solid))
+        for pair in pairs:
+            self._model.addCollisionPair(pin.CollisionPair(*pair))
+
+    def distances(
+        self,
+        joints: Array,
+        pairs: npt.NDArray[np.int64],
+        base: Array | None = None,
+        placed: Mapping[int, pin.SE3] = NOWHERE,
+    ) -> Array:
+        """Return the distances of some pairs (pairs,), negative where they overlap [m].
+
+        Args:
+            joints: (nv - 6,) positions of the model's joints.
+            pairs: Numbers of the pairs.
+            base: (7,) pose of the spacecraft; any if None.
+            placed: Inertial poses of solids that the arm does not carry, by their numbers.
+        """
+        arm, geometry = self._arm, pin.GeometryData(self._model)
+        data, full = arm.borrow(), pin.neutral(arm.model)
+        full[7:] = joints
+        if base is not None:
+            full[:7] = base
+        pin.forwardKinematics(arm.model, data, full)
+        pin.updateGeometryPlacements(arm.model, data, self._model, geometry)
+        arm.give_back(data)
+        for i, pose in placed.items():
+            geometry.oMg[i] = pose
+        compute = pin.computeDistance
+        return np.array(
+            [compute(self._model, geometry, int(i)).min_distance for i in pairs], dtype=np.float64
+        )
+
+
+class OwnPairs(NamedTuple):
+    """The bodies of an arm, the pairs that must not meet, and what counts as touching [m]."""
+
+    bodies: list[Body]
+    pairs: list[tuple[int, int]]
+    close: float
+    account: str
+
+
+@lru_cache(maxsize=16)
+def own_pairs(arm: SpaceArm) -> OwnPairs:
+    """Return the pairs of an arm's own bodies that must not meet; errors as for `Collisions`."""
+    found = Bodies(arm)
+    bodies = found.all
+    joined = _connected(arm, {body.link for body in bodies})
+    pairs = [
+        (i, j)
+        for (i, a), (j, b) in combinations(enumerate(bodies), 2)
+        if a.joint != b.joint and frozenset((a.link, b.link)) not in joined
+    ]
+    close = CLOSE * max((r for body in bodies for r in body.reach.values()), default=0.0)
+    low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
+    high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+    Q = np.random.default_rng(0).uniform(low, high, (POSTURES, arm.n))
+    geometry = Geometry(arm, [(body.joint, body.pose, body.shape) for body in bodies], pairs)
+    always = np.arange(len(pairs))
+    for q in Q:
+        always = always[geometry.distances(arm.all_joints(q), always) < close]
+    kept = [pair for number, pair in enumerate(pairs) if number not in set(always.tolist())]
+    return OwnPairs(bodies, kept, close, found.account)
+
+
+def _connected(arm: SpaceArm, links: Collection[str]) -> set[frozenset[str]]:
+    """Return the pairs of links that a joint connects, links without geometry being passed over."""
+    joints = arm.tree.joints.values()
+    above = {joint.child: joint for joint in joints}
+
+    def inner(link: str) -> str:
+        while link not in links and link in above and not above[link].movable:
+            link = above[link].parent
+        return link
+
+    def outer(link: str) -> list[str]:
+        if link in links:
+            return [link]
+        return [x for j in joints if j.parent == link and not j.movable for x in outer(j.child)]
+
+    return {frozenset((inner(j.parent), link)) for j in joints for link in outer(j.child)}

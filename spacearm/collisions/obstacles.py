@@ -6,19 +6,20 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
+from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import coal
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain, positive
-from spacearm.collisions.bodies import Bodies, extent
-from spacearm.collisions.carriers import Carrier, Drifting, Moving, Still
-from spacearm.collisions.options import checked_options, edges_of, known_options
+from spacearm.arrays import LARGEST, Array, finite, plain, positive, read_only, shape_of
+from spacearm.collisions.bodies import Bodies, Body, extent
 from spacearm.collisions.solids import hull, primitive
+from spacearm.collisions.swept_motion import helix
 from spacearm.description.shapes import Box, Cylinder, Mesh, Shape, Sphere, read_mesh
 from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arm import Configuration, SpaceArm
@@ -26,10 +27,12 @@ from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.motion.motion import Motion
 
 ORIGIN = pin.SE3.Identity()
+OPTIONS = ("name", "margin", "may_touch", "twist", "along")
+"""What is said of an obstacle besides its shape and pose."""
 
 
 class Part(NamedTuple):
-    """A solid of an obstacle, carried by a frame of its carrier.
+    """A solid of an obstacle, carried by a frame of its motion.
 
     Attributes:
         link: The link of a robot that it belongs to.
@@ -46,6 +49,99 @@ class Part(NamedTuple):
     frame: int
     reach: dict[int, float]
     far: float
+
+
+class ObstacleMotion(Protocol):
+    """What moves the frames of an obstacle, and how far it can move a point at most."""
+
+    def frames(self, t: float, /) -> Sequence[pin.SE3]:
+        """Return the poses of the frames at a time [s]."""
+
+    def moved(self, part: Part | Body, t0: float, t1: float, /) -> float:
+        """Return how far a point of a part moves between two times at most [m]."""
+
+
+class Still(NamedTuple):
+    """Frames at rest.
+
+    Attributes:
+        at: Their poses.
+    """
+
+    at: tuple[pin.SE3, ...]
+
+    def frames(self, _t: float, /) -> Sequence[pin.SE3]:
+        """Return the poses."""
+        return self.at
+
+    def moved(self, _part: Part | Body, _t0: float, _t1: float, /) -> float:
+        """Return 0."""
+        return 0.0
+
+
+class Drifting(NamedTuple):
+    """A frame with a steady twist.
+
+    Attributes:
+        pose: Its pose at time 0.
+        twist: (6,) velocity of its origin [m/s] and angular velocity [rad/s], inertial axes.
+    """
+
+    pose: pin.SE3
+    twist: Array
+
+    def frames(self, t: float) -> Sequence[pin.SE3]:
+        """Return the pose at a time."""
+        v, w = self.twist[:3], self.twist[3:]
+        return (pin.SE3(pin.exp3(t * w) @ self.pose.rotation, self.pose.translation + t * v),)
+
+    def moved(self, part: Part | Body, t0: float, t1: float) -> float:
+        """Return the way of the origin and of the turn about it."""
+        v, w = np.linalg.norm(self.twist[:3]), np.linalg.norm(self.twist[3:])
+        return float(v + part.far * w) * abs(t1 - t0)
+
+
+@dataclass(frozen=True)
+class Moving:
+    """The joint frames of a robot on a motion; frame 1 is its spacecraft. At its ends it rests.
+
+    Attributes:
+        motion: The motion.
+    """
+
+    motion: Motion
+
+    def frames(self, t: float) -> Sequence[pin.SE3]:
+        """Return the poses of the joint frames at a time."""
+        return joint_frames(self.motion.at(t))
+
+    def moved(self, part: Part | Body, t0: float, t1: float) -> float:
+        """Return the way by the spacecraft's motion and by that of the joints."""
+        origin, turn, joints = self._travel
+        way = origin + part.far * turn
+        for joint, length in part.reach.items():
+            way = way + length * joints[:, joint - 2]
+        ends = np.interp((t0, t1), self.motion.t, way)
+        return float(abs(ends[1] - ends[0]))
+
+    @cached_property
+    def _travel(self) -> tuple[Array, Array, Array]:
+        """The ways up to each sample: of the spacecraft's origin (m,), turn (m,), joints (m, N)."""
+        poses = [cfg.base for cfg in self.motion]
+        steps = np.array([helix(a, b) for a, b in pairwise(poses)]).reshape(-1, 2)
+        full = np.array([self.motion.arm.all_joints(q) for q in self.motion.q])
+        origin, turn = np.vstack((np.zeros(2), steps.cumsum(axis=0))).T
+        rates = np.abs(np.diff(full, axis=0)).cumsum(axis=0)
+        return origin, turn, np.vstack((np.zeros(full.shape[1]), rates))
+
+
+def joint_frames(cfg: Configuration) -> list[pin.SE3]:
+    """Return the poses of the joints of a robot, the spacecraft's frame at 1."""
+    data = cfg.arm.borrow()
+    pin.forwardKinematics(cfg.arm.model, data, cfg.full)
+    frames = [pose.copy() for pose in data.oMi]
+    cfg.arm.give_back(data)
+    return frames
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,8 +188,10 @@ class Obstacle:
         Raises:
             ConfigurationError: An argument does not make sense.
         """
-        edges = edges_of(size)
-        return cls._of("box", Box(edges), pose, options)
+        shape = shape_of(size)
+        edges = finite(size, shape if shape == () else (3,), "size", "edges [m]")
+        box = Box(tuple(positive(float(x), "size", "edge [m]") for x in np.broadcast_to(edges, 3)))
+        return cls._of("box", box, pose, options)
 
     @classmethod
     def sphere(cls, radius: float, pose: PoseLike = ORIGIN, **options: Any) -> Obstacle:
@@ -155,30 +253,39 @@ class Obstacle:
                 "or the motion of a robot"
             )
         moving = {"along": thing} if isinstance(thing, Motion) else {"posture": thing}
-        known_options(options, ("name", "margin", "may_touch"))
-        return cls._of("robot", None, ORIGIN, {"name": thing.arm.name} | options | moving)
+        return cls._of("robot", None, ORIGIN, {"name": thing.arm.name} | options, **moving)
 
     @classmethod
-    def _of(cls, kind: str, geometry: Any, pose: PoseLike, options: dict[str, Any]) -> Obstacle:
-        """Return an obstacle of checked options."""
-        given = checked_options(options)
-        along = given.get("along")
-        if along is not None and kind != "robot":
+    def _of(
+        cls, kind: str, geometry: Any, pose: PoseLike, options: dict[str, Any], **moving: Any
+    ) -> Obstacle:
+        """Return an obstacle; one that is moved in ways of its own has fewer options."""
+        names = ("name", "margin", "may_touch") if moving else OPTIONS
+        for option in options:
+            if option not in names:
+                raise ConfigurationError(unknown("option", option, names))
+        shape = None if geometry is None else Shape(ORIGIN, geometry)
+        options = {"name": kind} | options | moving
+        return cls(kind=kind, shape=shape, pose=sound_pose(pose, "pose"), **options)
+
+    def __post_init__(self) -> None:
+        touch, along = self.may_touch, self.along
+        if not isinstance(self.name, str) or not self.name:
+            raise ConfigurationError(f"name is {self.name!r}; give a name")
+        if not isinstance(self.margin, Real) or not 0.0 <= float(self.margin) <= LARGEST:
+            raise ConfigurationError(f"margin is {self.margin!r}; give a distance from 0 on [m]")
+        if not isinstance(touch, list | tuple | set) or not all(isinstance(x, str) for x in touch):
+            raise ConfigurationError(f"may_touch is {touch!r}; give names of links in a list")
+        twist = read_only(finite(self.twist, (6,), "twist", "[linear [m/s]; angular [rad/s]]"))
+        if along is not None and twist.any():
+            raise ConfigurationError("give an obstacle either twist or along, not both")
+        if along is not None and self.kind != "robot":
             along = Motion.of(along)
-        obstacle = cls(
-            name=given["name"] or kind,
-            kind=kind,
-            shape=None if geometry is None else Shape(ORIGIN, geometry),
-            pose=sound_pose(pose, "pose"),
-            twist=given["twist"],
-            along=along,
-            posture=given.get("posture"),
-            margin=given["margin"],
-            may_touch=given["may_touch"],
-        )
-        if not obstacle.parts:
-            raise ModelError(f"{obstacle.name}: none of its links has a shape; it blocks nothing")
-        return obstacle
+        sound = {"margin": float(self.margin), "may_touch": tuple(touch)}
+        for name, value in (sound | {"twist": twist, "along": along}).items():
+            object.__setattr__(self, name, value)
+        if not self.parts:
+            raise ModelError(f"{self.name}: none of its links has a shape; it blocks nothing")
 
     @property
     def moves(self) -> bool:
@@ -209,24 +316,20 @@ class Obstacle:
         )
 
     @cached_property
-    def carrier(self) -> Carrier:
+    def motion(self) -> ObstacleMotion:
         """What moves its frames."""
         if self.along is not None:
             return Moving(self.along)
         if self.posture is not None:
-            return Still.of(self.posture)
+            return Still(tuple(joint_frames(self.posture)))
         if self.twist.any():
             return Drifting(self.pose, self.twist)
         return Still((self.pose,))
 
     def poses(self, t: float) -> list[pin.SE3]:
         """Return the poses of its parts at a time [s], in the inertial frame."""
-        frames = self.carrier.frames(t)
+        frames = self.motion.frames(t)
         return [frames[part.frame] * part.pose for part in self.parts]
-
-    def moved(self, part: Part, t0: float, t1: float) -> float:
-        """Return how far points of a part move between two times at most [m]."""
-        return self.carrier.moved(part.frame, part.reach, part.far, t0, t1)
 
     def _solids(self) -> list[tuple[coal.CollisionGeometry, pin.SE3]]:
         """Return the solid of its shape, in the frame that carries it."""

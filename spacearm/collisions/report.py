@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from spacearm.arrays import Array
-from spacearm.collisions.courses import Course, Floating, Recorded
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.collisions.separation import Collisions, Contact
+from spacearm.collisions.swept_motion import Floating, Recorded, SweptMotion
 from spacearm.errors import UnsupportedError
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
-from spacearm.results import Result
+from spacearm.results import Cell, Description, Measure, Result, Table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,8 +48,19 @@ class CollisionReport(Result):
             f"no bodies meet, proven; {a!r} comes nearest, to {self.distance.min():.4g} m of {b!r}"
         )
 
-    def __repr__(self) -> str:
-        return f"CollisionReport({self.story}; {self.checked})"
+    def describe(self) -> Description:
+        """Describe the verdict, the bodies that come nearest and what was checked."""
+        nearest: dict[str, Cell] = {
+            "nearest bodies": f"{self.nearest[0]}, {self.nearest[1]}",
+            "least distance, less margins": Measure(float(self.distance.min()), "m"),
+        }
+        return Description(
+            title="collisions",
+            verdict=self.story,
+            tone="good" if self.apart else "bad",
+            notes=[self.checked],
+            tables=[Table.facts(nearest)],
+        )
 
 
 def collision_check(
@@ -80,25 +91,25 @@ def collision_check(
         >>> sa.collision_check(sa.load("planar2").at([0.3, 0.2]), box).apart
         False
     """
-    course: Course
+    motion: SweptMotion
     if isinstance(thing, Configuration):
-        course = Floating([thing], np.zeros(1))
+        motion = Floating([thing], np.zeros(1))
     else:
-        course = Recorded(Motion.of(thing))
-    bodies = Collisions(course.arm, obstacles_of(obstacles, course.arm))
+        motion = Recorded(Motion.of(thing))
+    bodies = Collisions(motion.arm, obstacles_of(obstacles, motion.arm))
     if not bodies:
-        raise UnsupportedError(f"{course.arm.name}: {bodies.account}; there is nothing to check")
+        raise UnsupportedError(f"{motion.arm.name}: {bodies.account}; there is nothing to check")
     least = []
-    for i in range(len(course)):
-        least.append(bodies.margins(course, float(i)))
+    for i in range(len(motion)):
+        least.append(bodies.margins(motion, float(i)))
         if progress:
-            progress(i + 1, len(course))
+            progress(i + 1, len(motion))
     rows = np.array(least)
-    contact = bodies.contact(course)
+    contact = bodies.contact(motion)
     return CollisionReport(
         apart=contact is None,
         contact=contact,
-        t=np.array(course.t, dtype=np.float64),
+        t=np.array(motion.t, dtype=np.float64),
         distance=rows.min(axis=1),
         nearest=bodies.links(int(rows.min(axis=0).argmin())),
         checked=bodies.account,

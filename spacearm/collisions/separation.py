@@ -16,9 +16,9 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.collisions.courses import Course, InJointSpace, interpolated
+from spacearm.collisions.bodies import Geometry, own_pairs
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.collisions.pairs import own_pairs
+from spacearm.collisions.swept_motion import InJointSpace, SweptMotion, interpolated
 from spacearm.errors import listed
 from spacearm.model.arm import Configuration, SpaceArm
 
@@ -74,12 +74,7 @@ class Collisions:
         self.arm, self.obstacles = arm, tuple(obstacles)
         own = own_pairs(arm)
         self.bodies = own.bodies
-        self._geometry = pin.GeometryModel()
-        for i, body in enumerate(self.bodies):
-            self._add(f"{i}", body.joint, body.pose, body.shape)
         self._parts = [(o, part) for o in obstacles for part in o.parts]
-        for i, (_, part) in enumerate(self._parts):
-            self._add(f"part {i}", 0, pin.SE3.Identity(), part.solid)
         first, against = len(self.bodies), []
         self._moving = {first + j for j, (o, _) in enumerate(self._parts) if o.moves}
         for j, (obstacle, _) in enumerate(self._parts):
@@ -87,8 +82,9 @@ class Collisions:
             against += [(i, first + j) for i, b in enumerate(self.bodies) if b.link not in free]
         self._own = len(own.pairs)
         self._pairs = [*own.pairs, *against]
-        for pair in self._pairs:
-            self._geometry.addCollisionPair(pin.CollisionPair(*pair))
+        solids = [(body.joint, body.pose, body.shape) for body in self.bodies]
+        solids += [(0, pin.SE3.Identity(), part.solid) for _, part in self._parts]
+        self._geometry = Geometry(arm, solids, self._pairs)
         margins = [self._parts[b - first][0].margin for _, b in against]
         self._margins = np.append(np.zeros(self._own), margins)
         self._near = own.close + self._margins
@@ -97,9 +93,6 @@ class Collisions:
     def __bool__(self) -> bool:
         """Whether any bodies may meet."""
         return bool(self._pairs)
-
-    def _add(self, name: str, joint: int, pose: pin.SE3, solid: object) -> None:
-        self._geometry.addGeometryObject(pin.GeometryObject(name, joint, pose, solid))
 
     def links(self, pair: int) -> tuple[str, str]:
         """Return the names of the bodies of a pair."""
@@ -135,11 +128,11 @@ class Collisions:
         joints, pairs = self.arm.all_joints(cfg.q), np.array(resting, dtype=np.int64)
         return bool((self._distances(joints, base, 0.0, pairs) >= self._near[pairs]).all())
 
-    def margins(self, course: Course, u: float) -> Array:
-        """Return distances less margins (pairs,) at a point of a course [m]."""
+    def margins(self, motion: SweptMotion, u: float) -> Array:
+        """Return distances less margins (pairs,) at a point of a motion [m]."""
         here = np.arange(len(self._pairs))
-        full = course.full(u)
-        return self._distances(full[7:], full[:7], course.time(u), here) - self._margins
+        full = motion.full(u)
+        return self._distances(full[7:], full[:7], motion.time(u), here) - self._margins
 
     def _distances(
         self, joints: Array, base: Array | None, t: float, pairs: npt.NDArray[np.int64]
@@ -152,27 +145,14 @@ class Collisions:
             t: Time [s].
             pairs: Numbers of the pairs.
         """
-        arm, geometry = self.arm, pin.GeometryData(self._geometry)
-        data = arm.borrow()
-        full = pin.neutral(arm.model)
-        full[7:] = joints
+        placed: dict[int, pin.SE3] = {}
         if base is not None:
-            full[:7] = base
-        pin.forwardKinematics(arm.model, data, full)
-        pin.updateGeometryPlacements(arm.model, data, self._geometry, geometry)
-        arm.give_back(data)
-        if base is not None:
-            poses = [pose for obstacle in self.obstacles for pose in obstacle.poses(t)]
-            for i, pose in enumerate(poses, len(self.bodies)):
-                geometry.oMg[i] = pose
-        compute = pin.computeDistance
-        return np.array(
-            [compute(self._geometry, geometry, int(i)).min_distance for i in pairs],
-            dtype=np.float64,
-        )
+            poses = (pose for obstacle in self.obstacles for pose in obstacle.poses(t))
+            placed = dict(enumerate(poses, len(self.bodies)))
+        return self._geometry.distances(joints, pairs, base, placed)
 
     def contact(
-        self, way: Array | Course, check_time: Callable[[], None] = lambda: None
+        self, way: Array | SweptMotion, check_time: Callable[[], None] = lambda: None
     ) -> Contact | None:
         """Find a contact on a motion; None if there is proven to be none.
 
@@ -181,24 +161,24 @@ class Collisions:
                 arm are checked against each other only.
             check_time: Called now and then; it may raise an error to end the search.
         """
-        course = way if isinstance(way, Course) else InJointSpace(self.arm, way)
-        pairs = np.arange(len(self._pairs) if course is way else self._own)
+        motion = way if isinstance(way, SweptMotion) else InJointSpace(self.arm, way)
+        pairs = np.arange(len(self._pairs) if motion is way else self._own)
         if not len(pairs):
             return None
-        travel = self._travel(course)
-        waiting = [(0.0, len(course) - 1.0, pairs)]
+        travel = self._travel(motion)
+        waiting = [(0.0, len(motion) - 1.0, pairs)]
         while waiting:
             check_time()
             low, high, pairs = waiting.pop()
             u = 0.5 * (low + high)
-            full = course.full(u)
-            distance = self._distances(full[7:], full[:7], course.time(u), pairs)
+            full = motion.full(u)
+            distance = self._distances(full[7:], full[:7], motion.time(u), pairs)
             short = distance - self._near[pairs]
             if short.min() < 0.0:
                 worst = int(short.argmin())
                 pair = int(pairs[worst])
                 return Contact(
-                    course.joints(u), self.links(pair), course.time(u), float(distance[worst]),
+                    motion.joints(u), self.links(pair), motion.time(u), float(distance[worst]),
                     float(self._margins[pair]),
                 )  # fmt: skip
             way_there = travel[pairs]
@@ -206,35 +186,35 @@ class Collisions:
             half = np.maximum(
                 here - interpolated(way_there.T, low), interpolated(way_there.T, high) - here
             )
-            half += self._approach(course, pairs, low, high)
+            half += self._approach(motion, pairs, low, high)
             open_ones = pairs[short <= half]
             if len(open_ones):
                 waiting += [(u, high, open_ones), (low, u, open_ones)]
         return None
 
     def _approach(
-        self, course: Course, pairs: npt.NDArray[np.int64], low: float, high: float
+        self, motion: SweptMotion, pairs: npt.NDArray[np.int64], low: float, high: float
     ) -> Array:
         """Return how far the obstacles of some pairs move from the middle at most (pairs,) [m]."""
         if not any(obstacle.moves for obstacle in self.obstacles):
             return np.zeros(len(pairs))
-        t0, t, t1 = (course.time(x) for x in (low, 0.5 * (low + high), high))
+        t0, t, t1 = (motion.time(x) for x in (low, 0.5 * (low + high), high))
         part_of = {
-            i: max(o.moved(part, t0, t), o.moved(part, t, t1))
+            i: max(o.motion.moved(part, t0, t), o.motion.moved(part, t, t1))
             for i, (o, part) in enumerate(self._parts, len(self.bodies))
         }
         return np.array([part_of.get(self._pairs[i][1], 0.0) for i in pairs])
 
-    def _travel(self, course: Course) -> Array:
+    def _travel(self, motion: SweptMotion) -> Array:
         """Return how far the bodies of all pairs move against each other up to each row at most.
 
         Those of the arm: (pairs, m) [m]. The obstacles' own motion is not in it.
         """
-        path = course.path
+        path = motion.path
         steps = np.abs(np.diff(path, axis=0))
         way = self.gains(path) @ steps.T
         if len(self._pairs) > self._own:
-            body = course.swept(self.bodies)
+            body = motion.swept(self.bodies)
             way = np.vstack((way, [body[a] for a, _ in self._pairs[self._own :]]))
         return np.hstack((np.zeros((len(way), 1)), way.cumsum(axis=1)))
 

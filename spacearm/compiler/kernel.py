@@ -33,7 +33,7 @@ SHARES = 8
 """Each thread takes so many shares of the lanes, one after the other, since some take longer."""
 QUICK, FAST = 0, 1
 """Levels of optimisation: the second takes LLVM five times as long, and runs twice as fast."""
-PATIENCE = 6e-5
+SECONDS_A_LINE = 6e-5
 """Time for each line of code that LLVM takes for the second [s]."""
 _begin, _buffer = ctypes.addressof, ctypes.c_char.from_buffer
 FEW = 64
@@ -59,7 +59,7 @@ class Kernel:
         self._tables, self._outside = traced.tables, tuple(traced.outside)  # which take memory
         self._single, self._prepared = traced.single, len(traced.shared.written) + 1
         self._text = Lanes(traced, self.lanes, contract and fuses()).text()
-        self._patience: float | None = PATIENCE * self._text.count("\n")
+        self._left: float | None = SECONDS_A_LINE * self._text.count("\n")
         self._improving, self._codes = Lock(), list[Code]()
         self._shapes = [o.shape if isinstance(o, Rows) else np.shape(o) for o in traced.outputs]
         self._compile(FAST if is_kept(self._text, FAST) else QUICK)
@@ -130,17 +130,17 @@ class Kernel:
         self._prepare = PREPARE(code.address("prepare"))
         self._run = RUN(code.address("run"))
         if level == FAST:
-            self._patience = None
+            self._left = None
 
     def _improve(self, seconds: float) -> None:
         """Compile for speed if it has run long enough, in one thread; the others go on."""
         with self._improving:
-            if self._patience is None:
+            if self._left is None:
                 return
-            self._patience -= seconds
-            if self._patience > 0.0:
+            self._left -= seconds
+            if self._left > 0.0:
                 return
-            self._patience = None
+            self._left = None
         self._compile(FAST)
 
     def _outputs(self, m: int, out: Sequence[Array | None]) -> list[Array]:
@@ -152,10 +152,11 @@ class Kernel:
             shape = (m, *shape)
             if place is None:
                 place = np.empty(shape)
-            elif place.shape != shape or place.dtype != np.float64:
-                raise ValueError(f"out[{i}]: {place.dtype} {place.shape} is not float64 {shape}")
-            elif not (place.flags.c_contiguous and place.flags.writeable):
-                raise ValueError(f"out[{i}] is not C-contiguous and writeable")
+            elif place.shape != shape or place.dtype != np.float64 or not place.flags.carray:
+                given = f"{place.dtype} {place.shape}"
+                raise ValueError(
+                    f"out[{i}]: {given} is not C-contiguous, writeable float64 {shape}"
+                )
             found.append(place)
         return found
 
@@ -185,7 +186,7 @@ class Kernel:
             begin, end = blocks * share // shares, blocks * (share + 1) // shares
             begun = perf_counter()
             self._run(arguments, shared, rows - self.lanes, begin, end)
-            if self._patience is not None:
+            if self._left is not None:
                 self._improve(perf_counter() - begun)
 
         if shares == 1:

@@ -32,10 +32,7 @@ from spacearm.compiler.expressions import (
 )
 from spacearm.compiler.operations import OPERATIONS
 
-__all__ = [
-    "Outside", "Region", "Rows", "Table", "asarray", "gradient", "hold", "procedure", "repeat",
-    "row", "where", "while_any",
-]  # fmt: skip
+__all__ = ["asarray", "hold", "where"]  # of what is imported: functions of `xp`
 
 _current: ContextVar[Tape] = ContextVar("tape")
 

@@ -60,7 +60,7 @@ def inertia(xp: Any, tree: Structure, at: Posture) -> Any:
     digits.
     """
     carries = tree.carries[1:, 1:]
-    v, w = _own(tree, at)
+    v, w = tree.slide * at.s[:, :3], at.s[:, 3:]  # of each joint at its own origin
     linear = at.P[:, :3]
     moments, I = _carried(xp, tree, at)
     spins = (I @ w[..., None])[..., 0] + xp.cross(moments, v)
@@ -134,8 +134,10 @@ def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
     itself. Accelerating the spacecraft takes P M_bb^-1 c_b of that.
     """
     nu, s = twists(xp, tree, at, dq, loads)
-    a = _outwards(xp, tree, np.zeros(6), _crossed(xp, nu[1:], s))
     v, w, r = nu[:, :3], nu[:, 3:], at.centres
+    linear = xp.cross(w[1:], s[:, :3]) + xp.cross(v[1:], s[:, 3:])
+    crossed = xp.concatenate([linear, xp.cross(w[1:], s[:, 3:])], axis=1)
+    a = _outwards(xp, tree, np.zeros(6), crossed)
     spin = (at.inertias @ w[..., None])[..., 0] + loads.held
     moved = a[:, :3] + xp.cross(a[:, 3:], r) + xp.cross(w, v + xp.cross(w, r))
     force = at.masses * moved - loads.wrenches[:, :3]
@@ -145,16 +147,10 @@ def bias(xp: Any, tree: Structure, at: Posture, dq: Any, loads: Loads) -> Any:
         inner = tree.parents[i]
         F[inner] = F[inner] + F[i]
         N[inner] = N[inner] + N[i] + xp.cross(at.origins[i] - at.origins[inner], F[i])
-    v, w = _own(tree, at)
+    v, w = tree.slide * at.s[:, :3], at.s[:, 3:]  # of each joint at its own origin
     c = (v * xp.stack(F[1:]) + w * xp.stack(N[1:])).sum(axis=1)
     c_b = xp.concatenate([F[0], N[0] + xp.cross(at.origins[0], F[0])], axis=0)
     return tree.gains.T @ (c - at.P @ base_twist(xp, tree, at, c_b[:, None])[:, 0])
-
-
-def _own(tree: Structure, at: Posture) -> tuple[Any, Any]:
-    """Return what each joint does at its own origin per unit rate: velocities and turns (N, 3)."""
-    slides = np.array(tree.slides[1:])[:, None] * 1.0
-    return slides * at.s[:, :3], at.s[:, 3:]
 
 
 def _carried(xp: Any, tree: Structure, at: Posture) -> tuple[Any, Any]:
@@ -169,9 +165,3 @@ def _carried(xp: Any, tree: Structure, at: Posture) -> tuple[Any, Any]:
             I[inner] = I[inner] + I[i] + (about(e, mean) + about(mean, e))[0]
             m[inner], s[inner] = m[inner] + m[i], s[inner] + s[i] + m[i] * e[0]
     return xp.stack(s[1:]), xp.stack(I[1:])[:, SYMMETRIC]
-
-
-def _crossed(xp: Any, a: Any, b: Any) -> Any:
-    """Compute the twists a x b, (m, 6)."""
-    v = xp.cross(a[:, 3:], b[:, :3]) + xp.cross(a[:, :3], b[:, 3:])
-    return xp.concatenate([v, xp.cross(a[:, 3:], b[:, 3:])], axis=1)

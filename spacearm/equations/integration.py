@@ -32,7 +32,7 @@ STABLE = 6.1
 STIFF, TRIAL = 15, 20
 """Steps that look stiff, nearly in a row, until DOP853 gives up; steps of Rodas5P that DOP853 could
 have taken as cheaply until it comes back."""
-PATIENCE = 500
+HOLDOFF = 500
 """Steps of DOP853 after its return until stiffness counts again."""
 ROUNDING = 2.0**-52
 SMALL = 1e-3
@@ -80,7 +80,7 @@ class Step(NamedTuple):
     eigenvalue: Any
 
 
-class Progress(NamedTuple):
+class RunState(NamedTuple):
     """Where a run stands.
 
     Attributes:
@@ -89,7 +89,7 @@ class Progress(NamedTuple):
         h: Length of the next step; 0 if none was chosen.
         status: One of RUNNING, FINISHED, FAILED, COLLAPSED, CHANGES.
         stiff: Steps that count for a change of the method.
-        calm: Steps until stiffness counts.
+        holdoff: Steps until stiffness counts.
         eigenvalue: The one that limited steps of DOP853 last [1/s].
         turns: Number of rows that were written.
     """
@@ -99,12 +99,12 @@ class Progress(NamedTuple):
     h: Any
     status: Any
     stiff: Any
-    calm: Any
+    holdoff: Any
     eigenvalue: Any
     turns: Any = 0.0
 
 
-def _sum(weights: Sequence[float], stages: Sequence[Any]) -> Any:
+def weighted_sum(weights: Sequence[float], stages: Sequence[Any]) -> Any:
     """Compute a weighted sum of stages."""
     found: Any = 0.0
     for weight, stage in zip(weights, stages, strict=False):
@@ -125,12 +125,12 @@ def explicit_step(
     """Take a step of DOP853 from a state y (N,) with the rate dy."""
     K = [dy]
     for a, c in zip(of.A[1:], of.C[1:], strict=False):
-        last = y + h * _sum(a, K)
+        last = y + h * weighted_sum(a, K)
         K.append(rate(t + c * h, last))
-    end = y + h * _sum(of.B, K)
+    end = y + h * weighted_sum(of.B, K)
     K.append(rate(t + h, end))
-    fifth = _norm(xp, problem, y, end, _sum(of.E5, K))
-    both = fifth + 0.01 * _norm(xp, problem, y, end, _sum(of.E3, K))
+    fifth = _norm(xp, problem, y, end, weighted_sum(of.E5, K))
+    both = fifth + 0.01 * _norm(xp, problem, y, end, weighted_sum(of.E3, K))
     some = xp.where(both > 0.0, both, 1.0)
     error = h * fifth / xp.sqrt(some * problem.counted)
     changed, apart = ((K[12] - K[11]) ** 2).sum(), ((end - last) ** 2).sum()
@@ -138,9 +138,9 @@ def explicit_step(
     curves = [end - y]
     if dense:
         for a, c in zip(of.A_DENSE, of.C[13:], strict=True):
-            K.append(rate(t + c * h, y + h * _sum(a, K)))
+            K.append(rate(t + c * h, y + h * weighted_sum(a, K)))
         curves += [h * dy - curves[0], 2.0 * curves[0] - h * (K[12] + dy)]
-        curves += [h * _sum(d, K) for d in of.D]
+        curves += [h * weighted_sum(d, K) for d in of.D]
     else:
         curves += [0.0 * y] * (CURVES - 1)
     error = error + 0.0 * K[12].sum()  # no number where there is no rate at the end
@@ -200,12 +200,12 @@ def implicit_step(
     at, f = y, dy
     for i in range(8):
         if i > 0:
-            at = at + U[-1] if i > 5 else y + _sum(of.SHARES[i], U)
+            at = at + U[-1] if i > 5 else y + weighted_sum(of.SHARES[i], U)
             f = rate(t + of.TIMES[i] * h, at)
         right = f + h * of.SLOPES[i] * slope
-        U.append(solved(right + _sum(of.COUPLINGS[i], U) / h if i else right))
+        U.append(solved(right + weighted_sum(of.COUPLINGS[i], U) / h if i else right))
     end = at + U[7]
-    k = [_sum(curve, U) for curve in of.CURVES]
+    k = [weighted_sum(curve, U) for curve in of.CURVES]
     middle = 0.5 * (y + end + 0.5 * (k[0] + 0.5 * (k[1] + 0.5 * k[2])))
     slope = (end - y + 0.25 * (k[1] + k[2])) / h
     between = solved(rate(t + 0.5 * h, middle) - slope)  # how far the dense output is off
@@ -253,14 +253,14 @@ def advance(
     xp: Any,
     rate: Rate,
     problem: Problem,
-    start: Progress,
+    start: RunState,
     end: Any,
     *,
     most: int,
     implicit: bool = False,
     switches: Any = 0.0,
     dense: bool = True,
-) -> tuple[Progress, Any]:
+) -> tuple[RunState, Any]:
     """Take up to `most` steps, rejected ones included, towards the time `end`.
 
     Args:
@@ -289,7 +289,7 @@ def advance(
     first = first_step(xp, rate, problem, start.t, start.y, dy, end)
     h = xp.where(start.h > 0.0, start.h, first)
 
-    def step(t: Any, y: Any, dy: Any, h: Any, ceiling: Any, status: Any, stiff: Any, calm: Any,
+    def step(t: Any, y: Any, dy: Any, h: Any, ceiling: Any, status: Any, stiff: Any, holdoff: Any,
              eigenvalue: Any, turns: Any) -> Any:  # fmt: skip
         goes, last = status <= 0.0, end - t <= h
         taken = xp.minimum(h, end - t)
@@ -315,9 +315,9 @@ def advance(
         else:
             limited = taken * found.eigenvalue > STABLE
             now = xp.where(limited, stiff + 1.0, xp.maximum(stiff - 0.5, 0.0))
-            now = xp.where(xp.logical_and(good, calm <= 0.0), now, stiff)
+            now = xp.where(xp.logical_and(good, holdoff <= 0.0), now, stiff)
             eigenvalue = xp.where(xp.logical_and(good, limited), found.eigenvalue, eigenvalue)
-            calm = xp.where(good, xp.maximum(calm - 1.0, 0.0), calm)
+            holdoff = xp.where(good, xp.maximum(holdoff - 1.0, 0.0), holdoff)
             changes = now >= STIFF
         changes = xp.logical_and(changes, switches > 0.0)
         status = xp.where(xp.logical_and(changes, status <= 0.0), float(CHANGES), status)
@@ -328,13 +328,13 @@ def advance(
         dy = xp.where(good, found.dy, dy)
         ceiling = xp.where(good, MOST, 1.0)
         more = status <= 0.0
-        return t, y, dy, next_h, ceiling, status, now, calm, eigenvalue, turns + 1.0, more, kept
+        return t, y, dy, next_h, ceiling, status, now, holdoff, eigenvalue, turns + 1.0, more, kept
 
     zero = 0.0 * start.t
-    begun = (start.t, start.y, dy, h, zero + MOST, status, start.stiff + zero, start.calm + zero,
+    begun = (start.t, start.y, dy, h, zero + MOST, status, start.stiff + zero, start.holdoff + zero,
              start.eigenvalue + zero, zero)  # fmt: skip
     *found, rows = xp.while_any(step, *begun, most=most, keep=True)
     now = [
         xp.where(status <= 0.0, after, before) for after, before in zip(found, begun, strict=True)
     ]
-    return Progress(now[0], now[1], now[3], *now[5:]), rows
+    return RunState(now[0], now[1], now[3], *now[5:]), rows

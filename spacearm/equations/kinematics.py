@@ -86,6 +86,11 @@ class Structure:
     normal: int | None = None
 
     @cached_property
+    def slide(self) -> Array:
+        """(N, 1) 1 where a joint is prismatic, else 0."""
+        return np.array(self.slides[1:])[:, None] * 1.0
+
+    @cached_property
     def carries(self) -> Array:
         """(N + 1, N + 1) 1 where joint i (row; 0 is the whole) carries body j, else 0."""
         found = np.eye(len(self.parents))
@@ -166,8 +171,8 @@ def posture(xp: Any, tree: Structure, p: Parameters, q: Any) -> Posture:
     whole = inertias + about(x, moments)
     tips = a[body] + (R[body] @ (own[body] @ p.tip_positions[..., None]))[..., 0] - r_cm
     u, arm = R[1:] @ Z, a[1:] - r_cm
-    slides = np.array(tree.slides[1:])[:, None] * 1.0
-    v, w = slides * u + (1.0 - slides) * xp.cross(arm, u), (1.0 - slides) * u
+    turn = 1.0 - tree.slide
+    v, w = tree.slide * u + turn * xp.cross(arm, u), turn * u
     s = xp.concatenate([v, w], axis=1)
     m, moment, I = (gathered(xp, tree, values) for values in (masses, moments, whole))
     P = momenta(xp, m[1:], moment[1:], I[1:, SYMMETRIC], s)

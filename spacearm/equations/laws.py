@@ -133,7 +133,7 @@ class Law(NamedTuple):
     """What is known of a law while it is traced.
 
     Attributes:
-        kind: One of `KINDS`, or "own" for a user's.
+        kind: "joints", "transposed", "resolved", "damped", "reactionless", or "own" for a user's.
         source: Of a user's law where its torques come from, else where a moving target does; None
             if the target stays.
         tip: The tip that it leads.
@@ -231,57 +231,38 @@ def law_torques(
         call: Its function outside, if it has one: of (1 + states,) time and state of a user's law,
             of (1,) time of a target.
     """
-    tau = KINDS[law.kind](xp, state, law, numbers, call)
+    if law.kind == "own":
+        if law.source is not None and law.source.function is not None:
+            tau = xp.asarray(law.source.function(xp, state))
+        else:
+            tau = called(xp, call, xp.concatenate([xp.stack([state.t]), state.y]))
+    elif law.kind == "joints":
+        error = _target(xp, law, numbers, call, state.t) - state.q
+        tau = joint_pd(numbers["kp"], numbers["kd"], error, state.dq)
+    else:
+        J = law_jacobian(xp, state, law)
+        error, feed = law_errors(xp, state, law, numbers, call)
+        if law.kind == "transposed":
+            tau = transposed(J, numbers["kp"], numbers["kd"], error, feed, state.dq)
+        else:
+            rates = _rates(xp, state, law, numbers, J, feed + numbers["gain"] * error)
+            tree, wanted = replace(state.tree, mode=law.mode), numbers["servo"] * (rates - state.dq)
+            tau = inverse_dynamics(xp, tree, state.at, state.dq, wanted)
     return tau if law.joints is None else np.array(law.joints) * tau
 
 
-def _own(xp: Any, state: State, law: Law, _: Any, call: Any) -> Any:
-    """Compute the torques of a user's law."""
-    if law.source is not None and law.source.function is not None:
-        return xp.asarray(law.source.function(xp, state))
-    return called(xp, call, xp.concatenate([xp.stack([state.t]), state.y]))
-
-
-def _joints(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any) -> Any:
-    """Compute the torques of `JointPD`."""
-    error = _target(xp, law, numbers, call, state.t) - state.q
-    return joint_pd(numbers["kp"], numbers["kd"], error, state.dq)
-
-
-def _transposed(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any) -> Any:
-    """Compute the torques of `TransposedJacobian`."""
-    J = law_jacobian(xp, state, law)
-    error, feed = law_errors(xp, state, law, numbers, call)
-    return transposed(J, numbers["kp"], numbers["kd"], error, feed, state.dq)
-
-
-def _by_rates(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], call: Any) -> Any:
-    """Compute the torques of the laws that ask for joint rates."""
-    tree, at = replace(state.tree, mode=law.mode), state.at
-    J = law_jacobian(xp, state, law)
-    error, feed = law_errors(xp, state, law, numbers, call)
-    gain = numbers["gain"]
-    wanted = feed + gain * error
+def _rates(xp: Any, state: State, law: Law, numbers: Mapping[str, Any], J: Any, wanted: Any) -> Any:
+    """Compute the joint rates (n,) that a law asks for, so that the tip moves as is wanted (k,)."""
     if law.kind == "resolved":
         rest = numbers["rest"] - state.q if law.rests else None
-        rates = resolved_rates(xp, J, wanted, law.least, rest, gain.sum() / len(law.rows))
-    else:
-        scale = np.array(law.scale)
-        J, wanted = scale[:, None] * J, scale * wanted
-        damping = numbers["damping"], numbers["threshold"]
-        if law.kind == "damped":
-            rates = damped_rates(xp, J, wanted, *damping)
-        else:
-            D_q = at.P[:, 3:].T @ tree.gains
-            rates = reactionless_rates(xp, J, D_q, law.rank, law.least, wanted, *damping)
-    return inverse_dynamics(xp, tree, at, state.dq, numbers["servo"] * (rates - state.dq))
-
-
-KINDS: dict[str, Callable[..., Any]] = {
-    "own": _own, "joints": _joints, "transposed": _transposed,
-    "resolved": _by_rates, "damped": _by_rates, "reactionless": _by_rates,
-}  # fmt: skip
-"""The laws."""
+        gain = numbers["gain"].sum() / len(law.rows)
+        return resolved_rates(xp, J, wanted, law.least, rest, gain)
+    scale, damping = np.array(law.scale), (numbers["damping"], numbers["threshold"])
+    J, wanted = scale[:, None] * J, scale * wanted
+    if law.kind == "damped":
+        return damped_rates(xp, J, wanted, *damping)
+    D_q = state.at.P[:, 3:].T @ state.tree.gains
+    return reactionless_rates(xp, J, D_q, law.rank, law.least, wanted, *damping)
 
 
 def joint_pd(kp: Any, kd: Any, error: Any, dq: Any) -> Any:

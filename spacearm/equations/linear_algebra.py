@@ -84,16 +84,8 @@ def _one_less(columns: tuple[int, ...]) -> list[tuple[int, ...]]:
     return [columns[:j] + columns[j + 1 :] for j in range(len(columns))]
 
 
-class Factors(NamedTuple):
-    """Factors L U of a matrix whose rows were exchanged.
-
-    Attributes:
-        LU: Rows of factors, the diagonal inverted.
-        swaps: (i, j, mask) exchanges of rows, in order.
-    """
-
-    LU: list[list[Any]]
-    swaps: list[tuple[int, int, Any]]
+Factors = tuple[list[list[Any]], list[tuple[int, int, Any]]]
+"""L U, the diagonal inverted, of a matrix whose rows were exchanged: (i, j, mask) in order."""
 
 
 def factors(xp: Any, A: Any) -> Factors:
@@ -112,21 +104,22 @@ def factors(xp: Any, A: Any) -> Factors:
             rows[j][i] = rows[j][i] * rows[i][i]
             for k in range(i + 1, n):
                 rows[j][k] = rows[j][k] - rows[j][i] * rows[i][k]
-    return Factors(rows, swaps)
+    return rows, swaps
 
 
 def substitute(xp: Any, known: Factors, b: Any) -> Any:
     """Solve A x = b (n,) with the factors of A."""
-    x, n = [b[i] for i in range(len(known.LU))], len(known.LU)
-    for i, j, mask in known.swaps:
+    (LU, swaps), n = known, len(b)
+    x = [b[i] for i in range(n)]
+    for i, j, mask in swaps:
         x[i], x[j] = xp.where(mask, x[j], x[i]), xp.where(mask, x[i], x[j])
     for i in range(n):
         for j in range(i):
-            x[i] = x[i] - known.LU[i][j] * x[j]
+            x[i] = x[i] - LU[i][j] * x[j]
     for i in range(n - 1, -1, -1):
         for j in range(i + 1, n):
-            x[i] = x[i] - known.LU[i][j] * x[j]
-        x[i] = x[i] * known.LU[i][i]
+            x[i] = x[i] - LU[i][j] * x[j]
+        x[i] = x[i] * LU[i][i]
     return xp.stack(x)
 
 

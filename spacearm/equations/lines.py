@@ -9,12 +9,13 @@ Math. Softw. 16, 201-222, 1990, DOI 10.1145/79505.79507).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from spacearm.equations.integration import weighted_sum
 from spacearm.equations.kinematics import Parameters, Structure, jacobian_at, posture, response
 from spacearm.equations.laws import attitude, quaternion_rate
 from spacearm.equations.linear_algebra import Reflection, reflector, solve, unreflected
@@ -135,7 +136,7 @@ def lead(
                        sense, c.h)  # fmt: skip
 
     slope = xp.procedure(slope)
-    look = xp.procedure(lambda q: distance(xp, tree, p, q, FADING, c.radians)[0])
+    to_set = xp.procedure(lambda q: distance(xp, tree, p, q, FADING, c.radians)[0])
 
     def judged(seen: Seen, y: Any, arc: Any, d: Any, arrived: Any) -> Seen:
         room = reduce(xp.minimum, xp.minimum(y[:n] - c.lower, c.upper - y[:n]))
@@ -146,7 +147,7 @@ def lead(
     y = xp.concatenate([q, attitude, xp.row(pieces, first)[:1]])
     k, sense = slope(y, first, zero)
     sense = sense if square else zero
-    d = look(q)
+    d = to_set(q)
     never = np.inf + zero
     seen = judged(
         Seen(zero + RUNNING, zero, never, zero, never, zero, xp.stack([never] * 15).reshape(3, 5)),
@@ -170,7 +171,7 @@ def lead(
         piece = xp.where(at_end & (piece < last), piece + 1.0, piece)
         stop = xp.where(met, stop + c.spacing, stop)
         k, sign = slope(y, piece, sense)
-        d = look(y[:n])
+        d = to_set(y[:n])
         signed = xp.where(sign * sense < 0.0, -d, d) if square else d
         after = judged(seen, y, arc, signed, arrived)
         some = xp.where(error > 1e-12, error, 1e-12)
@@ -340,17 +341,9 @@ def _step(xp: Any, slope: Callable[[Any], Any], y: Any, k: Any, h: Any) -> tuple
     """Return the change of the state in a step from a state with slope k, and its error."""
     K = [k]
     for weights in STAGES:
-        K.append(slope(y + h * _sum(weights, K)))
+        K.append(slope(y + h * weighted_sum(weights, K)))
     off = [a - b for a, b in zip(FIFTH, FOURTH, strict=True)]
-    return h * _sum(FIFTH, K), reduce(xp.maximum, xp.absolute(h * _sum(off, K)))
-
-
-def _sum(weights: Iterable[float], K: Iterable[Any]) -> Any:
-    """Return a weighted sum."""
-    found: Any = 0.0
-    for weight, k in zip(weights, K, strict=False):
-        found = found + weight * k if weight else found
-    return found
+    return h * weighted_sum(FIFTH, K), reduce(xp.maximum, xp.absolute(h * weighted_sum(off, K)))
 
 
 def _unit_attitude(xp: Any, y: Any, n: int) -> Any:

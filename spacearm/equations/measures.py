@@ -215,7 +215,7 @@ def nearest(
 ) -> Any:  # fmt: skip
     """Compute the distance to the singular set to first order, and the point nearest on it.
 
-    That is the point nearest on the set as it looks from itself, T(X) = X: a fixed point by
+    That is the point nearest on the set linearised at itself, T(X) = X: a fixed point by
     secants, Anderson, J. ACM 12, 547 (1965), DOI 10.1145/321296.321305, of depth one.
 
     Args:

@@ -18,10 +18,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.files import write, write_folder
 from spacearm.motion.motion import Motion
 
-COLUMNS = {
-    "component": ("px", "py", "pz", "hx", "hy", "hz"),
-    "axis": ("x", "y", "z"),
-}
+COLUMNS = {"component": ("px", "py", "pz", "hx", "hy", "hz"), "axis": ("x", "y", "z")}
 """Names of columns by what they stand for; those of wheels are numbers."""
 
 
@@ -109,7 +106,7 @@ def _mat(motion: Motion) -> bytes:
 
     data = motion.to_xarray()
     content: dict[str, Any] = {str(name): values.values for name, values in data.data_vars.items()}
-    content |= {"t": np.asarray(motion.t)[:, None], "arm": motion.arm.name}
+    content |= {"t": motion.t[:, None], "arm": motion.arm.name}
     names = {str(name): x.values for name, x in data.coords.items() if name != "t"}
     content |= {name: np.array(words, dtype=object) for name, words in names.items()}
     content["units"] = {str(name): values.attrs["units"] for name, values in data.data_vars.items()}
@@ -120,27 +117,18 @@ def _mat(motion: Motion) -> bytes:
 
 def _joint_trajectory(motion: Motion) -> bytes:
     """Write a JointTrajectory."""
-    t = np.asarray(motion.t) - motion.t[0]
     points = [
-        {
-            "positions": q.tolist(),
-            "velocities": dq.tolist(),
-            "time_from_start": _stamp(round(1e9 * time)),
-        }
-        for time, q, dq in zip(t, motion.q, motion.dq, strict=True)
+        {"positions": q.tolist(), "velocities": dq.tolist(), "time_from_start": _stamp(t)}
+        for t, q, dq in zip(motion.t - motion.t[0], motion.q, motion.dq, strict=True)
     ]
     message = {"joint_names": list(motion.arm.joint_names), "points": points}
     return json.dumps(message, indent=1).encode() + b"\n"
 
 
-def _stamp(nanoseconds: int) -> dict[str, int]:
-    """Return a time [ns] as ROS has it."""
-    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
-
-
-def _netcdf(motion: Motion) -> bytes:
-    """Write NetCDF."""
-    return bytes(motion.to_xarray().to_netcdf())
+def _stamp(t: float) -> dict[str, int]:
+    """Return a time [s] as ROS has it."""
+    seconds, nanoseconds = divmod(round(1e9 * t), 10**9)
+    return {"sec": seconds, "nanosec": nanoseconds}
 
 
 def _zarr(motion: Motion, path: Path) -> Path:
@@ -197,9 +185,8 @@ def _mcap(motion: Motion) -> bytes:
     try:
         library = import_module("mcap_ros2.writer")
     except ImportError:
-        raise UnsupportedError(
-            "mcap-ros2-support is not installed: pip install 'spacearm[mcap]'"
-        ) from None
+        why = "mcap-ros2-support is not installed: pip install 'spacearm[mcap]'"
+        raise UnsupportedError(why) from None
     buffer = io.BytesIO()
     writer = library.Writer(buffer)
     schemas = {
@@ -211,16 +198,10 @@ def _mcap(motion: Motion) -> bytes:
     effort = data["torque"].values if "torque" in data else np.empty((len(motion), 0))
     others = {str(name): x for name, x in data.data_vars.items() if name not in JOINTS_AND_BASE}
     names, root = list(motion.arm.joint_names), motion.arm.tree.root
-    for i, since in enumerate(np.asarray(motion.t) - motion.t[0]):
-        time = round(1e9 * since)
-        header = {"stamp": _stamp(time), "frame_id": WORLD}
-        joints = {
-            "header": header,
-            "name": names,
-            "position": q[i].tolist(),
-            "velocity": dq[i].tolist(),
-            "effort": effort[i].tolist(),
-        }
+    for i, t in enumerate(motion.t - motion.t[0]):
+        header = {"stamp": _stamp(t), "frame_id": WORLD}
+        joints = {"header": header, "name": names, "position": q[i].tolist()}
+        joints |= {"velocity": dq[i].tolist(), "effort": effort[i].tolist()}
         placed = {"header": header, "child_frame_id": root, "transform": _transform(base[i])}
         messages = [
             ("/joint_states", "sensor_msgs/JointState", joints),
@@ -228,6 +209,7 @@ def _mcap(motion: Motion) -> bytes:
             *(_quantity(name, values, i) for name, values in others.items()),
         ]
         for topic, kind, message in messages:
+            time = round(1e9 * t)
             writer.write_message(topic, schemas[kind], message, log_time=time, sequence=i)
     writer.finish()
     return buffer.getvalue()
@@ -235,11 +217,8 @@ def _mcap(motion: Motion) -> bytes:
 
 def _transform(pose: Any) -> dict[str, dict[str, float]]:
     """Return a pose (7,) as a Transform."""
-    values = pose.tolist()
-    return {
-        "translation": dict(zip("xyz", values[:3], strict=True)),
-        "rotation": dict(zip("xyzw", values[3:], strict=True)),
-    }
+    place, turn = (dict(zip("xyzw", part.tolist(), strict=False)) for part in np.split(pose, [3]))
+    return {"translation": place, "rotation": turn}
 
 
 def _quantity(name: str, values: Any, i: int) -> tuple[str, str, dict[str, Any]]:
@@ -260,5 +239,5 @@ WRITERS: dict[str, Callable[[Motion], bytes]] = {
     ".mat": _mat,
     ".json": _joint_trajectory,
     ".mcap": _mcap,
-    ".nc": _netcdf,
+    ".nc": lambda motion: bytes(motion.to_xarray().to_netcdf()),
 }

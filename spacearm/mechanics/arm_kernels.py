@@ -110,23 +110,19 @@ def structure_of(arm: SpaceArm, mode: BaseMode = "free-floating") -> Structure:
     free_components(mode)
     model, names = arm.model, list(arm.model.names)
     joints = [arm.tree.joints[name] for name in names[2:]]
+    turns = (pin.Quaternion.FromTwoVectors(Z, joint.axis).matrix() for joint in joints)
     return Structure(
         n=arm.n,
         parents=(0, *(int(parent) - 1 for parent in list(model.parents)[2:])),
         slides=(False, *(joint.kind == "prismatic" for joint in joints)),
         gains=np.eye(arm.n) if arm.coupling is None else np.asarray(arm.coupling),
         offsets=np.array(arm.offsets, dtype=float),
-        turns=_whole(np.array([np.eye(3), *(z_to(joint.axis) for joint in joints)], dtype=float)),
+        turns=_whole(np.array([np.eye(3), *turns], dtype=float)),
         tips=tuple(model.frames[frame].parentJoint - 1 for frame in arm.tip_frames),
         rows=tuple(int(row) for row in arm.task.indices),
         scale=np.array(arm.task.scale, dtype=float),
         mode=mode,
     )
-
-
-def z_to(axis: Array) -> Array:
-    """Return a rotation (3, 3) that takes z to the axis."""
-    return pin.Quaternion.FromTwoVectors(Z, axis).matrix()
 
 
 @lru_cache(maxsize=256)

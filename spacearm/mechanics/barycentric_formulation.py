@@ -22,7 +22,7 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration
-from spacearm.results import Result
+from spacearm.results import Column, Description, Result, Table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,8 +54,14 @@ class VirtualManipulator(Result):
         """(3,) the end, which is the tip, inertial frame, equation (3) [m]."""
         return self.ground + self.links.sum(axis=0)
 
-    def __repr__(self) -> str:
-        return f"VirtualManipulator({len(self.links)} links, end at {self.end} m)"
+    def describe(self) -> Description:
+        """Describe the links and the end of the chain."""
+        rows = [(i, link, np.linalg.norm(link)) for i, link in enumerate(self.links)]
+        return Description(
+            title=f"{len(self.links)} links",
+            verdict=f"end at {np.round(self.end, 6)} m",
+            tables=[Table(("link", Column("vector", "m"), Column("length", "m")), rows)],
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,8 +109,19 @@ class Barycentric(Result):
     T0: Array
     r_cm: Array
 
-    def __repr__(self) -> str:
-        return f"Barycentric(N={len(self.c) - 1}, M={self.M:g} kg, mu={self.mu})"
+    def describe(self) -> Description:
+        """Describe the mass distribution, the bodies' CMs and their barycentres."""
+        columns = ("body", "mass distribution", Column("CM from the system CM", "m"),
+                   Column("barycentre from its CM", "m"))  # fmt: skip
+        rows = [
+            (i, *values) for i, values in enumerate(zip(self.mu, self.rho, self.c, strict=False))
+        ]
+        return Description(
+            title=f"{len(self.c)} bodies",
+            verdict=f"{self.M:.6g} kg",
+            notes=["equations (7), (11) and (8), spacecraft axes"],
+            tables=[Table(columns, rows)],
+        )
 
     @property
     def base_rates(self) -> Array:
@@ -183,7 +200,7 @@ def barycentric(cfg: Configuration) -> Barycentric:
     )  # (31)
     D_j = D_ij.sum(axis=0)  # (34b)
     D, Dq = D_j.sum(axis=0), np.einsum("jab,jbn->an", D_j, F)
-    cross = [_cross(v_iE) for v_iE in v_E]
+    cross = [pin.skew(v_iE) for v_iE in v_E]
     J11, J22 = -sum(cross, np.zeros((3, 3))), F[tip]  # (34a)
     J12 = -sum((cross[i] @ F[i] for i in range(1, N + 1)), np.zeros(F[0].shape))
     r_cm = chain.T0 @ (chain.first_cm - rho[0]) + cfg.base.translation
@@ -200,12 +217,12 @@ def euler_parameters(axis: Array, angle: float) -> tuple[Array, float]:
 
 def attitude(e: Array, n: float) -> Array:
     """Return T_0 = (n^2 - e^T e) 1 + 2 e e^T + 2 n [e]x (3, 3), equations (27) and (29)."""
-    return (n * n - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * n * _cross(e)
+    return (n * n - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * n * pin.skew(e)
 
 
 def euler_parameter_rates(e: Array, n: float, w: Array) -> tuple[Array, float]:
     """Return edot = ([e]x + n 1) w / 2, ndot = -e^T w / 2 for w in spacecraft axes, (36)."""
-    return (_cross(e) @ w + n * w) / 2.0, float(-e @ w) / 2.0
+    return (pin.skew(e) @ w + n * w) / 2.0, float(-e @ w) / 2.0
 
 
 class _Chain:
@@ -262,9 +279,3 @@ class _Chain:
         self.first_cm = lever[0]
         *e, eta = pin.Quaternion(cfg.base.rotation).coeffs()
         self.T0 = attitude(np.array(e), eta)
-
-
-def _cross(a: Array) -> Array:
-    """Return [a]x, with [a]x b = a x b."""
-    x, y, z = a
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -59,7 +59,8 @@ def move(cfg: Configuration, q: npt.ArrayLike) -> Configuration:
     steps = max(1, math.ceil(np.abs(dq).max() / STEP))
     T = cfg.base.rotation
     for step in range(steps):
-        w1, w2 = (_attitude_rate(arm.at(cfg.q + (step + s) / steps * dq), dq) for s in GAUSS)
+        at = (arm.at(cfg.q + (step + s) / steps * dq).A[3:, 3:] for s in GAUSS)
+        w1, w2 = (-np.linalg.solve(A[:, :3], A[:, 3:] @ dq) for A in at)  # -D^-1 D_q dq
         T = T @ pin.exp3(magnus(np, w1, w2, 1.0 / steps))
     return placed(cfg, cfg.q + dq, T)
 
@@ -103,11 +104,6 @@ def _at_rest(cfg: Configuration) -> None:
             f"{cfg.arm.name} has momentum {cfg.momentum.tolist()}, and {why}; use sa.simulate, or "
             "leave momentum= out of arm.at"
         )
-
-
-def _attitude_rate(cfg: Configuration, dq: Array) -> Array:
-    """Compute w_0 = -D^-1 D_q dq in spacecraft axes, (3,); the lower left block of A is zero."""
-    return -np.linalg.solve(cfg.A[3:, 3:6], cfg.A[3:, 6:] @ dq)
 
 
 class Reactions(NamedTuple):

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, named
+from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
@@ -116,12 +116,6 @@ def base_response(A: Array, f: int = 6) -> Array:
         (f, n) X.
     """
     return np.linalg.solve(A[:f, :f], A[:f, 6:])
-
-
-def momentum_vector(momentum: npt.ArrayLike | None) -> Array:
-    """Check a momentum and return it, (6,); zeros if None."""
-    meaning = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
-    return np.zeros(6) if momentum is None else finite(momentum, (6,), "momentum", meaning)
 
 
 @of_configuration

@@ -44,7 +44,7 @@ def postures(
     known = np.flatnonzero(np.isfinite(seed).all(axis=1))
     if len(known):
         R = Rotation.from_quat(attitude[known]).as_matrix()
-        q, miss = inverse_kinematics(arm, seed[known], tip, R, np.eye(3), steps)
+        q, _, miss = inverse_kinematics(arm, seed[known], tip, R, np.eye(3), steps)
         found[known] = np.where((miss <= REACHED)[:, None], within_limits(arm, q), np.nan)
     return found
 

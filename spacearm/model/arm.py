@@ -580,16 +580,15 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3, com: Array | None = None)
 def _joint_table(joints: Sequence[Joint]) -> Table:
     """Return the joints with their limits."""
     slides = [joint.kind == "prismatic" for joint in joints]
-    lower, upper, rate = (
-        joint_values([getattr(joint, name) for joint in joints], slides)
-        for name in ("lower", "upper", "velocity")
-    )
+    values = {
+        name: [getattr(joint, name) for joint in joints] for name in ("lower", "upper", "velocity")
+    }
     return Table.by_columns(
         {
             "joint": [joint.name for joint in joints],
-            "lower": lower,
-            "upper": upper,
-            "rate": [x._replace(unit=f"{x.unit}/s") if isinstance(x, Measure) else x for x in rate],
+            "lower": joint_values(values["lower"], slides),
+            "upper": joint_values(values["upper"], slides),
+            "rate": joint_values(values["velocity"], slides, per="/s"),
             "effort": [
                 "none" if np.isinf(j.effort) else Measure(j.effort, j.effort_unit) for j in joints
             ],

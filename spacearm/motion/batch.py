@@ -29,7 +29,7 @@ SLOW, PACE = 1e-5, 1000
 Whole = npt.NDArray[np.int64]
 ENDED = 10
 """Status of a run that an event ended."""
-NOW = tuple(name for name in integration.Progress._fields if name != "y")
+NOW = tuple(name for name in integration.RunState._fields if name != "y")
 """What is known of where a run stands besides its state."""
 
 
@@ -109,7 +109,7 @@ def advanced(
 
     counted, N = 2 * tree.n + 5, len(moving)
     problem = integration.Problem(rtol, atol, counted, tree.n, min(method.coupled, N))
-    start = integration.Progress(y=y[moving], **dict(zip(NOW, now, strict=True)))
+    start = integration.RunState(y=y[moving], **dict(zip(NOW, now, strict=True)))
     found, rows = integration.advance(
         xp, rate, problem, start, end, most=STEPS, implicit=method.implicit,
         switches=switches, dense=method.dense,
@@ -205,9 +205,9 @@ class Batch:
         self._works = slice(len(self.moving) - works, len(self.moving))
         self.tolerances = (*tolerances, float(method == "auto"))
         self.now, self.y = np.zeros((m, len(NOW))), y.copy()
-        self.t, self.h, self.status, self.stiff, self.calm, self.eigenvalue, _ = self.now.T
+        self.t, self.h, self.status, self.stiff, self.holdoff, self.eigenvalue, _ = self.now.T
         self.implicit = np.full(m, method == "Rodas5P")
-        self.patience = np.full(m, float(integration.PATIENCE))
+        self.longest_holdoff = np.full(m, float(integration.HOLDOFF))
         self.steps, self.exchanged = np.zeros(m, np.int64), np.zeros(m)
         self._marks = np.zeros((2, m))
         self.held: Array | None = None
@@ -338,8 +338,10 @@ class Batch:
         self.status[runs] = integration.RUNNING
         self.stiff[runs] = 0.0
         back = runs[self.implicit[runs]]
-        self.calm[back] = self.patience[back]
-        self.patience[back] = np.minimum(2.0 * self.patience[back], 100.0 * integration.PATIENCE)
+        self.holdoff[back] = self.longest_holdoff[back]
+        self.longest_holdoff[back] = np.minimum(
+            2.0 * self.longest_holdoff[back], 100.0 * integration.HOLDOFF
+        )
         limited = back[self.eigenvalue[back] > 0.0]
         self.h[limited] = np.minimum(self.h[limited], integration.STABLE / self.eigenvalue[limited])
         self.implicit[runs] = ~self.implicit[runs]

@@ -15,7 +15,7 @@ from spacearm.mechanics.jacobian import singular_values
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import steady
-from spacearm.singularities.nearest import nearest_about
+from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.polynomials import NEVER
 
 EVENTS = ("singularity", "joint limit", "target", "wheel full")
@@ -106,7 +106,7 @@ def is_exact(arm: SpaceArm) -> bool:
 
 def exact_distance(cfg: Configuration, mode: BaseMode, otherwise: float = 1.0) -> float:
     """Return the distance to the part of the singular set that lies about [rad]."""
-    found = nearest_about(cfg.arm, mode, cfg.q)
+    found = nearest_locally(cfg.arm, mode, cfg.q)
     return otherwise if found is None else found[1]
 
 
@@ -114,7 +114,7 @@ def with_nearest(event: Event, arm: SpaceArm, mode: BaseMode) -> Event:
     """Add the nearest singular configuration to an event, if it is a singularity and has one."""
     if event.kind != "singularity" or not is_exact(arm):
         return event
-    found = nearest_about(arm, mode, event.q)
+    found = nearest_locally(arm, mode, event.q)
     return event if found is None else event._replace(nearest=found[0])
 
 

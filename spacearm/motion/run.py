@@ -32,7 +32,7 @@ from spacearm.motion.events import (
 )
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.system import Prepared, System, WantedEvent
-from spacearm.singularities.nearest import settled_each
+from spacearm.singularities.nearest import local_offsets
 
 SHARE = 0.2
 """Share of the distance to the singular set that the joints may move until it is computed anew."""
@@ -182,7 +182,7 @@ class Crossings:
         left = np.flatnonzero(~(moved <= AT_REST))
         for arm in {arms[run]: None for run in runs[left]}:
             mine = left[[arms[run] is arm for run in runs[left]]]
-            offset[mine] = settled_each(arm, batch.mode, q[mine])
+            offset[mine] = local_offsets(arm, batch.mode, q[mine])
             exact = np.linalg.norm(offset[mine], axis=1)
             far[mine] = np.where(np.isnan(exact), MOST, exact)
         return far, offset

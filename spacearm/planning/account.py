@@ -7,9 +7,13 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
+from typing import TypeAlias
 
 from spacearm.errors import NoSolutionError, StoppedError
-from spacearm.planning.request import Progress
+
+Progress: TypeAlias = Callable[[float, float], object]
+"""Called now and then as progress(done, total); of a search both are times [s]."""
 
 POSTURES = {
     "reached": "bring the tip there",
@@ -42,8 +46,8 @@ REMEDIES = {
 """What to relax."""
 
 
-class TimeUpError(NoSolutionError):
-    """The time for the search is up."""
+class TimeUpError(Exception):
+    """The time for the search is up; the strategy that searches ends with its best attempt."""
 
 
 class SearchAccount:
@@ -54,6 +58,7 @@ class SearchAccount:
         ways: How many curves were stopped, by the words of `WAYS`.
         contacts: How often which contact stopped one, in words.
         rounds: Number of rounds begun.
+        ended: Whether Ctrl-C has ended it.
 
     Args:
         timeout: The time that it may take [s].
@@ -65,7 +70,7 @@ class SearchAccount:
         self, timeout: float, progress: Progress | None = None, whole: SearchAccount | None = None
     ) -> None:
         self.begun, self.timeout, self._progress = time.monotonic(), timeout, progress
-        self._whole, self._ended = whole, False
+        self._whole, self.ended = whole, False
         self.postures: Counter[str] = Counter()
         self.ways: Counter[str] = Counter()
         self.contacts: Counter[str] = Counter()
@@ -76,19 +81,24 @@ class SearchAccount:
         """Time since it began [s]."""
         return time.monotonic() - self.begun
 
+    @property
+    def left(self) -> float:
+        """Time that it may still take [s]."""
+        return self.timeout - self.elapsed
+
     def part(self, timeout: float) -> SearchAccount:
         """Return a search of its own that may take this time [s], if the whole has so much left."""
         return SearchAccount(timeout, whole=self)
 
     def end(self) -> None:
         """End the search, as after Ctrl-C, and the one that it is a part of."""
-        self._ended = True
+        self.ended = True
         if self._whole is not None:
             self._whole.end()
 
     def failure(self, message: str, best: object) -> NoSolutionError | StoppedError:
         """Return what tells that nothing was found, and how far it came: by itself or by Ctrl-C."""
-        return (StoppedError if self._ended else NoSolutionError)(message, best)
+        return (StoppedError if self.ended else NoSolutionError)(message, best)
 
     def check_time(self) -> None:
         """Report progress.
@@ -96,7 +106,7 @@ class SearchAccount:
         Raises:
             TimeUpError: The time is up, or the search has been ended.
         """
-        if self._ended:
+        if self.ended:
             raise TimeUpError("stopped by Ctrl-C")
         if self._whole is not None:
             self._whole.check_time()

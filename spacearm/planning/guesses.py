@@ -2,36 +2,40 @@
 
 A guess is a curve of a `CurveFamily`, or a closed loop run through some number of times and then a
 straight line. It arrives, within the limits and clear of singularities, or nearly so. Where the
-attitude at the end is free, it follows from the curve, and inverse kinematics finds the end.
+attitude at the end is free, it follows from the curve, and inverse kinematics finds the end. Loops
+turn the spacecraft, each run through as often as the turn that is needed takes.
+
+det J* of a square task changes its sign at a singularity, and no motion may cross one: only
+configurations with the sign of the start are free.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
 from spacearm.equations.turns import GAUSS
-from spacearm.model.arm import Configuration
+from spacearm.mechanics.batch import evaluate
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes
 from spacearm.planning.account import SearchAccount
-from spacearm.planning.curve import sines
-from spacearm.planning.free_space import ACROSS, BEYOND, FreeSpace
-from spacearm.planning.loops import NEAR, Indices, Loops, angles, closed, lengths, matches
 from spacearm.planning.many_curves import (
+    Indices,
     inverse_kinematics,
     spacecraft_turns,
-    turned_kinematics,
     turning_axes,
 )
-from spacearm.planning.optimiser import Target
+from spacearm.planning.optimiser import FAR, Target, sides, sines
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
@@ -50,6 +54,18 @@ TOGETHER = 300
 """Curves whose turns are computed between two looks at the clock."""
 HELD_STEPS, TURNING_STEPS = 25, 12
 """Newton steps with the attitude held, and with the attitude that follows from the curve."""
+
+
+LOOPS = (1, 2, 3, 4, 6, 8, 12)
+"""Numbers of times that a loop is run through."""
+WORDS = 8
+"""Numbers of turns by loops that are considered for each end, nearest to the one needed."""
+NEAR = 0.4
+"""Largest angle between the turn by loops and the turn that is needed [rad]."""
+BEYOND, ACROSS = -2.0, -1.0
+"""In place of the distance, for curves beyond the limits or on the other side of a singularity."""
+BLOCK = 8_000
+"""Configurations that are evaluated between two looks at the clock."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +92,7 @@ class GuessFinder:
         target: What the motions must achieve.
         waves: Number of sines of curve and loop.
         rng: Source of random numbers.
-        search: Its time and its account.
+        account: Its time, and what stops it.
         collisions: What postures at the goal must be free of.
     """
 
@@ -86,15 +102,15 @@ class GuessFinder:
         target: Target,
         waves: int,
         rng: np.random.Generator,
-        search: SearchAccount | None = None,
+        account: SearchAccount | None = None,
         collisions: Collisions | None = None,
     ) -> None:
         self.start, self.target, self.waves, self.rng = start, target, waves, rng
-        self.search, self._collisions = search or SearchAccount(np.inf), collisions
+        self.account, self._collisions = account or SearchAccount(np.inf), collisions
         self.arm, self.T0, self.com = start.arm, start.base.rotation, start.com
         self.axes = goal_axes(start)
         limits = target.lower, target.upper
-        self.free = FreeSpace(self.arm, start.q, *limits, self.search.check_time)
+        self.free = FreeSpace(self.arm, start.q, *limits, self.account.check_time)
         s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
         self._basis, self._slope = sines(np.append(s, 1.0), waves)
         self._along, _ = sines(np.linspace(0.0, 1.0, POINTS), waves)
@@ -179,14 +195,14 @@ class GuessFinder:
         if target.tip is None:
             return T[:1], np.array([target.q])
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
-        Q, miss = inverse_kinematics(
+        Q, T, miss = inverse_kinematics(
             self.arm, self.free.draw(m, self.rng), tip, T, self.axes, HELD_STEPS,
-            self.search.check_time,
+            self.account.check_time,
         )  # fmt: skip
         if target.attitude is None and (far := np.flatnonzero(miss >= CLOSE)).size:
-            Q[far], T[far], miss[far] = turned_kinematics(
+            Q[far], T[far], miss[far] = inverse_kinematics(
                 self.arm, self.free.draw(far.size, self.rng), tip, T[far], self.axes, HELD_STEPS,
-                self.search.check_time, (self.free.lower, self.free.upper),
+                self.account.check_time, (self.free.lower, self.free.upper), turning=True,
             )  # fmt: skip
         Q, there = self.free.wrapped(Q), miss < CLOSE
         room = self.free.least_distance(Q[:, None])
@@ -202,13 +218,13 @@ class GuessFinder:
             "contact": (there & (room > target.clearance) & ~good).sum(),
             "usable": good.sum(),
         }
-        self.search.postures.update({word: int(count) for word, count in counts.items()})
+        self.account.postures.update({word: int(count) for word, count in counts.items()})
         return T[good], Q[good]
 
     def count_ways(self, room: Array, near: Mask) -> None:
         """Account for what stops curves, given their least distances and which arrive."""
         stopped = near & (room <= self.target.clearance)
-        self.search.ways.update(
+        self.account.ways.update(
             landing=int((~near).sum()),
             limits=int((stopped & (room == BEYOND)).sum()),
             singular=int((stopped & (room > BEYOND)).sum()),
@@ -232,9 +248,9 @@ class GuessFinder:
             return self.T0 @ W[rows] @ self._turns(P[rows])
 
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.com)
-        _, miss = inverse_kinematics(
+        _, _, miss = inverse_kinematics(
             self.arm, self.start.q + P[:, 0], tip, attitude, self.axes, TURNING_STEPS,
-            self.search.check_time,
+            self.account.check_time,
         )  # fmt: skip
         return P, miss < CLOSE
 
@@ -277,7 +293,7 @@ class GuessFinder:
         )
         turns: list[Array] = [np.empty((0, 3, 3))]
         for some in (slice(i, i + TOGETHER) for i in range(0, len(P), TOGETHER)):
-            self.search.check_time()
+            self.account.check_time()
             Q = places[some] + self._basis[:-1] @ P[some]
             turns.append(spacecraft_turns(self.arm, Q, self._slope @ P[some]))
         return np.concatenate(turns)
@@ -293,3 +309,128 @@ def _shortest(travel: Array, good: Mask) -> Indices:
     """Return the numbers of those that are good, shortest first."""
     order = np.argsort(travel, kind="stable")
     return order[good[order]]
+
+
+class Loops(NamedTuple):
+    """Closed loops, free of singularities.
+
+    Attributes:
+        C: (K, waves, n) coefficients of their sines.
+        room: (K,) least distance to the singular set on each [rad].
+        turn: (K, 3) rotation vectors by which each turns the spacecraft [rad].
+    """
+
+    C: Array
+    room: Array
+    turn: Array
+
+    def broadest(self, m: int) -> Array:
+        """Return the sines (<= m, waves, n) of those that turn the spacecraft most."""
+        return self.C[np.argsort(-np.linalg.norm(self.turn, axis=1))[:m]]
+
+
+def matches(loops: Loops, needed: Rotation) -> tuple[Indices, Indices, Indices]:
+    """Match loops with the turns that are needed.
+
+    The distance between the unit quaternions of two attitudes is 2 sin(angle / 4).
+
+    Returns:
+        The numbers of turns that are needed, the numbers of loops that nearly make them, and how
+        many times these have to be run through.
+    """
+    wound = Rotation.concatenate([Rotation.from_rotvec(k * loops.turn) for k in LOOPS])
+    tree = cKDTree(np.concatenate((wound.as_quat(), -wound.as_quat())))
+    some = np.arange(1, min(WORDS, len(wound)) + 1)
+    chord, word = (np.asarray(x) for x in tree.query(needed.as_quat(), k=some))
+    which, rank = np.nonzero(chord < 2.0 * np.sin(NEAR / 4.0))
+    times, loop = np.divmod(word[which, rank] % len(wound), len(loops.C))
+    return which, loop, np.array(LOOPS)[times]
+
+
+def angles(R: Array) -> Array:
+    """Return the angles (K,) of rotations (K, 3, 3) [rad]."""
+    return np.asarray(Rotation.from_matrix(R).magnitude())
+
+
+def closed(C: Array) -> Array:
+    """Return the closed curves (K, waves + 1, n) of sines C (K, waves, n)."""
+    return np.concatenate((np.zeros_like(C[:, :1]), C), axis=1)
+
+
+def lengths(points: Array) -> Array:
+    """Return the joint travel (K,) along points (K, m, n), the sum over all joints."""
+    return np.abs(np.diff(points, axis=1)).sum(axis=(1, 2))
+
+
+class FreeSpace:
+    """The joint positions that a motion may pass.
+
+    Args:
+        arm: The arm.
+        q: (n,) joint positions at the start.
+        lower: (n,) least joint positions, -inf for joints without limits.
+        upper: (n,) largest.
+        check_time: Called now and then; it may raise an error to end the search.
+    """
+
+    def __init__(
+        self,
+        arm: SpaceArm,
+        q: Array,
+        lower: Array,
+        upper: Array,
+        check_time: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.arm, self.q, self.lower, self.upper = arm, q, lower, upper
+        self._check_time = check_time
+        self._det = evaluate(arm, q[None], ("determinant",))["determinant"][0]
+        self._turns = ~arm.slides & (arm.coupling is None)
+
+    def draw(self, m: int, rng: np.random.Generator) -> Array:
+        """Draw joint positions (m, n) within the limits, at most half a turn from q without limits.
+
+        Args:
+            m: Number of rows.
+            rng: Source of random numbers.
+        """
+        low = np.where(np.isfinite(self.lower), self.lower, self.q - np.pi)
+        high = np.where(np.isfinite(self.upper), self.upper, self.q + np.pi)
+        return rng.uniform(low, high, (m, self.arm.n))
+
+    def wrapped(self, Q: Array) -> Array:
+        """Return the same postures (m, n) by whole turns, near q and within the limits."""
+        turned = self.q + np.mod(Q - self.q + np.pi, 2.0 * np.pi) - np.pi
+        turned += 2.0 * np.pi * ((turned < self.lower) * 1.0 - (turned > self.upper))
+        return np.where(self._turns, turned, Q)
+
+    def windings(self, width: float, m: int, rng: np.random.Generator) -> Array:
+        """Draw whole turns (m, n) of the joints without limits, more of them for a larger width."""
+        endless = self._turns & np.isinf(self.lower) & np.isinf(self.upper)
+        turns = 2.0 * np.pi * np.rint(0.5 * width * rng.normal(size=(m, self.arm.n)))
+        return turns * endless
+
+    def least_distance(self, curves: Array) -> Array:
+        """Return how near to the singular set curves (K, m, n) come (K,) [rad].
+
+        To first order, no more than `FAR`; `BEYOND` or `ACROSS` if they leave the free space.
+        """
+        inside = ((curves >= self.lower) & (curves <= self.upper)).all(axis=(1, 2))
+        few = curves[inside]
+        least, size = np.full(len(curves), BEYOND), max(1, BLOCK // curves.shape[1])
+        blocks = [self._least(few[i : i + size]) for i in range(0, len(few), size)]
+        least[inside] = np.concatenate(blocks) if blocks else 0.0
+        return least
+
+    def _least(self, curves: Array) -> Array:
+        """Return the same of a few curves within the limits."""
+        self._check_time()
+        square = self.arm.n == self.arm.task.k
+        names = ("distance", "determinant" if square else "away")
+        at = evaluate(self.arm, curves.reshape(-1, self.arm.n), names)
+        distance = np.minimum(at["distance"], FAR).reshape(curves.shape[:2])
+        if square:
+            across = (at["determinant"] * self._det <= 0.0).reshape(distance.shape)
+        else:
+            away = at["away"].reshape(curves.shape) / joint_scales(self.arm)
+            across = sides(away, distance) < 0.0
+        return np.asarray(np.where(across.any(axis=1), ACROSS, distance.min(axis=1)))

@@ -1,22 +1,24 @@
 """Many joint curves at once: the turn of the spacecraft along each, and inverse kinematics.
 
-Without derivatives with respect to the curves; the module `curve` has those, for one curve at a
-time.
+At zero momentum the turn depends on the curve alone. With angular momentum h about the system CM,
+which is constant in inertial axes, the spacecraft of attitude T turns with w_0 = D^-1 (T^T h - s -
+D_q dq) in its own axes, by (33c), s what its wheels hold.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.mechanics.floating import Reactions, reactions, turns_of_spacecraft
-from spacearm.model.arm import SpaceArm
-from spacearm.planning.loops import Indices
+from spacearm.model.arm import SpaceArm, kinematics
 from spacearm.singularities.polynomials import plane_of_motion
 
 STRIDE = 0.5
@@ -25,10 +27,11 @@ STRIDE = 0.5
 DONE = 1e-10
 """What the tip misses where Newton's method stops [m], [rad]."""
 
-FAR = -0.9
+OPPOSITE = -0.9
 """Cosine of the angle beyond which the sine of a rotation does not tell its axis."""
 
-Turns = Callable[[Array, Indices], Array]
+Indices: TypeAlias = npt.NDArray[np.int64]
+Turns: TypeAlias = Callable[[Array, Indices], Array]
 """Returns the attitudes (r, 3, 3) of the spacecraft at the ends (r, n) of some of the curves."""
 
 
@@ -72,8 +75,10 @@ def inverse_kinematics(
     axes: Array,
     steps: int,
     check_time: Callable[[], None] = lambda: None,
-    limits: tuple[Array, Array] | None = None,
-) -> tuple[Array, Array]:
+    limits: tuple[Array, Array] = (np.array(-np.inf), np.array(np.inf)),
+    *,
+    turning: bool = False,
+) -> tuple[Array, Array, Array]:
     """Find joint positions that bring the tip to a pose, by damped Newton steps from first guesses.
 
     Args:
@@ -87,66 +92,44 @@ def inverse_kinematics(
         steps: Number of steps.
         check_time: Called at every step; it may raise an error to end the search.
         limits: (n,) least and (n,) largest joint positions, which no step passes.
+        turning: Whether the attitudes are first guesses too: they turn about the axes about which
+            the arm can turn its spacecraft.
 
     Returns:
-        (K, n) joint positions; (K,) norm of what the tip misses in the task's rows [m], [rad].
+        (K, n) joint positions; (K, 3, 3) attitudes; (K,) norm of what the tip misses in the task's
+        rows [m], [rad].
     """
+    reacts, turns = callable(attitude), list(turning_axes(arm)) if turning else []
+    T = np.empty((len(q), 3, 3)) if callable(attitude) else attitude.copy()
     q, miss, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
     for step in range(steps + 1):
         check_time()
-        T = attitude(q[rows], rows) if callable(attitude) else attitude[rows]
-        at = reactions(arm, q[rows])
-        left = _left(arm, at, T, tip, axes)
-        miss[rows] = np.linalg.norm(left, axis=1)
-        far = miss[rows] > DONE
-        if step == steps or not far.any():
-            break
-        J = _in_rows(arm, at.J if callable(attitude) else held_jacobian(at), T, axes)
-        rows = rows[far]
-        q[rows] += _damped_step(J[far], left[far])
-        if limits is not None:
-            q[rows] = np.clip(q[rows], *limits)
-    return q, miss
-
-
-def turned_kinematics(
-    arm: SpaceArm,
-    q: Array,
-    tip: pin.SE3,
-    attitude: Array,
-    axes: Array,
-    steps: int,
-    check_time: Callable[[], None],
-    limits: tuple[Array, Array],
-) -> tuple[Array, Array, Array]:
-    """Find joint positions and attitudes of the spacecraft together that bring the tip to a pose.
-
-    The arguments are those of `inverse_kinematics`, but the attitudes are first guesses too: they
-    turn about the axes about which the arm can turn its spacecraft.
-
-    Returns:
-        (K, n) joint positions; (K, 3, 3) attitudes; (K,) norm of what the tip misses.
-    """
-    n, turns, rows = arm.n, list(turning_axes(arm)), np.arange(len(q))
-    q, T, miss = q.copy(), attitude.copy(), np.empty(len(q))
-    for step in range(steps + 1):
-        check_time()
+        if callable(attitude):
+            T[rows] = attitude(q[rows], rows)
         at = reactions(arm, q[rows])
         left = _left(arm, at, T[rows], tip, axes)
         miss[rows] = np.linalg.norm(left, axis=1)
         far = miss[rows] > DONE
         if step == steps or not far.any():
             break
-        about = np.tile(np.vstack((np.zeros((3, 3)), np.eye(3))), (len(rows), 1, 1))
-        about[:, :3] = np.swapaxes(np.cross(np.eye(3), at.r[:, None]), 1, 2)  # e_i x r
-        both = np.concatenate((held_jacobian(at), about[:, :, turns]), axis=2)
-        J, rows = _in_rows(arm, both, T[rows], axes)[far], rows[far]
+        J = at.J if reacts else held_jacobian(at)
+        if turning:
+            J = np.concatenate((J, _turning_jacobian(at)[:, :, turns]), axis=2)
+        J, rows = _in_rows(arm, J, T[rows], axes)[far], rows[far]
         change = _damped_step(J, left[far])
-        q[rows] = np.clip(q[rows] + change[:, :n], *limits)
-        turn = np.zeros((len(rows), 3))
-        turn[:, turns] = change[:, n:]
-        T[rows] = T[rows] @ Rotation.from_rotvec(turn).as_matrix()
+        q[rows] = np.clip(q[rows] + change[:, : arm.n], *limits)
+        if turning:
+            turn = np.zeros((len(rows), 3))
+            turn[:, turns] = change[:, arm.n :]
+            T[rows] = T[rows] @ _exp(turn)
     return q, T, miss
+
+
+def _turning_jacobian(at: Reactions) -> Array:
+    """Return the Jacobians (m, 6, 3) of turns of the spacecraft about its own axes."""
+    about = np.tile(np.vstack((np.zeros((3, 3)), np.eye(3))), (len(at.r), 1, 1))
+    about[:, :3] = np.swapaxes(np.cross(np.eye(3), at.r[:, None]), 1, 2)  # e_i x r
+    return about
 
 
 def _left(arm: SpaceArm, at: Reactions, T: Array, tip: pin.SE3, axes: Array) -> Array:
@@ -162,7 +145,7 @@ def rotation_vectors(R: Array) -> Array:
     sines = 0.5 * (R[:, [2, 0, 1], [1, 2, 0]] - R[:, [1, 2, 0], [2, 0, 1]])
     sine, cosine = np.linalg.norm(sines, axis=1), 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0)
     vectors = sines / np.sinc(np.arctan2(sine, cosine) / np.pi)[:, None]
-    if (far := cosine < FAR).any():
+    if (far := cosine < OPPOSITE).any():
         vectors[far] = Rotation.from_matrix(R[far]).as_rotvec()
     return vectors
 
@@ -180,3 +163,96 @@ def _damped_step(J: Array, left: Array) -> Array:
     square = J @ Jt + (damping**2)[:, None, None] * np.eye(J.shape[1])
     step = (Jt @ np.linalg.solve(square, left[:, :, None]))[:, :, 0]
     return step * np.minimum(1.0, STRIDE / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
+
+
+def drifting_attitudes(
+    arm: SpaceArm, T: Array, t: Array, Q: Array, h: Array, stored: Array
+) -> Array:
+    """Return the attitudes (p, m, 3, 3) of the spacecraft along p joint motions at once.
+
+    Args:
+        arm: The arm.
+        T: (3, 3) attitude at the start.
+        t: (m,) times of the rows [s].
+        Q: (p, m, n) joint positions of the rows, between which they are linear in time.
+        h: (3,) angular momentum about the system CM [N m s], inertial axes.
+        stored: (3,) what wheels hold of it all the time [N m s], spacecraft axes.
+    """
+    halves = np.empty((len(Q), 2 * len(t) - 1, arm.n))
+    halves[:, ::2], halves[:, 1::2] = Q, 0.5 * (Q[:, :-1] + Q[:, 1:])
+    D, D_q = _matrices(arm, halves)
+    rates = np.diff(Q, axis=1) / np.diff(t)[:, None]
+    taken = stored + np.einsum("pmkij,pmj->pmki", _stages(D_q), rates)
+    return _turned(T, t, _stages(D), taken, h)
+
+
+def steered_attitudes(
+    arm: SpaceArm, T: Array, t: Array, Q: Array, dQ: Array, h: Array, stored: Array
+) -> Array:
+    """Return the attitudes (p, m, 3, 3) along p smooth motions of joints and wheels.
+
+    Args:
+        arm: The arm.
+        T: (3, 3) attitude at the start.
+        t: (m,) times of the rows [s].
+        Q: (p, 2 m - 1, n) joint positions at the rows and at the times half way between.
+        dQ: (p, 2 m - 1, n) their rates there.
+        h: (3,) angular momentum about the system CM [N m s], inertial axes.
+        stored: (p, 2 m - 1, 3) what the wheels hold of it there [N m s], spacecraft axes.
+    """
+    D, D_q = _matrices(arm, Q)
+    taken = stored + np.einsum("pmij,pmj->pmi", D_q, dQ)
+    return _turned(T, t, _stages(D), _stages(taken), h)
+
+
+def _turned(T: Array, t: Array, D: Array, taken: Array, h: Array) -> Array:
+    """Return the attitudes (p, m, 3, 3) of spacecraft with w_0 = D^-1 (T^T h - taken).
+
+    Celledoni, Marthinsen & Owren's commutator-free method of order 4, Future Gener. Comput. Syst.
+    19(3), 341-352 (2003), DOI 10.1016/S0167-739X(02)00161-9, with a step from row to row.
+
+    Args:
+        T: (3, 3) attitude at the start.
+        t: (m,) times of the rows [s].
+        D: (p, m - 1, 3, 3, 3) at the begin, in the middle and at the end of each step.
+        taken: (p, m - 1, 3, 3) there, the momentum of joint motion and wheels [N m s].
+        h: (3,) angular momentum about the system CM [N m s], inertial axes.
+    """
+    spins = np.linalg.inv(D) * np.diff(t)[:, None, None, None]
+    out = np.empty((len(D), len(t), 3, 3))
+    out[:, 0] = T
+    for i in range(len(t) - 1):
+
+        def turn(R: Array, k: int, i: int = i) -> Array:
+            left = np.einsum("pkj,k->pj", R, h) - taken[:, i, k]
+            return np.einsum("pij,pj->pi", spins[:, i, k], left)
+
+        R = out[:, i]
+        k1 = turn(R, 0)
+        half = R @ _exp(0.5 * k1)
+        k2 = turn(half, 1)
+        k3 = turn(R @ _exp(0.5 * k2), 1)
+        k4 = turn(half @ _exp(k3 - 0.5 * k1), 2)
+        out[:, i + 1] = (
+            R
+            @ _exp((3.0 * k1 + 2.0 * (k2 + k3) - k4) / 12.0)
+            @ _exp((3.0 * k4 + 2.0 * (k2 + k3) - k1) / 12.0)
+        )
+    return out
+
+
+def _matrices(arm: SpaceArm, Q: Array) -> tuple[Array, Array]:
+    """Return D (..., 3, 3) and D_q (..., 3, n) at joint positions (..., n)."""
+    A = np.array([kinematics(arm, q, pin.SE3.Identity()).A[3:] for q in Q.reshape(-1, arm.n)])
+    A = A.reshape(*Q.shape[:-1], 3, 6 + arm.n)
+    return A[..., 3:6], A[..., 6:]
+
+
+def _stages(x: Array) -> Array:
+    """Return what is known at rows and between (p, 2 m - 1, ...) by steps (p, m - 1, 3, ...)."""
+    return np.stack((x[:, :-1:2], x[:, 1::2], x[:, 2::2]), axis=2)
+
+
+def _exp(w: Array) -> Array:
+    """Return the rotations (p, 3, 3) of rotation vectors (p, 3)."""
+    return Rotation.from_rotvec(w).as_matrix()

@@ -20,7 +20,6 @@ from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import Configuration
 from spacearm.motion.following import check_start, follow, how_it_ended
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
-from spacearm.planning.account import TimeUpError
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
@@ -50,14 +49,14 @@ NEAREST = 4
 
 def straight(problem: Problem) -> Rows:
     """Lead the tip along a straight line by J*."""
-    optimiser = CurveOptimiser(problem.start, problem.target, 1)
-    problem.search.check_time()
-    if np.linalg.norm(optimiser.residual(problem.start)) <= ARRIVED:
-        return [problem.start]
-    if problem.target.tip is None:
+    start, target = problem.start, problem.target
+    problem.account.check_time()
+    if np.linalg.norm(target.missed(start, start)) <= ARRIVED:
+        return [start]
+    if target.tip is None:
         raise NoSolutionError("the goal is in joint space, no line leads there")
-    rows = _along_line(problem, problem.start, problem.target.tip)
-    if np.linalg.norm(optimiser.residual(rows[-1])) > ARRIVED:
+    rows = _along_line(problem, start, target.tip)
+    if np.linalg.norm(target.missed(start, rows[-1])) > ARRIVED:
         raise NoSolutionError("the line ends with another attitude of the spacecraft")
     return problem.check(rows)
 
@@ -65,7 +64,7 @@ def straight(problem: Problem) -> Rows:
 def joint_space(problem: Problem) -> Rows:
     """Find the shortest joint curve that arrives, of the first few."""
     tries = list(itertools.product((FEW, MANY), WIDTHS))  # cheap ones first
-    if problem.target.attitude is not None and problem.search.rounds == 0:
+    if problem.target.attitude is not None and problem.account.rounds == 0:
         tries = tries[:2]  # cycles often do what these do not
     finder = problem.guesses(problem.start, problem.target)
     mixed: list[list[Guess]] = []
@@ -79,7 +78,7 @@ def joint_space(problem: Problem) -> Rows:
                 return _optimised(problem, finder, some, iterations)
     best = [guess for same in itertools.zip_longest(*mixed) for guess in same if guess]
     if not best:
-        found = problem.search.postures["usable"]
+        found = problem.account.postures["usable"]
         raise NoSolutionError(
             f"{found} joint positions were found at the goal, and none of the curves tried leads "
             "to one of them"
@@ -106,8 +105,6 @@ def attitude_first(problem: Problem) -> Rows:
         try:
             there = _by_loops(problem, target)
             rows = problem.check(there + _along_line(problem, there[-1], tip)[1:])
-        except TimeUpError:
-            raise
         except NoSolutionError:
             continue
         problem.note = f"the line is free after turns of {turns}"
@@ -134,11 +131,11 @@ def _optimised(
     found: list[Rows] = []
     why = "none of the curves tried keeps all constraints"
     for guess in guesses:
-        problem.search.check_time()
+        problem.account.check_time()
         aim = min(problem.ample, guess.room) if guess.room > 0.0 else problem.ample
         target = finder.target._replace(clearance=max(aim, finder.target.clearance))
         optimiser = CurveOptimiser(
-            finder.start, target, WAVES, guess.loops, problem.search.check_time
+            finder.start, target, WAVES, guess.loops, problem.account.check_time
         )
         x, met = optimiser.solve(guess.x, iterations)
         for unknowns, usable in ((x, met), (guess.x, guess.room > 0.0)):
@@ -147,8 +144,6 @@ def _optimised(
             try:
                 found.append(problem.check(optimiser.refine(unknowns)))
                 break
-            except TimeUpError:
-                raise
             except NoSolutionError as error:
                 why = str(error)
                 if isinstance(error.best, list):
@@ -176,8 +171,6 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
         try:
             guesses = _without_contact(problem, finder, finder.loops_and_lines(), before)
             return there + _optimised(problem, finder, guesses)[1:]
-        except TimeUpError:
-            raise
         except NoSolutionError as error:
             why = why or str(error)
     raise NoSolutionError(why, problem.best)
@@ -186,7 +179,7 @@ def _by_loops(problem: Problem, target: Target) -> Rows:
 def _loop_places(problem: Problem, target: Target) -> Iterator[Array]:
     """Yield the joint positions (n,) at which loops are tried."""
     yield problem.start.q
-    m = PLACES if problem.search.rounds else FIRST_PLACES
+    m = PLACES if problem.account.rounds else FIRST_PLACES
     yield from problem.guesses(problem.start, target).loop_places(m)
 
 
@@ -207,8 +200,6 @@ def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[str, Configuration
     for turn, start in _turns_under_tip(problem):
         try:
             problem.check(_along_line(problem, start, tip))
-        except TimeUpError:
-            raise
         except (NoSolutionError, ConfigurationError):
             continue
         free.append((turn, start))
@@ -220,16 +211,16 @@ def _turns_under_tip(problem: Problem) -> list[tuple[str, Configuration]]:
 
     Inverse kinematics finds the joint positions step by step, so that they change continuously.
     """
-    start, check_time = problem.start, problem.search.check_time
+    start, check_time = problem.start, problem.account.check_time
     axes = np.eye(3)[list(turning_axes(start.arm))]
     angles = np.pi * np.arange(1, TURNS // 2 + 1) / (TURNS // 2)
     angles = np.column_stack((angles, -angles)).ravel()
     w = (angles[:, None, None] * axes).reshape(-1, 3)
     Q = np.tile(start.q, (len(w), 1))
-    tip = pin.SE3(start.tip.rotation, start.tip.translation - start.com)
+    tip = start.centred(np.zeros(3)).tip
     for share in np.arange(1, TURN_STEPS + 1) / TURN_STEPS:
         T = start.base.rotation @ Rotation.from_rotvec(share * w).as_matrix()
-        Q, off = inverse_kinematics(start.arm, Q, tip, T, goal_axes(start), 4, check_time)
+        Q, _, off = inverse_kinematics(start.arm, Q, tip, T, goal_axes(start), 4, check_time)
     there = (off < CLOSE) & (np.abs(Q - start.q).max(axis=1) < 2.0 * np.pi)
     return [
         (_in_words(w[i]), start.arm.at(Q[i], base=pin.SE3(T[i], np.zeros(3))).centred(start.com))
@@ -260,7 +251,7 @@ def _along_line(problem: Problem, start: Configuration, tip: pin.SE3) -> Rows:
     Q = _line(problem, start, as_goal(start, tip), bool(np.isfinite(limits).any()))
     ramp = np.linspace(0.0, 1.0, len(Q))[:, None]
     for _ in range(NEWTON_STEPS):
-        problem.search.check_time()
+        problem.account.check_time()
         end = placed(start, Q[-1], attitudes(start, Q)[-1])
         left = miss(end, tip)
         if np.linalg.norm(left) <= ARRIVED:
@@ -279,7 +270,7 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
     arm = start.arm
     if not steady(arm):  # the directions of the task turn on the way
         slow = follow(
-            start, [goal], limits=limited, progress=lambda *_: problem.search.check_time()
+            start, [goal], limits=limited, progress=lambda *_: problem.account.check_time()
         )
         if not slow.arrived:
             raise NoSolutionError(slow.reason, list(slow))

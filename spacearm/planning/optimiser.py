@@ -1,9 +1,18 @@
 """Optimiser: the shortest joint curve that arrives, with the attitude of the spacecraft as state.
 
+A curve leads from q_0 to q_1 in joint space, s from 0 to 1:
+
+    q(s) = q_0 + s (q_1 - q_0) + sum_j c_j sin(j pi s).
+
+Without momentum the attitude follows T' = T [A(q) q']x with the connection A = -D^-1 D_q of (33c),
+in spacecraft axes. It is integrated by the fourth-order Magnus method as in `move`, and
+differentiated exactly: what changes of the curve add to the turn of each interval is carried to the
+end, and summed there.
+
 The unknowns are the coefficients of a `CurveFamily`. The pose of the tip at the end, and the
 attitude of the spacecraft if asked for, are equality constraints; clearance from singularities and
-joint limits are inequality constraints. All gradients are exact but that of the
-distance to the singular set, which is to first order like the distance. The solver is scipy's SLSQP
+joint limits are inequality constraints. All gradients are exact but that of the distance to the
+singular set, which is to first order like the distance. The solver is scipy's SLSQP
 (Kraft, DFVLR-FB 88-28 (1988)).
 """
 
@@ -11,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,15 +28,14 @@ import pinocchio as pin
 from scipy.optimize import minimize
 
 from spacearm.arrays import Array
+from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import linearise
-from spacearm.mechanics.floating import attitudes, placed, walk
+from spacearm.mechanics.floating import attitudes, chained, placed, turns_and_effects, walk
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
 from spacearm.motion.goal import goal_axes, twist_between
-from spacearm.planning.curve import CurveFamily, Samples
-from spacearm.planning.free_space import FAR, sides
 from spacearm.planning.many_curves import turning_axes
 
 INTERVALS = 16
@@ -43,6 +52,10 @@ ARRIVED = 1e-8
 NEWTON_STEPS = 6
 LONGEST = 200.0
 """Length beyond which `refine` gives up a curve [rad] or [m]."""
+FAR = 1.0
+"""Distances to the singular set beyond this are not told apart [rad]: they are too rough."""
+NEARBY, TURNS_ROUND = 0.5, -0.8
+"""Up to which distance [rad] the way out tells sides apart; cosine of the angle between two."""
 SPACING = 0.02
 """Joint motion between the rows of a plan [rad] or [m]."""
 
@@ -65,6 +78,22 @@ class Target(NamedTuple):
     clearance: float
     lower: Array
     upper: Array
+
+    def missed(self, start: Configuration, end: Configuration) -> Array:
+        """Return the difference between the target and the end of a motion from a start."""
+        return self.residual(start, end.q, end.base.rotation, end.tip)
+
+    def residual(self, start: Configuration, q: Array, T: Array, tip: pin.SE3) -> Array:
+        """Return the difference between the target and joint positions, attitude and tip."""
+        parts: list[Array] = [np.empty(0)]
+        if self.tip is not None:
+            twist = twist_between(tip, self.tip)[:, None]
+            parts.append(start.arm.task.components(twist, goal_axes(start))[:, 0])
+        if self.attitude is not None:
+            parts.append(pin.log3(T.T @ self.attitude)[list(turning_axes(start.arm))])
+        if self.q is not None:
+            parts.append(self.q - q)
+        return np.concatenate(parts)
 
 
 class _Values(NamedTuple):
@@ -172,24 +201,6 @@ class CurveOptimiser:
         dphi[:, d_curve[0].size :] = C.T @ carried @ once
         return T0 @ whole @ C, dphi
 
-    def residual(self, cfg: Configuration) -> Array:
-        """Return the difference between the target and the end of a motion."""
-        return self._residual(cfg.q, cfg.base.rotation, cfg.tip)
-
-    def _residual(self, q: Array, T: Array, tip: pin.SE3) -> Array:
-        parts: list[Array] = [np.empty(0)]
-        if self.target.tip is not None:
-            parts.append(self._task_rows(twist_between(tip, self.target.tip)[:, None])[:, 0])
-        if self.target.attitude is not None:
-            parts.append(pin.log3(T.T @ self.target.attitude)[self._turns])
-        if self.target.q is not None:
-            parts.append(self.target.q - q)
-        return np.concatenate(parts)
-
-    def _task_rows(self, twist: Array) -> Array:
-        """Return the task's rows (k, m) of twists (6, m), along the goal axes."""
-        return self.arm.task.components(twist, self._axes)
-
     def _end_constraints(self, q: Array, at: Samples, T: Array, dphi: Array) -> tuple[Array, Array]:
         """Return the residual at the end, and its derivatives."""
         r, n = at.r, self.arm.n
@@ -201,13 +212,13 @@ class CurveOptimiser:
             twist[:, :n] += np.vstack((J[:3] + pin.skew(r) @ A, J[3:] - A))  # its attitude held
             twist = (T @ twist.reshape(2, 3, -1)).reshape(6, -1)
             twist[3:] = pin.Jlog3(self.target.tip.rotation @ reached.rotation.T) @ twist[3:]
-            slopes.append(-self._task_rows(twist))
+            slopes.append(-self.arm.task.components(twist, self._axes))
         if self.target.attitude is not None:
             R = T.T @ self.target.attitude
             slopes.append(-(pin.Jlog3(R) @ R.T @ dphi)[self._turns])
         if self.target.q is not None:
             slopes.append(-np.eye(n, self.size))
-        return self._residual(q, T, reached), np.vstack(slopes)
+        return self.target.residual(self.start, q, T, reached), np.vstack(slopes)
 
     def _singularity_margins(self, Q: Array, at: Samples) -> tuple[Array, Array]:
         """Return signed distances to the singular set less the clearance (m,), and derivatives.
@@ -271,7 +282,8 @@ class CurveOptimiser:
                 raise NoSolutionError(f"a curve grew to {length:.3g} rad")
             self._check_time()
             Q = self.positions(x)
-            left = self.residual(placed(self.start, Q[-1], attitudes(self.start, Q)[-1]))
+            end = placed(self.start, Q[-1], attitudes(self.start, Q)[-1])
+            left = self.target.missed(self.start, end)
             if np.linalg.norm(left) <= ARRIVED:
                 return walk(self.start, Q)
             x = x - np.linalg.lstsq(self.values(x).d_end, left, rcond=1e-9)[0]
@@ -294,3 +306,110 @@ class CurveOptimiser:
             value += times * one
             gradient = np.append(gradient, times * slope[i:])  # the loop has no end of its own
         return value, gradient
+
+
+class Samples(NamedTuple):
+    """A curve's turn and Jacobians at its m Gauss points and its end, in spacecraft axes.
+
+    Attributes:
+        J: (m + 1, 6, n) J*.
+        A: (3, n) the connection at the end.
+        r: (3,) the tip from the system CM there [m].
+        R: (3, 3) attitude of the tip there.
+        turn: (3, 3) rotation from the spacecraft axes at the end to those at the start.
+        dphi: (3, waves + 1, n) turn of the axes at the end per change of the curve.
+    """
+
+    J: Array
+    A: Array
+    r: Array
+    R: Array
+    turn: Array
+    dphi: Array
+
+
+class CurveFamily:
+    """The curves with some number of sines from one configuration.
+
+    A curve is the vector p = (q_1, c_1, ..., c_waves), (waves + 1, n).
+
+    Args:
+        arm: The arm.
+        q0: (n,) joint positions at the start of the curves.
+        waves: Number of sines.
+        intervals: Steps of the integration along a curve.
+    """
+
+    def __init__(self, arm: SpaceArm, q0: Array, waves: int, intervals: int) -> None:
+        self.arm, self.q0, self.h = arm, q0, 1.0 / intervals
+        s = np.add.outer(np.arange(intervals), GAUSS).ravel() / intervals
+        self.s = np.append(s, 1.0)
+        self.basis, self.slope = sines(self.s, waves)
+        self._lengths = np.append(np.full(intervals, self.h), 0.0)
+
+    def points(self, p: Array) -> Array:
+        """Return the Gauss points of every interval, and the end, (2 intervals + 1, n)."""
+        return self.q0 + self.basis @ (p - self._offset)
+
+    def samples(self, p: Array, Q: Array) -> Samples:
+        """Compute the samples of a curve at its `points` Q."""
+        m, n = len(Q) // 2, self.arm.n
+        nodes, rates = np.empty((2 * m + 2, n)), np.zeros((2 * m + 2, n))
+        nodes[:-1], nodes[-1], rates[:-2] = Q, Q[-1], self.slope @ (p - self._offset)
+        parts = turns_and_effects(  # the last one, at the end, has no length
+            self.arm, nodes.reshape(-1, 2, n), rates.reshape(-1, 2, n), self._lengths
+        )
+        back = chained(parts.T[::-1].transpose(0, 2, 1))  # from there to the axes at the end
+        effects = back[m - 1 :: -1, None, None] @ parts.effects[:-1]
+        by_q, by_rate = effects.transpose(2, 0, 1, 3, 4).reshape(2, 2 * m, 3 * n)
+        dphi = self.basis[:-1].T @ by_q + self.slope.T @ by_rate
+        return Samples(
+            parts.J.reshape(2 * m + 2, *parts.J.shape[2:])[:-1], parts.A[-1], parts.r[-1],
+            parts.R[-1], back[-1].T, dphi.reshape(-1, 3, n).swapaxes(0, 1),
+        )  # fmt: skip
+
+    def rows(self, p: Array, m: int) -> Array:
+        """Return joint positions (m + 1, n) at even steps of s."""
+        basis, _ = sines(np.linspace(0.0, 1.0, m + 1), len(p) - 1)
+        return self.q0 + basis @ (p - self._offset)
+
+    @cached_property
+    def _offset(self) -> Array:
+        """(waves + 1, n) q_0 in the row of q_1: the curve depends on their difference."""
+        offset = np.zeros((self.basis.shape[1], self.arm.n))
+        offset[0] = self.q0
+        return offset
+
+    def length_squared(self, p: Array) -> tuple[float, Array]:
+        """Return the integral of |q'|^2, least for the shortest curve, and its gradient."""
+        weight = np.append(1.0, 0.5 * (np.pi * np.arange(1, len(p))) ** 2)[:, None]
+        d = p - self._offset
+        return float((weight * d * d).sum()), 2.0 * weight * d
+
+
+def sines(s: Array, waves: int) -> tuple[Array, Array]:
+    """Return the functions s and sin(j pi s) (m, waves + 1), and their slopes but the last."""
+    j = np.pi * np.arange(1, waves + 1)
+    basis = np.column_stack((s, np.sin(np.outer(s, j))))
+    slope = np.column_stack((np.ones(len(s) - 1), j * np.cos(np.outer(s[:-1], j))))
+    return basis, slope
+
+
+def sides(away: Array, distance: Array) -> Array:
+    """Tell on which side of the singular set of a redundant arm points on curves are (..., m).
+
+    The set has as a rule two dimensions less than joint space, and thus no sides. But where two
+    joints turn the tip in almost the same way, it is all but singular on what divides joint space.
+    Then the direction away from the set turns round from one point to the next.
+
+    Args:
+        away: (..., m, n) unit vectors away from the set.
+        distance: (..., m) distances to it [rad].
+
+    Returns:
+        1 for the side of the first point, -1 for the other.
+    """
+    near = np.maximum(distance[..., 1:], distance[..., :-1]) < NEARBY
+    flips = near & ((away[..., 1:, :] * away[..., :-1, :]).sum(axis=-1) < TURNS_ROUND)
+    ones = np.ones((*distance.shape[:-1], 1))
+    return np.cumprod(np.concatenate((ones, np.where(flips, -1.0, 1.0)), axis=-1), axis=-1)

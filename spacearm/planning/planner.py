@@ -1,4 +1,4 @@
-"""Planner: tries the methods of planning from cheap to thorough, and keeps an account of them.
+"""Planner: the doors to planning, and which strategy solves a request.
 
 Papadopoulos & Dubowsky (1993) end on an open problem, "the efficient construction of paths to reach
 points in the path dependent workspace". A motion counts as a solution only if it arrives when its
@@ -12,18 +12,12 @@ from collections.abc import Mapping, Sequence
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import positive
-from spacearm.collisions.obstacles import obstacles_of
-from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.model.arguments import FLOATING, HELD, BaseMode, of_configuration
 from spacearm.model.arm import Configuration
-from spacearm.motion.goal import Goal, Origin, started
-from spacearm.planning.account import SearchAccount
-from spacearm.planning.request import Constraints, Search
-from spacearm.planning.result import Joints, Plan
-
-SEVERAL = ("auto", "straight", "joint space")
-"""Methods for several tips."""
+from spacearm.motion.goal import Goal, Origin
+from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
+from spacearm.planning.result import Plan
 
 
 @of_configuration
@@ -93,57 +87,18 @@ def plan(
         >>> plan.method, plan.certificate.free
         ('straight', True)
     """
-    from spacearm.planning.drift.search import Drift, stretched  # slow to import, as all here
-    from spacearm.planning.rounds.at_rest import at_rest
-    from spacearm.planning.rounds.legs import by_way_of
-    from spacearm.planning.rounds.mission import Mission
-    from spacearm.planning.rounds.together import together
-    from spacearm.planning.rounds.wish import Wish
-    from spacearm.planning.wheels.held import held_plan
-    from spacearm.planning.wheels.limits import Wheels
-
     if mode not in (FLOATING, HELD):
         raise ConfigurationError(unknown("mode", mode, (FLOATING, HELD)))
-    start, goal, goals = _goals_of(started(start, origin), goal)
-    if goals and (search.method not in SEVERAL or final_attitude is not None):
-        raise UnsupportedError(
-            "several tips are led by the methods 'straight' and 'joint space' and end with any "
-            "attitude; leave out method and final_attitude"
-        )
-    arm, around = start.arm, obstacles_of(constraints.obstacles, start.arm)
-    duration = None if duration is None else positive(duration, "duration", "time [s]")
-    account = SearchAccount(float(search.timeout), search.progress)
-    held = arm if mode == HELD else None
-    wish = Wish(goal, final_attitude, constraints, search.method, around, held)
+    if mode == FLOATING and constraints.wheels is not None:
+        raise ConfigurationError(f"wheels hold no attitude while mode is {mode!r}; give {HELD!r}")
+    request = PlanRequest.of(
+        start, goal, origin, constraints, search, tuple(via), final_attitude, duration
+    )
+    if mode == FLOATING:
+        return _floating(request)
+    from spacearm.planning.strategies.attitude_held import attitude_held
 
-    def find(start: Configuration, lasts: float | None) -> Plan:
-        moving, seed = bool(start.momentum.any() or start.wheels.any()), search.seed
-        if goals and moving:
-            raise UnsupportedError("several tips are led at zero momentum only; lead one")
-        if via and (moving or goals):
-            raise UnsupportedError(
-                "goals on the way (via) are for one tip at zero momentum; plan leg by leg"
-            )
-        if moving:
-            mission = Mission(_at_rest(start), wish, seed, account)
-            return Drift(mission, start, start.momentum, lasts, around).plan()
-        if goals:
-            found = together(start, goals, wish, seed, account)
-        elif via:
-            found = by_way_of(start, via, wish, seed, account)
-        else:
-            found = at_rest(start, wish, seed, account)
-        return found if lasts is None or len(found) == 1 else stretched(found, lasts)
-
-    if held is None:
-        if constraints.wheels is not None:
-            raise ConfigurationError(
-                f"wheels hold no attitude while mode is {mode!r}; give {HELD!r}"
-            )
-        return find(start, duration)
-    if final_attitude is not None:
-        raise ConfigurationError("final_attitude is of no use: the attitude stays what it is")
-    return held_plan(start, Wheels.of(start, constraints.wheels), find, duration)
+    return attitude_held(request, _floating)
 
 
 @of_configuration
@@ -188,65 +143,29 @@ def detumble(
         >>> start = arm.at(q, momentum=[0, 0, 0, 1, -2, 0.5])  # doctest: +SKIP
         >>> plan = sa.detumble(start, sa.Joints(q))  # doctest: +SKIP
     """
-    from spacearm.planning.detumbling.search import Detumbling
-    from spacearm.planning.rounds.mission import Mission
-    from spacearm.planning.rounds.wish import Wish
-    from spacearm.planning.wheels.limits import Wheels
+    from spacearm.planning.strategies.detumbling import Detumbling
 
-    if constraints.keep_attitude is not None or search.method != "auto":
-        raise ConfigurationError(
-            "the spacecraft turns while it is brought to rest, by a method of its own; leave out "
-            "keep_attitude and method"
-        )
-    start, goal, goals = _goals_of(started(start, origin), goal)
-    if goals:
-        raise UnsupportedError("a spacecraft is brought to rest with one tip led; name one")
-    around = obstacles_of(constraints.obstacles, start.arm)
-    duration = None if duration is None else positive(duration, "duration", "time [s]")
-    account = SearchAccount(float(search.timeout), search.progress)
-    wish = Wish(goal, final_attitude, constraints, "auto", around)
-    mission = Mission(_at_rest(start), wish, search.seed, account)
-    wheels = Wheels.free(start, constraints.wheels)
-    return Detumbling(mission, start, wheels, start.momentum, duration, around).plan()
+    request = PlanRequest.of(start, goal, origin, constraints, search, (), final_attitude, duration)
+    return Detumbling(request).plan()
 
 
-def _at_rest(start: Configuration) -> Configuration:
-    """Return the same posture and attitude without momentum."""
-    return start.arm.at(start.q, base=start.base)
+def _floating(request: PlanRequest) -> Plan:
+    """Return the plan of the strategy that is for a request, the spacecraft floating."""
+    from spacearm.planning.strategies.at_rest import at_rest  # slow to import, as all here
+    from spacearm.planning.strategies.drift import Drift, stretched
+    from spacearm.planning.strategies.legs import by_way_of_goals
+    from spacearm.planning.strategies.several_tips import several_tips
 
-
-def _goals_of(
-    start: Configuration, goal: Goal | Joints | Mapping[str, Goal]
-) -> tuple[Configuration, Goal | Joints, Mapping[str, Goal]]:
-    """Return the start with the tips that have goals, the goal of one tip, and those of several.
-
-    All joints of an arm whose tips are chosen count.
-
-    Raises:
-        ConfigurationError: A name is no tip, or there are no goals.
-        UnsupportedError: The arm has fewer joints than its task has rows, or several tips, of which
-            none is named.
-    """
-    arm, goals = start.arm, dict[str, Goal]()
-    if isinstance(goal, Mapping):
-        if not goal:
-            raise ConfigurationError(f"goal is empty; name some of the tips {listed(arm.tips)}")
-        for name in goal:
-            if name not in arm.tips:
-                raise ConfigurationError(f"goal: {unknown('tip', name, arm.tips)}")
-        tips = tuple(tip for tip in arm.tips if tip in goal)
-        if tips != arm.tips:
-            arm = arm.replace(tip=tips, joints=arm.joint_names)
-            com, momentum = start.com, start.momentum
-            wheels = start.wheels if start.wheels.any() else None
-            start = arm.at(start.q, base=start.base, wheels=wheels, momentum=momentum).centred(com)
-        goals = dict(goal) if len(goal) > 1 else goals
-        goal = next(iter(goal.values()))
-    if not goals:
-        arm.require_one_tip()  # whose path the plan holds
-    if arm.n < arm.task.k:
+    if request.goals and request.moving:
+        raise UnsupportedError("several tips are led at zero momentum only; lead one")
+    if request.via and (request.moving or request.goals):
         raise UnsupportedError(
-            f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and can "
-            f"never do this task; take one with {arm.n} rows"
+            "goals on the way (via) are for one tip at zero momentum; plan leg by leg"
         )
-    return start, goal, goals
+    if request.moving:
+        return Drift(request).plan()
+    find = several_tips if request.goals else by_way_of_goals if request.via else at_rest
+    found = find(request)
+    if request.duration is None or len(found) == 1:
+        return found
+    return stretched(found, request.duration, request.account)

@@ -1,30 +1,39 @@
-"""Problem: what a plan must achieve, checked before the search, and the check of its solutions."""
+"""Problem: what a joint motion must achieve, checked before the search, and the check of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
 
-from spacearm.arrays import Array
-from spacearm.collisions.courses import Course, Floating
-from spacearm.collisions.obstacles import Obstacle
+from spacearm.arrays import Array, finite
 from spacearm.collisions.separation import Collisions, Contact, collision_geometry
+from spacearm.collisions.swept_motion import Floating, Recorded, SweptMotion
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.floating import walk
-from spacearm.mechanics.jacobian import task_jacobian
+from spacearm.mechanics.jacobian import singular_values, task_jacobian
 from spacearm.model.arguments import FLOATING, HELD
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.frames import sound_pose
+from spacearm.model.joints import joint_vector
+from spacearm.motion.following import follow
+from spacearm.motion.goal import as_goal, goal_pose, out_of_reach
 from spacearm.planning.account import SearchAccount
 from spacearm.planning.guesses import GuessFinder
-from spacearm.planning.optimiser import Target
-from spacearm.planning.reactions.turns import largest_turn
+from spacearm.planning.many_curves import turning_axes
+from spacearm.planning.optimiser import ARRIVED, Target
+from spacearm.planning.reactions import largest_turn
+from spacearm.planning.request import Joints, PlanRequest
+from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.singularities.report import angle
+from spacearm.singularities.report import NO_INVERSE, TOLERANCE, angle, singularity
 from spacearm.singularities.sets import prove_regular
 
 Rows: TypeAlias = list[Configuration]
@@ -34,37 +43,87 @@ WAVES = 3
 """Number of sines of curves and loops."""
 TOGETHER = 100
 """Rows that are walked or proven regular between two looks at the clock."""
+LEAST = float(np.radians(0.1))
+"""The clearance where none is asked for, but no more than half of what the start has [rad]."""
+AMPLE = float(np.radians(6.0))
+"""The clearance that is aimed at first, likewise."""
 
 
 @dataclass
 class Problem:
-    """A planning problem.
+    """What a joint motion must achieve at zero momentum, and the check of it.
 
     Attributes:
-        start: Configuration in which the motion begins.
+        request: What was asked.
         target: What the motion must achieve.
         ample: Clearance that is aimed at first.
-        rates: (n,) largest joint rates [rad/s] or [m/s].
-        seed: Seed of the random first guesses.
-        search: The time of the search, and its account.
         collisions: The bodies that must not meet; None if collisions do not count.
-        held: The arm itself if the start is one on a spacecraft that does not turn.
-        keep: Largest turn of the spacecraft on the way [rad]; None for any.
         best: The last attempt that is no solution.
         note: Remark of a method on its solution.
     """
 
-    start: Configuration
+    request: PlanRequest
     target: Target
     ample: float
-    rates: Array
-    seed: int
-    search: SearchAccount
     collisions: Collisions | None
-    held: SpaceArm | None = None
-    keep: float | None = None
     best: Rows | None = None
     note: str = ""
+
+    @classmethod
+    def of(cls, request: PlanRequest) -> Problem:
+        """Return the problem of leading one tip, or the joints, to a goal.
+
+        Raises:
+            NoSolutionError: No motion can solve it; carries the best attempt.
+        """
+        cfg, goal, attitude = request.start, request.goal, request.final_attitude
+        limits = request.constraints.limits
+        tip, q = None, None
+        try:
+            lower, upper = bounds_of(cfg, limits)
+            least, ample = clearance_of(cfg, request.constraints.clearance)
+            if isinstance(goal, Joints):
+                q = joint_vector(cfg.arm, goal.q, "goal")
+            else:
+                tip = _reachable(cfg, goal_pose(cfg, goal), limits)
+            target = Target(
+                tip=tip,
+                q=q,
+                attitude=None if attitude is None else _attitude(cfg, attitude),
+                clearance=least,
+                lower=lower,
+                upper=upper,
+            )
+            if q is not None:
+                _check_joints(cfg, q, target)
+            return cls(request, target, ample, bodies_apart(request, target))
+        except NoSolutionError as error:
+            raise NoSolutionError(str(error), best_attempt(cfg, error.best)) from None
+
+    @property
+    def start(self) -> Configuration:
+        """Configuration in which the motion begins."""
+        return self.request.start
+
+    @property
+    def account(self) -> SearchAccount:
+        """The time of the search, and what stops it."""
+        return self.request.account
+
+    @property
+    def keep(self) -> float | None:
+        """Largest turn of the spacecraft on the way [rad]; None for any."""
+        return self.request.constraints.keep_attitude
+
+    @cached_property
+    def rates(self) -> Array:
+        """(n,) largest joint rates [rad/s] or [m/s]."""
+        return self.request.constraints.joint_rates(self.start.arm)
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """The random numbers of this round."""
+        return np.random.default_rng((self.request.search.seed, self.account.rounds))
 
     def check(self, rows: Rows) -> Rows:
         """Return rows that arrive if they keep clearance, joint limits and distance between bodies.
@@ -72,37 +131,43 @@ class Problem:
         Raises:
             NoSolutionError: They do not.
         """
-        q = np.array([cfg.q for cfg in rows])
+        arm, q = self.start.arm, np.array([cfg.q for cfg in rows])
         distance = self._distances(q)
         worst = int(np.argmin(distance))
         if distance[worst] < self.target.clearance:
-            self.search.ways["singular"] += 1
-            raise NoSolutionError(
+            raise self._failure(
+                "singular",
                 f"the distance to the singular set falls to {angle(distance[worst])} at "
-                f"q = {self.start.arm.in_words(q[worst])}, below the clearance of "
-                f"{angle(self.target.clearance)}"
+                f"q = {arm.in_words(q[worst])}, below the clearance of "
+                f"{angle(self.target.clearance)}",
             )
-        over = np.maximum(q - self.target.upper, self.target.lower - q).max(axis=0)
+        over = self._over(q).max(axis=0)
         if over.max() > 0.0:
-            name = self.start.arm.joint_names[int(over.argmax())]
-            self.search.ways["limits"] += 1
-            raise NoSolutionError(f"joint {name!r} goes {over.max():.2g} beyond its limit")
+            name = arm.joint_names[int(over.argmax())]
+            raise self._failure("limits", f"joint {name!r} goes {over.max():.2g} beyond its limit")
         self._check_turn(rows)
-        arm, mode = (self.held, HELD) if self.held else (self.start.arm, FLOATING)
+        proven, mode = (self.request.held, HELD) if self.request.held else (arm, FLOATING)
         for i in range(0, max(len(q) - 1, 1), TOGETHER):
-            self.search.check_time()
-            proof = prove_regular(arm, q[i : i + TOGETHER + 1], mode=mode)
+            self.account.check_time()
+            proof = prove_regular(proven, q[i : i + TOGETHER + 1], mode=mode)
             if proof is None:
                 break
             if proof.at is not None:
-                self.search.ways["singular"] += 1
                 met = "is met" if proof.verdict == "singular" else "is near"
-                raise NoSolutionError(
-                    f"a singularity {met} at q = {self.start.arm.in_words(proof.at)}"
-                )
-        if (contact := self._contact(q, lambda: rows, 0.0)) is not None:
+                where = arm.in_words(proof.at)
+                raise self._failure("singular", f"a singularity {met} at q = {where}")
+        if (contact := self.contact(rows[0], q, rows=rows)) is not None:
             raise NoSolutionError(str(contact))
         return rows
+
+    def _failure(self, cause: str, why: str, rows: Rows | None = None) -> NoSolutionError:
+        """Count what stops a motion, by the words of `account.WAYS`; return the error for it."""
+        self.account.ways[cause] += 1
+        return NoSolutionError(why, rows)
+
+    def _over(self, q: Array) -> Array:
+        """Return how far joint positions (..., n) are beyond their limits, negative within."""
+        return np.maximum(q - self.target.upper, self.target.lower - q)
 
     def _distances(self, q: Array) -> Array:
         """Return the distances to the singular set (m,), negative on the other side [rad]."""
@@ -121,52 +186,49 @@ class Problem:
         turn = largest_turn(rows)
         self.note = f"the spacecraft turns by at most {turn:.2g} rad, between the rows too"
         if turn > self.keep:
-            self.search.ways["turn"] += 1
-            raise NoSolutionError(
+            raise self._failure(
+                "turn",
                 f"the spacecraft turns by up to {angle(turn)}, and keep_attitude allows "
                 f"{angle(self.keep)}",
                 rows,
             )
 
-    def _contact(self, path: Array, rows: Callable[[], Rows], before: float) -> Contact | None:
-        """Return a contact on a motion through joint positions (m, n) that begins at a time [s].
-
-        Where the spacecraft is, as `rows` returns it, matters to obstacles only.
-        """
-        if self.collisions is None:
-            return None
-        way: Array | Course = path
-        if self.collisions.obstacles:
-            way = Floating(rows(), before + rest_to_rest_times(path, self.rates))
-        contact = self.collisions.contact(way, self.search.check_time)
-        if contact is not None:
-            self.search.ways["contact"] += 1
-            self.search.contacts[" meets ".join(map(repr, contact.links))] += 1
-        return contact
-
-    def contact(self, start: Configuration, path: Array, before: float = 0.0) -> Contact | None:
+    def contact(
+        self, start: Configuration, path: Array, before: float = 0.0, rows: Rows | None = None
+    ) -> Contact | None:
         """Return a contact on straight joint segments; None if none is there or counts.
 
         Args:
             start: Where the motion begins.
             path: (m, n) the segments, the first row start.q.
             before: When it begins [s].
+            rows: The configurations, where they are known; they matter to obstacles only.
         """
-        self.search.check_time()
-        return self._contact(path, lambda: self.walk(start, path), before)
+        self.account.check_time()
+        if self.collisions is None:
+            return None
+        way: Array | SweptMotion = path
+        if self.collisions.obstacles:
+            times = before + rest_to_rest_times(path, self.rates)
+            way = Floating(rows or self.walk(start, path), times)
+        contact = self.collisions.contact(way, self.account.check_time)
+        if contact is not None:
+            self.account.ways["contact"] += 1
+            self.account.contacts[" meets ".join(map(repr, contact.links))] += 1
+        return contact
 
     def stopped(self, q: Array) -> str:
         """Return why a motion cannot go through joint positions (n,), in words, or nothing.
 
         Joint limits and contacts of the arm's own bodies count.
         """
-        self.search.check_time()
-        over = np.maximum(q - self.target.upper, self.target.lower - q)
+        self.account.check_time()
+        over = self._over(q)
         if over.max() > 0.0:
-            self.search.ways["limits"] += 1
+            self.account.ways["limits"] += 1
             return f"joint {self.start.arm.joint_names[int(over.argmax())]!r} reaches its limit"
         if self.collisions is not None and self.collisions.touch(q):
-            self.search.ways["contact"] += 1
+            self.account.ways["contact"] += 1
             return "bodies meet"
         return ""
 
@@ -174,15 +236,21 @@ class Problem:
         """Return the configurations along straight joint segments (m, n), as `floating.walk`."""
         rows = [start]
         for i in range(1, len(path), TOGETHER):
-            self.search.check_time()
+            self.account.check_time()
             rows += walk(rows[-1], np.vstack((rows[-1].q, path[i : i + TOGETHER])))[1:]
         return rows
 
     def guesses(self, start: Configuration, target: Target) -> GuessFinder:
         """Return the finder of first guesses for motions from a configuration."""
-        rounds = self.search.rounds
-        rng = np.random.default_rng((self.seed, rounds) if rounds else self.seed)
-        return GuessFinder(start, target, WAVES, rng, self.search, self.collisions)
+        seed = self.request.search.seed
+        rng = self.rng if self.account.rounds else np.random.default_rng(seed)
+        return GuessFinder(start, target, WAVES, rng, self.account, self.collisions)
+
+    def arrived(self, found: Plan, failed: Iterable[Attempt]) -> Plan:
+        """Return a plan that has passed `check`, with what that covers and what failed before."""
+        story = found.travel if len(found.arm.tips) > 1 else f"{found.travel}, {found.nearest}"
+        last = Attempt(found.method, True, "; ".join(filter(None, (story, self.note))))
+        return replace(found, tried=(*failed, last), **_covered(self.collisions))
 
 
 def travel(rows: Rows) -> float:
@@ -190,25 +258,161 @@ def travel(rows: Rows) -> float:
     return float(np.abs(np.diff([cfg.q for cfg in rows], axis=0)).sum())
 
 
-def bodies_apart(cfg: Configuration, target: Target, obstacles: tuple[Obstacle, ...]) -> Collisions:
-    """Return the bodies that must not meet.
+def recheck(found: Plan, account: SearchAccount) -> Plan:
+    """Return a plan that is proven to meet none of its obstacles at its own times.
+
+    Raises:
+        NoSolutionError: It meets one; carries the plan.
+    """
+    if not found.obstacles:
+        return found
+    bodies = Collisions(found.arm, found.obstacles)
+    if (contact := bodies.contact(Recorded(found), account.check_time)) is not None:
+        raise NoSolutionError(f"{found.arm.name}: {contact}", replace(found, apart=None))
+    return replace(found, **_covered(bodies))
+
+
+def _covered(bodies: Collisions | None) -> dict[str, Any]:
+    """Return what a plan says of a check that no bodies meet."""
+    if bodies is None:
+        return {"checked": IGNORED, "apart": None}
+    return {"checked": bodies.account, "apart": True if bodies.bodies else None}
+
+
+def bodies_apart(request: PlanRequest, target: Target) -> Collisions | None:
+    """Return the bodies that must not meet; None if collisions do not count.
 
     Raises:
         NoSolutionError: Some meet at the start or at the goal.
     """
+    if not request.constraints.collisions:
+        return None
+    cfg, obstacles = request.start, request.obstacles
     bodies = Collisions(cfg.arm, obstacles) if obstacles else collision_geometry(cfg.arm)
     if obstacles and not bodies.bodies:
         raise UnsupportedError(
             f"{cfg.arm.name} has no shapes that could be held off obstacles; give its links "
             "collision geometry or visuals"
         )
-    for what, way in (("start", Floating([cfg], np.zeros(1))), ("goal", target.q)):
-        if way is None or not bodies:
-            continue
-        contact = bodies.contact(way if isinstance(way, Floating) else way[None])
-        if contact is not None:
+    ends: dict[str, Array | SweptMotion] = {"start": Floating([cfg], np.zeros(1))}
+    if target.q is not None:
+        ends["goal"] = target.q[None]
+    for what, way in ends.items():
+        if (contact := bodies.contact(way)) is not None:
             remedy = "collisions=False ignores it"
             if any(contact.links[1].startswith(obstacle.name) for obstacle in obstacles):
                 remedy = "move the obstacle, lower its margin, or name the link in its may_touch"
             raise NoSolutionError(f"the {what} is in collision: {contact}; {remedy}")
     return bodies
+
+
+def bounds_of(cfg: Configuration, limits: bool) -> tuple[Array, Array]:
+    """Return the least and the largest joint positions (n,).
+
+    Raises:
+        NoSolutionError: The start is beyond the limits.
+    """
+    arm, free = cfg.arm, np.full(cfg.arm.n, np.inf)
+    if not limits:
+        return -free, free
+    _check_within(arm, "start", cfg.q, arm.lower, arm.upper)
+    return arm.lower, arm.upper
+
+
+def _check_within(arm: SpaceArm, what: str, q: Array, lower: Array, upper: Array) -> None:
+    """Raise a NoSolutionError if joint positions (n,) are beyond their limits."""
+    beyond = (q < lower) | (q > upper)
+    if beyond.any():
+        j = int(np.flatnonzero(beyond)[0])
+        raise NoSolutionError(
+            f"{what} of joint {arm.joint_names[j]!r} is {q[j]:.6g}, beyond its limits "
+            f"{lower[j]:.6g} and {upper[j]:.6g}; limits=False ignores them"
+        )
+
+
+def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
+    """Return the goal if the stretched virtual manipulator is long enough for it.
+
+    Raises:
+        NoSolutionError: It is not; carries the motion towards the goal as far as J* leads.
+    """
+    if far := out_of_reach(cfg, goal):
+        line = follow(cfg, [as_goal(cfg, goal)], limits=limits)
+        raise NoSolutionError(far, list(line))
+    return goal
+
+
+def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
+    """Raise a NoSolutionError if no motion can lead to joint positions q (n,)."""
+    _check_within(cfg.arm, "goal", q, target.lower, target.upper)
+    here, there = (singularity(cfg.arm.at(x)).determinant for x in (cfg.q, q))
+    if here is not None and there is not None and here * there <= 0.0:
+        raise NoSolutionError(
+            f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
+            "them meets a singularity; lead the tip there and leave the joints open"
+        )
+    if (distance := distance_at(cfg.arm.at(q), "free-floating")) < target.clearance:
+        raise NoSolutionError(
+            f"the goal has a distance of {angle(distance)} to the singular set, below the "
+            f"clearance of {angle(target.clearance)}"
+        )
+
+
+def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
+    """Return the attitude (3, 3) asked for.
+
+    Raises:
+        NoSolutionError: A planar arm cannot turn its spacecraft there.
+    """
+    rotation = _rotation(cfg.arm, attitude)
+    axes = turning_axes(cfg.arm)
+    turn = pin.log3(cfg.base.rotation.T @ rotation)
+    if len(axes) == 1 and np.linalg.norm(np.delete(turn, axes[0])) > ARRIVED:
+        raise NoSolutionError(
+            f"final_attitude is no turn about {'xyz'[axes[0]]} of the spacecraft from its start, "
+            f"and {cfg.arm.name} turns it about nothing else"
+        )
+    return rotation
+
+
+def _rotation(arm: SpaceArm, attitude: npt.ArrayLike | pin.SE3) -> Array:
+    """Return the rotation (3, 3) that final_attitude stands for."""
+    normal = arm.tree.plane_normal()
+    given = attitude.rotation if isinstance(attitude, pin.SE3) else attitude
+    meaning = "(a rotation matrix), a pin.SE3"
+    if normal is not None:
+        if not np.iterable(given):
+            angle = finite(given, (), "final_attitude", "[rad], a (3, 3) rotation or a pin.SE3")
+            return pin.exp3(float(angle) * np.eye(3)[normal])
+        meaning += ", or an angle [rad]"
+    R = finite(given, (3, 3), "final_attitude", meaning)
+    return sound_pose(pin.SE3(R, np.zeros(3)), "final_attitude").rotation
+
+
+def clearance_of(cfg: Configuration, clearance: float | None) -> tuple[float, float]:
+    """Return the least distance to the singular set on the way [rad], and the one to aim at first.
+
+    Raises:
+        NoSolutionError: The start has less.
+    """
+    sigma = singular_values(cfg)
+    distance = distance_at(cfg, "free-floating")
+    if sigma[-1] <= NO_INVERSE * sigma[0]:
+        values = f"sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e}"
+        if distance > TOLERANCE:
+            raise NoSolutionError(
+                f"J* has no inverse at the start ({values}) nor around it: {cfg.arm.name} has no "
+                "joint that moves the tip in some direction; take a task with fewer rows"
+            )
+        raise NoSolutionError(
+            f"the start is singular ({values}); leave it first along sa.singularity(cfg).gradient"
+        )
+    ample = min(AMPLE, 0.5 * distance)
+    if clearance is None:
+        return min(LEAST, 0.5 * distance), ample
+    if distance < clearance:
+        raise NoSolutionError(
+            f"the start has a distance of {angle(distance)} to the singular set, below the "
+            f"clearance of {angle(float(clearance))}"
+        )
+    return float(clearance), ample

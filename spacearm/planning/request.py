@@ -2,28 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, positive, whole
-from spacearm.collisions.obstacles import Obstacle
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.goal import Goal, Origin, goal_pose, started
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
+from spacearm.planning.account import Progress, SearchAccount
 from spacearm.planning.timing import largest_rates
-
-Progress: TypeAlias = Callable[[float, float], object]
-"""Called now and then as progress(done, total); of a search both are times [s]."""
 
 FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
 METHODS = ("auto", "straight", "joint space", "cycles", "attitude first", "tree")
+
+
+@dataclass(frozen=True)
+class Joints:
+    """A goal in joint space.
+
+    Attributes:
+        q: (n,) joint positions [rad] or [m].
+    """
+
+    q: npt.ArrayLike
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the goal as plain data, q as a list."""
+        return {"q": np.asarray(self.q).tolist()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,3 +140,122 @@ class Search:
     def to_dict(self) -> dict[str, Any]:
         """Return seed, timeout and method as plain data."""
         return {name: plain(value) for name, value in vars(self).items() if name != "progress"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanRequest:
+    """What is asked of a strategy.
+
+    Attributes:
+        start: Where the plan begins, with the momentum on board and what the wheels hold of it.
+        goal: Where the tip or the joints shall come.
+        goals: Where several tips shall come, by their names, in place of `goal`.
+        via: Goals on the way.
+        final_attitude: Attitude of the spacecraft at the end, as for `plan`.
+        duration: When it ends [s]; None for as soon as it can.
+        constraints: What must hold on the way.
+        obstacles: The obstacles among them.
+        search: How to look for it.
+        account: The time of the search, and what stops it.
+        held: The arm itself where the start is one on a spacecraft that does not turn.
+    """
+
+    start: Configuration
+    goal: Goal | Joints
+    goals: Mapping[str, Goal] = field(default_factory=dict)
+    via: tuple[Goal | Joints, ...] = ()
+    final_attitude: npt.ArrayLike | pin.SE3 | float | None = None
+    duration: float | None = None
+    constraints: Constraints
+    obstacles: tuple[Obstacle, ...] = ()
+    search: Search
+    account: SearchAccount
+    held: SpaceArm | None = None
+
+    @classmethod
+    def of(
+        cls,
+        start: Configuration,
+        goal: Goal | Joints | Mapping[str, Goal],
+        origin: Origin,
+        constraints: Constraints,
+        search: Search,
+        via: tuple[Goal | Joints, ...],
+        final_attitude: npt.ArrayLike | pin.SE3 | float | None,
+        duration: float | None,
+    ) -> PlanRequest:
+        """Return what the arguments of `plan` ask for, checked.
+
+        Raises:
+            ConfigurationError: An argument does not make sense.
+            UnsupportedError: The arm has fewer joints than its task has rows, or several tips, of
+                which none is named.
+        """
+        start, goals = started(start, origin), dict[str, Goal]()
+        if isinstance(goal, Mapping):
+            start, goals = _with_tips(start, goal), dict(goal)
+            goal = next(iter(goals.values()))
+        arm, goals = start.arm, goals if len(goals) > 1 else {}
+        if not goals:
+            arm.require_one_tip()  # whose path the plan holds
+        if arm.n < arm.task.k:
+            raise UnsupportedError(
+                f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and "
+                f"can never do this task; take one with {arm.n} rows"
+            )
+        return cls(
+            start=start,
+            goal=goal,
+            goals=goals,
+            via=via,
+            final_attitude=final_attitude,
+            duration=None if duration is None else positive(duration, "duration", "time [s]"),
+            constraints=constraints,
+            obstacles=obstacles_of(constraints.obstacles, arm),
+            search=search,
+            account=SearchAccount(float(search.timeout), search.progress),
+        )
+
+    @property
+    def moving(self) -> bool:
+        """Whether there is momentum on board, in the wheels or in sum."""
+        return bool(self.start.momentum.any() or self.start.wheels.any())
+
+    @property
+    def drift(self) -> Array:
+        """(3,) velocity of the system CM [m/s]."""
+        return self.start.momentum[:3] / self.start.arm.mass
+
+    def at_rest(self, duration: float = 0.0) -> PlanRequest:
+        """Return the request seen from the system CM, which drifts on until the tip arrives.
+
+        The start has no momentum and the goal is moved back. Obstacles, which drift the other way
+        there, are left out.
+        """
+        arm, goal = self.start.arm, self.goal
+        start = arm.at(self.start.q, base=self.start.base)
+        if not isinstance(goal, Joints):
+            pose = goal_pose(start, goal)
+            goal = pin.SE3(pose.rotation, pose.translation - self.drift * duration)
+        return replace(self, start=start, goal=goal, duration=None, obstacles=())
+
+
+def _with_tips(start: Configuration, tips: Collection[str]) -> Configuration:
+    """Return the start of an arm with some of its tips, all of its joints.
+
+    Raises:
+        ConfigurationError: A name is no tip, or there are none.
+    """
+    arm = start.arm
+    if not tips:
+        raise ConfigurationError(f"goal is empty; name some of the tips {listed(arm.tips)}")
+    for name in tips:
+        if name not in arm.tips:
+            raise ConfigurationError(f"goal: {unknown('tip', name, arm.tips)}")
+    some = tuple(tip for tip in arm.tips if tip in tips)
+    if some == arm.tips:
+        return start
+    arm = arm.replace(tip=some, joints=arm.joint_names)
+    wheels = start.wheels if start.wheels.any() else None
+    moved = arm.at(start.q, base=start.base, wheels=wheels, momentum=start.momentum)
+    return moved.centred(start.com)

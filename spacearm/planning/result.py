@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.model.arm import Configuration
+from spacearm.model.arm import AT_REST, Configuration
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.planning.timing import corners, course, largest_rates, rest_to_rest_times
+from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
 from spacearm.results import Cell, Description, Measure, Table
 from spacearm.singularities.report import FAR, angle
 
 IGNORED = "collisions NOT checked (collisions=False)"
 FAILED = "collisions NOT checked of this attempt"
-
-
-@dataclass(frozen=True)
-class Joints:
-    """A goal in joint space.
-
-    Attributes:
-        q: (n,) joint positions [rad] or [m].
-    """
-
-    q: npt.ArrayLike
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the goal as plain data, q as a list."""
-        return {"q": np.asarray(self.q).tolist()}
 
 
 class Attempt(NamedTuple):
@@ -98,28 +82,29 @@ class Plan(Motion):
         cls,
         method: str,
         rows: Sequence[Configuration],
-        clearance: float,
         rates: Array,
-        tried: Sequence[Attempt],
-        checked: str,
-        apart: bool | None,
-        obstacles: Sequence[Obstacle] = (),
+        *,
+        t: Array | None = None,
+        momentum: Array = AT_REST,
+        **fields: Any,
     ) -> Plan:
-        """Return the plan that leads through some configurations."""
+        """Return the plan that leads through some configurations.
+
+        Args:
+            method: The method that found it.
+            rows: The configurations, seen from the system CM.
+            rates: (n,) largest joint rates [rad/s] or [m/s].
+            t: (m,) times of the rows [s]; from rest to rest within these rates if None.
+            momentum: (6,) momentum on board, with which the system CM drifts on.
+            **fields: What else is known of the plan, by the names of its fields.
+        """
         arm, along = rows[0].arm, samples(rows)
-        return cls(
-            arm=arm,
-            t=rest_to_rest_times(along["q"], rates),
-            **along,
-            method=method,
-            clearance=clearance,
-            checked=checked,
-            apart=apart,
-            tried=tuple(tried),
-            momentum=np.zeros((len(rows), 6)),
-            wheels=np.zeros((len(rows), len(arm.wheels))),
-            obstacles=tuple(obstacles),
-        )
+        t = rest_to_rest_times(along["q"], rates) if t is None else t
+        along["base"][:, :3] += np.outer(t, momentum[:3] / arm.mass)
+        unknown: dict[str, Any] = {"clearance": 0.0, "checked": FAILED, "apart": None, "tried": ()}
+        wheels = np.zeros((len(rows), len(arm.wheels)))
+        still = {"momentum": np.tile(momentum, (len(rows), 1)), "wheels": wheels}
+        return cls(arm=arm, method=method, t=t, **along, **(unknown | still | fields))
 
     def __getitem__(self, i: int) -> Configuration:
         cfg = super().__getitem__(i)
@@ -141,7 +126,7 @@ class Plan(Motion):
         """Return the derivatives (m, n) of the joint positions."""
         if len(self) == 1:
             return read_only(np.zeros_like(self.q))
-        rates = course(self.t, self.q)(self.t, order)
+        rates = rest_to_rest_spline(self.t, self.q)(self.t, order)
         rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
         return read_only(rates)
 
@@ -210,7 +195,7 @@ class Plan(Motion):
         )
 
 
-def best_attempt(cfg: Configuration, rows: object, tried: Sequence[Attempt]) -> Plan:
+def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()) -> Plan:
     """Return the best attempt: rows that do not solve the problem, or the start alone."""
     best = rows if isinstance(rows, list) else [cfg]
-    return Plan.of_rows("best attempt", best, 0.0, largest_rates(cfg.arm), tried, FAILED, None)
+    return Plan.of_rows("best attempt", best, largest_rates(cfg.arm), tried=tuple(tried))

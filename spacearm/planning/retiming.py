@@ -12,8 +12,8 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 from spacearm.arrays import Array, finite
-from spacearm.collisions.courses import Recorded
 from spacearm.collisions.separation import Collisions
+from spacearm.collisions.swept_motion import Recorded
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import attitudes, placed, walk
@@ -21,11 +21,10 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
-from spacearm.planning.reactions.loads import load_of, momentum_and_torque
+from spacearm.planning.reactions import Wheels, load_of, momentum_and_torque
 from spacearm.planning.result import Plan
+from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.planning.timing import corners, largest_rates
-from spacearm.planning.wheels.held import slowed
-from spacearm.planning.wheels.limits import Wheels
 from spacearm.singularities.report import angle
 
 

@@ -40,7 +40,7 @@ def rest_to_rest_times(q: Array, rates: Array) -> Array:
     return t
 
 
-def course(t: Array, q: Array) -> PPoly:
+def rest_to_rest_spline(t: Array, q: Array) -> PPoly:
     """Return joint positions (n,) over time: quintic splines through rows, at rest at corners.
 
     Their rates and accelerations vanish at corners and at both ends, as those of the motions do

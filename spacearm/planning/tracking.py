@@ -15,7 +15,7 @@ from spacearm.model.arm import Configuration
 from spacearm.motion.controllers import Law
 from spacearm.motion.motion import Motion
 from spacearm.planning.result import Plan
-from spacearm.planning.timing import course, smooth
+from spacearm.planning.timing import rest_to_rest_spline, smooth
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Tracking(Law):
     @cached_property
     def _wanted(self) -> PPoly:
         if isinstance(self.motion, Plan):
-            return course(self.motion.t, self.motion.q)
+            return rest_to_rest_spline(self.motion.t, self.motion.q)
         return CubicSpline(self.motion.t, self.motion.q)
 
     @cached_property

@@ -21,11 +21,9 @@ from spacearm.equations.turns import GAUSS
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.motion.goal import goal_rows
-from spacearm.planning.account import TimeUpError
-from spacearm.planning.guesses import CLOSE, GuessFinder, Mask
-from spacearm.planning.loops import Indices, lengths
-from spacearm.planning.many_curves import inverse_kinematics, spacecraft_turns
-from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING, CurveOptimiser
+from spacearm.planning.guesses import CLOSE, GuessFinder, Mask, lengths
+from spacearm.planning.many_curves import Indices, inverse_kinematics, spacecraft_turns
+from spacearm.planning.optimiser import ARRIVED, NEWTON_STEPS, SPACING
 from spacearm.planning.problem import Problem, Rows
 
 GROWN = 48
@@ -63,7 +61,7 @@ class Tree:
     def __init__(self, finder: GuessFinder, collisions: Collisions | None) -> None:
         self.finder, self.collisions = finder, collisions
         self.start, self.target, self.rng = finder.start, finder.target, finder.rng
-        self.arm, self.free, self.search = finder.arm, finder.free, finder.search
+        self.arm, self.free, self.account = finder.arm, finder.free, finder.account
         s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
         self._gauss, self._along = s[:, None], np.linspace(0.0, 1.0, POINTS)[1:, None]
         self._q, self._T = self.start.q[None], self.start.base.rotation[None]
@@ -79,7 +77,7 @@ class Tree:
         """
         nodes = np.array([0])
         for _ in range(rounds):
-            self.search.check_time()
+            self.account.check_time()
             self._find_ends()
             if len(self._ends[1]):
                 yield from self._landed(nodes)
@@ -150,7 +148,7 @@ class Tree:
                 yield self._shortened(way)
                 yield way
             else:
-                self.search.ways["contact"] += 1
+                self.account.ways["contact"] += 1
 
     def _arriving(self, W: Array, T: Array) -> tuple[Array, Mask, Array]:
         """Move the last corners of motions until the tip arrives.
@@ -172,9 +170,9 @@ class Tree:
             return T[rows] @ self._turns(W[rows, -2:])
 
         tip = pin.SE3(target.tip.rotation, target.tip.translation - self.start.com)
-        _, miss = inverse_kinematics(
+        _, _, miss = inverse_kinematics(
             self.arm, W[:, -1], tip, attitude, self.finder.axes, STEPS,
-            self.search.check_time, (target.lower, target.upper),
+            self.account.check_time, (target.lower, target.upper),
         )  # fmt: skip
         room = self._room(W[:, -2:])
         self.finder.count_ways(room, miss < CLOSE)
@@ -254,19 +252,16 @@ def by_tree(problem: Problem) -> Rows:
     if target.attitude is not None:
         raise NoSolutionError("the tree aims at no attitude of the spacecraft")
     finder = problem.guesses(problem.start, target)
-    optimiser = CurveOptimiser(problem.start, target, 1)
-    why, rounds = "none of its motions arrives", TREES << problem.search.rounds
+    why, rounds = "none of its motions arrives", TREES << problem.account.rounds
     for corners in Tree(finder, problem.collisions).motions(rounds):
         try:
-            return problem.check(_landed(problem, optimiser, corners))
-        except TimeUpError:
-            raise
+            return problem.check(_landed(problem, corners))
         except NoSolutionError as error:
             why = str(error)
     raise NoSolutionError(why, problem.best)
 
 
-def _landed(problem: Problem, optimiser: CurveOptimiser, corners: Array) -> Rows:
+def _landed(problem: Problem, corners: Array) -> Rows:
     """Return rows through corners (m, n), the end of the last piece made exact by Newton's method.
 
     Raises:
@@ -275,7 +270,7 @@ def _landed(problem: Problem, optimiser: CurveOptimiser, corners: Array) -> Rows
     for _ in range(NEWTON_STEPS):
         pieces = [straight_rows(a, b)[1:] for a, b in pairwise(corners)]
         rows = problem.walk(problem.start, np.vstack((corners[:1], *pieces)))
-        left = optimiser.residual(rows[-1])
+        left = problem.target.missed(problem.start, rows[-1])
         if np.linalg.norm(left) <= ARRIVED:
             return rows
         if problem.target.q is not None:

@@ -63,9 +63,9 @@ def _basis(d: int) -> Complex:
     """Return the matrix that takes c_-d ... c_d to the factors of 1, cos k q, sin k q."""
     T = np.zeros((2 * d + 1, 2 * d + 1), dtype=complex)
     T[0, d] = 1.0
-    for k in range(1, d + 1):
-        T[k, d + k], T[k, d - k] = 1.0, 1.0
-        T[d + k, d + k], T[d + k, d - k] = 1j, -1j
+    k = np.arange(1, d + 1)
+    T[k, d + k], T[k, d - k] = 1.0, 1.0
+    T[d + k, d + k], T[d + k, d - k] = 1j, -1j
     T.flags.writeable = False
     return T
 
@@ -104,7 +104,7 @@ def contract(
     Returns:
         (2 d_j + 1 for j in keep, m), or what `last` makes of it, joined along the last axis.
     """
-    sums = _Sums.of(tensor.shape, keep)
+    sums = _sums(tensor.shape, keep)
     matrix = sums.matrix(tensor)
 
     def do(start: int) -> Array:
@@ -138,12 +138,6 @@ class _Sums:
         self._few = min(max(NUMBERS // sum(self._shape), FEWEST), BLOCK)
         self._points = 0
 
-    @classmethod
-    @lru_cache(maxsize=256)
-    def of(cls, shape: tuple[int, ...], keep: tuple[int, ...]) -> _Sums:
-        """Return the one of this shape."""
-        return cls(shape, keep)
-
     def matrix(self, tensor: Array) -> Array:
         """Return the numbers of a tensor, a row for each product of waves of the first group."""
         return np.ascontiguousarray(tensor.transpose(self._order)).reshape(self._shape)
@@ -159,11 +153,8 @@ class _Sums:
             values = np.empty((math.prod(self._kept), len(q)))
             for i in range(0, len(q), self._few):
                 part = q[i : i + self._few]
-                A, B = (
-                    self._multiplied({"q": part})
-                    if often
-                    else (a.T for a in self._products(numbers, part.T))
-                )
+                both = self._multiplied({"q": part}) if often else self._products(numbers, part.T)
+                A, B = both if often else (a.T for a in both)
                 half = _product(A, matrix).reshape(len(A), len(values), B.shape[1])
                 np.einsum("mkl,ml->km", half, B, out=values[:, i : i + self._few])
         return values.reshape(*self._kept, len(q))
@@ -192,6 +183,9 @@ class _Sums:
         from spacearm.compiler.kernel import compiled
 
         return compiled(partial(function, symbols), {"q": (len(self._angles),)}, given)
+
+
+_sums = lru_cache(maxsize=256)(_Sums)
 
 
 def _product(A: Array, B: Array) -> Array:

@@ -106,8 +106,7 @@ def bounded_extreme(
     objective, on_roots = Pointwise(F), [Pointwise(S, S.scale) for S in equations]
     on_set: Any = [{"type": "eq", "fun": S, "jac": S.gradient} for S in on_roots]
     search: Any = minimize  # its stubs are for functions of float64 only
-    options: Any = {"maxiter": 50, "ftol": 1e-12 * F.scale}
-    x = start
+    options, x = {"maxiter": 50, "ftol": 1e-12 * F.scale}, start
     least, most = box if box else (np.full(len(x), -np.inf), np.full(len(x), np.inf))
     for _ in range(MOST_WAYS):
         low, high = np.maximum(x - SHORT, least), np.minimum(x + SHORT, most)
@@ -123,9 +122,8 @@ def bounded_extreme(
         moved, x = result.x - x, np.clip(result.x, low, high)
         if np.abs(moved).max() < 0.999 * SHORT:
             break
-    held = (x - least < AT_LIMIT) | (most - x < AT_LIMIT)
-    x = np.where(x - least < AT_LIMIT, least, x)
-    x = np.where(most - x < AT_LIMIT, most, x)
+    on_least, on_most = x - least < AT_LIMIT, most - x < AT_LIMIT
+    held, x = on_least | on_most, np.where(on_least, least, np.where(on_most, most, x))
     if not held.all():
         fixed = {int(j): float(x[j]) for j in np.flatnonzero(held)}
         free = [objective, *on_roots]

@@ -75,12 +75,8 @@ def interpolants(sampler: Sampler, degrees: Integers) -> list[Complex]:
     components = np.ascontiguousarray(values.T).reshape(-1, *shape)
     over = tuple(range(1, len(shape) + 1))
     spectra = np.fft.fftshift(np.fft.fftn(components, axes=over, norm="forward"), axes=over)
-    return [
-        np.ascontiguousarray(
-            c[tuple(slice(m - k, m + k + 1) for m, k in zip(most, d, strict=True))]
-        )
-        for c, d in zip(spectra, degrees.T, strict=True)
-    ]
+    inner = [tuple(map(slice, most - d, most + d + 1)) for d in degrees.T]
+    return [np.ascontiguousarray(c[own]) for c, own in zip(spectra, inner, strict=True)]
 
 
 def error_bound(values: Array, wanted: Array, degrees: tuple[int, ...]) -> float:
@@ -115,11 +111,11 @@ def degrees_of(sampler: Sampler, n: int, highest: int, rng: np.random.Generator)
     size = np.abs(spectra).max(axis=1)  # (n, orders, components)
     rounding = size[:, highest + 1 :].max(axis=1)
     bound = np.maximum(ROUNDING * size.max(axis=(0, 1)), ABOVE_ROUNDING * rounding)
-    for j in range(n):
-        if (rounding[j] > MISFIT * size.max(axis=(0, 1))).any():
-            raise UnsupportedError(
-                f"the function is not band-limited in angle {j}: its degree is above {highest}"
-            )
+    beyond = np.flatnonzero((rounding > MISFIT * size.max(axis=(0, 1))).any(axis=1))
+    if beyond.size:
+        raise UnsupportedError(
+            f"the function is not band-limited in angle {beyond[0]}: its degree is above {highest}"
+        )
     orders = np.arange(size.shape[1])[None, :, None]
     return np.where(size > bound[:, None], orders, 0).max(axis=1)
 
@@ -169,21 +165,13 @@ class TrigPolynomial:
         return {"degrees": plain(self.degrees), "coefficients": plain(self.coefficients)}
 
     @classmethod
-    def fit(
-        cls,
-        sampler: Sampler,
-        n: int,
-        *,
-        highest: int = 8,
-        rng: np.random.Generator | None = None,
-    ) -> TrigPolynomial:
+    def fit(cls, sampler: Sampler, n: int, *, highest: int = 8) -> TrigPolynomial:
         """Fit a function that is a trigonometric polynomial, exactly but for rounding.
 
         Args:
             sampler: Takes (m, n) angles, returns (m,) real values.
             n: Number of angles.
             highest: Highest degree looked for in one angle.
-            rng: For the lines along which degrees are found and the points of the final check.
 
         Returns:
             The polynomial; its `error` is bounded by the misses at the points of the check, eight
@@ -193,23 +181,15 @@ class TrigPolynomial:
             UnsupportedError: The function is no trigonometric polynomial up to that degree, gives
                 values that are not finite, or has too many coefficients.
         """
-        each = cls.fit_each(lambda Q: sampler(Q)[:, None], n, highest=highest, rng=rng)
-        return each[0]
+        return cls.fit_each(lambda Q: sampler(Q)[:, None], n, highest=highest)[0]
 
     @classmethod
-    def fit_each(
-        cls,
-        sampler: Sampler,
-        n: int,
-        *,
-        highest: int = 8,
-        rng: np.random.Generator | None = None,
-    ) -> list[TrigPolynomial]:
+    def fit_each(cls, sampler: Sampler, n: int, *, highest: int = 8) -> list[TrigPolynomial]:
         """Fit the components of a vector, as `fit`; the sampler returns (m, components) values.
 
         Each has its own degrees; all are sampled on the grid of the highest.
         """
-        rng = rng or np.random.default_rng(0)
+        rng = np.random.default_rng(0)
         degrees = degrees_of(sampler, n, highest, rng)
         fitted = [cls(c) for c in interpolants(sampler, degrees)]
         Q = rng.uniform(-np.pi, np.pi, (CHECKS, n))
@@ -257,12 +237,10 @@ class TrigPolynomial:
     def fix(self, angles: Mapping[int, float]) -> TrigPolynomial:
         """Return the polynomial of the other angles with some fixed."""
         point = np.zeros((1, self.n))
-        for j, angle in angles.items():
-            point[0, j] = angle
+        point[0, list(angles)] = list(angles.values())
         keep = tuple(j for j in range(self.n) if j not in angles)
-        return TrigPolynomial(
-            self.along(point, keep)[0], self.noise(np.abs(point).max(initial=0.0))
-        )
+        error = self.noise(np.abs(point).max(initial=0.0))
+        return TrigPolynomial(self.along(point, keep)[0], error)
 
     def shifted(self, offset: Array) -> TrigPolynomial:
         """Return the polynomial q -> f(q + offset)."""
@@ -401,11 +379,9 @@ class TrigPolynomial:
         c, h = np.atleast_2d(np.asarray(centre, float)), np.atleast_2d(np.asarray(half, float))
         second = 0.5 * np.einsum("mi,ij,mj->m", h, self.curvature, h)
         first = np.einsum("mj,mj->m", np.abs(self.gradient(c)), h)
-        change = np.minimum(first + second, h @ self.lipschitz) + self.noise(
-            np.abs(c).max(initial=0.0)
-        )
-        values = self(c)
-        return np.where(np.abs(values) > change, np.sign(values), 0.0).astype(int)
+        change = np.minimum(first + second, h @ self.lipschitz)
+        noise, values = self.noise(np.abs(c).max(initial=0.0)), self(c)
+        return np.where(np.abs(values) > change + noise, np.sign(values), 0.0).astype(int)
 
 
 def derivative_bounds(sizes: Array, weights: Sequence[Array], order: int) -> Array:
@@ -427,6 +403,6 @@ def derivative_bounds(sizes: Array, weights: Sequence[Array], order: int) -> Arr
             }
     bounds = np.zeros((len(weights),) * order)
     for of, value in sums.items():
-        for index in permutations(of) if len(of) == order else ():
+        for index in set(permutations(of)) if len(of) == order else ():
             bounds[index] = value
     return bounds

@@ -86,20 +86,15 @@ def path_rows(arm: SpaceArm, path: npt.ArrayLike) -> Array:
 
 def _within(arm: SpaceArm, path: Array) -> list[tuple[int, Array]]:
     """Return the parts of a path within the joint limits: number of the segment and ends (2, n)."""
-    parts = []
-    starts, ends = (path[:-1], path[1:]) if len(path) > 1 else (path, path)
-    for number, (q0, q1) in enumerate(zip(starts, ends, strict=True)):
-        step = q1 - q0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = np.stack(((arm.lower - q0) / step, (arm.upper - q0) / step))
-        still = step == 0.0
-        if (still & ((q0 < arm.lower) | (q0 > arm.upper))).any():
-            continue
-        first = max(0.0, float(t.min(axis=0)[~still].max(initial=0.0)))
-        last = min(1.0, float(t.max(axis=0)[~still].min(initial=1.0)))
-        if first <= last:
-            parts.append((number, np.array([q0 + first * step, q0 + last * step])))
-    return parts
+    start, end = (path[:-1], path[1:]) if len(path) > 1 else (path, path)
+    step = end - start
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.stack(((arm.lower - start) / step, (arm.upper - start) / step))
+    still, inside = step == 0.0, (start >= arm.lower) & (start <= arm.upper)
+    first = np.where(still, 0.0, t.min(axis=0)).max(axis=1, initial=0.0)
+    last = np.where(still, 1.0, t.max(axis=0)).min(axis=1, initial=1.0)
+    kept = np.flatnonzero((first <= last) & (inside | ~still).all(axis=1))
+    return [(int(i), start[i] + np.outer((first[i], last[i]), step[i])) for i in kept]
 
 
 class Component(NamedTuple):

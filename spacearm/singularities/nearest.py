@@ -101,7 +101,7 @@ def nearest_singular(
         if progress:
             progress(done, most)
 
-    search = Search(arm, mode, q[None], low, high, linearised=linearised)
+    search = NearestSearch(arm, mode, q[None], low, high, linearised=linearised)
     best = search.nearest()
     if S is not None and not limits:
         best = _proven(S, q, best, search)
@@ -110,28 +110,28 @@ def nearest_singular(
     return q + unit * best, float(np.linalg.norm(best))
 
 
-def nearest_about(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
-    """Return the singular configuration (n,) nearest to q (n,) that lies about, and its distance.
+def nearest_locally(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
+    """Return the nearest singular configuration (n,) about q (n,), and its distance; or None.
 
     Where the set is near, the projection of q on it to first order lies by its nearest point. Then
-    the last part of `Search` is enough, which moves one point along the set until it rests. The
-    distance is in radians, sliding joints in units of `joint_scales`; None if none lies about.
+    the last part of `NearestSearch` is enough, which moves one point along the set until it rests.
+    The distance is in radians, sliding joints in units of `joint_scales`.
     """
-    (offset,) = settled_each(arm, mode, q[None])
+    (offset,) = local_offsets(arm, mode, q[None])
     if np.isnan(offset).any():
         return None
     return q + joint_scales(arm) * offset, float(np.linalg.norm(offset))
 
 
-def settled_each(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
+def local_offsets(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
     """Return the offsets (m, n) of the set that are reached along it from Q (m, n); NaN if none is.
 
-    What `Search.settled` does from one configuration, of many side by side.
+    What `NearestSearch.settled` does from one configuration, of many side by side.
     """
     X = np.zeros(Q.shape)
     if not len(Q):
         return X
-    search = Search(arm, mode, Q, expected=LINEARISED * len(Q))
+    search = NearestSearch(arm, mode, Q, expected=LINEARISED * len(Q))
     return search.rested(search.onto(X, LANDING))
 
 
@@ -143,7 +143,7 @@ def _most(n: int) -> int:
 
 
 @dataclass(frozen=True)
-class Search:
+class NearestSearch:
     """A search for the offsets nearest to the origin at which J* loses rank.
 
     Attributes:
@@ -318,7 +318,7 @@ def _apart(X: Array, merit: Array, most: int) -> Array:
     return np.array(chosen)
 
 
-def _proven(S: TrigPolynomial, q: Array, best: Array | None, search: Search) -> Array | None:
+def _proven(S: TrigPolynomial, q: Array, best: Array | None, search: NearestSearch) -> Array | None:
     """Improve an offset from q by branch and bound, if few joints matter."""
     chosen = [j for j, degree in enumerate(S.degrees) if degree]
     if not 0 < len(chosen) <= GLOBAL_DIMENSION:
@@ -382,12 +382,7 @@ def lose_rank(
 
 
 def is_singular(
-    arm: SpaceArm,
-    q: Array,
-    mode: BaseMode,
-    columns: tuple[int, ...] | None = None,
-    *,
-    tolerance: float = AT_A_ROOT,
+    arm: SpaceArm, q: Array, mode: BaseMode, columns: tuple[int, ...] | None = None
 ) -> bool:
     """Check whether J*, or some of its columns, have lost rank at a root of the minors q (n,).
 
@@ -396,10 +391,9 @@ def is_singular(
         q: (n,) a root of minors, accurate to some ten digits as a rule.
         mode: What the spacecraft does.
         columns: The columns of J* that count; all if None.
-        tolerance: Share of the largest singular value below which the least one counts as zero.
     """
     if columns == ():  # of a task of one row: no columns are never dependent
         return False
     J = task_jacobian(arm.at(q), mode=mode)
     sigma = np.linalg.svd(J if columns is None else J[:, list(columns)], compute_uv=False)
-    return bool(sigma[-1] <= tolerance * sigma[0])
+    return bool(sigma[-1] <= AT_A_ROOT * sigma[0])

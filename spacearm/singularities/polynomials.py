@@ -223,11 +223,7 @@ def radius_squared(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPo
 @lru_cache(maxsize=16)
 def _fitted_radius_squared(arm: SpaceArm, mode: BaseMode) -> TrigPolynomial:
     """Fit R^2(q)."""
-
-    def sampler(Q: Array) -> Array:
-        return (tips_from_centre(arm, Q, mode) ** 2).sum(axis=1)
-
-    return TrigPolynomial.fit(sampler, arm.n)
+    return TrigPolynomial.fit(lambda Q: (tips_from_centre(arm, Q, mode) ** 2).sum(axis=1), arm.n)
 
 
 def distances(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
@@ -525,10 +521,8 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
     size = np.abs(minor_sampler(arm, every, mode)(probes)).max(axis=0)
     some = every[size > ABSENT * size.max()]
     degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)
-    by_columns = {
-        tuple(map(int, C)): tuple(map(int, d)) for C, d in zip(some, degrees.T, strict=True)
-    }
-    return Minors(arm, mode, own, by_columns)
+    each = zip(some.tolist(), degrees.T.tolist(), strict=True)
+    return Minors(arm, mode, own, {tuple(C): tuple(d) for C, d in each})
 
 
 def _of_angles(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Iterable[Columns]) -> Sampler:

@@ -304,10 +304,11 @@ def singularity(
     task = cfg.arm.task
     J = task_jacobian(cfg, mode=mode)
     k, n = J.shape
-    U, sigma, V = _svd(J)
+    U, sigma, VT = np.linalg.svd(J)
+    sigma, V = np.pad(sigma, (0, k - len(sigma))), VT.T  # of fewer joints than rows zeros too
     dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
     found = rank_distances_of(cfg.arm, J, dJ, error)
-    rank = _rank(found.distances, tolerance)
+    rank = int(np.count_nonzero(found.distances > tolerance))
     nearest = None
     distance, away = refined_at(cfg, found, mode)
     distances = np.append(np.maximum(found.distances[:-1], distance), distance)
@@ -349,19 +350,8 @@ def angle(value: float) -> str:
     return f"{np.degrees(value):.3g}°"
 
 
-def _svd(J: Array) -> tuple[Array, Array, Array]:
-    """Decompose J = U diag(sigma) V^T: U (k, k), V (n, n) and sigma (k,), padded by zeros."""
-    U, sigma, VT = np.linalg.svd(J)
-    return U, np.pad(sigma, (0, len(J) - len(sigma))), VT.T
-
-
-def _rank(distances: Array, tolerance: float) -> int:
-    """Count the singular values that do not vanish within a distance."""
-    return int(np.count_nonzero(distances > tolerance))
-
-
 def _kind(cfg: Configuration, tolerance: float) -> Kind:
     """Tell whether a singular configuration is kinematic or dynamic."""
     J, dJ = task_jacobian(cfg, mode="fixed"), task_jacobian_derivative(cfg, mode="fixed")
     found = rank_distances_of(cfg.arm, J, dJ, error_bars(cfg, mode="fixed").sigma)
-    return "kinematic" if _rank(found.distances, tolerance) < len(J) else "dynamic"
+    return "dynamic" if (found.distances > tolerance).all() else "kinematic"

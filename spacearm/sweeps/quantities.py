@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,41 +17,20 @@ import pinocchio as pin
 from spacearm.arrays import LARGEST, Array
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
-from spacearm.motion.controllers import (
-    Controller,
-    DampedLeastSquares,
-    JointPD,
-    Reactionless,
-    ResolvedRate,
-    TransposedJacobian,
-)
-from spacearm.motion.goal import goal_of
-from spacearm.motion.plant import Plant
-from spacearm.motion.simulation import FAILURES, Integration, simulate_many
+from spacearm.motion.simulation import COARSE, FAILURES, simulate_many
 from spacearm.singularities.risk import check_slides, risk_profile
+from spacearm.sweeps.motion_tables import MODES, read_integration, read_law, read_plant
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.design import shell_measures
 from spacearm.workspaces.path_dependent import EFFORT
 from spacearm.workspaces.shells import check_shells
 
-MODES: tuple[BaseMode, ...] = get_args(BaseMode)
 PART = 2**16
 """Configurations in memory at a time, however large the chunk."""
 MOST_SHELLS = 16
 """Shells that there is room for in each design."""
-LAWS: dict[str, Any] = {
-    "transposed": TransposedJacobian,
-    "resolved": ResolvedRate,
-    "damped": DampedLeastSquares,
-    "reactionless": Reactionless,
-    "joints": JointPD,
-}
-"""The control laws by the names that studies give them."""
-STIFF = ("transposed", "joints")
-"""Those whose gains are kp and kd; the others have one, gain."""
 RUNS = 256
 """Runs of a chunk at most: some seconds of work."""
 
@@ -312,45 +291,29 @@ class Simulations(Quantity):
 
     def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
         """Read the table."""
-        table.knows("controller", "target", "gains", "q", "spread", "attitude", "duration", "runs",
-                    "mode", "limits", "reach", "rtol")  # fmt: skip
-        self.law = table.choice("controller", tuple(LAWS), "transposed")
+        table.knows("controller", "start", "duration", "runs", "mode", "plant", "integration")
+        self.controller = table.inner("controller")
         self.mode = table.choice("mode", MODES, "free-floating")
-        self.limits = table.take("limits", bool, False)
-        gains, names = table.inner("gains"), ("kp", "kd") if self.law in STIFF else ("gain",)
-        gains.knows(*names)
-        self.gains = {name: gains.numbers(name) for name in names}
-        self.target, self.q = table.numbers("target"), table.numbers("q")
-        self.spread = table.numbers("spread", [0.0])
-        self.attitude = table.numbers("attitude", [0.0, 0.0, 0.0])
+        self.plant = read_plant(table.inner("plant"))
+        self.integration = read_integration(table.inner("integration"), COARSE)
+        start = table.inner("start")
+        start.knows("q", "spread", "attitude")
+        self.q, self.spread = start.numbers("q"), start.numbers("spread", [0.0])
+        self.attitude = start.numbers("attitude", [0.0, 0.0, 0.0])
         if len(self.attitude) != 3:
-            raise table.fail("attitude", "give roll, pitch and yaw [rad]")
+            raise start.fail("attitude", "give roll, pitch and yaw [rad]")
         if (self.spread < 0.0).any():
-            raise table.fail("spread", "give standard deviations from 0 on")
-        self.duration = table.positive("duration", float, 60.0)
-        self.reach = table.positive("reach", float, 1e-3)
-        self.rtol = table.positive("rtol", float, 1e-6)
+            raise start.fail("spread", "give standard deviations from 0 on")
+        self.duration = table.positive("duration", float)
         for arm in arms:
             if len(self.q) != arm.n:
-                raise table.fail("q", f"give {arm.n} joint positions of {arm.name}")
+                raise start.fail("q", f"give {arm.n} joint positions of {arm.name}")
             if len(self.spread) not in (1, arm.n):
-                raise table.fail("spread", f"give one number, or {arm.n} for {arm.name}")
+                raise start.fail("spread", f"give one number, or {arm.n} for {arm.name}")
             arm.require_one_tip()
-            self.controller(arm)
+            read_law(self.controller, arm)
         self.shape = (table.positive("runs", int, 1),)
         self.tile = (min(RUNS, self.chunk, *self.shape),)
-
-    def controller(self, arm: SpaceArm) -> Controller:
-        """Return the law for an arm."""
-        gains = {
-            name: values if len(values) > 1 else values[0] for name, values in self.gains.items()
-        }
-        if self.law == "joints":
-            return JointPD(target=self.target, **gains)
-        law: Controller = LAWS[self.law](
-            target=goal_of(arm, self.target, "target"), mode=self.mode, **gains
-        )
-        return law
 
     def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
         """Simulate the runs of a box; in each the system CM is the origin at the start."""
@@ -359,10 +322,9 @@ class Simulations(Quantity):
         Q0 = self.q + self.spread * rng.normal(size=(last - first, arm.n))
         turned = pin.SE3(pin.rpy.rpyToMatrix(self.attitude), np.zeros(3))
         found = simulate_many(
-            [arm.at(q, base=turned).centred(np.zeros(3)) for q in Q0], self.controller(arm),
-            self.duration, mode=self.mode, plant=Plant(limits=self.limits), distance=True,
-            integration=Integration(rtol=self.rtol, atol=1e-2 * self.rtol, reach=self.reach),
-            threads=1,
+            [arm.at(q, base=turned).centred(np.zeros(3)) for q in Q0],
+            read_law(self.controller, arm), self.duration, mode=self.mode, plant=self.plant,
+            distance=True, integration=self.integration, threads=1,
         )  # fmt: skip
         failed = np.isin(found["ended"], FAILURES)
         kept = {name: found[name].values for name in VARIABLES if name in found}

@@ -20,7 +20,7 @@ from spacearm.compiler.machine import processors
 from spacearm.errors import StoreError, SweepError
 from spacearm.sweeps.store import DONE, FAILED, Store, dataset
 from spacearm.sweeps.study import Chunk, Study
-from spacearm.sweeps.workers import Cluster, Outcome, Processes, Workers
+from spacearm.sweeps.workers import Cluster, Outcome, Processes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -213,7 +213,9 @@ def status(study: Study, store: str | os.PathLike[str]) -> list[Status]:
     return found
 
 
-def _workers(study: Study, store: Store, client: Client | None, workers: int | None) -> Workers:
+def _workers(
+    study: Study, store: Store, client: Client | None, workers: int | None
+) -> Processes | Cluster:
     path = str(store.path.resolve())
     if client is not None:
         return Cluster(client, study.recipe, path)
@@ -222,7 +224,7 @@ def _workers(study: Study, store: Store, client: Client | None, workers: int | N
 
 
 def _outcomes(
-    chunks: Iterator[Chunk], workers: Workers, store: Store
+    chunks: Iterator[Chunk], workers: Processes | Cluster, store: Store
 ) -> Iterator[tuple[Chunk, Outcome | BaseException]]:
     """Have all chunks done; yield each with its outcome, or the error of its last attempt."""
     finished: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()

@@ -21,13 +21,12 @@ from spacearm.description.readers.source import Check
 from spacearm.description.tips import Counting
 from spacearm.description.urdf_writer import document
 from spacearm.errors import UNPRINTABLE, ConfigurationError
-from spacearm.files import read
 from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
 from spacearm.model.task import Task
 from spacearm.sweeps import quantities
 from spacearm.sweeps.quantities import Box, Quantity, Shape, box_of, counts
-from spacearm.sweeps.toml import Table, parse
+from spacearm.sweeps.toml import Table, parse, text_of
 from spacearm.workspaces.design import PARAMETERS, vary
 
 CHUNK = 2**22
@@ -92,14 +91,14 @@ class Study:
         limits = false
 
         [simulation]                    # as `simulate_many`: runs from dispersed starts
-        controller = "transposed"       # resolved, damped, reactionless or joints
-        target = [1.5, 1.5]             # task rows, turns as roll, pitch, yaw; joint positions
-        gains = {kp = 5, kd = 15}       # gain of resolved, damped and reactionless
-        q = [-1.0, 1.05]                # joint positions [rad] or [m], their standard deviation
-        spread = 0.02                   # (one number or n), and the attitude [rad]
-        attitude = [0.0, 0.0, 0.37]
+        controller = {law = "TransposedJacobian", target = [1.5, 1.5], kp = 5, kd = 15}
+        start.q = [-1.0, 1.05]          # joint positions [rad] or [m], their standard deviation
+        start.spread = 0.02             # (one number or n), and the attitude of the spacecraft as
+        start.attitude = [0, 0, 0.37]   # roll, pitch, yaw [rad]
         duration = 60.0
-        runs = 1000                     # for each design; also mode, limits, reach, rtol
+        runs = 1000                     # for each design; also mode, and the fields of
+        plant = {limits = true}         # `sa.Plant` and `sa.Integration`
+        integration = {rtol = 1e-6}
 
         [distance]                      # a map over joints, as q1, ... or by name; sigma_min too
         joints.q2 = {from = -3.1, to = 3.1, points = 63}  # [rad] or [m]
@@ -135,11 +134,7 @@ class Study:
             ConfigurationError: The file cannot be read.
             SpaceArmError: As `parse` does.
         """
-        try:
-            text = read(Path(path)).decode("utf-8-sig")
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"study {path} cannot be read: {error}") from None
-        return cls.parse(text, Path(path).resolve().parent)
+        return cls.parse(text_of(path, "study"), Path(path).resolve().parent)
 
     @classmethod
     def parse(cls, text: str, folder: str | os.PathLike[str] = ".") -> Study:

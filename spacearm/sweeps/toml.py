@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +18,7 @@ from spacearm.errors import (
     shortened,
     unknown,
 )
+from spacearm.files import read
 
 T = TypeVar("T")
 AXIS = ("from", "to", "points")
@@ -55,7 +58,7 @@ class Table:
             raise self.fail(key, f"give {name.get(kind, kind.__name__)}")
         return value
 
-    def choice(self, key: str, valid: Sequence[T], default: T) -> T:
+    def choice(self, key: str, valid: Sequence[T], default: T | None = None) -> T:
         """Return the value of a key, one of some texts."""
         value = self.values.get(key, default)
         for each in valid:
@@ -111,6 +114,18 @@ class Table:
         if not sound or len(np.unique(values)) < len(values):
             raise self.fail(key, f"give one or more different numbers up to {LARGEST:g}")
         return values
+
+
+def text_of(path: str | os.PathLike[str], what: str) -> str:
+    """Return the text of a file.
+
+    Raises:
+        ConfigurationError: It cannot be read; says what it is.
+    """
+    try:
+        return read(Path(path)).decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{what} {path} cannot be read: {error}") from None
 
 
 def shown(value: object) -> str:

@@ -54,33 +54,17 @@ def _store(recipe: Recipe, path: str) -> Store:
     return Store(path, study)
 
 
-class Workers:
-    """Workers of one sweep.
+class Processes:
+    """Worker processes on this machine; one that dies is replaced, and its chunk tried again.
 
     Attributes:
         width: Chunks to have under way so that no worker waits.
         final: Errors after which a chunk is not tried again.
+        lost: Whether the workers are gone for good.
     """
 
-    width: int
     final: tuple[type[BaseException], ...] = ()
-
-    @property
-    def lost(self) -> bool:
-        """Whether the workers are gone for good."""
-        return False
-
-    def submit(self, chunk: Chunk) -> Future[Outcome]:
-        """Have a chunk done."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """Drop what is not done."""
-        raise NotImplementedError
-
-
-class Processes(Workers):
-    """Worker processes on this machine; one that dies is replaced, and its chunk tried again."""
+    lost = False
 
     def __init__(self, workers: int, recipe: Recipe, path: str) -> None:
         self.width = 2 * workers
@@ -123,15 +107,17 @@ class Processes(Workers):
             raise
 
 
-class Cluster(Workers):
-    """The workers of a Dask cluster, which the user starts and ends."""
+class Cluster:
+    """The workers of a Dask cluster, which the user starts and ends; attributes as `Processes`."""
 
     width = WIDTH
 
     def __init__(self, client: Client, recipe: Recipe, path: str) -> None:
         from distributed import KilledWorker
 
-        self.final = (KilledWorker,)  # Dask has tried several workers
+        self.final: tuple[type[BaseException], ...] = (
+            KilledWorker,
+        )  # Dask has tried several workers
         self._client = client
         self._executor = client.get_executor(pure=False)
         self._do = partial(do, recipe, path)

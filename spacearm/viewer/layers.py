@@ -35,6 +35,25 @@ from spacearm.workspaces.path_dependent import Workspace
 
 BLUE, VERMILION, TEAL, OLIVE = 0x0072B2, 0xD55E00, 0x009E73, 0x8A8A00
 PALE, STEEL, SLATE, NEEDLE = 0x8B949E, 0x8A8F98, 0x5F6B7A, 0x7F7F7F
+LAYERS = {
+    "grid": "#8b949e",
+    "bodies": "#8a8f98",
+    "centre of mass": "#7a4a00",
+    "virtual manipulator": "#7b52c7",
+    "tip frame": "#00914d",
+    "ellipsoid": "#17becf",
+    "directions": "#d6007f",
+    "shells": "#56b4e9",
+    "risk": "#f0e442",
+    "attitudes": "#44aa99",
+    "obstacles": "#5f6b7a",
+    "wheels": "#009e73",
+    "wrenches": "#8a8a00",
+    "trace": "#d55e00",
+    "goal": "#7d8794",
+    "comparison": "#3a7ca5",
+}
+"""Layers, and their colours in the panel; red, green and blue are for axes alone."""
 
 
 class Key(NamedTuple):

@@ -52,11 +52,10 @@ def short_names(names: Sequence[str]) -> list[str]:
     return short if all(short) and len(set(short)) == len(set(names)) else list(names)
 
 
-def _shared(words: Sequence[Sequence[str]]) -> int:
+def _shared(words: list[list[str]]) -> int:
     """Return how many words all lists begin with; one at least is left of each."""
-    most = min(len(parts) for parts in words) - 1
-    columns = list(zip(*words, strict=False))[: max(most, 0)]
-    return sum(1 for _ in takewhile(lambda column: len(set(column)) == 1, columns))
+    same = takewhile(lambda column: len(set(column)) == 1, zip(*words, strict=False))
+    return min(len(list(same)), *(len(parts) - 1 for parts in words))
 
 
 NEAR = math.radians(5.0)

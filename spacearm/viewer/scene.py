@@ -29,26 +29,6 @@ BROWN, PURPLE, CYAN, AMBER, MAGENTA, PINK = (
 )  # fmt: skip
 SHELL_COLORS = (0x56B4E9, 0xD55E00, 0x009E73, 0xCC79A7)
 
-LAYERS = {
-    "grid": "#8b949e",
-    "bodies": "#8a8f98",
-    "centre of mass": "#7a4a00",
-    "virtual manipulator": "#7b52c7",
-    "tip frame": "#00914d",
-    "ellipsoid": "#17becf",
-    "directions": "#d6007f",
-    "shells": "#56b4e9",
-    "risk": "#f0e442",
-    "attitudes": "#44aa99",
-    "obstacles": "#5f6b7a",
-    "wheels": "#009e73",
-    "wrenches": "#8a8a00",
-    "trace": "#d55e00",
-    "goal": "#7d8794",
-    "comparison": "#3a7ca5",
-}
-"""Layers, and their colours in the panel; red, green and blue are for axes alone."""
-
 MOST_POINTS = 600
 """Largest number of points of a drawn path."""
 ELLIPSOID_SECONDS = 0.3

@@ -36,16 +36,11 @@ def listen(port: int | None) -> socket.socket:
 
     A notebook may show more scenes than the range has ports.
     """
-    for candidate in [*range(FIRST_PORT, LAST_PORT), 0] if port is None else [port]:
-        listener = socket.socket()
-        try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((LOOPBACK, candidate))
-            listener.listen(128)
+    ports = [*range(FIRST_PORT, LAST_PORT), 0] if port is None else [port]
+    for candidate in (number for number in ports if 0 <= number < 2**16):
+        with suppress(OSError):
+            listener = socket.create_server((LOOPBACK, candidate), backlog=128)
             listener.setblocking(False)
-        except (OSError, OverflowError):
-            listener.close()
-        else:
             return listener
     asked = "every port" if port is None else f"port {port}"
     raise SpaceArmError(f"{asked} of {LOOPBACK} is in use or not allowed; give another with port=")

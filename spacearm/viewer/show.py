@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-import pinocchio as pin
 
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError
@@ -22,9 +20,7 @@ if TYPE_CHECKING:
 
 def view(
     thing: Any,
-    q: npt.ArrayLike | None = None,
     *,
-    base: pin.SE3 | None = None,
     compare: Any = None,
     obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
     port: int | None = None,
@@ -39,19 +35,16 @@ def view(
     Args:
         thing: One of
 
-            - an arm;
+            - an arm, bent if it is singular at zeros;
             - a configuration, or a result that has one, such as a `Capture`;
             - a `Trajectory`, `Followed`, `Plan` or `Motion`, or any object with `arm`, `t`, `q`
               and `base`, which is played;
             - a `Flight`, whose phases are played one after the other;
             - a `Workspace`: cut open about the system CM, rings for planar arms;
-            - a singular set: the arm at the singular posture nearest to q;
+            - a singular set: the arm at the singular posture nearest to zeros;
             - a `Region`: its first singular configuration;
             - `FeasibleAttitudes`: the motion along the path from the best of them, with all of them
               around the spacecraft.
-        q: (n,) joint positions of an arm, a workspace or a singular set. If None, zeros (or the
-            nearest limits); an arm that is singular there is shown bent.
-        base: Pose of the spacecraft for the same things; the identity if None.
         compare: What a motion is played in step with, as a ghost and by dashed curves: another
             motion, or "free-floating", "attitude-controlled" or "fixed" for the same joint motion
             with the spacecraft doing that.
@@ -64,13 +57,13 @@ def view(
         A `Viewer`: `.url`, `.show`, `.shells`, `.compare`, `.obstacles`, `.save`, `.png`, `.close`.
 
     Raises:
-        ConfigurationError: The thing cannot be shown or compared, q, base, the motion or an
-            obstacle makes no sense, or q or base is given for a thing that has its own.
+        ConfigurationError: The thing cannot be shown or compared, or the motion or an obstacle
+            makes no sense.
         SpaceArmError: The port is in use.
 
     Example:
         >>> import spacearm as sa
-        >>> sa.view(sa.load("planar2"), [0.3, 1.2], open=False)  # open=None: in the browser
+        >>> sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)  # open=None: in the browser
         Viewer(planar2, not served)
     """
     rule = next((rule for rule in RULES if rule.holds(thing)), None)
@@ -78,11 +71,7 @@ def view(
         raise ConfigurationError(
             f"a {type(thing).__name__} cannot be shown; give {', '.join(r.what for r in RULES)}"
         )
-    if not rule.takes_q and (q is not None or base is not None):
-        raise ConfigurationError(
-            f"a {type(thing).__name__} has a posture of its own; leave out q and base"
-        )
-    viewer = rule.show(thing, q, base)
+    viewer = rule.show(thing)
     if obstacles:
         viewer.obstacles(obstacles)
     if compare is not None:
@@ -110,45 +99,44 @@ def _viewer(cfg: Configuration, motion: Motion | None = None) -> Viewer:
     return Viewer(cfg, motion)
 
 
-def _start(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Configuration:
-    """Return the configuration at q; at zeros, or the limits nearest to them, if q is None."""
-    return arm.at(np.clip(0.0, arm.lower, arm.upper) if q is None else q, base=base)
+def _home(arm: SpaceArm) -> Configuration:
+    """Return the configuration at zeros, or the limits nearest to them."""
+    return arm.at(np.clip(np.zeros(arm.n), arm.lower, arm.upper))
 
 
-def _arm(arm: SpaceArm, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
-    """Show an arm at q; bent, if nothing is asked for and it is singular at zeros."""
+def _arm(arm: SpaceArm) -> Viewer:
+    """Show an arm, bent if it is singular at zeros."""
     from spacearm.viewer.session import opening_posture  # slow to import
 
-    return _viewer(arm.at(opening_posture(arm) if q is None else q, base=base))
+    return _viewer(arm.at(opening_posture(arm)))
 
 
-def _motion(thing: Any, *_: object) -> Viewer:
+def _motion(thing: Any) -> Viewer:
     """Play a motion."""
     motion = Motion.of(thing)
     return _viewer(motion.at(float(motion.t[0])), motion)
 
 
-def _workspace(space: Any, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
+def _workspace(space: Any) -> Viewer:
     """Show the path dependent and path independent workspaces, cut open."""
-    viewer = _viewer(_start(space.arm, q, base))
+    viewer = _viewer(_home(space.arm))
     viewer.shells(space)
     return viewer
 
 
-def _nearest(found: Any, q: npt.ArrayLike | None, base: pin.SE3 | None) -> Viewer:
-    """Show the posture of a singular set that is nearest in joint space."""
-    start = _start(found.arm, q, base)
-    return _viewer(start.arm.at(found.nearest(start.q)[0], base=start.base))
+def _nearest(found: Any) -> Viewer:
+    """Show the posture of a singular set that is nearest to zeros in joint space."""
+    return _viewer(found.arm.at(found.nearest(_home(found.arm).q)[0]))
 
 
-def _attitudes(found: Any, *_: object) -> Viewer:
+def _attitudes(found: Any) -> Viewer:
     """Play the motion from the best attitude, with all feasible ones around the spacecraft."""
     viewer = _motion(found.motion())
     viewer.attitudes(found)
     return viewer
 
 
-def _region(region: Any, *_: object) -> Viewer:
+def _region(region: Any) -> Viewer:
     """Show the first singular configuration of a region."""
     if not region.singular:
         raise ConfigurationError(
@@ -163,14 +151,12 @@ class _Rule(NamedTuple):
     Attributes:
         what: The kind, for the message that lists what can be shown.
         holds: Whether a thing is of that kind.
-        show: Makes the viewer of a thing, q and base.
-        takes_q: Whether q and base say where the arm stands.
+        show: Makes its viewer.
     """
 
     what: str
     holds: Callable[[Any], bool]
-    show: Callable[[Any, npt.ArrayLike | None, pin.SE3 | None], Viewer]
-    takes_q: bool = False
+    show: Callable[[Any], Viewer]
 
 
 def _a(kind: type) -> Callable[[Any], bool]:
@@ -182,18 +168,18 @@ def _has(*names: str) -> Callable[[Any], bool]:
 
 
 RULES = (
-    _Rule("a SpaceArm", _a(SpaceArm), _arm, True),
-    _Rule("a Configuration", _a(Configuration), lambda cfg, *_: _viewer(cfg)),
+    _Rule("a SpaceArm", _a(SpaceArm), _arm),
+    _Rule("a Configuration", _a(Configuration), _viewer),
     _Rule("a motion (with arm, t, q and base)", _has("arm", "t", "q", "base"), _motion),
-    _Rule("a Flight", _has("phases", "motion"), lambda flight, *_: _motion(flight.motion)),
-    _Rule("a Workspace", _has("arm", "pdw", "reachable"), _workspace, True),
-    _Rule("a singular set", _has("arm", "nearest"), _nearest, True),
+    _Rule("a Flight", _has("phases", "motion"), lambda flight: _motion(flight.motion)),
+    _Rule("a Workspace", _has("arm", "pdw", "reachable"), _workspace),
+    _Rule("a singular set", _has("arm", "nearest"), _nearest),
     _Rule("feasible attitudes", _has("arm", "motion", "start"), _attitudes),
     _Rule("a Region", _has("singular", "kind"), _region),
     _Rule(
         "a result with a configuration",
         _has("configuration"),
-        lambda result, *_: _viewer(result.configuration),
+        lambda result: _viewer(result.configuration),
     ),
 )
 """The first rule that holds for a thing shows it."""

@@ -17,14 +17,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.singularities.report import SingularityReport, singularity
-from spacearm.viewer.layers import (
-    AttitudeLayer,
-    Key,
-    LoadLayer,
-    ObstacleLayer,
-    draw_risk,
-    draw_workspace,
-)
+from spacearm.viewer import layers
 from spacearm.viewer.motions import Comparison
 from spacearm.viewer.readouts import FAR
 from spacearm.viewer.scene import Scene
@@ -63,10 +56,10 @@ class Stage:
         self.session, self.scene, self._window = session, Scene(window, session.arm), window
         self.hidden: set[str] = set()
         self.played = -1
-        self.legend: list[Key] = []
+        self.legend: list[layers.Key] = []
         self._centre: BaseMode = "free-floating"
         self._around: tuple[Obstacle, ...] = ()
-        self._attitudes = AttitudeLayer(self.scene.root["attitudes"], self.scene.size)
+        self._attitudes = layers.AttitudeLayer(self.scene.root["attitudes"], self.scene.size)
         self.play(motion)
 
     def play(self, motion: Motion | None) -> None:
@@ -82,7 +75,7 @@ class Stage:
             session.spacecraft = motion.mode
             session.show(motion[0])
         self.obstruct(self._around)
-        self._loads = LoadLayer(root, session.cfg, motion, self.scene.size)
+        self._loads = layers.LoadLayer(root, session.cfg, motion, self.scene.size)
         self.compare(None)
         if motion and len(motion.arm.tips) == 1:  # several tips have no one path
             self.scene.trace(motion.tip[:, :3], motion.distance / FAR)
@@ -97,7 +90,7 @@ class Stage:
         self.obstacles = (*own, *(one for one in around if one.name not in names))
         node = self.scene.root["obstacles"]
         node.delete()
-        self._obstacle_layer = ObstacleLayer(node, self.obstacles)
+        self._obstacle_layer = layers.ObstacleLayer(node, self.obstacles)
         self.show_layer("obstacles", "obstacles" not in self.hidden)
 
     def show_computed(self, layer: str, result: Any) -> None:
@@ -107,7 +100,7 @@ class Stage:
         else:
             normal = self.scene.arm.tree.plane_normal()
             view = VIEW if normal is None else np.eye(3)[normal]  # in the frame of the layer
-            draw = draw_workspace if layer == "shells" else draw_risk
+            draw = layers.draw_workspace if layer == "shells" else layers.draw_risk
             keys = draw(self.scene.root[layer], result, view)
         if layer == "shells":
             self._centre = result.mode
@@ -153,8 +146,8 @@ class Stage:
         pose = np.eye(4)
         if self.scene.arm.tree.plane_normal() is not None:
             pose[:3, :3] = cfg.base.rotation
-        layers: dict[str, BaseMode] = {"shells": self._centre, "risk": "free-floating"}
-        for layer, mode in layers.items():
+        centres: dict[str, BaseMode] = {"shells": self._centre, "risk": "free-floating"}
+        for layer, mode in centres.items():
             pose[:3, 3] = centre_of(cfg, mode)
             self.scene.root[layer].set_transform(pose)
         self._attitudes.draw(cfg)

@@ -26,10 +26,10 @@ from spacearm.model.arm import Configuration
 from spacearm.motion.motion import Motion
 from spacearm.viewer.choices import chosen, number, offered
 from spacearm.viewer.jobs import BackgroundJob, layer, planning
+from spacearm.viewer.layers import LAYERS
 from spacearm.viewer.motions import WORDS, Comparison, account, compared
 from spacearm.viewer.pictures import embedded, render, render_frames, still
 from spacearm.viewer.readouts import joint_map
-from spacearm.viewer.scene import LAYERS
 from spacearm.viewer.server import Server
 from spacearm.viewer.session import Session, opening_posture
 from spacearm.viewer.stage import Stage
@@ -136,7 +136,7 @@ class Viewer:
         self._changed()
 
     def layer(self, name: str, visible: bool) -> None:
-        """Show or hide a layer, one of `spacearm.viewer.scene.LAYERS`.
+        """Show or hide a layer, one of `spacearm.viewer.layers.LAYERS`.
 
         Raises:
             ConfigurationError: There is no such layer.

@@ -40,16 +40,13 @@ from spacearm.workspaces.extent import Box, largest_distance_within
 from spacearm.workspaces.free import free_workspace
 from spacearm.workspaces.proven import Proven, left_out, prove_shells
 from spacearm.workspaces.shells import (
-    Searches,
+    TOLERANCE,
     Shell,
+    ShellSearch,
     check_shells,
     exact_set,
-    exact_shells,
-    found_shells,
     members,
     merged,
-    prove,
-    shell_about,
     without,
 )
 
@@ -166,8 +163,6 @@ def _brought_to(arm: SpaceArm, q: Array, point: Array, mode: BaseMode) -> Config
     return arm.at(q, base=pin.SE3(R, -R @ centre))
 
 
-TOLERANCE = 1e-9
-"""Accuracy of proven bounds [m]."""
 MOST_CERTIFIED = 3
 """Number of joints up to which branch and bound proves the bounds."""
 EFFORT = 200_000
@@ -393,8 +388,8 @@ def workspace(
     rng = np.random.default_rng(seed)
     box = Box.of(arm.lower, arm.upper, limits)
     points = rng.uniform(box.low, box.high, (4096, arm.n))
-    searches, shells = Searches(progress), list[Shell]()
-    reach = [shell_about(arm, mode, (), points, box, 0, step=searches.step)]
+    search, shells = ShellSearch(arm, mode, box, progress), list[Shell]()
+    reach = [search.about((), points)]
     small = arm.n <= MOST_CERTIFIED and found.codimension == 1
 
     def known(proof: Proven | None = None, gap: float = np.nan, farthest: float = 0.0) -> Workspace:
@@ -425,15 +420,15 @@ def workspace(
 
     try:
         if small:
-            reach, reach_gap = prove(arm, mode, None, reach, box, TOLERANCE)
+            reach, reach_gap = search.proven(None, reach)
             farthest = float(reach[0].radius[1])
-            keep(exact_shells(found, box))
-            proven, gap = prove(arm, mode, found.S, shells, box, TOLERANCE)
+            keep(search.exact(found))
+            proven, gap = search.proven(found.S, shells)
             keep(proven)
             gap = max(gap, reach_gap)
         else:
             farthest = largest_distance_within(arm, mode, box, reach[0].radius)
-            keep(found_shells(found, box, effort, rng, reach[0].at, searches, keep))
+            keep(search.sampled(found, effort, rng, reach[0].at, keep))
             gap = left_out(found, box, merged([shell.radius for shell in shells]), farthest)
         return known(prove_shells(found, box, shells, farthest), min(gap, farthest), farthest)
     except KeyboardInterrupt:

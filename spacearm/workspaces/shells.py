@@ -21,7 +21,6 @@ from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.polynomial.level_set import connected
 from spacearm.polynomial.newton import bounded_extreme, polish
 from spacearm.polynomial.trig import NOISE, TrigPolynomial
-from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import check_square, distances, radius_squared, to_square
 from spacearm.singularities.sets import singular_set
@@ -31,10 +30,21 @@ STARTS = 12
 """Number of best configurations of a sample from which each bound is searched."""
 AT_AN_END = 1e-9
 """Distance from the end of the range of R below which a bound is that end [m]."""
+TOLERANCE = 1e-9
+"""Accuracy of proven bounds [m]."""
 MOST_ADDED = 20
 """Largest number of missing shells that a proof may find."""
 SPREAD = 400
 """Values of the joints that S does not depend on, tried with an isolated root."""
+
+GAP_SHARE = 1 / 300
+"""Share of the range of R, empty of a large sample, that separates two shells."""
+SINGULAR_END = 1e-7
+"""Share of the scale of S below which an end of the reachable workspace is singular."""
+BATCH = 4096
+"""Lines that are drawn at a time."""
+NEGLIGIBLE = 1e-9
+"""Distance by which a piece may stand out of a shell that counts as holding it [m]."""
 
 SO = "without a singularity polynomial there are no shells, but sa.risk_profile takes every arm"
 
@@ -86,86 +96,143 @@ def exact_set(arm: SpaceArm, mode: BaseMode) -> ExactSet:
     return found
 
 
-def exact_shells(found: SingularSet, box: Box) -> list[Shell]:
-    """Compute a shell for each connected piece of a singular set of one or two dimensions."""
-    if not found.relevant:
-        return []  # S is a constant: nothing is singular
-    if not box.limited:
-        return [Shell(c.radius, c.at, i) for i, c in enumerate(found.components())]
-    pieces = [
-        piece for points, edges in _pieces(found, box) for piece in _clipped(points, edges, box)
-    ]
-    pieces += [end[None] for end in _ends_on_faces(found, box)]
-    arm, mode = found.arm, found.mode
-    return [shell_about(arm, mode, (found.S,), piece, box, i) for i, piece in enumerate(pieces)]
+class ShellSearch:
+    """A search for the shells of an arm within a box of its joints.
 
-
-def shell_about(
-    arm: SpaceArm,
-    mode: BaseMode,
-    equations: Sequence[TrigPolynomial],
-    points: Array,
-    box: Box,
-    number: int,
-    *,
-    step: Callable[[], object] = bool,
-    within: tuple[float, float] = (-np.inf, np.inf),
-    counts: Callable[[Array], bool] = lambda _: True,
-) -> Shell:
-    """Compute the shell of a piece of the set with points (m, n) on it; no equations: of the box.
-
-    `step` is called before each of at most 2 * STARTS searches for a bound. R is always `within`
-    a range [m]: where a search reaches its end, the others are left out. `counts` says which roots
-    (n,) are singular.
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        box: Range of the joints.
+        progress: Called as progress(done, total) before each search for a bound, two times `STARTS`
+            a shell; the total is as far as it is known.
     """
-    R2 = radius_squared(arm, mode=mode)
-    order = np.argsort(R2(points))
-    ends_of_box = (box.low, box.high) if box.limited else None
-    ends = []
-    for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
-        found, R = [], list[float]()
-        for i in best:
-            step()
-            q = bounded_extreme(R2, equations, points[i], sign, ends_of_box)
-            found.append(q if counts(q) else points[i])
-            R.append(float(distances(arm, found[-1][None], mode)[0]))
-            if (R[-1] - within[0] if sign > 0.0 else within[1] - R[-1]) < AT_AN_END:
+
+    def __init__(
+        self, arm: SpaceArm, mode: BaseMode, box: Box, progress: Progress | None = None
+    ) -> None:
+        self.arm, self.mode, self.box = arm, mode, box
+        self.R2 = radius_squared(arm, mode=mode)
+        self._progress, self._done, self._total = progress, 0, 4 * STARTS
+
+    def about(
+        self,
+        equations: Sequence[TrigPolynomial],
+        points: Array,
+        number: int = 0,
+        within: tuple[float, float] = (-np.inf, np.inf),
+        counts: Callable[[Array], bool] = lambda _: True,
+    ) -> Shell:
+        """Compute the shell of a piece of the set with points (m, n) on it.
+
+        Args:
+            equations: Whose common roots the set is; of the whole box if there are none.
+            points: On the piece.
+            number: Of the piece.
+            within: R is always within this range [m]: where a search reaches its end, the others
+                are left out.
+            counts: Says which roots (n,) are singular.
+        """
+        order = np.argsort(self.R2(points))
+        limits = (self.box.low, self.box.high) if self.box.limited else None
+        ends = []
+        for sign, best in ((1.0, order[:STARTS]), (-1.0, order[: -STARTS - 1 : -1])):
+            found, R = [], list[float]()
+            for i in best:
+                if self._progress:
+                    self._progress(min(self._done, self._total), self._total)
+                self._done += 1
+                q = bounded_extreme(self.R2, equations, points[i], sign, limits)
+                found.append(q if counts(q) else points[i])
+                R.append(float(distances(self.arm, found[-1][None], self.mode)[0]))
+                if (R[-1] - within[0] if sign > 0.0 else within[1] - R[-1]) < AT_AN_END:
+                    break
+            ends.append(found[int(np.argmin(sign * np.array(R)))])
+        at = np.array(ends)
+        return Shell(distances(self.arm, at, self.mode), at, number)
+
+    def proven(self, S: TrigPolynomial | None, shells: list[Shell]) -> tuple[list[Shell], float]:
+        """Add shells until all roots of S (the whole box if S is None) are proven to be in one.
+
+        Returns:
+            The shells, and the largest distance by which R may be outside of all of them [m].
+        """
+        equations = () if S is None else (S,)
+        for _ in range(MOST_ADDED):
+            intervals = merged([shell.radius for shell in shells])
+            ends = intervals[intervals > TOLERANCE]
+            to_R = 2.0 * float(ends.min()) if len(ends) else 1.0
+            squares = np.where(intervals <= TOLERANCE, -1.0, intervals**2)
+            proof = enclose(self.R2, S, squares, self.box.low, self.box.high, to_R * TOLERANCE)
+            if proof.outside is None:
+                return shells, TOLERANCE
+            root = proof.outside if S is None else polish(S, proof.outside[None])[0]
+            root = self.box.fold(root)
+            R = float(distances(self.arm, root[None], self.mode)[0])
+            known = any(low - TOLERANCE <= R <= high + TOLERANCE for low, high in intervals)
+            is_root = S is None or abs(S(root)) <= NOISE * S.scale
+            if known or not self.box.holds(root) or not is_root:
                 break
-        ends.append(found[int(np.argmin(sign * np.array(R)))])
-    at = np.array(ends)
-    return Shell(distances(arm, at, mode), at, number)
+            shells = [*shells, self.about(equations, root[None], len(shells))]
+        return shells, proof.gap / to_R
 
+    def exact(self, found: ExactSet) -> list[Shell]:
+        """Compute a shell for each connected piece of a set of one or two dimensions."""
+        if not found.relevant:
+            return []  # S is a constant: nothing is singular
+        if not self.box.limited:
+            return [Shell(c.radius, c.at, i) for i, c in enumerate(found.components())]
+        pieces = [*_clipped(found, self.box), *_ends_on_faces(found, self.box)]
+        return [self.about((found.S,), piece, i) for i, piece in enumerate(pieces)]
 
-def prove(
-    arm: SpaceArm,
-    mode: BaseMode,
-    S: TrigPolynomial | None,
-    shells: list[Shell],
-    box: Box,
-    tolerance: float,
-) -> tuple[list[Shell], float]:
-    """Add shells until all roots of S (the whole box if S is None) are proven to be in one.
+    def sampled(
+        self,
+        found: ExactSet,
+        effort: int,
+        rng: np.random.Generator,
+        ends: Array,
+        keep: Callable[[list[Shell]], object],
+    ) -> list[Shell]:
+        """Find shells from a sample of `effort` singular configurations, each bound then optimised.
 
-    Returns:
-        The shells, and the largest distance by which R may be outside of all of them [m].
-    """
-    R2, on_set = radius_squared(arm, mode=mode), () if S is None else (S,)
-    for _ in range(MOST_ADDED):
-        intervals = merged([shell.radius for shell in shells])
-        ends = intervals[intervals > tolerance]
-        to_R = 2.0 * float(ends.min()) if len(ends) else 1.0
-        squares = np.where(intervals <= tolerance, -1.0, intervals**2)
-        proof = enclose(R2, S, squares, box.low, box.high, to_R * tolerance)
-        if proof.outside is None:
-            return shells, tolerance
-        root = proof.outside if S is None else polish(S, proof.outside[None])[0]
-        root = box.fold(root)
-        R = float(distances(arm, root[None], mode)[0])
-        known = any(low - tolerance <= R <= high + tolerance for low, high in intervals)
-        if known or not box.holds(root) or (S is not None and abs(S(root)) > NOISE * S.scale):
-            break
-        shells = [*shells, shell_about(arm, mode, on_set, root[None], box, len(shells))]
-    return shells, proof.gap / to_R
+        Where R is stationary the tip has lost the direction of R: the `ends` (2, n) of the
+        reachable workspace are singular, unless limits or R = 0 make them regular, and belong to
+        the first and the last piece of the sample. A sample that is sparse falls into more pieces
+        than there are shells: those that lie within the shell of a larger one are not searched.
+
+        `keep` is given the shells as they are known so far, at first those of the sample.
+        """
+        R2, equations = self.R2, found.triangle.equations
+        low, high = distances(self.arm, ends, self.mode)
+        values = [np.abs(f(ends)) / f.scale for f in equations]
+        stationary = ends[np.max(values, axis=0) <= SINGULAR_END]
+        Q = members(found, self.box, effort, rng)
+        if not len(Q):
+            return []
+        Q = Q[np.argsort(R2(Q))]
+        R = np.sqrt(np.maximum(R2(Q), 0.0))
+        parted = np.flatnonzero(np.diff(R) > GAP_SHARE * (R[-1] - R[0]) + 1e-9) + 1
+        pieces = np.split(Q, parted)
+        for end in stationary:
+            i = 0 if R2(end[None])[0] < R2(Q[:1])[0] else -1
+            pieces[i] = np.vstack((pieces[i], end))
+
+        def singular(q: Array) -> bool:
+            return bool(found.are_singular(q[None])[0])
+
+        shells, left = list[Shell](), list[Shell]()
+        for i in sorted(range(len(pieces)), key=lambda i: -len(pieces[i])):
+            squares = R2(pieces[i])
+            at = [int(squares.argmin()), int(squares.argmax())]
+            left.append(Shell(np.sqrt(np.maximum(squares[at], 0.0)), pieces[i][at], i))
+        while left:
+            keep([*shells, *left])
+            self._total = self._done + 2 * STARTS * len(left)
+            i = left[0].component
+            within = float(low), float(high)
+            shells.append(self.about(equations, pieces[i], i, within, singular))
+            least, most = shells[-1].radius + np.array((-NEGLIGIBLE, NEGLIGIBLE))
+            left = [part for part in left[1:] if part.radius[0] < least or part.radius[1] > most]
+        return shells
 
 
 def merged(ranges: list[Array]) -> Array:
@@ -189,33 +256,35 @@ def without(ranges: Array, parts: Array, tolerance: float = 0.0) -> Array:
     return np.concatenate(left)
 
 
-def _pieces(found: SingularSet, box: Box) -> list[tuple[Array, Pairs]]:
-    """Return points (m, n) of the set and the pairs of neighbours among them (e, 2).
+def _clipped(found: ExactSet, box: Box) -> list[Array]:
+    """Return points (m, n) on each connected piece of a curve or surface within the box.
 
     Joints that S does not depend on are uniform in the box.
     """
-    pieces: list[tuple[Array, Pairs]] = []
-    points: Array
     if found.dimension == 2:
         mesh = found.surface()
         edges = np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
-        points = np.zeros((len(mesh.vertices), found.S.n))
+        points: Array = np.zeros((len(mesh.vertices), found.arm.n))
         points[:, list(found.relevant)] = mesh.vertices
-        pieces.append((points, edges))
+        pieces = [(points, edges)]
     else:
-        for component in found.components():
-            isolated = len(component.points) == 1
-            points = component.points.repeat(SPREAD if isolated else 1, axis=0)
+        pieces = []
+        for piece in found.pieces:
+            points = piece.repeat(SPREAD if len(piece) == 1 else 1, axis=0)
             number = np.arange(len(points))
             pieces.append((points, np.stack((number[:-1], number[1:]), axis=1)))
-    rng = np.random.default_rng(0)
-    for points, _ in pieces:
-        for j in set(range(found.S.n)) - set(found.relevant):
+    rng, clipped = np.random.default_rng(0), list[Array]()
+    for points, edges in pieces:
+        for j in set(range(found.arm.n)) - set(found.relevant):
             points[:, j] = rng.uniform(box.low[j], box.high[j], len(points))
-    return pieces
+        Q = box.fold(points)
+        inside = box.holds(Q)
+        number = np.cumsum(inside) - 1
+        clipped += connected(Q[inside], number[edges[inside[edges].all(axis=1)]])
+    return clipped
 
 
-def _ends_on_faces(found: SingularSet, box: Box) -> list[Array]:
+def _ends_on_faces(found: ExactSet, box: Box) -> list[Array]:
     """Return where curves meet the faces of the box: short pieces lie between points of a curve."""
     if found.dimension != 1:
         return []
@@ -227,109 +296,11 @@ def _ends_on_faces(found: SingularSet, box: Box) -> list[Array]:
             q[j] = limit
             for angle in found.roots(q, other).angles:
                 end = q.copy()
-                end[other] = box.fold(np.where(np.arange(len(q)) == other, angle, q))[other]
+                end[other] = angle
+                end[other] = box.fold(end)[other]
                 if box.holds(end):
-                    ends.append(end)
+                    ends.append(end[None])
     return ends
-
-
-def _clipped(points: Array, edges: Pairs, box: Box) -> list[Array]:
-    """Return the connected pieces of a curve or surface within the box."""
-    Q = box.fold(points)
-    inside = box.holds(Q)
-    number = np.cumsum(inside) - 1
-    return connected(Q[inside], number[edges[inside[edges].all(axis=1)]])
-
-
-GAP_SHARE = 1 / 300
-"""Share of the range of R, empty of a large sample, that separates two shells."""
-SINGULAR_END = 1e-7
-"""Share of the scale of S below which an end of the reachable workspace is singular."""
-BATCH = 4096
-"""Lines that are drawn at a time."""
-NEGLIGIBLE = 1e-9
-"""Distance by which a piece may stand out of a shell that counts as holding it [m]."""
-
-
-class Searches:
-    """The searches for bounds, two times `STARTS` a shell, counted for whoever waits.
-
-    Attributes:
-        done: Number of searches done.
-        total: Number of searches, as far as it is known.
-
-    Args:
-        progress: Called as progress(done, total) before each of them.
-    """
-
-    def __init__(self, progress: Progress | None) -> None:
-        self.done, self.total, self._progress = 0, 4 * STARTS, progress
-
-    def expect(self, shells: int) -> None:
-        """Take note of how many shells are left."""
-        self.total = self.done + 2 * STARTS * shells
-
-    def step(self) -> None:
-        """Report one more search."""
-        if self._progress:
-            self._progress(min(self.done, self.total), self.total)
-        self.done += 1
-
-
-def found_shells(
-    found: ExactSet,
-    box: Box,
-    effort: int,
-    rng: np.random.Generator,
-    ends: Array,
-    searches: Searches,
-    keep: Callable[[list[Shell]], object],
-) -> list[Shell]:
-    """Find shells from a sample of `effort` singular configurations, each bound then optimised.
-
-    Where R is stationary the tip has lost the direction of R: the `ends` (2, n) of the reachable
-    workspace are singular, unless limits or R = 0 make them regular, and belong to the first and
-    the last piece of the sample. A sample that is sparse falls into more pieces than there are
-    shells: those that lie within the shell of a larger one are not searched.
-
-    `keep` is given the shells as they are known so far, at first those of the sample.
-    """
-    R2, equations = radius_squared(found.arm, mode=found.mode), found.triangle.equations
-    low, high = distances(found.arm, ends, found.mode)
-    within = (float(low), float(high))
-    values = [np.abs(f(ends)) / f.scale for f in equations]
-    stationary = ends[np.max(values, axis=0) <= SINGULAR_END]
-    Q = members(found, box, effort, rng)
-    if not len(Q):
-        return []
-    Q = Q[np.argsort(R2(Q))]
-    R = np.sqrt(np.maximum(R2(Q), 0.0))
-    parted = np.flatnonzero(np.diff(R) > GAP_SHARE * (R[-1] - R[0]) + 1e-9) + 1
-    pieces = np.split(Q, parted)
-    for end in stationary:
-        i = 0 if R2(end[None])[0] < R2(Q[:1])[0] else -1
-        pieces[i] = np.vstack((pieces[i], end))
-
-    def singular(q: Array) -> bool:
-        return bool(found.are_singular(q[None])[0])
-
-    shells, left = list[Shell](), list[Shell]()
-    for i in sorted(range(len(pieces)), key=lambda i: -len(pieces[i])):
-        squares = R2(pieces[i])
-        at = [int(squares.argmin()), int(squares.argmax())]
-        left.append(Shell(np.sqrt(np.maximum(squares[at], 0.0)), pieces[i][at], i))
-    while left:
-        keep([*shells, *left])
-        searches.expect(len(left))
-        i = left[0].component
-        shell = shell_about(
-            found.arm, found.mode, equations, pieces[i], box, i,
-            step=searches.step, within=within, counts=singular,
-        )  # fmt: skip
-        shells.append(shell)
-        low, high = shell.radius + np.array((-NEGLIGIBLE, NEGLIGIBLE))
-        left = [part for part in left[1:] if part.radius[0] < low or part.radius[1] > high]
-    return shells
 
 
 def members(found: ExactSet, box: Box, m: int, rng: np.random.Generator) -> Array:

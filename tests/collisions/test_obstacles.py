@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 
 import spacearm as sa
 from spacearm.collisions.bodies import Bodies
-from spacearm.collisions.carriers import Drifting, Moving
-from spacearm.collisions.courses import Floating, Recorded
+from spacearm.collisions.obstacles import Drifting, Moving
 from spacearm.collisions.separation import Collisions
-from spacearm.collisions.speeds import inertial_speeds
+from spacearm.collisions.swept_motion import Floating, Recorded, inertial_speeds
 from spacearm.mechanics.floating import walk
 from spacearm.planning.timing import largest_rates, rest_to_rest_times
 from spacearm.plots.motions import draw_motion
@@ -158,18 +157,18 @@ def test_a_steady_twist_is_integrated():
 
 
 @given(seeds)
-def test_carriers_move_points_no_farther_than_they_say(seed):
+def test_motions_move_points_no_farther_than_they_say(seed):
     rng = np.random.default_rng(seed)
     robot = sa.load("mda6")
     poses = [pin.SE3ToXYZQUAT(at(*rng.normal(size=3), turn=rng.normal(size=3))) for _ in range(3)]
     motion = sa.Motion(robot, [0.0, 1.0, 3.0], rng.uniform(-1, 1, (3, 6)), poses)
-    carrier = Moving(motion)
+    moving = Moving(motion)
     t0, t1 = np.sort(rng.uniform(-0.5, 3.5, 2))
     for body in Bodies(robot).all:
         body.shape.computeLocalAABB()
         point = body.pose.act(body.shape.aabb_center)
-        a, b = (carrier.frames(t)[body.joint].act(point) for t in (t0, t1))
-        bound = carrier.moved(body.joint, body.reach, body.far, t0, t1)
+        a, b = (moving.frames(t)[body.joint].act(point) for t in (t0, t1))
+        bound = moving.moved(body, t0, t1)
         assert np.linalg.norm(b - a) <= bound + 1e-12
 
 

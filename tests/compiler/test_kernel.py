@@ -125,7 +125,7 @@ def test_what_runs_long_is_compiled_for_speed_as_it_runs(threads, monkeypatch, t
     assert len(k._codes) == 2
     assert len([*(tmp_path / "code").iterdir()]) == 2
     assert len(kernel()._codes) == 1
-    assert kernel()._patience is None  # what was compiled for speed is taken at once
+    assert kernel()._left is None  # what was compiled for speed is taken at once
 
 
 def test_without_inputs_there_is_one_row():

@@ -7,7 +7,7 @@ from scipy.integrate import DOP853, solve_ivp
 from spacearm.compiler import numbers, symbols
 from spacearm.compiler.kernel import compiled
 from spacearm.equations import integration, tableaus
-from spacearm.equations.integration import CHANGES, COLLAPSED, FAILED, FINISHED, Problem, Progress
+from spacearm.equations.integration import CHANGES, COLLAPSED, FAILED, FINISHED, Problem, RunState
 from spacearm.equations.linear_algebra import factors, substitute
 
 
@@ -37,15 +37,15 @@ def kernel(problem, make, N, *, most=40, implicit=False, switches=0.0, pairs=0, 
     """The integrator as machine code."""
     rtol, atol = problem
 
-    def run(t, y, h, end, stiff, calm, eigenvalue, constant):
-        start = Progress(t, y, h, 0.0, stiff, calm, eigenvalue)
+    def run(t, y, h, end, stiff, holdoff, eigenvalue, constant):
+        start = RunState(t, y, h, 0.0, stiff, holdoff, eigenvalue)
         now, rows = integration.advance(
             symbols, make(symbols, constant), Problem(rtol, atol, N, pairs), start, end,
             most=most, implicit=implicit, switches=switches,
         )  # fmt: skip
         return *now, rows
 
-    names = ("t", "h", "end", "stiff", "calm", "eigenvalue", "constant")
+    names = ("t", "h", "end", "stiff", "holdoff", "eigenvalue", "constant")
     return compiled(run, {"y": (N,)} | dict.fromkeys(names, ()), lanes=lanes)
 
 
@@ -53,13 +53,13 @@ def integrated(code, y0, end, constant=0.0, calls=10_000):
     """Run lanes to the end; return where they stand and the accepted steps of each."""
     m = len(y0)
     zero = np.zeros(m)
-    state = {"t": zero, "y": y0, "h": zero, "stiff": zero, "calm": zero, "eigenvalue": zero}
+    state = {"t": zero, "y": y0, "h": zero, "stiff": zero, "holdoff": zero, "eigenvalue": zero}
     given = {"end": zero + end, "constant": zero + constant}
     kept = [[] for _ in range(m)]
     status = zero
     for _ in range(calls):
         *now, rows = code(state | given)
-        now = Progress(*now)
+        now = RunState(*now)
         for i in np.flatnonzero(status == 0):
             mine = rows[i, : int(now.turns[i])]
             kept[i].append(mine[mine[:, 1] > 0.0])
@@ -111,7 +111,7 @@ def test_steps_are_those_of_scipy():
     while known.status == "running":
         known.step()
         times.append(known.t)
-    start = Progress(0.0, np.array([2.0, 0.0]), 0.01, 0.0, 0.0, 0.0, 0.0)
+    start = RunState(0.0, np.array([2.0, 0.0]), 0.01, 0.0, 0.0, 0.0, 0.0)
     now, rows = integration.advance(
         numbers, van_der_pol(numbers, 2.0), Problem(1e-9, 1e-11, 2), start, 30.0, most=1000
     )
@@ -125,7 +125,7 @@ def test_machine_code_does_what_numpy_does(implicit):
     code = kernel((1e-6, 1e-8), van_der_pol, 2, most=60, implicit=implicit)
     start = np.array([[2.0, 0.0]])
     now, steps = integrated(code, start, 4.0, constant=3.0)
-    begin = Progress(0.0, start[0], 0.0, 0.0, 0.0, 0.0, 0.0)
+    begin = RunState(0.0, start[0], 0.0, 0.0, 0.0, 0.0, 0.0)
     known, rows = integration.advance(
         numbers, van_der_pol(numbers, 3.0), Problem(1e-6, 1e-8, 2), begin, 4.0, most=1000,
         implicit=implicit,
@@ -167,7 +167,7 @@ def test_implicit_steps_that_are_dear_ask_for_the_other_method():
     code = kernel((1e-10, 1e-12), kepler, 4, implicit=True, switches=1.0)
     one = np.ones(1)
     given = {"t": 0 * one, "y": STARTS[:1], "h": 0 * one, "end": 20.0 * one, "stiff": 0 * one,
-             "calm": 0 * one, "eigenvalue": one, "constant": one}  # fmt: skip
+             "holdoff": 0 * one, "eigenvalue": one, "constant": one}  # fmt: skip
     assert code(given)[3][0] == CHANGES
 
 
@@ -180,7 +180,7 @@ def test_where_there_is_no_rate_a_run_ends_at_the_last_state(implicit):
     np.testing.assert_allclose(now.y[0], 2.0 / 3.0, atol=1e-5)
     at_once, _ = integrated(code, np.zeros((1, 1)), 2.0, calls=1)
     late = code({"t": [1.5], "y": [[0.0]], "h": [0.0], "end": [2.0], "stiff": [0.0],
-                 "calm": [0.0], "eigenvalue": [0.0], "constant": [0.0]})  # fmt: skip
+                 "holdoff": [0.0], "eigenvalue": [0.0], "constant": [0.0]})  # fmt: skip
     assert late[3][0] == FAILED
     assert late[0][0] == 1.5
     assert at_once.t[0] > 0.0

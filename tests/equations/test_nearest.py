@@ -9,7 +9,7 @@ from spacearm.equations.measures import nearest
 from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
 from spacearm.mechanics.distance import FADING, distance_at
 from spacearm.model.joints import joint_scales
-from spacearm.singularities.nearest import nearest_about
+from spacearm.singularities.nearest import nearest_locally
 
 MODE = "free-floating"
 
@@ -31,9 +31,9 @@ def found_by(arm, Q, between, rest=1e-13):
 def test_the_nearest_point_is_that_of_the_search(name, task):
     arm, rng = sa.load(name, task=task), np.random.default_rng(4)
     Q = rng.uniform(-2.0, 2.0, (12, arm.n))
-    on_it = [s[0] for q in Q if (s := nearest_about(arm, MODE, q)) is not None]
+    on_it = [s[0] for q in Q if (s := nearest_locally(arm, MODE, q)) is not None]
     near = np.array([q + 0.01 * rng.normal(size=arm.n) / np.sqrt(arm.n) for q in on_it])
-    known = [nearest_about(arm, MODE, q) for q in near]
+    known = [nearest_locally(arm, MODE, q) for q in near]
     found = found_by(arm, near, (0.0, 1.0))
     rests = found[:, 1] <= 1e-13
     assert rests.mean() > 0.8

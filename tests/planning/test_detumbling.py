@@ -10,9 +10,9 @@ from helpers.commands import spacearm
 from scipy.interpolate import make_interp_spline
 
 import spacearm as sa
-from spacearm.planning.detumbling.capacity import least_time
-from spacearm.planning.detumbling.course import WAVES, Course
-from spacearm.planning.wheels.limits import Wheels
+from spacearm.planning.reactions import Wheels
+from spacearm.planning.strategies.detumbling import least_time
+from spacearm.planning.strategies.rest_motion import WAVES, RestMotion
 
 Q0, GOAL = [0.3, 1.2], (0.9, 1.4)
 H = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -133,7 +133,7 @@ def test_wheels_keep_their_limits_at_every_instant(which, request):
 
 def test_extremes_of_a_course_are_those_of_many_samples():
     rng = np.random.default_rng(0)
-    course = Course(rng.normal(size=5), rng.normal(size=(1 + WAVES, 5)), 3.0)
+    course = RestMotion(rng.normal(size=5), rng.normal(size=(1 + WAVES, 5)), 3.0)
     u = np.linspace(0.0, 1.0, 20001)
     least, largest, rates = course.extremes()
     samples, slopes = course.at(u), course.rates(u)

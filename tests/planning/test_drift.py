@@ -7,7 +7,7 @@ from helpers.arms import joint, link, load_text, random_chain
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
-from spacearm.planning.drift.drifting import drifting_attitudes
+from spacearm.planning.many_curves import drifting_attitudes
 
 H = np.array([0.5, 0.2, 0.0, 0.0, 0.0, 0.5])
 

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from scipy.interpolate import CubicSpline
 
 import spacearm as sa
-from spacearm.planning.reactions.loads import load_of, momentum_and_torque
-from spacearm.planning.reactions.majorants import momentum_bounds
-from spacearm.planning.timing import course
+from spacearm.planning.reactions import load_of, momentum_and_torque, momentum_bounds
+from spacearm.planning.timing import rest_to_rest_spline
 
 Q0, GOAL = [0.3, 1.2], (0.9, 1.4)
 HELD = {"mode": "attitude-controlled"}
@@ -35,7 +34,7 @@ def whole_momentum(arm, plan, text, t):
     names = list(full.joint_names)
     mine = [names.index(name) for name in arm.joint_names]
     wheels = [names.index(wheel.name) for wheel in arm.wheels]
-    data, way = full.model.createData(), course(plan.t, plan.q)
+    data, way = full.model.createData(), rest_to_rest_spline(plan.t, plan.q)
     spins = CubicSpline(plan.t, plan.wheels)
     h = []
     for time in t:
@@ -58,7 +57,7 @@ def test_the_momentum_of_arm_and_wheels_is_constant(arm, found):
 
 def test_the_wheel_keeps_its_limits_at_every_instant_and_wastes_no_time(arm, found):
     times = np.random.default_rng(0).uniform(0.0, found.t[-1], 4000)
-    way = course(found.t, found.q)
+    way = rest_to_rest_spline(found.t, found.q)
     h, tau = momentum_and_torque(arm, way(times), way(times, 1), way(times, 2))
     assert np.abs(2.0 - h[:, 2]).max() <= 3.0
     assert 0.98 * 0.5 < np.abs(tau[:, 2]).max() <= 0.5

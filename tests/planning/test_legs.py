@@ -7,7 +7,7 @@ from helpers.commands import spacearm
 
 import spacearm as sa
 from spacearm.planning.account import SearchAccount, TimeUpError
-from spacearm.planning.reactions.turns import largest_turn
+from spacearm.planning.reactions import largest_turn
 
 Q0, VIA, GOAL = [0.3, 1.2], (0.7, 1.7), (0.9, 1.4)
 

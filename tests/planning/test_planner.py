@@ -10,8 +10,7 @@ from helpers.commands import spacearm
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
-from spacearm.planning.curve import CurveFamily
-from spacearm.planning.optimiser import CurveOptimiser, Target
+from spacearm.planning.optimiser import CurveFamily, CurveOptimiser, Target
 from spacearm.planning.timing import largest_rates, rest_to_rest_times
 from spacearm.plots.motions import draw_motion
 

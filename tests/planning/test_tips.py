@@ -10,7 +10,7 @@ from helpers.commands import spacearm
 from scipy.integrate import solve_ivp
 
 import spacearm as sa
-from spacearm.planning.reactions.turns import largest_turn
+from spacearm.planning.reactions import largest_turn
 
 Q0 = np.array([2.2, 0.9, 0.6, -0.9])
 HOME = np.array([0.3, -1.2, 1.5, -0.8, -1.3, 0.2])
@@ -167,7 +167,7 @@ def test_the_command_leads_both_tips_and_draws_them(arm, tmp_path):
     run = spacearm(*words, *goals, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     for name, tip in zip(TIPS, goal.tips, strict=True):
-        told = re.search(rf"{name} at the end +\((\S+), (\S+), ", run.stdout)
+        told = re.search(rf"^{name} +\(.*?\) m +\((\S+), (\S+), ", run.stdout, re.M)
         found = [float(word) for word in told.groups()]
         np.testing.assert_allclose(found, tip.translation[:2], atol=1e-4)
     assert list(tmp_path.glob("*_plan.png"))

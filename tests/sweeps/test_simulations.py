@@ -17,11 +17,10 @@ chunk = 3
 base_inertia = [1, 2]
 
 [simulation]
-target = [1.5, 1.5]
-gains = {kp = 5, kd = 15}
-q = [-1.011, 1.053]
-spread = 0.02
-attitude = [0, 0, 0.3665]
+controller = {law = "TransposedJacobian", target = [1.5, 1.5], kp = 5, kd = 15}
+start.q = [-1.011, 1.053]
+start.spread = 0.02
+start.attitude = [0, 0, 0.3665]
 duration = 8.0
 runs = 5
 """
@@ -84,8 +83,9 @@ def test_the_store_is_the_same_whole_and_resumed(study, tmp_path):
         ("[-1.011, 1.053]", "[0.1]", "q is"),
         ("spread = 0.02", "spread = -1", "spread"),
         ("runs = 5", "runs = 0", "runs"),
-        ("duration = 8.0", 'controller = "optimal"', "controller"),
-        ("duration = 8.0", 'limits = ["speed"]', "limits"),
+        ("TransposedJacobian", "optimal", "law"),
+        ("duration = 8.0", 'duration = 8.0\nplant.limits = ["speed"]', "limits"),
+        ("duration = 8.0", "", "duration"),
     ],
 )
 def test_what_makes_no_sense_is_refused(old, new, message):

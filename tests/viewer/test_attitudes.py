@@ -142,7 +142,7 @@ def attitudes():
 
 def test_the_page_asks_for_the_attitudes_of_a_line_or_of_a_motion(monkeypatch):
     arm = sa.load("planar2")
-    viewer = sa.view(arm, [0.3, 1.2], open=False)
+    viewer = sa.view(arm.at([0.3, 1.2]), open=False)
     begun = []
     monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     ask = {"do": "compute", "what": "attitudes"}
@@ -182,7 +182,7 @@ def test_a_motion_is_feasible_from_where_it_begins(monkeypatch):
 
 @pytest.mark.slow
 def test_attitudes_are_computed_from_the_page(browser, tmp_path):
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
     assert page.page.is_disabled("[data-compute=attitudes]")
     tip = viewer.configuration.tip.translation

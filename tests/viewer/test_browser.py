@@ -18,7 +18,7 @@ MISSING_MESH = '<visual><geometry><mesh filename="no.stl"/></geometry></visual>'
 
 @pytest.fixture
 def viewer():
-    viewer = sa.view(sa.load("planar2"), np.radians([-65, -40]), open=False)
+    viewer = sa.view(sa.load("planar2").at(np.radians([-65, -40])), open=False)
     viewer.serve()
     yield viewer
     viewer.close()

@@ -104,7 +104,7 @@ def test_malformed_pulls_are_refused_and_change_nothing(message, error):
 
 @pytest.mark.slow
 def test_the_handle_is_dragged_and_turns_red_where_the_tip_cannot_follow(browser):
-    viewer = sa.view(sa.load("planar2"), np.radians([20, -60]), open=False)
+    viewer = sa.view(sa.load("planar2").at(np.radians([20, -60])), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
     page.page.check("[name=mode][value=free-floating]")
     page.until(lambda: viewer.session.mode == "free-floating")
@@ -146,7 +146,7 @@ def test_a_ring_turns_red_where_the_tip_cannot_follow(browser):
     inside = '<limit lower="-0.2" upper="0.2" effort="1" velocity="1"/>'
     hinge = joint("elbow", "bus", "arm", axis=(0, 1, 0), inside=inside)
     arm = load_text(robot(link("bus", 50.0), link("arm"), hinge), task="ry")
-    viewer = sa.view(arm, [0.0], open=False)
+    viewer = sa.view(arm.at([0.0]), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
     assert page.page.locator("#grab circle").count() == 0
     page.page.focus("#grab polyline")

@@ -67,7 +67,7 @@ def test_the_map_has_distances_and_singular_curves_of_the_mode(mode):
 
 
 def test_unknown_modes_are_refused_and_an_arm_keeps_its_mode():
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     for mode in ("fast", None, ["fixed"]):
         with pytest.raises(sa.ConfigurationError, match="unknown mode"):
             viewer.handle({"do": "spacecraft", "mode": mode})
@@ -79,7 +79,7 @@ def test_unknown_modes_are_refused_and_an_arm_keeps_its_mode():
 
 @pytest.mark.slow
 def test_the_mode_is_chosen_in_the_page(browser):
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
     page.page.click("#choices summary")
     page.page.select_option("#spacecraft", "fixed")

@@ -50,7 +50,7 @@ def notebook(output):
 
 @pytest.fixture
 def viewer():
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     viewer.serve()
     yield viewer
     viewer.close()

@@ -202,7 +202,7 @@ def test_the_nearest_singularity_says_how_far_it_was(browser):
 
 @pytest.mark.slow
 def test_without_webgl_the_panel_works_and_says_why_nothing_is_drawn(browser):
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     context = browser.new_context()
     context.add_init_script(
         "const get = HTMLCanvasElement.prototype.getContext;"
@@ -403,7 +403,7 @@ def test_a_motion_has_speed_loop_events_curves_goal_and_the_space_bar(browser, t
 
 @pytest.mark.slow
 def test_a_saved_page_has_name_values_and_joints(browser, tmp_path):
-    viewer = sa.view(sa.load("planar2"), np.radians([-65, -11.41]), open=False)
+    viewer = sa.view(sa.load("planar2").at(np.radians([-65, -11.41])), open=False)
     page = Page(browser, viewer.save(tmp_path / "a.html").as_uri(), width=900, height=600)
     assert page.text("#model") == "planar2"
     assert page.text("#kind") == "dynamic singularity"
@@ -600,7 +600,7 @@ def test_a_saved_motion_shows_the_values_of_its_time(browser, tmp_path):
 
 @pytest.mark.slow
 def test_numbers_stand_on_the_lines_of_the_grid(browser, tmp_path):
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     under = """
       [...document.querySelectorAll("#ticks text")].map((text) => {
         const { THREE } = MeshCat, { camera } = window.spacearm.viewer;

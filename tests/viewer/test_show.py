@@ -35,8 +35,8 @@ def arm():
     return sa.load("planar2")
 
 
-def shown(thing, *args, **options):
-    return sa.view(thing, *args, open=False, **options).session
+def shown(thing):
+    return sa.view(thing, open=False).session
 
 
 @pytest.mark.parametrize("name", ["planar2", "mda6", "vispa_cubesat"])
@@ -48,12 +48,12 @@ def test_an_arm_opens_well_away_from_singularities(name):
     room = np.minimum(first.cfg.q - first.arm.lower, first.arm.upper - first.cfg.q)
     assert (room > 0.0).all(), "the tip can be pulled all around"
     assert first.cfg.q.tolist() == second.cfg.q.tolist()
-    assert shown(first.arm, np.zeros(first.arm.n)).cfg.q.tolist() == [0] * first.arm.n
+    assert shown(first.arm.at(np.zeros(first.arm.n))).cfg.q.tolist() == [0] * first.arm.n
 
 
 def test_an_arm_stands_where_it_is_asked_to(arm):
     pose = pin.SE3(pin.utils.rotate("z", 0.4), np.array([1.0, 2.0, 0.0]))
-    session = shown(arm, Q, base=pose)
+    session = shown(arm.at(Q, base=pose))
     assert session.cfg.q.tolist() == Q
     assert session.cfg.base.isApprox(pose)
 
@@ -127,7 +127,8 @@ def test_what_is_held_is_drawn_with_its_inertia():
 
 
 def test_a_workspace_shows_its_shells_around_the_posture_asked_for(arm):
-    viewer = sa.view(sa.workspace(arm), Q, open=False)
+    viewer = sa.view(arm.at(Q), open=False)
+    viewer.shells(sa.workspace(arm))
     assert viewer.session.cfg.q.tolist() == Q
     words = [key["words"] for key in viewer.readout()["legend"]]
     assert words[0].startswith("path dependent: 0.351 to 0.554, 1.436 to 2.287 m from the CM")
@@ -141,11 +142,6 @@ def test_a_singular_set_shows_the_posture_nearest_to_home(name):
     home = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
     assert session.report.kind != "regular"
     np.testing.assert_allclose(session.cfg.q, found.nearest(home)[0])
-
-
-def test_a_singular_set_shows_the_posture_nearest_to_q(arm):
-    session = shown(sa.singular_set(arm), Q)
-    np.testing.assert_allclose(session.cfg.q, sa.singular_set(arm).nearest(Q)[0])
 
 
 def test_a_region_shows_its_first_singular_configuration(arm):
@@ -172,12 +168,6 @@ def test_a_motion_with_faults_is_refused(arm):
     base = [pin.SE3.Identity()] * 2
     with pytest.raises(sa.ConfigurationError, match="motion: q is"):
         shown(SimpleNamespace(arm=arm, t=[0, 1], q=[[0.0]], base=base))
-
-
-@pytest.mark.parametrize("given", [{"q": Q}, {"base": pin.SE3.Identity()}])
-def test_a_posture_is_not_given_twice(arm, given):
-    with pytest.raises(sa.ConfigurationError, match="a Configuration has a posture of its own"):
-        shown(arm.at(Q), **given)
 
 
 def test_random_postures_can_be_repeated(arm):

@@ -28,7 +28,7 @@ import spacearm as sa
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
-    from spacearm.viewer import pictures, scene, stage
+    from spacearm.viewer import layers, pictures, stage
     from spacearm.viewer import viewer as pages
     from spacearm.viewer.session import Session
     from spacearm.viewer.shapes import shapes
@@ -46,7 +46,7 @@ def session():
 
 @pytest.fixture
 def viewer():
-    viewer = sa.view(sa.load("planar2"), np.radians([-65, -40]), open=False)
+    viewer = sa.view(sa.load("planar2").at(np.radians([-65, -40])), open=False)
     yield viewer
     viewer.close()
 
@@ -592,7 +592,7 @@ def test_layers_and_shells(viewer):
         viewer.layer("shell", True)
     with pytest.raises(sa.ConfigurationError, match="shell radius is -1"):
         viewer.shells([-1])
-    assert set(scene.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
+    assert set(layers.LAYERS) == {"grid", "bodies", "centre of mass", "virtual manipulator",
                                  "tip frame", "ellipsoid", "directions", "shells", "risk", "trace",
                                  "attitudes", "obstacles", "goal", "comparison",
                                  "wheels", "wrenches"}  # fmt: skip
@@ -710,7 +710,7 @@ def test_bad_input_to_view():
     with pytest.raises(sa.ConfigurationError, match="a str cannot be shown; give a SpaceArm"):
         sa.view("planar2", open=False)
     with pytest.raises(sa.ConfigurationError, match=r"q has shape \(3,\)"):
-        sa.view(sa.load("planar2"), [1, 2, 3], open=False)
+        sa.view(sa.load("planar2").at([1, 2, 3]), open=False)
 
 
 def test_view_starts_inside_the_limits():

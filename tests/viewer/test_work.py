@@ -90,7 +90,7 @@ def test_the_goal_is_the_tip_until_it_is_told_otherwise():
 
 
 def test_a_plan_needs_a_goal_and_a_page_has_one_job_at_a_time(monkeypatch):
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     with pytest.raises(sa.ConfigurationError, match="there is no goal"):
         viewer.handle({"do": "plan"})
     begun, page = [], object()
@@ -134,7 +134,7 @@ def test_obstacles_are_solid_and_count(monkeypatch):
     assert volume == pytest.approx(6.0), "all faces look outwards"
     arm = sa.load("planar2")
     box = sa.Obstacle.box(0.4, pin.SE3(np.eye(3), np.array([0.5, 2.5, 0.0])), name="box")
-    viewer = sa.view(arm, [0.3, 1.2], obstacles=box, open=False)
+    viewer = sa.view(arm.at([0.3, 1.2]), obstacles=box, open=False)
     begun = []
     monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     viewer.handle({"do": "goal"})
@@ -169,7 +169,7 @@ def test_processes_end_with_their_job_and_are_cancelled():
 
 @pytest.mark.slow
 def test_a_plan_is_made_to_a_picked_goal_and_played(browser):
-    viewer = sa.view(sa.load("planar2"), np.radians([20, -60]), open=False)
+    viewer = sa.view(sa.load("planar2").at(np.radians([20, -60])), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
     assert page.page.is_disabled("#plan")
     tip = page.page.locator("#grab circle").bounding_box()
@@ -203,7 +203,7 @@ def test_a_plan_is_made_to_a_picked_goal_and_played(browser):
 @pytest.mark.slow
 def test_cancel_and_a_closed_tab_end_the_process(browser):
     arm = sa.load("mda6")
-    viewer = sa.view(arm, np.full(6, 0.4), open=False)
+    viewer = sa.view(arm.at(np.full(6, 0.4)), open=False)
     viewer.handle({"do": "goal", "position": [0.1, 0.1, -0.6], "rpy": [1.0, 2.0, 3.0]})
     for way in ("cancel", "close"):
         page = Page(browser, viewer.serve(), width=1366, height=768).ready()

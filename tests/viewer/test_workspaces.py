@@ -46,7 +46,8 @@ def test_a_plane_workspace_is_drawn_as_rings_of_its_radii_that_turn_with_the_arm
     arm = sa.load("planar2")
     space = sa.workspace(arm)
     base = pin.SE3(pin.utils.rotate("x", 0.5), np.array([1.0, 2.0, 3.0]))
-    viewer = sa.view(space, [0.3, 1.2], base=base, open=False)
+    viewer = sa.view(arm.at([0.3, 1.2], base=base), open=False)
+    viewer.shells(space)
     rings = drawn(viewer, "shells")
     radii = {path: np.linalg.norm(points, axis=1) for path, points in rings.items()}
     for name, ranges in (("path dependent", space.pdw), ("path independent", space.piw)):
@@ -64,7 +65,7 @@ def test_a_plane_workspace_is_drawn_as_rings_of_its_radii_that_turn_with_the_arm
 
 
 def test_the_page_asks_for_what_can_be_computed(monkeypatch):
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     begun = []
     monkeypatch.setattr(BackgroundJob, "start", lambda _, *given: begun.append(given))
     viewer.handle({"do": "compute", "what": "risk"})
@@ -80,7 +81,7 @@ def test_the_page_asks_for_what_can_be_computed(monkeypatch):
 
 @pytest.mark.slow
 def test_shells_and_risk_are_computed_from_the_page_and_explained(browser, tmp_path):
-    viewer = sa.view(sa.load("planar2"), [0.3, 1.2], open=False)
+    viewer = sa.view(sa.load("planar2").at([0.3, 1.2]), open=False)
     page = Page(browser, viewer.serve(), width=1366, height=768).ready()
     page.page.click("[data-compute=shells]")
     page.wait_text("#legend", "path dependent: 0.351 to 0.554")

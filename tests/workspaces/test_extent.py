@@ -7,7 +7,7 @@ from helpers.arms import frame, joint, link, load_text, random_chain, robot
 import spacearm as sa
 from spacearm.singularities.polynomials import distances, radius_squared
 from spacearm.workspaces.extent import NEAR, Box, chain_of, largest_distance_within, least_distance
-from spacearm.workspaces.shells import shell_about
+from spacearm.workspaces.shells import ShellSearch
 
 
 def torus(arm):
@@ -45,7 +45,7 @@ def check(arm, box, mode, seed):
     low = np.array([descent(R2, q, box, 1.0) for q in Q[order[:8]]])
     high = np.array([descent(R2, q, box, -1.0) for q in Q[order[-8:]]])
     tried = distances(arm, np.concatenate((Q, low, high)), mode)
-    known = shell_about(arm, mode, (), Q[:4096], box, 0).radius
+    known = ShellSearch(arm, mode, box).about((), Q[:4096]).radius
     least, largest = (
         least_distance(arm, mode, box, known),
         largest_distance_within(arm, mode, box, known),

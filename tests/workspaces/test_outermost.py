@@ -8,14 +8,14 @@ from hypothesis import given, settings
 import spacearm as sa
 from spacearm.singularities.polynomials import distances
 from spacearm.workspaces.extent import Box, largest_distance
-from spacearm.workspaces.shells import shell_about
+from spacearm.workspaces.shells import ShellSearch
 
 
 def reached(arm, mode, seed):
     """The largest distance that a search finds [m]."""
     box = Box.of(arm.lower, arm.upper, limits=False)
     Q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (4096, arm.n))
-    return shell_about(arm, mode, (), Q, box, 0).radius[1]
+    return ShellSearch(arm, mode, box).about((), Q).radius[1]
 
 
 @pytest.mark.parametrize("mode", ["free-floating", "fixed"])

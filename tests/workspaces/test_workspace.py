@@ -32,7 +32,7 @@ from spacearm.polynomial.branch_and_bound import enclose
 from spacearm.singularities.polynomials import radius_squared
 from spacearm.singularities.risk import uniform
 from spacearm.workspaces.extent import Box
-from spacearm.workspaces.shells import merged
+from spacearm.workspaces.shells import ShellSearch, merged
 
 ALPHA, BETA, GAMMA = 20 / 47, 42 / 47, 45.5 / 47
 SHELLS = [[0.3510638, 0.5536773], [1.4361702, 2.2872340]]  # (46), (47)
@@ -222,12 +222,10 @@ def test_a_proof_refuses_shells_that_are_too_small(planar2):
 
 
 def test_a_missing_shell_is_found_by_the_proof(planar2):
-    from spacearm.workspaces.shells import prove
-
     arm = planar2.arm
     box = Box.of(arm.lower, arm.upper, limits=False)
     S = sa.singularity_polynomial(arm)
-    shells, gap = prove(arm, "free-floating", S, list(planar2.shells[:1]), box, 1e-9)
+    shells, gap = ShellSearch(arm, "free-floating", box).proven(S, list(planar2.shells[:1]))
     np.testing.assert_allclose(merged([shell.radius for shell in shells]), planar2.pdw, atol=1e-9)
     assert gap <= 1e-9
 

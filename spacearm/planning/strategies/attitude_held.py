@@ -1,8 +1,9 @@
-"""Held: plans of a spacecraft whose attitude wheels hold.
+"""Attitude held: a plan for a spacecraft whose attitude wheels hold.
 
 A held spacecraft moves as one of boundless moment of inertia would: D^-1 D_q dq is zero, and J* is
-the Jacobian of the held arm. The way is sought for such a spacecraft and then timed, evenly, so
-that the wheels keep within their limits.
+the Jacobian of the held arm. So unknowns and equations are those of the plan sought for such a
+spacecraft, which is then timed, evenly. Bounds: what each wheel holds and gives at every instant;
+momentum falls with the duration, torque with its square.
 """
 
 from __future__ import annotations
@@ -10,24 +11,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial
-from spacearm.errors import NoSolutionError
+from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.planning.drift.search import stretched
-from spacearm.planning.reactions.loads import load_of, momentum_and_torque
-from spacearm.planning.reactions.majorants import ROOT
+from spacearm.planning.reactions import ROOT, Wheels, load_of, momentum_and_torque
+from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan
-from spacearm.planning.timing import course
-from spacearm.planning.wheels.limits import Wheels
-
-Find: TypeAlias = Callable[[Configuration, float | None], Plan]
-"""A planner: it takes the start and the duration [s]."""
+from spacearm.planning.strategies.drift import stretched
+from spacearm.planning.timing import rest_to_rest_spline
 
 BOUNDLESS = 1e9
 """Moment of inertia of a spacecraft that does not turn, over what the system has."""
@@ -35,24 +32,28 @@ TRIES, SLACK, ROUND_UP = 4, 1.05, 1.0 + 1e-9
 """Durations tried with a CM that moves, the room that the next has, and that for rounding."""
 
 
-def held_plan(cfg: Configuration, wheels: Wheels, find: Find, duration: float | None) -> Plan:
+def attitude_held(request: PlanRequest, floating: Callable[[PlanRequest], Plan]) -> Plan:
     """Return a plan with the attitude held as at the start.
 
     Args:
-        cfg: Where it begins; the wheels hold the angular part of its momentum.
-        wheels: What holds the attitude.
-        find: Plans for a spacecraft that floats.
-        duration: When it ends [s]; if None as soon as rates and wheels allow.
+        request: What is asked; the wheels hold the angular momentum of its start.
+        floating: Plans for a spacecraft that floats.
 
     Raises:
+        ConfigurationError: An attitude is asked for, or the wheels do not hold the momentum.
         NoSolutionError: There is none, or the wheels cannot hold it in time.
     """
-    drifting = np.append(cfg.momentum[:3], np.zeros(3))
-    start = boundless(cfg.arm).at(cfg.q, base=cfg.base, momentum=drifting)
+    if request.final_attitude is not None:
+        raise ConfigurationError("final_attitude is of no use: the attitude stays what it is")
+    cfg, duration = request.start, request.duration
+    wheels = Wheels.of(cfg, request.constraints.wheels)
+    drifts = bool(cfg.momentum[:3].any())
+    momentum = np.append(cfg.momentum[:3], np.zeros(3))
+    start = boundless(cfg.arm).at(cfg.q, base=cfg.base, momentum=momentum)
     lasts, why = duration, ""
     for _ in range(TRIES):
         try:
-            found = find(start, lasts)
+            found = floating(replace(request, start=start, held=cfg.arm, duration=lasts))
         except NoSolutionError as error:
             best = error.best
             if isinstance(best, Plan):
@@ -68,9 +69,9 @@ def held_plan(cfg: Configuration, wheels: Wheels, find: Find, duration: float | 
                 f"way takes {needed:.4g} s, {needed - duration:.4g} s more",
                 _held(cfg, found, wheels),
             )
-        if slower > 1.0 and not drifting.any():
-            found = stretched(found, needed * ROUND_UP)
-        if slower <= 1.0 or not drifting.any():
+        if slower > 1.0 and not drifts:
+            found = stretched(found, needed * ROUND_UP, request.account)
+        if slower <= 1.0 or not drifts:
             plan = _held(cfg, found, wheels)
             return replace(plan, wheel_load=wheels.story(load_of(plan.arm, plan.t, plan.q)))
         lasts = SLACK * needed
@@ -103,7 +104,7 @@ def slowed(arm: SpaceArm, t: Array, q: Array, wheels: Wheels) -> dict[str, Any]:
     slower, _ = wheels.slowdown(load_of(arm, t, q))
     if slower > 1.0:
         t = t * slower * ROUND_UP
-    way = course(t, q)
+    way = rest_to_rest_spline(t, q)
     moving, _ = momentum_and_torque(arm, q, way(t, 1), way(t, 2))
     spins = wheels.momenta(moving)[:, : len(arm.wheels)]
     return {"t": t, "wheels": spins, "wheel_load": wheels.story(load_of(arm, t, q))}
@@ -113,7 +114,7 @@ def _held(cfg: Configuration, found: Plan, wheels: Wheels) -> Plan:
     """Return the plan of the arm itself, its attitude that of the start."""
     arm, attitude = cfg.arm, pin.SE3(cfg.base.rotation, np.zeros(3))
     rows = [
-        kinematics(arm, q, attitude).centred(com) for q, com in zip(found.q, found.com, strict=True)
+        kinematics(arm, q, attitude.copy(), com) for q, com in zip(found.q, found.com, strict=True)
     ]
     total = np.append(cfg.momentum[:3], attitude.rotation @ wheels.axes @ wheels.start)
     moving, _ = momentum_and_torque(arm, found.q, found.dq, found.ddq)

@@ -1,0 +1,225 @@
+"""Swept motion: a motion as a check of collisions sees it, at any point between its rows.
+
+Joint positions are linear between the rows. What the spacecraft does between them is what tells one
+kind of motion from the other.
+
+At zero momentum the spacecraft reacts to joint rates dq so that the kinetic energy T is least of
+all motions with these rates: dT/dv_b = h = 0, and T is a convex square in v_b. So where one joint
+moves at unit rate, 2 T is no more than the inertia E of what it carries about its axis, the motion
+with the spacecraft at rest, and no more than that of all the rest, the motion with what it carries
+at rest. A body of mass m and least inertia I has a part of T: a point at r from its CM moves by no
+more than |v| + r |w|, where m |v|^2 + I |w|^2 <= E, hence by no more than sqrt(E (1/m + r^2/I)).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.collisions.bodies import Body, extent, slides_along
+from spacearm.errors import UnsupportedError
+from spacearm.mechanics.floating import move
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.motion import Motion
+
+
+class SweptMotion(ABC):
+    """A motion of an arm.
+
+    Attributes:
+        arm: The arm.
+        path: (m, n) its rows.
+        t: (m,) its times [s].
+    """
+
+    def __init__(self, arm: SpaceArm, path: Array, t: Array) -> None:
+        self.arm, self.path, self.t = arm, path, t
+
+    def __len__(self) -> int:
+        return len(self.path)
+
+    def joints(self, u: float) -> Array:
+        """Return the joint positions (n,) at row u, between rows where it is no whole number."""
+        return interpolated(self.path, u)
+
+    def time(self, u: float) -> float:
+        """Return the time at row u [s]."""
+        return float(interpolated(self.t, u))
+
+    def full(self, u: float) -> Array:
+        """Return the configuration (nq,) of the Pinocchio model at row u."""
+        base = pin.SE3ToXYZQUAT(self.base(u))
+        return np.concatenate((base, self.arm.all_joints(self.joints(u))))
+
+    @property
+    def out(self) -> Array:
+        """(N,) largest displacements of the model's joints [rad] or [m]."""
+        return np.abs([self.arm.all_joints(q) for q in self.path]).max(axis=0)
+
+    @abstractmethod
+    def base(self, u: float, /) -> pin.SE3:
+        """Return the pose of the spacecraft at row u."""
+
+    @abstractmethod
+    def swept(self, bodies: Sequence[Body]) -> Array:
+        """Return how far bodies move between rows at most (bodies, m - 1) [m], inertial axes."""
+
+
+class InJointSpace(SweptMotion):
+    """A joint motion alone: it says nothing about the spacecraft, which only obstacles ask for."""
+
+    def __init__(self, arm: SpaceArm, path: Array) -> None:
+        super().__init__(arm, path, np.full(len(path), np.nan))
+
+    def base(self, _u: float, /) -> pin.SE3:
+        """Return the identity."""
+        return pin.SE3.Identity()
+
+    def swept(self, bodies: Sequence[Body]) -> Array:
+        """Return zeros."""
+        return np.zeros((len(bodies), len(self) - 1))
+
+
+class Floating(SweptMotion):
+    """A motion at zero momentum: between its rows the spacecraft reacts as it does in truth.
+
+    Args:
+        rows: Its configurations.
+        t: (m,) its times [s].
+    """
+
+    def __init__(self, rows: Sequence[Configuration], t: Array) -> None:
+        super().__init__(rows[0].arm, np.array([cfg.q for cfg in rows]), t)
+        self.rows = rows
+
+    def base(self, u: float) -> pin.SE3:
+        """Return the pose of the spacecraft, by `move` from the row before."""
+        i = min(int(u), len(self) - 1)
+        return self.rows[i].base if u == i else move(self.rows[i], self.joints(u)).base
+
+    def swept(self, bodies: Sequence[Body]) -> Array:
+        """Return the ways by `inertial_speeds`."""
+        steps = np.abs(np.diff(self.path, axis=0))
+        return inertial_speeds(self.arm, bodies, self.out) @ steps.T
+
+
+class Recorded(SweptMotion):
+    """A motion as it stands: between its rows the spacecraft goes as `Motion.at` has it."""
+
+    def __init__(self, motion: Motion) -> None:
+        super().__init__(motion.arm, motion.q, motion.t)
+        self.motion = motion
+
+    def base(self, u: float) -> pin.SE3:
+        """Return the pose of the spacecraft."""
+        return self.motion.at(self.time(u)).base
+
+    def swept(self, bodies: Sequence[Body]) -> Array:
+        """Return the ways of the spacecraft's frame, of its turn and of the joints, in sum."""
+        arm, out = self.arm, self.out
+        poses = [cfg.base for cfg in self.motion]
+        origin, turn = np.array([helix(a, b) for a, b in pairwise(poses)]).reshape(-1, 2).T
+        full = np.array([arm.all_joints(q) for q in self.path])
+        steps = np.abs(np.diff(full, axis=0))
+        ways = []
+        for body in bodies:
+            slides = {j for one in body.slides.values() for j in one}
+            slides |= {j - 2 for j, r in body.reach.items() if slides_along(arm, j)}
+            way = origin + (body.far + sum(out[j] for j in slides)) * turn
+            for joint, reach in body.reach.items():
+                way = way + (reach + out[body.slides[joint]].sum()) * steps[:, joint - 2]
+            ways.append(way)
+        return np.array(ways).reshape(len(bodies), len(self) - 1)
+
+
+def interpolated(rows: Array, u: float) -> Array:
+    """Return the value at row u, linear between whole numbers."""
+    i = min(int(u), max(len(rows) - 2, 0))
+    return rows[i] + (u - i) * (rows[min(i + 1, len(rows) - 1)] - rows[i])
+
+
+def inertial_speeds(arm: SpaceArm, bodies: Sequence[Body], out: Array) -> Array:
+    """Return how fast points of bodies move in inertial axes per joint rate at most (bodies, n).
+
+    In [m/rad], at zero momentum.
+
+    Args:
+        arm: The arm.
+        bodies: The bodies.
+        out: (N,) largest displacements of the model's joints on the way [rad] or [m].
+
+    Raises:
+        UnsupportedError: The spacecraft has no inertia, which leaves its motion without bound.
+    """
+    E = _inertias_moved(arm, out)
+    lever = float(np.linalg.norm(arm.model.inertias[1].lever))
+    speeds = np.zeros((len(bodies), arm.model.nv - 6))
+    for speed, body in zip(speeds, bodies, strict=True):
+        supports = list(arm.model.supports[body.joint])[2:]
+        far = body.far + sum(out[j - 2] for j in supports if slides_along(arm, j)) + lever
+        with_spacecraft = np.sqrt(E * _mobility(arm, 1, far))
+        for joint, reach in body.reach.items():
+            with_spacecraft[joint - 2] += reach + out[body.slides[joint]].sum()
+        own = arm.model.inertias[body.joint]
+        about_cm = pin.SE3(body.pose.rotation, body.pose.translation - own.lever)
+        points = extent(about_cm, body.shape)
+        by_itself = np.sqrt(E * _mobility(arm, body.joint, points))
+        speed[:] = np.minimum(with_spacecraft, by_itself)
+    if not np.isfinite(speeds).all():
+        raise UnsupportedError(
+            f"{arm.name}: the spacecraft has no inertia about some axis, so nothing bounds how far "
+            "it turns; obstacles cannot be checked"
+        )
+    return speeds if arm.coupling is None else speeds @ np.abs(arm.coupling)
+
+
+def _mobility(arm: SpaceArm, joint: int, far: float) -> float:
+    """Return 1/m + r^2/I of the body at a joint, for points up to `far` from its CM."""
+    inertia, normal = arm.model.inertias[joint], arm.tree.plane_normal()
+    about_cm = inertia.inertia
+    least = float(np.linalg.eigvalsh(about_cm)[0])
+    if normal is not None and joint == 1:
+        least = float(about_cm[normal, normal])
+    if inertia.mass <= 0.0 or least <= 0.0:
+        return np.inf
+    return 1.0 / inertia.mass + far * far / least
+
+
+def _inertias_moved(arm: SpaceArm, out: Array) -> Array:
+    """Return the bounds E (N,) of the inertia that each joint moves [kg m^2], or mass [kg].
+
+    Distances between bodies are no longer than the way along the joints between them.
+    """
+    model, joints = arm.model, range(2, arm.model.njoints)
+    steps = np.zeros(model.njoints)
+    for j in joints:
+        steps[j] = np.linalg.norm(model.jointPlacements[j].translation)
+        steps[j] += out[j - 2] if slides_along(arm, j) else 0.0
+    ways = [frozenset(model.supports[k]) for k in range(model.njoints)]
+    bounds = np.zeros(len(joints))
+    for j in joints:
+        carried, rest = 0.0, 0.0
+        for k in range(1, model.njoints):
+            body = model.inertias[k]
+            far = sum(steps[i] for i in ways[j] ^ ways[k]) + np.linalg.norm(body.lever)
+            part = body.mass
+            if not slides_along(arm, j):
+                part = body.mass * far**2 + float(np.linalg.eigvalsh(body.inertia)[-1])
+            carried, rest = (carried + part, rest) if j in ways[k] else (carried, rest + part)
+        bounds[j - 2] = min(carried, rest)
+    return bounds
+
+
+def helix(start: pin.SE3, end: pin.SE3) -> tuple[float, float]:
+    """Return how far the origin of a frame moves between two poses at most [m], and the turn [rad].
+
+    For any motion at a constant rate of turn, on the straight line or on the screw between them.
+    """
+    turn = float(np.linalg.norm(pin.log3(start.rotation.T @ end.rotation)))
+    straight = float(np.linalg.norm(end.translation - start.translation))
+    return straight * (0.5 * turn / np.sin(0.5 * turn) if turn > 1e-9 else 1.0), turn

@@ -1,1 +1,0 @@
-"""Plans by which arm and wheels bring a tumbling spacecraft to rest."""

@@ -1,1 +1,0 @@
-"""Plans with momentum on board: the spacecraft drifts while the arm moves."""

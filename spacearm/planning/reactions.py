@@ -1,0 +1,358 @@
+"""Reactions: what a joint motion does to its spacecraft, bounded between the rows too.
+
+The attitude held, the angular momentum of the moving arm about the system CM is
+
+    h = sum_k (m_k r_k x r_k' + R_k I_k R_k^T w_k) - M r_cm x r_cm',
+
+r_k the CM of body k, R_k its rotation and w_k its angular velocity, seen from the spacecraft.
+Wheels take it and its derivative up, each its share. Both are computed at the rows and at times
+between; between two times t apart a quantity differs from the straight line through its values by
+at most t^2 / 8 times the bound on its second derivative.
+
+Such bounds are majorants: a quantity f has b_0, b_1, ... with |d^i f / dt^i| <= b_i, and products
+follow by Leibniz' rule. Rotations have R' = R [u] dq, and all lengths are constant but those of
+sliding joints.
+
+A floating spacecraft turns instead. On a segment of joint motion dq, s from 0 to 1, D w_0 = -h. The
+inertia D of the system is at least that of the spacecraft alone, I_0, as a rigid system has no less
+energy than one of its bodies. Hence |w_0| <= |h| / min I_0, and h changes by at most b s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.interpolate import PPoly
+
+from spacearm.arrays import Array
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
+from spacearm.model.arm import AT_REST, Configuration, SpaceArm
+from spacearm.model.wheels import rotor
+from spacearm.motion.plant import WheelHold
+from spacearm.planning.many_curves import turning_axes
+from spacearm.planning.timing import rest_to_rest_spline
+
+DERIVATIVES = 4
+"""Of the joint positions that the bounds take."""
+DIVIDED = (1, 2, 4, 8, 16)
+"""Parts of the time between two rows, tried in order."""
+MARGIN = 0.01
+"""Share of the largest momentum and torque up to which they may be larger between the times."""
+
+
+class Load(NamedTuple):
+    """Momentum of the arm about the system CM and its derivative, spacecraft axes.
+
+    Attributes:
+        t: (p,) times [s].
+        momentum: (p, 3) D_q dq [N m s].
+        torque: (p, 3) its derivative [N m].
+        beyond: (2,) how far momentum [N m s] and torque [N m] may be from the straight line between
+            two times, as lengths.
+    """
+
+    t: Array
+    momentum: Array
+    torque: Array
+    beyond: Array
+
+
+def load_of(arm: SpaceArm, t: Array, q: Array) -> Load:
+    """Return the load of a motion from rest to rest, at as many times as `MARGIN` takes.
+
+    Args:
+        arm: The arm.
+        t: (m,) times of the rows [s].
+        q: (m, n) joint positions.
+    """
+    way = rest_to_rest_spline(t, q)
+    largest = [np.linalg.norm(x, axis=1).max() for x in _loads_at(arm, way, t)]
+    for parts in DIVIDED:
+        at, beyond = _divided(arm, way, t, parts)
+        if (beyond <= MARGIN * np.array(largest)).all():
+            break
+    return Load(at, *_loads_at(arm, way, at), beyond)
+
+
+def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
+    """Return D_q dq (p, 3) and its derivative, the attitude held, spacecraft axes.
+
+    Args:
+        arm: The arm.
+        q: (p, n) joint positions [rad] or [m].
+        dq: (p, n) rates.
+        ddq: (p, n) accelerations.
+    """
+    model, data, full = arm.model, arm.borrow(), pin.neutral(arm.model)
+    C = np.eye(arm.n) if arm.coupling is None else arm.coupling
+    v, a = np.zeros((2, len(q), model.nv))
+    v[:, 6:], a[:, 6:] = dq @ C.T, ddq @ C.T
+    momentum, torque = np.empty((2, len(q), 3))
+    for i, row in enumerate(q):
+        full[7:] = arm.all_joints(row)
+        pin.computeCentroidalMomentumTimeVariation(model, data, full, v[i], a[i])
+        momentum[i], torque[i] = data.hg.angular, data.dhg.angular
+    arm.give_back(data)
+    return momentum, torque
+
+
+def _loads_at(arm: SpaceArm, way: PPoly, t: Array) -> tuple[Array, Array]:
+    """Return momentum and torque (p, 3) at times t (p,) of a motion."""
+    return momentum_and_torque(arm, way(t), way(t, 1), way(t, 2))
+
+
+def _divided(arm: SpaceArm, way: PPoly, t: Array, parts: int) -> tuple[Array, Array]:
+    """Divide the times between the rows' times t (m,); return all, and `Load.beyond` for them."""
+    width = np.diff(t) / parts
+    begin = (t[:-1, None] + np.arange(parts) * width[:, None]).ravel()
+    h = np.repeat(width, parts)
+    derivatives = [np.abs(way(begin, order)) for order in range(6)]
+    joints = [
+        sum(derivatives[k + i] * h[:, None] ** i / math.factorial(i) for i in range(6 - k))
+        for k in range(DERIVATIVES + 1)
+    ]
+    bounds = momentum_bounds(arm, np.swapaxes(np.array(joints), 1, 2))
+    return np.append(begin, t[-1]), (h**2 / 8.0 * bounds[2:]).max(axis=1)
+
+
+ROOT = 1
+"""Index of the spacecraft's joint in the model."""
+
+
+def momentum_bounds(arm: SpaceArm, joints: Array) -> Array:
+    """Return bounds (d, p) on h and its first d - 1 derivatives, one for each of p intervals.
+
+    Args:
+        arm: The arm.
+        joints: (d + 1, n, p) bounds on the joint positions and their first d derivatives.
+    """
+    model, C = arm.model, np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
+    moved = np.einsum("jn,dnp->jdp", C, joints)
+    moved[:, 0] += np.abs(arm.offsets)[:, None]
+    still: Array = np.zeros(joints[:, 0].shape)
+    unit = still.copy()
+    unit[0] = 1.0
+    rotation, place, spin = {ROOT: unit}, {ROOT: still}, {ROOT: still[1:]}
+    base = model.inertias[ROOT].lever
+    h, carried = still[1:].copy(), still.copy()
+    for joint in range(ROOT + 1, model.njoints):
+        parent, x = model.parents[joint], moved[joint - ROOT - 1]
+        offset = model.jointPlacements[joint].translation - (base if parent == ROOT else 0.0)
+        R, p, w = rotation[parent], place[parent], spin[parent]
+        p = p + np.linalg.norm(offset) * R
+        if arm.tree.joints[model.names[joint]].kind == "prismatic":
+            p = p + product(R, x)
+        else:
+            w = w + product(R[:-1], x[1:])
+            R = product(R, turned(x))
+        rotation[joint], place[joint], spin[joint] = R, p, w
+        body: pin.Inertia = model.inertias[joint]
+        r = p + np.linalg.norm(body.lever) * R
+        carried += body.mass * r
+        h += body.mass * product(r[:-1], r[1:])
+        largest = float(np.linalg.norm(body.inertia, 2))
+        h += largest * product(product(R[:-1], R[:-1]), w)
+    return h + product(carried[:-1], carried[1:]) / arm.mass
+
+
+def product(a: Array, b: Array) -> Array:
+    """Return bounds (d, p) of a product, by Leibniz' rule, from those of its factors."""
+    rows = [
+        sum(math.comb(k, i) * a[i] * b[k - i] for i in range(k + 1))
+        for k in range(min(len(a), len(b)))
+    ]
+    return np.array(rows)
+
+
+def turned(angle: Array) -> Array:
+    """Return bounds (d, p) of the rotation by an angle about a fixed axis, from its bounds."""
+    rows = [np.ones_like(angle[0])]
+    for k in range(1, len(angle)):
+        terms = (math.comb(k - 1, i) * rows[i] * angle[k - i] for i in range(k))
+        rows.append(np.sum(list(terms), axis=0))
+    return np.array(rows)
+
+
+def largest_turn(rows: Sequence[Configuration]) -> float:
+    """Return the largest turn of a spacecraft from its attitude in the first row [rad].
+
+    Between two rows it is at most what is added to the larger of theirs.
+    """
+    arm, T = rows[0].arm, rows[0].base.rotation
+    at_rows = np.array([np.linalg.norm(pin.log3(T.T @ cfg.base.rotation)) for cfg in rows])
+    if len(rows) == 1:
+        return 0.0
+    Q = np.array([cfg.q for cfg in rows])
+    dq = np.diff(Q, axis=0)
+    ends = [momentum_and_torque(arm, q, dq, np.zeros_like(dq))[0] for q in (Q[:-1], Q[1:])]
+    h = np.linalg.norm(ends, axis=2).max(axis=0)
+    far = np.maximum(np.abs(Q[:-1]), np.abs(Q[1:]))
+    still = np.zeros_like(dq)
+    bounds = momentum_bounds(arm, np.array([far, np.abs(dq), still]).swapaxes(1, 2))
+    axes = list(turning_axes(arm))
+    least = np.linalg.eigvalsh(arm.model.inertias[ROOT].inertia[np.ix_(axes, axes)])[0]
+    between = (0.5 * h + 0.125 * bounds[1]) / least
+    return float((np.maximum(at_rows[:-1], at_rows[1:]) + between).max())
+
+
+ROUNDING = 1e-9
+"""Share of a momentum that is rounding."""
+THREE = ("about x", "about y", "about z")
+"""Names of the wheels of a spacecraft that has none in its description."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wheels:
+    """The wheels that hold an attitude.
+
+    Attributes:
+        names: What each is called in messages.
+        axes: (3, w) unit vectors of their axes, spacecraft axes.
+        torque: (w,) largest torque of each motor [N m].
+        capacity: (w,) largest momentum that each holds [N m s].
+        start: (w,) what each holds at the start [N m s].
+    """
+
+    names: tuple[str, ...]
+    axes: Array
+    torque: Array
+    capacity: Array
+    start: Array
+
+    @classmethod
+    def of(cls, cfg: Configuration, hold: WheelHold | None) -> Wheels:
+        """Return the wheels of a spacecraft; three about its axes where none are described.
+
+        Args:
+            cfg: Where the plan begins, with the momentum that they hold and what each holds of it.
+                If one is zero it follows from the other: each wheel's share by the pseudo-inverse
+                of the axes.
+            hold: Their limits; those of the description if None.
+
+        Raises:
+            ConfigurationError: They do not hold the momentum.
+            UnsupportedError: A wheel is on a link that moves.
+        """
+        arm, count = cfg.arm, len(cfg.arm.wheels) or 3
+        names = tuple(repr(wheel.name) for wheel in arm.wheels) or THREE
+        axes, (torque, capacity) = np.eye(3, count), np.full((2, count), np.inf)
+        for i, wheel in enumerate(arm.wheels):
+            frame, joint = arm.model.frames[wheel.frame], arm.tree.joints[wheel.name]
+            if frame.parentJoint != ROOT:
+                raise UnsupportedError(
+                    f"wheel {wheel.name!r} is on link {frame.name!r}, which moves with the arm; "
+                    "plan with wheels on the spacecraft"
+                )
+            moment = rotor(arm.tree, joint)
+            axes[:, i] = frame.placement.rotation @ wheel.axis
+            torque[i] = joint.effort
+            capacity[i] = joint.velocity * moment if moment > 0.0 else np.inf
+        if hold is not None:
+            torque, capacity = np.full((2, count), [[hold.torque], [hold.capacity]])
+        h = cfg.base.rotation.T @ cfg.momentum[3:]
+        held = cfg.wheels if cfg.wheels.any() else np.linalg.pinv(axes) @ h
+        h = h if h.any() else axes @ held
+        if np.abs(axes @ held - h).max() > ROUNDING * max(np.abs(h).max(), 1.0):
+            raise ConfigurationError(
+                f"the wheels hold {(axes @ held).round(6).tolist()} N m s at the start and the "
+                f"momentum is {h.round(6).tolist()} (spacecraft axes); an attitude that is held "
+                "takes the two to be the same"
+            )
+        return cls(names, axes, torque, capacity, held)
+
+    @classmethod
+    def free(cls, cfg: Configuration, hold: WheelHold | None) -> Wheels:
+        """Return the wheels of a spacecraft that turns, with what they hold.
+
+        Raises:
+            UnsupportedError: It has none, or one is on a link that moves.
+        """
+        if not cfg.arm.wheels:
+            raise UnsupportedError(
+                f"{cfg.arm.name} has no wheels to take up momentum; load it with wheels=[...], the "
+                "names of joints"
+            )
+        return cls.of(replace(cfg, momentum=AT_REST), hold)
+
+    @cached_property
+    def shares(self) -> Array:
+        """(w, 3) share of each wheel in a momentum or torque, the pseudo-inverse of the axes."""
+        return np.asarray(np.linalg.pinv(self.axes))
+
+    def fastest(self, arm: Array) -> Array:
+        """Return the factors (m,) on momenta (m, 3) of the arm at which a wheel is full."""
+        spins = -arm @ self.shares.T
+        room = self.capacity - np.sign(spins) * self.start
+        found = np.full(spins.shape, np.inf)
+        felt = np.abs(spins) > ROUNDING * np.abs(arm).max(initial=0.0)
+        np.divide(np.maximum(room, 0.0), np.abs(spins), out=found, where=felt)
+        return np.asarray(found.min(axis=1))
+
+    def momenta(self, arm: Array) -> Array:
+        """Return what each wheel holds (m, w) while the arm has momenta (m, 3), spacecraft axes.
+
+        Each takes its share by the pseudo-inverse of the axes.
+
+        Raises:
+            UnsupportedError: They cannot hold it, having no axis along it.
+        """
+        share = self.shares
+        left = arm - arm @ share.T @ self.axes.T
+        if np.abs(left).max() > ROUNDING * np.abs(arm).max():
+            raise UnsupportedError(
+                f"the arm's momentum has a part across the axes of {listed(self.names)}, which "
+                "they cannot take; add wheels about other axes"
+            )
+        return np.asarray(self.start - arm @ share.T)
+
+    def slowdown(self, load: Load) -> tuple[float, str]:
+        """Return how many times longer a motion must last within the limits, and what asks for it.
+
+        Momentum falls with the duration, torque with its square. Bounds between the times of the
+        load count.
+
+        Raises:
+            NoSolutionError: A wheel holds more than it can at the start.
+        """
+        rows = np.linalg.norm(self.shares, axis=1)
+        spins = self.momenta(load.momentum) - self.start
+        most, least = (spins.max(axis=0), spins.min(axis=0))
+        torque = np.abs(load.torque @ self.shares.T).max(axis=0)
+        found = [(0.0, "no wheel has a limit")]
+        for i, name in enumerate(self.names):
+            spare = rows[i] * load.beyond
+            need = torque[i] + spare[1]
+            story = f"wheel {name} gives {need:.4g} of at most {self.torque[i]:.4g} N m"
+            found.append((float(np.sqrt(need / self.torque[i])), story))
+            for sign, end in ((1.0, most[i]), (-1.0, -least[i])):
+                swing, room = end + spare[0], self.capacity[i] - sign * self.start[i]
+                story = (
+                    f"wheel {name} comes to {self.start[i] + sign * swing:.4g} of at most "
+                    f"{self.capacity[i]:.4g} N m s"
+                )
+                if room < 0.0 or (room == 0.0 and end > ROUNDING * self.capacity[i]):
+                    raise NoSolutionError(
+                        f"wheel {name} holds {self.start[i]:.4g} N m s at the start, of at most "
+                        f"{self.capacity[i]:.4g}, and any motion brings more; unload it first"
+                    )
+                found.append((float(swing / room) if room else 0.0, story))
+        return max(found)
+
+    def story(self, load: Load) -> str:
+        """Return what the wheels hold and give at most, and how that is known, in one sentence."""
+        rows = np.linalg.norm(self.shares, axis=1)
+        spins = np.abs(self.momenta(load.momentum)).max(axis=0) + rows * load.beyond[0]
+        torques = np.abs(load.torque @ self.shares.T).max(axis=0)
+        each = zip(self.names, spins, torques + rows * load.beyond[1], strict=True)
+        words = [f"wheel {name} at most {h:.4g} N m s and {tau:.4g} N m" for name, h, tau in each]
+        spare = [f"{largest:.2g}" for largest in rows.max() * load.beyond]
+        return (
+            f"{'; '.join(words)}: bounds between {len(load.t)} times included, {spare[0]} N m s "
+            f"and {spare[1]} N m of it"
+        )

@@ -1,0 +1,72 @@
+"""At rest: a plan at zero momentum for one tip or the joints, by the first method that finds one.
+
+Unknowns are the joint positions along the way; the spacecraft turns with them by (33c), w_0 = -D^-1
+D_q dq. Equations: the tip, the joints or the attitude of the spacecraft at the end. Bounds: joint
+limits, clearance from the singular set, distance between bodies, turn of the spacecraft.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+
+from spacearm.planning.account import SearchAccount
+from spacearm.planning.methods import METHODS
+from spacearm.planning.problem import Problem, Rows
+from spacearm.planning.request import PlanRequest
+from spacearm.planning.result import Plan, best_attempt
+from spacearm.planning.strategies.attempts import Attempts
+from spacearm.planning.strategies.resolved_motion import reactionless
+
+REACTIONLESS = "reactionless"
+"""Name of the method that comes before the others where the attitude is to be kept."""
+
+
+def at_rest(request: PlanRequest) -> Plan:
+    """Return a plan at zero momentum.
+
+    Raises:
+        NoSolutionError: None was found; carries the best attempt.
+        StoppedError: Ctrl-C; carries the best attempt.
+    """
+    problem = Problem.of(request)
+    methods = METHODS if problem.keep is None else {REACTIONLESS: reactionless, **METHODS}
+    order = list(methods)
+    if request.obstacles:
+        order.sort(key=lambda name: name not in (REACTIONLESS, "straight", "tree"))
+    return by_methods(problem, {name: methods[name] for name in order})
+
+
+def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]]) -> Plan:
+    """Return the plan of the first method that gives one, in order; in rounds until the time is up.
+
+    Raises:
+        NoSolutionError: None does; carries the best attempt.
+        StoppedError: Ctrl-C; carries the best attempt.
+    """
+    account, asked = problem.account, problem.request.search.method
+    attempts = Attempts(account)
+    for name in attempts.each(_in_rounds(methods, asked, account)):
+        with attempts.at(name):
+            found = Plan.of_rows(
+                name,
+                methods[name](problem),
+                problem.rates,
+                clearance=problem.target.clearance,
+                obstacles=problem.request.obstacles,
+            )
+            return problem.arrived(found, attempts.stories)
+    rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
+    parts = (f"no plan found in {account.elapsed:.1f} s, {rounds}", account.verdict, attempts.told)
+    raise account.failure(
+        f"{problem.start.arm.name}: {'. '.join(filter(None, parts))}",
+        best_attempt(problem.start, problem.best or attempts.best, attempts.stories),
+    )
+
+
+def _in_rounds(methods: Collection[str], method: str, account: SearchAccount) -> Iterator[str]:
+    """Yield the methods in order; again and again those that begin with random guesses."""
+    yield from methods if method == "auto" else (method,)
+    again = [name for name in methods if name != "straight" and method in ("auto", name)]
+    while again:
+        account.rounds += 1
+        yield from again

@@ -1,0 +1,374 @@
+"""Drift: a plan for a spacecraft with momentum, at whose end the tip passes its goal.
+
+Unknowns are the heights of waves, and of a ramp that moves the end, that are added to a joint
+motion; the attitude follows from D w_0 = T^T h - s - D_q dq, s what the wheels hold. Equations: the
+goal, at a stated time, solved by Newton's method. Bounds are checked afterwards.
+
+With angular momentum h and the joints locked the spacecraft would turn by about D^-1 h t in a time
+t. So the search begins with a plan at zero momentum that starts from an attitude turned by as much,
+or with a straight joint motion. All is seen from the system CM, which moves straight.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import Array
+from spacearm.equations.turns import GAUSS
+from spacearm.errors import NoSolutionError
+from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.floating import placed
+from spacearm.mechanics.jacobian import base_velocity
+from spacearm.model.arm import Configuration
+from spacearm.motion.goal import goal_axes
+from spacearm.planning.account import SearchAccount
+from spacearm.planning.many_curves import (
+    Indices,
+    drifting_attitudes,
+    inverse_kinematics,
+    spacecraft_turns,
+)
+from spacearm.planning.optimiser import ARRIVED, Target
+from spacearm.planning.problem import Problem, recheck
+from spacearm.planning.request import PlanRequest
+from spacearm.planning.result import Plan, best_attempt
+from spacearm.planning.strategies.at_rest import at_rest
+from spacearm.planning.strategies.attempts import Attempts
+from spacearm.planning.timing import PEAK, eased
+
+SLACK = 1.2
+"""Time for a motion over that at zero momentum, where none is asked for: bent ways are longer."""
+EACH, AT_ONCE = 5, 8
+"""One in so many ways begins with a plan at zero momentum; ends of ramps found at once."""
+ROWS = 40
+"""Rows of them, at least."""
+JOINTS, DETOUR = "joint space", 0.4
+"""Name of the method of joint motions, and how far those after the first go aside [rad]."""
+FINE = 0.05
+"""Largest turn of the spacecraft, and motion of a joint, from row to row [rad], [m]."""
+
+
+AGAIN, SHORT = ("joint space", "tree", "cycles"), 1.0
+"""Methods by which a plan with momentum begins, after others, and the least time for each [s]."""
+
+WAVES = 4
+"""Number of waves 1 - cos(2 pi k u) by which a motion is bent."""
+COARSE = 30
+"""Rows of the motions whose ends give the derivative."""
+BENT = 1e-4
+"""Height of a wave by which the end is differentiated [rad] or [m]."""
+KEPT = 0.1
+"""Fall of the error with which a derivative is used again."""
+STEPS = 30
+"""Newton steps, at most."""
+LONGEST = 0.3
+"""Longest of them, in every height [rad] or [m]."""
+GUESSES, RAMP_STEPS, INTERVALS = 300, 25, 6
+"""First guesses of inverse kinematics, its steps, and intervals of the integration along each."""
+NEAR = 0.1
+"""Error of the tip that bending a motion makes up for [m], [rad]."""
+SAME = 0.1
+"""Ends nearer to each other than this count once [rad], [m]."""
+
+
+class Drift:
+    """The search for a plan with momentum.
+
+    Args:
+        request: What is asked.
+    """
+
+    def __init__(self, request: PlanRequest) -> None:
+        self.request, self.start, self.account = request, request.start, request.account
+        self.attempts = Attempts(request.account)
+        self.best: Plan | None = None
+        self._lasts = request.duration or 0.0
+        self._turn = pin.exp3(self._spin * self._lasts)
+        self._ends: list[Array] = []
+
+    def plan(self) -> Plan:
+        """Return a plan that arrives; others are tried until the time is up.
+
+        Raises:
+            NoSolutionError: There is none; carries the best attempt.
+            StoppedError: Ctrl-C; carries the best attempt.
+        """
+        if self._lasts or not self.request.drift.any():
+            Problem.of(self.request.at_rest(self._lasts))  # refuses what nothing can solve
+        for number in self.attempts.each(itertools.count()):
+            with self.attempts.at("at zero momentum"):
+                self.account.check_time()
+                if number % EACH and self._lasts:
+                    return self._bent_ramp()
+                return self._bent_plan(number // EACH)
+        h, tried = self.start.momentum.round(6).tolist(), self.attempts.failed
+        raise self.account.failure(
+            f"{self.start.arm.name}: no plan found with momentum {h}, in {len(tried)} attempts. "
+            f"{self.attempts.told}",
+            self.best or best_attempt(self.start, None, tried),
+        )
+
+    def _bent_ramp(self) -> Plan:
+        """Return a plan made of a straight joint motion.
+
+        Raises:
+            NoSolutionError: None of it arrives, or it breaks a constraint.
+        """
+        self.attempts.method = JOINTS
+        problem = Problem.of(self.request.at_rest(self._lasts))
+        way = self._next_end(problem) - self.start.q
+        aside = np.zeros(len(way))
+        if any(attempt.method == JOINTS for attempt in self.attempts.failed):
+            aside = self._rng.normal(scale=DETOUR, size=len(way))
+        spin = float(np.linalg.norm(self._spin)) * self._lasts
+        u = np.linspace(0.0, 1.0, ROWS + math.ceil(max(spin, np.abs(way).max()) / FINE))
+        t, wave = self._lasts * u, 0.5 - 0.5 * np.cos(2.0 * np.pi * u[:, None])
+        Q = self.start.q + eased(u)[:, None] * way + wave * aside
+        return self._checked(problem, t, Arrival(self.start, problem.target, t).bent(Q))
+
+    def _next_end(self, problem: Problem) -> Array:
+        """Return joint positions (n,) at the goal where a straight motion ends.
+
+        Raises:
+            NoSolutionError: None can be reached in time.
+        """
+        if not self._ends:
+            reach = problem.rates * self._lasts / PEAK
+            ends = ramp_ends(self.start, problem.target, self._turn, reach, self._rng, self.account)
+            self._ends = [*ends[:AT_ONCE]]
+        if not self._ends:
+            raise NoSolutionError("no joint positions at the goal can be reached in time")
+        return self._ends.pop(0)
+
+    @property
+    def _rng(self) -> np.random.Generator:
+        """The random numbers of this attempt."""
+        return np.random.default_rng((self.request.search.seed, len(self.attempts.failed)))
+
+    def _bent_plan(self, number: int) -> Plan:
+        """Return a plan made of one at zero momentum, of several the one of this number.
+
+        Raises:
+            NoSolutionError: None of it arrives, or it breaks a constraint.
+        """
+        still = at_rest(self._still(number))
+        self.attempts.method = f"{still.method}, bent"
+        if self.request.duration is None:
+            self._lasts = max(SLACK * float(still.t[-1]), self._lasts)
+        elif still.t[-1] > self.request.duration:
+            raise NoSolutionError(_late(still, self.request.duration))
+        t, Q = _rows(still, self._lasts, float(np.linalg.norm(self._spin)))
+        problem = Problem.of(self.request.at_rest(self._lasts))
+        arrival = Arrival(self.start, problem.target, t)
+        end = arrival.rows(Q)[-1].base.rotation  # the next begins turned by what this way drifts
+        self._turn = end @ still[-1].base.rotation.T @ self._turn
+        return self._checked(problem, t, arrival.bent(Q))
+
+    def _still(self, number: int) -> PlanRequest:
+        """Return a request without momentum whose start is turned by the drift."""
+        request, search = self.request.at_rest(self._lasts), self.request.search
+        attitude = pin.SE3(self._turn @ self.start.base.rotation, np.zeros(3))
+        start = self.start.arm.at(self.start.q, base=attitude).centred(self.start.com)
+        method = search.method
+        if method == "auto" and number > 1:
+            method = AGAIN[number % len(AGAIN)]
+        return replace(
+            request,
+            start=start,
+            obstacles=() if number % 2 else self.request.obstacles,  # about where they will be
+            search=replace(search, method=method, seed=search.seed + number),
+            account=self.account.part(max(self.account.left / 3.0, SHORT)),
+        )
+
+    def _checked(self, problem: Problem, t: Array, rows: list[Configuration]) -> Plan:
+        """Return a plan with rows that arrive, if they keep all constraints.
+
+        Raises:
+            NoSolutionError: They do not.
+        """
+        self.best = found = Plan.of_rows(
+            self.attempts.method,
+            rows,
+            problem.rates,
+            t=t,
+            momentum=self.start.momentum,
+            wheels=np.tile(self.start.wheels, (len(t), 1)),
+            clearance=problem.target.clearance,
+            obstacles=self.request.obstacles,
+        )
+        problem.check(rows)
+        over = (np.abs(np.diff(found.q, axis=0)) / np.diff(t)[:, None]).max(axis=0) / problem.rates
+        if over.max() > 1.0:
+            name = found.arm.joint_names[int(over.argmax())]
+            raise NoSolutionError(f"joint {name!r} moves at {over.max():.3g} times its limit")
+        return recheck(problem.arrived(found, self.attempts.failed), self.account)
+
+    @cached_property
+    def _spin(self) -> Array:
+        """(3,) angular velocity of the spacecraft at the start, joints at rest [rad/s]."""
+        return base_velocity(self.start, np.zeros(self.start.arm.n))[3:]
+
+
+def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
+    """Return times (m,) and joint positions (m, n) of a plan that lasts longer, in small steps."""
+    t = plan.t / plan.t[-1] * lasts  # ends there exactly
+    step = np.maximum(np.abs(np.diff(plan.q, axis=0)).max(axis=1), spin * np.diff(t))
+    parts = np.maximum(1, np.ceil(step / FINE)).astype(int)
+    at = np.concatenate([*(i + np.arange(k) / k for i, k in enumerate(parts)), [len(parts)]])
+    rows = np.arange(len(t))
+    return np.interp(at, rows, t), np.column_stack([np.interp(at, rows, q) for q in plan.q.T])
+
+
+def stretched(plan: Plan, duration: float, account: SearchAccount) -> Plan:
+    """Return a plan without momentum that ends at a time [s].
+
+    Raises:
+        NoSolutionError: The velocity limits do not allow it, or it meets an obstacle that moves.
+    """
+    if plan.t[-1] > duration:
+        raise NoSolutionError(f"{plan.arm.name}: {_late(plan, duration)}", plan)
+    return recheck(replace(plan, t=plan.t / plan.t[-1] * duration), account)
+
+
+def _late(plan: Plan, duration: float) -> str:
+    """Return why a plan does not arrive in time, in words."""
+    return (
+        f"the way takes {plan.t[-1]:.4g} s within the velocity limits, more than the duration of "
+        f"{duration:.4g} s"
+    )
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """The search for a motion that arrives at a stated time in spite of momentum.
+
+    Attributes:
+        start: Configuration at the start, with the momentum.
+        target: What the motion must achieve.
+        t: (m,) times of the rows [s].
+    """
+
+    start: Configuration
+    target: Target
+    t: Array
+
+    def bent(self, Q: Array) -> list[Configuration]:
+        """Return the configurations of a motion near joint positions (m, n) that arrives.
+
+        Newton's method on the heights of waves and of a ramp that moves the end; of all corrections
+        the one of least squares.
+
+        Raises:
+            NoSolutionError: It does not converge; carries the last motion.
+        """
+        shapes = self._shapes(self.t)
+        height = np.zeros((shapes.shape[1], Q.shape[1]))
+        rows = self.rows(Q)
+        left = self.residual(rows[-1])
+        slope = None
+        for _ in range(STEPS):
+            if np.linalg.norm(left) <= ARRIVED:
+                return rows
+            slope = self._slope(Q + shapes @ height) if slope is None else slope
+            full = np.linalg.lstsq(slope, left)[0]
+            full *= min(1.0, LONGEST / np.abs(full).max())
+            for share in (1.0, 0.5, 0.25, 0.1):
+                tried = height - share * full.reshape(height.shape)
+                there = self.rows(Q + shapes @ tried)
+                fall = np.linalg.norm(self.residual(there[-1])) / np.linalg.norm(left)
+                if fall < 1.0:
+                    break
+            else:
+                break
+            slope = slope if fall < KEPT else None
+            height, rows, left = tried, there, self.residual(there[-1])
+        raise NoSolutionError(
+            f"with this momentum the end stays {np.linalg.norm(left):.1e} off", rows
+        )
+
+    def rows(self, Q: Array) -> list[Configuration]:
+        """Return the configurations along joint positions (m, n)."""
+        T = self._attitudes(self.t, Q[None])[0]
+        return [placed(self.start, q, R) for q, R in zip(Q, T, strict=True)]
+
+    def residual(self, end: Configuration) -> Array:
+        """Return the difference between the target and the end of a motion."""
+        return self.target.missed(self.start, end)
+
+    def _slope(self, Q: Array) -> Array:
+        """Return the derivative of the residual by all heights, from motions of few rows."""
+        few = np.linspace(self.t[0], self.t[-1], COARSE + 1)
+        coarse = np.column_stack([np.interp(few, self.t, q) for q in Q.T])
+        shapes = self._shapes(few)
+        n, size = Q.shape[1], shapes.shape[1] * Q.shape[1]
+        heights = BENT * np.vstack((np.zeros(size), np.eye(size))).reshape(size + 1, -1, n)
+        each = coarse + shapes @ heights
+        T = self._attitudes(few, each)[:, -1]
+        ends = [self.residual(placed(self.start, q[-1], R)) for q, R in zip(each, T, strict=True)]
+        return np.column_stack([(end - ends[0]) / BENT for end in ends[1:]])
+
+    def _attitudes(self, t: Array, Q: Array) -> Array:
+        T, h = self.start.base.rotation, self.start.momentum[3:]
+        return drifting_attitudes(self.start.arm, T, t, Q, h, T.T @ self.start.stored[3:])
+
+    def _shapes(self, t: Array) -> Array:
+        """Return the ramp, unless the joints have a goal, and the waves (m, shapes) at times."""
+        u = (t - t[0]) / (t[-1] - t[0])
+        waves = 1.0 - np.cos(2.0 * np.pi * np.outer(u, np.arange(1, WAVES + 1)))
+        return waves if self.target.q is not None else np.column_stack((eased(u), waves))
+
+
+def ramp_ends(
+    start: Configuration,
+    target: Target,
+    turn: Array,
+    reach: Array,
+    rng: np.random.Generator,
+    account: SearchAccount,
+) -> Array:
+    """Return joint positions (m, n) at the goal, those that are reached soonest first.
+
+    The spacecraft ends turned by the straight joint motion there and by the drift, which is taken
+    as that of the start. Square arms end on the start's side of the singular set.
+
+    Args:
+        start: Configuration at the start.
+        target: What the motion must achieve.
+        turn: (3, 3) the drift until the end, inertial axes.
+        reach: (n,) the largest motion of each joint [rad], [m].
+        rng: Draws the first guesses.
+        account: The time that it may take.
+    """
+    arm, q0 = start.arm, start.q
+    if target.q is not None:
+        return target.q[None]
+    if target.tip is None:
+        return q0[None]
+    lower, upper = (np.clip(b, q0 - reach, q0 + reach) for b in (target.lower, target.upper))
+    nodes = (np.arange(INTERVALS)[:, None] + GAUSS).ravel() / INTERVALS
+
+    def attitudes(Q: Array, _: Indices) -> Array:
+        way = (Q - q0)[:, None]
+        rates = np.broadcast_to(way, (len(Q), len(nodes), arm.n))
+        line = spacecraft_turns(arm, q0 + nodes[:, None] * way, rates)
+        return turn @ start.base.rotation @ line
+
+    guesses = rng.uniform(lower, upper, (GUESSES, arm.n))
+    tip = pin.SE3(target.tip.rotation, target.tip.translation - start.com)
+    axes, limits = goal_axes(start), (lower, upper)
+    Q, _, off = inverse_kinematics(
+        arm, guesses, tip, attitudes, axes, RAMP_STEPS, account.check_time, limits
+    )
+    Q = Q[off < NEAR]
+    if arm.n == arm.task.k and len(Q):
+        side = evaluate(arm, np.vstack((q0, Q)), ("determinant",))["determinant"]
+        Q = Q[side[1:] * side[0] > 0.0]
+    Q = Q[np.argsort((np.abs(Q - q0) / reach).max(axis=1))]
+    first = [np.abs(Q[:i] - q).max(axis=1).min(initial=np.inf) > SAME for i, q in enumerate(Q)]
+    return Q[np.array(first, dtype=bool)]

@@ -1,1 +1,0 @@
-"""Several tips at once, or tips and the attitude of the spacecraft."""
