@@ -1,8 +1,8 @@
 """The public names and where they live; `__init__.py` imports each when it is first used."""
 
 from spacearm.collisions.obstacles import Obstacle as Obstacle
-from spacearm.collisions.report import CollisionReport as CollisionReport
-from spacearm.collisions.report import collision_check as collision_check
+from spacearm.collisions.separation import CollisionReport as CollisionReport
+from spacearm.collisions.separation import collision_check as collision_check
 from spacearm.description.bus import Bus as Bus
 from spacearm.description.model_catalogue import ArmInfo as ArmInfo
 from spacearm.description.model_catalogue import ModelInfo as ModelInfo

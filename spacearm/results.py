@@ -82,7 +82,7 @@ class Table:
 
     @classmethod
     def by_columns(cls, columns: Mapping[Any, Cells], title: str = "") -> Table:
-        """Return a table of columns of one length; keys are columns or names, values their cells."""
+        """Return a table of columns of one length: their cells by columns or names."""
         return cls(list(columns), list(zip(*columns.values(), strict=True)), title)
 
     def head(self, angles: Angles) -> list[str]:

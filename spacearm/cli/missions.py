@@ -24,7 +24,7 @@ from spacearm.cli.options import (
     radians,
 )
 from spacearm.cli.output import answer, check_picture, out, working
-from spacearm.cli.questions import With, inner, question, start_of
+from spacearm.cli.questions import With, question, start_of
 from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.mission.attitudes import MARGIN, feasible_attitudes
 from spacearm.mission.reactions import reaction, size_wheels
@@ -66,7 +66,7 @@ def find_attitudes(
     """
     check_picture(output)
     asked = question(more, "start", "speed", "refine", "seed", "length")
-    anywhere = not q and "q" not in inner(asked, "start").values
+    anywhere = not q and "q" not in asked.inner("start").values
     near = np.zeros(arm.n) if anywhere else joint_values(arm, q, deg) if q else None
     start = start_of(arm, asked, near, attitude, deg)
     given = radians(margin, deg)

@@ -67,7 +67,7 @@ def write_model(
         Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
     ],
 ) -> None:
-    """Write a robot of any format, or an arm on its bus (--bus-mass), as a URDF; say what was left out."""
+    """Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF."""
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")

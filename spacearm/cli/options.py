@@ -14,11 +14,11 @@ import pinocchio as pin
 import typer
 
 from spacearm.arrays import Array
-from spacearm.description.assembly import assembled
 from spacearm.description.bodies import Joint
 from spacearm.description.bus import Bus
 from spacearm.description.model_catalogue import (
     arms,
+    assembled,
     catalogue,
     find_arm,
     find_model,
@@ -30,7 +30,6 @@ from spacearm.description.tree import Tree
 from spacearm.errors import ConfigurationError, listed, warn
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
-from spacearm.model.joints import warn_outside
 from spacearm.model.loading import load, mount
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose

@@ -25,7 +25,6 @@ from spacearm.cli.questions import (
     With,
     constraints_of,
     goal_in,
-    inner,
     obstacle_of,
     question,
     search_of,
@@ -45,7 +44,8 @@ from spacearm.model.frames import pose
 from spacearm.motion.goal import Goal
 from spacearm.motion.motion_file import check_suffix
 from spacearm.planning.planner import detumble, plan
-from spacearm.planning.result import Joints, Plan
+from spacearm.planning.request import Joints
+from spacearm.planning.result import Plan
 from spacearm.sweeps.toml import Table
 from spacearm.workspaces.path_dependent import Workspace, workspace
 
@@ -105,7 +105,7 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
         asked = question(more, *KEYS, *more_keys)
         start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
         target = _goal(arm, goal, asked, deg)
-        constraints = constraints_of(inner(asked, "constraints"))
+        constraints = constraints_of(asked.inner("constraints"))
         around = tuple(obstacle_of(text, deg) for text in obstacle or ())
         kept = obstacles_of(constraints.obstacles, arm)
         constraints = replace(constraints, obstacles=(*kept, *around))
@@ -115,7 +115,7 @@ def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Calla
                     start,
                     target,
                     constraints=constraints,
-                    search=search_of(inner(asked, "search"), progress),
+                    search=search_of(asked.inner("search"), progress),
                     **_options(arm, asked),
                 )
             if fastest:
@@ -156,7 +156,7 @@ def _goal(
     if not texts:
         if "goal" not in asked.values:
             raise ConfigurationError("there is no goal; give --goal X1 X2 ..., or goal in a file")
-        return goal_in(arm, asked.values["goal"], "goal")
+        return goal_in(arm, asked, "goal")
     if len(texts) == 1 and "=" not in texts[0]:
         return goal_from(arm, "--goal", texts[0], deg)
     pairs = [text.partition("=") for text in texts]
@@ -175,7 +175,9 @@ def _options(arm: SpaceArm, asked: Table) -> dict[str, Any]:
     if "final_attitude" in asked.values:
         options["final_attitude"] = pose(rpy=asked.values["final_attitude"])
     if "via" in asked.values:
-        options["via"] = [goal_in(arm, one, "via") for one in asked.take("via", list)]
+        options["via"] = [
+            goal_in(arm, Table("--with", {"via": one}), "via") for one in asked.take("via", list)
+        ]
     return options
 
 

@@ -15,26 +15,16 @@ from spacearm.arrays import Array
 from spacearm.cli.options import Three, numbers, spacecraft_pose
 from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.files import read
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.joints import warn_outside
 from spacearm.model.loading import load
-from spacearm.motion.controllers import (
-    Controller,
-    DampedLeastSquares,
-    JointPD,
-    Reactionless,
-    ResolvedRate,
-    TransposedJacobian,
-)
-from spacearm.motion.flights import Grasp, Phase, Release
+from spacearm.motion.controllers import Controller
 from spacearm.motion.goal import Goal, goal_of
-from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench
-from spacearm.motion.simulation import Integration
-from spacearm.planning.request import Constraints, Search
-from spacearm.planning.result import Joints
-from spacearm.sweeps.toml import Table, parse
+from spacearm.motion.plant import WheelHold
+from spacearm.planning.request import Constraints, Joints, Search
+from spacearm.sweeps.motion_tables import LAWS, read_laws
+from spacearm.sweeps.toml import Table, parse, text_of
 
 T = TypeVar("T")
 
@@ -47,14 +37,10 @@ With = Annotated[
         metavar="FILE.toml|KEY=VALUE",
     ),
 ]
-LAWS: dict[str, Callable[..., Controller]] = {
-    law.__name__: law
-    for law in (TransposedJacobian, ResolvedRate, DampedLeastSquares, Reactionless, JointPD)
-}
-"""Controllers by their names."""
 GAINS = {"kp": 5.0, "kd": 15.0, "gain": 1.0}
 """Gains of the controllers that take them, where none are given."""
 SHAPES = ("box", "sphere", "cylinder", "mesh", "robot")
+"""Kinds of obstacles."""
 
 
 def question(given: Sequence[str] | None, *names: str) -> Table:
@@ -73,11 +59,7 @@ def question(given: Sequence[str] | None, *names: str) -> Table:
         if sign:
             _merge(whole, _nested(key.strip().split("."), _value(value.strip())))
             continue
-        try:
-            content = read(Path(text)).decode()
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"--with {text} cannot be read: {error}") from None
-        _merge(whole, parse(content, text).values)
+        _merge(whole, parse(text_of(text, "--with"), text).values)
     table = Table("--with", whole)
     table.knows(*names)
     return table
@@ -127,11 +109,6 @@ def built(kind: Callable[..., T], given: Table, **made: Callable[[Any], Any]) ->
         raise ConfigurationError(f"{given.where}: {error}") from None
 
 
-def inner(given: Table, key: str) -> Table:
-    """Return the table of a key; an empty one if there is none."""
-    return Table(f"{given.where}: {key}", given.values.get(key, {}))
-
-
 def start_of(
     arm: SpaceArm, given: Table, q: Array | None, attitude: Three | None, deg: bool
 ) -> Configuration:
@@ -151,7 +128,7 @@ def start_of(
     Warns:
         ModelWarning: Joints are outside their limits, or look like degrees.
     """
-    start = inner(given, "start")
+    start = given.inner("start")
     start.knows("q", "base", "wheels", "momentum")
     values = dict(start.values)
     if q is not None:
@@ -161,7 +138,7 @@ def start_of(
             f"there is no start; give {arm.n} joint values after the name of the model: "
             f"{', '.join(arm.joint_names)}"
         )
-    place = inner(start, "base")
+    place = start.inner("base")
     place.knows("xyz", "rpy")
     values["base"] = pose(**place.values)
     if attitude is not None:
@@ -171,107 +148,31 @@ def start_of(
     return cfg
 
 
-def goal_in(arm: SpaceArm, value: Any, where: str) -> Goal | Joints | dict[str, Goal]:
-    """Return the goal that a value of a table means.
+def goal_in(arm: SpaceArm, given: Table, key: str) -> Goal | Joints | dict[str, Goal]:
+    """Return the goal that a key of a table means.
 
-    It is a list of the task's rows [m], turns as roll, pitch and yaw [rad]; {joints = [...]}; or
-    a table of goals by tips.
+    It is a list of the task's rows [m], turns as roll, pitch and yaw [rad]; {q = [...]}, joint
+    positions; or a table of goals by tips.
     """
-    if isinstance(value, Mapping):
-        if "joints" in value:
-            return built(Joints, Table(where, value))
-        return {tip: goal_of(arm, _numbers(one, f"{where} of {tip}"), tip)
-                for tip, one in value.items()}  # fmt: skip
-    return goal_of(arm, _numbers(value, where), where)
+    if not isinstance(given.values[key], Mapping):
+        return goal_of(arm, given.numbers(key), key)
+    own = given.inner(key)
+    if "q" in own.values:
+        return built(Joints, own)
+    return {tip: goal_of(arm, own.numbers(tip), tip) for tip in own.values}
 
 
 def controller_of(arm: SpaceArm, given: Table) -> Controller | dict[str, Controller]:
-    """Return the control law that a table describes, or one for each tip.
+    """Return the control law that a table describes, or one for each tip; see `read_laws`.
 
-    `law` is its name in Python, the other keys are its fields; `target` as goals are given.
+    The law is the transposed Jacobian's, and gains are `GAINS`, where none are given.
     """
-    tips = [key for key, value in given.values.items() if isinstance(value, Mapping)]
-    if tips and "law" not in given.values:
-        return {tip: _law(arm, inner(given, tip)) for tip in given.values}
-    return _law(arm, given)
-
-
-def _law(arm: SpaceArm, given: Table) -> Controller:
-    name = given.take("law", str, "TransposedJacobian")
-    if name not in LAWS:
-        raise given.fail("law", unknown("law", name, tuple(LAWS)))
-    fields = {key: value for key, value in given.values.items() if key != "law"}
-    needed = inspect.signature(LAWS[name]).parameters
-    fields = {key: value for key, value in GAINS.items() if key in needed} | fields
-    rest = Table(given.where, fields)
-    made = {} if name == "JointPD" else {"target": lambda v: goal_of(arm, np.array(v), "target")}
-    return built(LAWS[name], rest, **made)
-
-
-def plant_of(given: Table) -> Plant:
-    """Return what acts on the arm, of a table with the fields of `Plant`."""
-    return built(
-        Plant,
-        given,
-        wheels=lambda _: built(WheelHold, inner(given, "wheels")),
-        passive=lambda value: value if isinstance(value, str) else _each(given, "passive", _joint),
-        wrenches=lambda _: _each(given, "wrenches", _wrench),
-        thrusters=lambda _: _each(given, "thrusters", _wrench),
-    )
-
-
-def _each(given: Table, key: str, make: Callable[[Table, str], T]) -> dict[str, T]:
-    own = inner(given, key)
-    return {name: make(own, name) for name in own.values}
-
-
-def _joint(given: Table, name: str) -> PassiveJoint:
-    return built(PassiveJoint, inner(given, name))
-
-
-def _wrench(given: Table, link: str) -> Wrench:
-    """Return a wrench (6,), or one that changes at given times: {times = [...], values = [...]}."""
-    if not isinstance(given.values[link], Mapping):
-        return _numbers(given.values[link], f"{given.where}: {link}")
-    pieces = inner(given, link)
-    pieces.knows("times", "values")
-    times = _numbers(pieces.values.get("times"), f"{pieces.where}: times")
-    rows = [_numbers(row, f"{pieces.where}: values") for row in pieces.take("values", list)]
-    if len(rows) != len(times) or (np.diff(times) <= 0.0).any() or any(len(r) != 6 for r in rows):
-        raise pieces.fail("values", "give a wrench of 6 numbers for each of the growing times")
-
-    def wrench(t: float) -> Array:
-        now = int(np.searchsorted(times, t, side="right")) - 1
-        return rows[now] if now >= 0 else np.zeros(6)
-
-    return wrench
-
-
-def phases_of(arm: SpaceArm, given: Sequence[Any]) -> list[Phase]:
-    """Return the phases of a flight: tables [[phases]] with the fields of `Phase`.
-
-    `then` is "release", or a table with the fields of `Grasp`.
-    """
-    return [_phase(arm, Table(f"phase {i}", values)) for i, values in enumerate(given)]
-
-
-def _phase(arm: SpaceArm, given: Table) -> Phase:
-    return built(
-        Phase,
-        given,
-        controller=lambda _: controller_of(arm, inner(given, "controller")),
-        then=lambda value: _then(value, given),
-        plant=lambda _: plant_of(inner(given, "plant")),
-        integration=lambda _: built(Integration, inner(given, "integration")),
-    )
-
-
-def _then(value: Any, given: Table) -> Grasp | Release:
-    if value == "release":
-        return Release()
-    if not isinstance(value, Mapping):
-        raise given.fail("then", 'give "release", or a table of what is grasped, as {mass = 3.0}')
-    return built(Grasp, inner(given, "then"))
+    if any(isinstance(value, Mapping) for value in given.values.values()):
+        return read_laws(given, arm)
+    law = given.choice("law", tuple(LAWS), "TransposedJacobian")
+    taken = inspect.signature(LAWS[law]).parameters
+    gains = {name: gain for name, gain in GAINS.items() if name in taken}
+    return read_laws(Table(given.where, gains | given.values | {"law": law}), arm)
 
 
 def constraints_of(given: Table) -> Constraints:
@@ -280,12 +181,11 @@ def constraints_of(given: Table) -> Constraints:
     Obstacles are tables: {sphere = 0.2, xyz = [...], rpy = [...], margin = 0.05}, or box, cylinder
     = [radius, length], mesh = "FILE", robot = "MODEL" with q; or texts as of --obstacle.
     """
+    wheels = {"stiffness": 0.0, "damping": 0.0} | given.inner("wheels").values
     return built(
         Constraints,
         given,
-        wheels=lambda value: built(
-            WheelHold, Table(f"{given.where}: wheels", {"stiffness": 0, "damping": 0} | value)
-        ),
+        wheels=lambda _: built(WheelHold, Table(f"{given.where}: wheels", wheels)),
         obstacles=lambda value: tuple(_obstacle(one, given) for one in value),
     )
 
@@ -333,11 +233,3 @@ def _obstacle(value: Any, given: Table) -> Obstacle:
 def search_of(given: Table, progress: Callable[[float, float], object]) -> Search:
     """Return how to look, of a table with the fields of `Search`."""
     return built(Search, Table(given.where, given.values | {"progress": progress}))
-
-
-def _numbers(value: object, name: str) -> Array:
-    """Return a number or a list of them, as an array (m,)."""
-    listed = value if isinstance(value, list) else [value]
-    if not listed or any(type(number) not in (int, float) for number in listed):
-        raise ConfigurationError(f"{name} is {value!r}; give a number, or a list of numbers")
-    return np.array(listed, dtype=np.float64)

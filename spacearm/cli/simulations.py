@@ -25,17 +25,7 @@ from spacearm.cli.output import (
     say_stopped,
     working,
 )
-from spacearm.cli.questions import (
-    LAWS,
-    With,
-    built,
-    controller_of,
-    inner,
-    phases_of,
-    plant_of,
-    question,
-    start_of,
-)
+from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
@@ -44,6 +34,7 @@ from spacearm.motion.flights import Flight, simulate_phases
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.simulation import Integration, simulate
+from spacearm.sweeps.motion_tables import LAWS, read_integration, read_phases, read_plant
 from spacearm.sweeps.toml import Table
 
 PLAIN = ("mode", "origin", "stop", "period", "delay", "dq")
@@ -96,7 +87,7 @@ def simulate_motion(
         if both := [option for option, value in given.items() if value is not None]:
             raise ConfigurationError(f"phases and {both[0]} are given; say it in the phases")
         return _fly(start, asked, save, output, view, deg, as_json)
-    law = inner(asked, "controller")
+    law = asked.inner("controller")
     if controller is not None:
         law.values["law"] = controller
     if target is not None:
@@ -113,8 +104,8 @@ def simulate_motion(
             start,
             laws,
             seconds,
-            plant=plant_of(inner(asked, "plant")),
-            integration=built(Integration, inner(asked, "integration")),
+            plant=read_plant(asked.inner("plant")),
+            integration=read_integration(asked.inner("integration"), Integration()),
             progress=progress,
             **options,
         )
@@ -139,10 +130,7 @@ def _fly(
     as_json: bool,
 ) -> int:
     """Simulate the phases of a flight; files get the number of their phase."""
-    given = asked.values["phases"]
-    if not isinstance(given, list) or not given:
-        raise asked.fail("phases", "give one or more tables [[phases]]")
-    phases = phases_of(start.arm, given)
+    phases = read_phases(asked, start.arm)
     with working("simulating") as progress:
         flight = simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
     for i, run in enumerate(flight.phases):

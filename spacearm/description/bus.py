@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import LARGEST, Array, plain
+from spacearm.arrays import LARGEST, NO_NUMBERS, Array, plain
 from spacearm.description.bodies import LONGEST, Inertial
 from spacearm.description.shapes import Box, Shape, Visuals
 from spacearm.description.tree import Tree
@@ -37,17 +37,6 @@ def solid_box(mass: float, inertia: Array) -> tuple[Array, Array]:
         axes[:, 0] *= -1.0
     squares = 6.0 * (moments.sum() - 2.0 * moments) / mass
     return axes, np.sqrt(np.maximum(squares, 1e-6 * squares.max()))
-
-
-def box_inertia(mass: float, size: Array) -> Array:
-    """Compute the (3, 3) inertia of a solid box about its centre [kg m^2].
-
-    Args:
-        mass: Mass [kg].
-        size: (3,) edges [m].
-    """
-    squares = np.square(size)
-    return np.diag(mass / 12.0 * (squares.sum() - squares))
 
 
 def body(name: str, rigid: Inertial, edges: Array | None, rgba: tuple[float, ...]) -> Tree:
@@ -124,34 +113,34 @@ class Bus:
         if self.inertia is not None:
             rigid = Inertial.of(self.mass, self.inertia, self.com, body="the bus")
         elif edges is not None:
-            rigid = Inertial.of(self.mass, box_inertia(1.0, edges), self.com, body="the bus")
+            squares = np.square(edges)
+            per_mass = np.diag(squares.sum() - squares) / 12.0
+            rigid = Inertial.of(self.mass, per_mass, self.com, body="the bus")
             rigid = rigid._replace(inertia=rigid.mass * rigid.inertia)
         else:
             raise ModelError("a bus needs a size [m] or an inertia [kg m^2]; give one or both")
         if rigid.point:
             raise ModelError("inertia of the bus is zero; give that of a body with extension")
         box = solid_box(rigid.mass, rigid.inertia)[1] if edges is None else edges
-        notes = tuple(implausible_box(rigid.mass, box))
-        return replace(body(self.name, rigid, edges, GOLD), notes=notes)
+        return replace(body(self.name, rigid, edges, GOLD), notes=_doubts(rigid.mass, box))
 
 
 def _edges(size: npt.ArrayLike) -> Array:
     """Return the edges (3,) [m], checked."""
     try:
         edges = np.array(size, dtype=np.float64)
-    except (TypeError, ValueError):
+    except NO_NUMBERS:
         edges = np.empty(0)
     if edges.shape != (3,) or not ((edges > 0.0) & (edges <= LARGEST)).all():
         raise ModelError(f"size of the bus is {size!r}; give three positive lengths [m]")
     return edges
 
 
-def implausible_box(mass: float, edges: Array) -> list[str]:
-    """Return what is implausible about a bus of a mass [kg] that is a box with edges (3,) [m]."""
+def _doubts(mass: float, edges: Array) -> tuple[str, ...]:
+    """Say what is implausible about a bus of a mass [kg] that is a box with edges (3,) [m]."""
+    density, (least, most) = mass / float(np.prod(edges)), DENSITIES
     if edges.max() > LONGEST:
-        return [f"the bus is {edges.max():.4g} m long, as if in millimetres"]
-    density = mass / float(np.prod(edges))
-    least, most = DENSITIES
+        return (f"the bus is {edges.max():.4g} m long, as if in millimetres",)
     if least <= density <= most:
-        return []
-    return [f"the bus of {mass:.4g} kg has a density of {density:.3g} kg/m^3"]
+        return ()
+    return (f"the bus of {mass:.4g} kg has a density of {density:.3g} kg/m^3",)

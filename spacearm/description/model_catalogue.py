@@ -1,18 +1,28 @@
-"""Catalogue: the models and the arms that travel with the package, by name."""
+"""Catalogue: the models and arms that travel with the package; models put together of them."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from spacearm.arrays import plain
+import numpy as np
+import pinocchio as pin
+
+from spacearm.arrays import named
+from spacearm.description.bodies import Inertial
+from spacearm.description.bus import STEEL, Bus, body
+from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
-from spacearm.description.readers.source import Check
+from spacearm.description.readers.source import Check, Reading
+from spacearm.description.tips import choose_tips, only_tip
+from spacearm.description.tree import Tree, free_name
 from spacearm.errors import ModelError, listed, unknown
 
 MODELS, ARMS = "catalogue.json", "arms.json"
@@ -44,12 +54,12 @@ class ModelInfo(NamedTuple):
     tip: str
     task: str
     path: Path
-    check: Check
-    recipe: dict[str, Any] | None
+    check: Check = "error"
+    recipe: dict[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain data."""
-        return {name: plain(value) for name, value in self._asdict().items()}
+        return named(self)
 
 
 class ArmInfo(NamedTuple):
@@ -71,7 +81,7 @@ class ArmInfo(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain data."""
-        return {name: plain(value) for name, value in self._asdict().items()}
+        return named(self)
 
 
 def catalogue() -> tuple[ModelInfo, ...]:
@@ -141,13 +151,9 @@ def models_folder() -> Path:
 @cache
 def models_by_name() -> dict[str, ModelInfo]:
     """Return the models by their names."""
-    optional = {"check": "error", "recipe": None}
+    folder = models_folder()
     return {
-        name: ModelInfo(
-            name=name,
-            path=models_folder() / entry.pop("file", MODELS),
-            **{**optional, **entry},
-        )
+        name: ModelInfo(name=name, path=folder / entry.pop("file", MODELS), **entry)
         for name, entry in _entries(MODELS)
     }
 
@@ -203,14 +209,73 @@ def _named(kind: str, model: RobotSource, known: Mapping[str, Entry]) -> Entry |
                 f"{model}: no such file; the {kind} of that name is {str(model)!r}, as text"
             )
         return None
-    if isinstance(model, str) and model in known:
+    if model in known:
         return known[model]
-    if isinstance(model, str) and (model.lstrip().startswith("<") or "://" in model):
+    if model.lstrip().startswith("<") or "://" in model:
         return None  # no path: the reader says what it is
-    try:
+    with suppress(ValueError, OSError):  # of what can be no path
         path = Path(model)
         if path.exists() or (path.suffix and path.stem not in known) or len(path.parts) > 1:
             return None
-    except (TypeError, ValueError, OSError):
-        pass  # no path at all
     raise ModelError(f"{unknown(kind, model, known)}; or give the path of a robot file")
+
+
+def assembled(info: ModelInfo, reading: Reading | None = None) -> Tree:
+    """Return the tree of a catalogue model, read from its URDF or put together from its recipe.
+
+    Args:
+        info: The model.
+        reading: How its files are read; as the catalogue says if None.
+    """
+    reading = reading or Reading(check=info.check)
+    if info.recipe is None:
+        return formats.read(info.path, reading)
+    tree = Bus(**info.recipe["bus"]).tree()
+    for arm in info.recipe["arms"]:
+        at = pin.SE3(np.eye(3), np.array(arm["xyz"]))
+        tree = bolted(tree, arm["arm"], at, name=arm["name"], reading=reading)
+    return replace(tree, name=info.name, tips=(info.tip,))
+
+
+def bolted(
+    bus: Tree,
+    arm: RobotSource,
+    at: pin.SE3,
+    *,
+    name: str | None = None,
+    tip: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    reading: Reading | None = None,
+) -> Tree:
+    """Return a bus with one arm more; arguments as in `loading.mount`.
+
+    All names of the arm start with `name` and "_"; the link `name` is a frame at its tip.
+
+    Raises:
+        ModelError: The name is no text, or taken.
+    """
+    known = find_arm(arm)
+    path = known.path if known else formats.path_of(arm)
+    alone = replace(reading or Reading(), spacecraft=False)
+    tree = formats.read(known.path if known else arm, alone).locked(locked or {})
+    asked = tip or (known.tip if known else None)
+    chosen = choose_tips(tree, path, asked)
+    tip = only_tip(chosen.links, tree.name)
+    if name is None:
+        name = free_name(known.name if known else tree.name, bus.has)
+    elif not isinstance(name, str) or not name:
+        raise ModelError(f"name of the arm is {name!r}; give it as text")
+    elif bus.has(name):
+        raise ModelError(f"{bus.name} has names that start with {name!r} already; take another")
+    whole = bus.joined(tree.renamed(lambda part: f"{name}_{part}"), name, bus.root, at)
+    frame = Tree(name, name, {name: None}, {})
+    whole = whole.joined(frame, f"{name}.tip", f"{name}_{tip}", pin.SE3.Identity())
+    found = () if asked else (f"the tip of {name} is {tip!r}: {chosen.reason}",)
+    notes = (*whole.notes, *found)
+    return replace(whole, name=f"{bus.name}_{name}", tips=(name,), notes=notes)
+
+
+def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:
+    """Return the tree with a body fixed to a link, as a link "payload" of its own."""
+    name = free_name("payload", tree.has)
+    return tree.joined(body(name, rigid, None, STEEL), name, link, pin.SE3.Identity())

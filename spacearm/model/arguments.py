@@ -42,11 +42,18 @@ def of_configuration(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> T:
+        name = function.__name__
         if args and not isinstance(args[0], Configuration):
-            if function.__name__ in (equations := getattr(args[0], "equations", {})):
-                found: T = equations[function.__name__](*args[1:], **kwargs)
+            if name in (equations := getattr(args[0], "equations", {})):
+                found: T = equations[name](*args[1:], **kwargs)
                 return found  # of a configuration of symbols
-            _refuse_in_place_of_configuration(function.__name__, args)
+            given, rest = args[0], "q" if len(args) > 1 else "q, one number per joint"
+            raise ConfigurationError(
+                f"sa.{name} takes a configuration, not an arm: sa.{name}(arm.at({rest}))"
+                if isinstance(given, SpaceArm)
+                else f"sa.{name} takes a configuration, not a {type(given).__name__}; make one of "
+                f"an arm and joint positions: sa.{name}(arm.at(q))"
+            )
         _check_mode(kwargs)
         return function(*args, **kwargs)
 
@@ -62,8 +69,13 @@ def of_arm(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> T:
-        if args and not isinstance(args[0], SpaceArm):
-            raise ConfigurationError(f"sa.{function.__name__} takes an arm; {_arm_for(args[0])}")
+        if args and not isinstance(given := args[0], SpaceArm):
+            instead = f"a {type(given).__name__} is none; load one: arm = sa.load(...)"
+            if isinstance(given, Configuration):
+                instead = "of a configuration that is cfg.arm"
+            elif isinstance(given, str):
+                instead = f"load it first: arm = sa.load({given[:60]!r})"
+            raise ConfigurationError(f"sa.{function.__name__} takes an arm; {instead}")
         _check_mode(kwargs)
         return function(*args, **kwargs)
 
@@ -74,26 +86,3 @@ def _check_mode(named: Mapping[str, object]) -> None:
     """Raise the error for a mode that does not exist."""
     if "mode" in named:
         free_components(str(named["mode"]))
-
-
-def _refuse_in_place_of_configuration(name: str, args: tuple[object, ...]) -> None:
-    """Raise the error for a function of a configuration that got something else."""
-    given = args[0]
-    if isinstance(given, SpaceArm):
-        rest = "q" if len(args) > 1 else "q, one number per joint"
-        raise ConfigurationError(
-            f"sa.{name} takes a configuration, not an arm: sa.{name}(arm.at({rest}))"
-        )
-    raise ConfigurationError(
-        f"sa.{name} takes a configuration, not a {type(given).__name__}; make one of an arm and "
-        f"joint positions: sa.{name}(arm.at(q))"
-    )
-
-
-def _arm_for(given: object) -> str:
-    """Return what to write in place of what was given for an arm."""
-    if isinstance(given, Configuration):
-        return "of a configuration that is cfg.arm"
-    if isinstance(given, str):
-        return f"load it first: arm = sa.load({given[:60]!r})"
-    return f"a {type(given).__name__} is none; load one: arm = sa.load(...)"

@@ -14,8 +14,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, read_only
-from spacearm.description.assembly import holding
 from spacearm.description.bodies import Inertial, Joint
+from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import (
     Counting,
     Tips,
@@ -70,23 +70,13 @@ class SpaceArm(JointSpace, Described):
         upper: (n,) upper joint limits [rad] or [m], inf where there is none.
     """
 
-    name: str
     path: Path
-    tree: Tree
     whole: Tree
-    model: pin.Model
-    tips: tuple[str, ...]
     tip_reason: str
     tip_frames: tuple[int, ...]
-    task: Task
     wheels: tuple[Wheel, ...]
-    joint_names: tuple[str, ...]
     joints: Counting
     held: Mapping[str, float]
-    coupling: Array | None
-    offsets: Array
-    lower: Array
-    upper: Array
     _asked: str | Task | None
     _spare: list[pin.Data] = field(default_factory=list)
 

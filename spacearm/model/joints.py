@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -19,8 +20,9 @@ TURN = 2.0 * np.pi
 _warned: set[tuple[str, int]] = set()
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class JointSpace:
-    """What follows from the attributes of a `SpaceArm`, which stand there, about its joints."""
+    """What is known of the joints of a `SpaceArm`, whose docstring explains the attributes."""
 
     name: str
     tree: Tree

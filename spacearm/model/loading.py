@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from spacearm.description.assembly import assembled, bolted
 from spacearm.description.bus import Bus
-from spacearm.description.model_catalogue import find_model
+from spacearm.description.model_catalogue import assembled, bolted, find_model
 from spacearm.description.readers import formats
 from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS

@@ -7,8 +7,8 @@ import pytest
 from helpers.commands import spacearm
 
 import spacearm as sa
-from spacearm.cli.questions import phases_of
 from spacearm.cli.wording import join_numbers
+from spacearm.sweeps.motion_tables import read_phases
 from spacearm.sweeps.toml import parse
 
 FIGURE_5 = ["planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21]
@@ -91,7 +91,7 @@ FLIGHT = """
 duration = 4
 controller = {law = "JointPD", target = [0.5, 0.6], kp = 4, kd = 8}
 integration.dt = 0.1
-then = {mass = 3.0, twist = [0.05, -0.08, 0, 0, 0, 0.3]}
+then.grasp = {mass = 3.0, twist = [0.05, -0.08, 0, 0, 0, 0.3]}
 
 [[phases]]
 duration = 3
@@ -136,7 +136,7 @@ def test_phases_are_played(monkeypatch, tmp_path):
     pytest.importorskip("tomllib")
     shown = []
     monkeypatch.setattr("spacearm.cli.output.serve_until_interrupted", shown.append)
-    text = PD + "then = {mass = 1.0}\n" + PD.replace("duration = 1", "duration = 0.1")
+    text = PD + "then.grasp = {mass = 1.0}\n" + PD.replace("duration = 1", "duration = 0.1")
     (tmp_path / "flight.toml").write_text(text, encoding="utf-8")
     done = run("planar2", 0.3, 0.9, "--with", "flight.toml", "--view", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -165,13 +165,13 @@ controller = {law = "JointPD", target = [0.3, 0.9], kp = 1, kd = 1}
             "[[phases]]\nduration = 1\ncontroller = {target = [1, 1], gain = 1}",
             "unknown key 'gain'",
         ),
-        ("[[phases]]\ncontroller = {target = [1, 1]}", "a Phase needs it"),
-        ("[[phases]]\nduration = 1", "a Phase needs it"),
+        ("[[phases]]\ncontroller = {target = [1, 1]}", "law is 'missing'"),
+        (PD.replace("duration = 1", ""), "duration is 'missing'"),
         ("phases = [", "flight.toml is not TOML"),
-        (PD + "plant.wheels = {stiffness = 1}", "a WheelHold needs it"),
+        (PD + "plant.wheels = {stiffness = 1}", "damping is 'missing'"),
         (PD + "plant.wheels = 3", "make it a table"),
         (PD + "then = 'go'", '"release"'),
-        (PD + "then = {inertia = 1}", "a Grasp needs it"),
+        (PD + "then = {grasp = {inertia = 1}}", "mass is 'missing'"),
         (PD + "plant.wrenches.spacecraft = {times = [0], values = [[1, 2]]}", "6 numbers"),
         (PD + "plant.wrenches.spacecraft = {times = [1, 0], values = [[1], [2]]}", "growing times"),
     ],
@@ -190,7 +190,7 @@ def test_each_of_two_tips_may_have_a_law():
     law = "{law = 'JointPD', kp = 20, kd = 30, target = [" + "0.1," * 12 + "]}"
     arm = sa.load("dual_ur5", tip=("left", "right"))
     text = f"[[phases]]\nduration = 2\ncontroller = {{left = {law}, right = {law}}}"
-    phase = phases_of(arm, parse(text).values["phases"])[0]
+    phase = read_phases(parse(text), arm)[0]
     assert isinstance(phase.controller, dict)
     assert set(phase.controller) == {"left", "right"}
 

@@ -157,7 +157,7 @@ def test_ctrl_c_in_a_workspace_keeps_what_is_attained(tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("spacearm.workspaces.path_dependent.exact_shells", interrupted)
+    monkeypatch.setattr("spacearm.workspaces.shells.ShellSearch.exact", interrupted)
     run = spacearm("workspace", "planar2", "--json", cwd=tmp_path)
     assert run.returncode == 130
     assert "stopped: shells may be missing" in run.stderr

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from itertools import combinations_with_replacement
 
 import numpy as np
 import pinocchio as pin
@@ -125,10 +126,7 @@ class _Reader:
         """Join the child of a <joint> to its parent."""
         source, frames, kind = self._source, self._contents.frames, joint.get("type", "")
         if kind not in AXES:
-            source.fail(
-                f"joint {name!r} has type {kind!r}",
-                f"use one of {', '.join(AXES)}",
-            )
+            source.fail(f"joint {name!r} has type {kind!r}", f"use one of {', '.join(AXES)}")
         parent, child = (
             frames.link_of(self._contents.end(joint, end, scope), joint)
             for end in ("parent", "child")
@@ -150,17 +148,16 @@ class _Reader:
     def _axis(self, name: str, scope: Scope, joint: etree._Element, tag: str) -> Joint:
         """Read an <axis> or <axis2> with its limits, in the frame of the joint."""
         source, kind = self._source, joint.get("type", "")
+        full = name if len(AXES[kind]) == 1 else f"{name}_{tag}"
         axis = source.child(joint, tag)
         if axis is None:
             source.fail(f"joint {name!r} has no <{tag}>", f"add <{tag}><xyz>0 0 1</xyz></{tag}>")
         direction = vector(source, axis, "xyz", "0 0 1")
-        length = float(np.linalg.norm(direction))
-        if length < 1e-12:
-            source.fail(f"joint {name!r} has a zero axis", "give the direction it moves along")
+        zero = f"joint {name!r} has a zero axis"
+        direction = source.unit(direction, zero, "give the direction it moves along")
         xyz = source.child(axis, "xyz")
-        given = "" if xyz is None else xyz.get("expressed_in", "")
+        frame = scope.name("" if xyz is None else xyz.get("expressed_in", ""))
         of_model = words(axis, "use_parent_model_frame") in ("true", "1")
-        frame = scope.name(given)
         if not frame and (of_model or self._version < MODEL_AXES):
             frame = scope.own
         if frame:
@@ -173,21 +170,14 @@ class _Reader:
                 f"<limit> of joint {name!r} is reversed (lower {lower:g}, upper {upper:g})",
                 "exchange the two",
             )
-        unlimited = kind == "continuous" or (math.isinf(lower) and math.isinf(upper))
-        turning = "continuous" if unlimited else "revolute"
-        return Joint(
-            name if len(AXES[kind]) == 1 else f"{name}_{tag}",
-            "prismatic" if kind == "prismatic" else turning,
-            "",
-            "",
-            pin.SE3.Identity(),
-            direction / length,
-            -math.inf if kind == "continuous" else lower,
-            math.inf if kind == "continuous" else upper,
-            largest(limit(source, limits, "velocity", math.inf)),
-            largest(limit(source, limits, "effort", math.inf)),
-            self._mimic(scope, axis),
-        )
+        if kind == "continuous":
+            lower, upper = -math.inf, math.inf
+        velocity, effort = (limit(source, limits, end, math.inf) for end in ("velocity", "effort"))
+        if kind != "prismatic":
+            kind = "continuous" if math.isinf(lower) and math.isinf(upper) else "revolute"
+        ends = (lower, upper, largest(velocity), largest(effort))
+        mimic = self._mimic(scope, axis)
+        return Joint(full, kind, "", "", pin.SE3.Identity(), direction, *ends, mimic)
 
     def _mimic(self, scope: Scope, axis: etree._Element) -> Mimic | None:
         """Read <mimic>: the joint is at multiplier * (its leader - reference) + offset."""
@@ -250,10 +240,11 @@ def inertial(source: Source, link: etree._Element) -> Inertial | None:
     given = source.child(element, "inertia")
     I = np.eye(3)
     if given is not None:
-        for i in range(3):
-            for j in range(i, 3):
-                entry = vector(source, given, f"i{'xyz'[i]}{'xyz'[j]}", f"{i == j:d}").item()
-                I[i, j] = I[j, i] = entry
+        for i, j in combinations_with_replacement(range(3), 2):
+            name_ij = f"i{'xyz'[i]}{'xyz'[j]}"
+            I[i, j] = I[j, i] = vector(source, given, name_ij, f"{i == j:d}").item()
     elif mass:
         source.warn(f"link {name!r} has no <inertia>: 1 kg m^2, SDFormat's default")
-    return Inertial(mass, pose(source, element), I if mass or given is not None else 0.0 * I)
+    else:
+        I = np.zeros((3, 3))
+    return Inertial(mass, pose(source, element), I)

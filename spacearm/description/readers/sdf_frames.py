@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import reduce
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -80,36 +81,22 @@ class Contents:
             outer: Where it is.
             scope: What is in it.
         """
-        placed = model.get("placement_frame")
-        self.frames.add(
-            scope.own,
-            Frame(
-                model,
-                outer.name(relative_to(model)) or outer.own,
-                pose(self._source, model),
-                _canonical(model, scope),
-                scope.name(placed) if placed else None,
-            ),
-        )
+        at, to = outer.name(relative_to(model)) or outer.own, _canonical(model, scope)
+        placed_by = scope.name(model.get("placement_frame", ""))
+        self.frames.add(scope.own, Frame(model, at, pose(self._source, model), to, placed_by))
         self._contents(model, scope)
 
     def _contents(self, parent: etree._Element, scope: Scope) -> None:
         """Read what is in a model or a world."""
         source = self._source
-        for name, link in source.named(parent, "link").items():
-            at, full = scope.name(relative_to(link)) or scope.own, scope.name(name)
-            self.frames.add(full, Frame(link, at, pose(source, link), full))
-            self.links.append((full, scope, link))
-        for name, joint in source.named(parent, "joint").items():
-            child, full = self.end(joint, "child", scope), scope.name(name)
-            at = scope.name(relative_to(joint)) or child
-            self.frames.add(full, Frame(joint, at, pose(source, joint), child))
-            self.joints.append((full, scope, joint))
-        for name, frame in source.named(parent, "frame").items():
-            to, full = scope.name(frame.get("attached_to", "")) or scope.own, scope.name(name)
-            at = scope.name(relative_to(frame)) or to
-            self.frames.add(full, Frame(frame, at, pose(source, frame), to))
-            self.marks.append((full, frame))
+        for link in source.named(parent, "link").values():
+            self.links.append((self._placed(link, scope, scope.own), scope, link))
+        for joint in source.named(parent, "joint").values():
+            child = self.end(joint, "child", scope)
+            self.joints.append((self._placed(joint, scope, child, child), scope, joint))
+        for frame in source.named(parent, "frame").values():
+            to = scope.name(frame.get("attached_to", "")) or scope.own
+            self.marks.append((self._placed(frame, scope, to, to), frame))
         for model in parent.findall("model"):
             self._nested(model, scope)
         for include in parent.findall("include"):
@@ -121,6 +108,20 @@ class Contents:
                 self._model(taken, scope, Scope(scope.prefix, own))
             else:
                 self._nested(taken, scope)
+
+    def _placed(self, element: etree._Element, scope: Scope, at: str, to: str = "") -> str:
+        """Add the frame of a link, a joint or a <frame>, and return its name from the top.
+
+        Args:
+            element: The element.
+            scope: Where it is.
+            at: The frame that its pose is given in, unless it names another.
+            to: The frame that it moves with; itself if empty.
+        """
+        name = scope.name(element.get("name", ""))
+        at = scope.name(relative_to(element)) or at
+        self.frames.add(name, Frame(element, at, pose(self._source, element), to or name))
+        return name
 
     def _nested(self, model: etree._Element, scope: Scope) -> None:
         """Read a nested model, in whose names its own comes first."""
@@ -162,14 +163,14 @@ class Frame:
         pose: The pose.
         attached_to: Name of the frame that it moves with; itself for a link.
         placed_by: Name of the frame inside a model that the model's pose places, in place of the
-            model's own; see `placement_frame`.
+            model's own; see `placement_frame`. Empty if there is none.
     """
 
     element: etree._Element
     relative_to: str | None
     pose: pin.SE3
     attached_to: str
-    placed_by: str | None = None
+    placed_by: str = ""
 
 
 @dataclass
@@ -195,16 +196,8 @@ class Frames:
 
     def link_of(self, name: str, user: etree._Element) -> str:
         """Return the link that a frame moves with, or "world"."""
-        seen: set[str] = set()
-        while (frame := self._frame(name, user)).attached_to != name:
-            if name in seen:
-                self.source.fail(
-                    f"{describe(user)}: {name!r} is attached to itself", "cut that loop"
-                )
-            seen.add(name)
-            self._not_too_long(len(seen), user)
-            name = frame.attached_to
-        return name
+        *_, (link, _) = self._along(name, user, "attached_to", "is attached to itself")
+        return link
 
     def pose(self, name: str, of: str, user: etree._Element) -> pin.SE3:
         """Return the pose of a frame in another one, from their last common frame on."""
@@ -220,44 +213,53 @@ class Frames:
 
     def _way(self, name: str, user: etree._Element) -> list[tuple[str, pin.SE3]]:
         """Return the frames from one up to the world, each with its pose in the next."""
-        way: dict[str, pin.SE3] = {}
+        return [
+            (name, frame.pose * self._inside(frame.placed_by, name, user).inverse())
+            if frame.placed_by
+            else (name, frame.pose)
+            for name, frame in self._along(
+                name, user, "relative_to", "has a pose relative to itself"
+            )
+        ]
+
+    def _along(
+        self, name: str, user: etree._Element, onward: str, fault: str
+    ) -> Iterator[tuple[str, Frame]]:
+        """Yield a frame and those that lead on from it, by `relative_to` or `attached_to`.
+
+        Args:
+            name: The first frame.
+            user: What uses it.
+            onward: The attribute that leads on.
+            fault: What a frame is that leads back to itself.
+        """
+        seen: dict[str, None] = {}
         while True:
             frame = self._frame(name, user)
-            if name in way:
+            if name in seen:
+                way = f"{describe(frame.element)} {fault}, by way of {listed(seen)}"
+                self.source.fail(way, "cut that loop")
+            if len(seen) >= MOST_STEPS:
                 self.source.fail(
-                    f"{describe(frame.element)} has a pose relative to itself, by way of "
-                    f"{listed([*way])}",
-                    "cut that loop",
+                    f"{describe(user)} is placed by way of more than {MOST_STEPS:,} frames",
+                    "give the pose relative to the model",
                 )
-            pose = frame.pose
-            if frame.placed_by:
-                pose = pose * self._inside(frame.placed_by, name, user).inverse()
-            way[name] = pose
-            self._not_too_long(len(way), user)
-            if frame.relative_to is None:
-                return [*way.items()]
-            name = frame.relative_to
-
-    def _not_too_long(self, steps: int, user: etree._Element) -> None:
-        """Refuse long ways, of which a file may have as many as frames."""
-        if steps > MOST_STEPS:
-            self.source.fail(
-                f"{describe(user)} is placed by way of more than {MOST_STEPS:,} frames",
-                "give the pose relative to the model",
-            )
+            seen[name] = None
+            yield name, frame
+            following = getattr(frame, onward)
+            if following in (None, name):
+                return
+            name = following
 
     def _inside(self, name: str, model: str, user: etree._Element) -> pin.SE3:
         """Return the pose of a frame of a model in the model's own frame."""
-        pose = pin.SE3.Identity()
-        for _ in self.frames:
-            if name == model:
+        pose, at = pin.SE3.Identity(), name
+        for at, frame in self._along(name, user, "relative_to", "has a pose relative to itself"):
+            if at == model:
                 return pose
-            frame = self._frame(name, user)
-            if frame.relative_to is None:
-                break
-            pose, name = frame.pose * pose, frame.relative_to
+            pose = frame.pose * pose
         self.source.fail(
-            f"{describe(user)} is placed by {name!r}, which is not inside it", "name a frame of it"
+            f"{describe(user)} is placed by {at!r}, which is not inside it", "name a frame of it"
         )
 
     def _frame(self, name: str, user: etree._Element) -> Frame:
@@ -312,14 +314,10 @@ def _placed(model: etree._Element, include: etree._Element) -> etree._Element:
     copy = deepcopy(model)
     if name := words(include, "name"):
         copy.set("name", name)
-    for key in ("pose", "placement_frame"):
-        given = include.find(key)
-        if given is None:
-            continue
-        if key == "placement_frame":
-            copy.set(key, words(include, key))
-            continue
-        for old in copy.findall(key):
+    if placed := words(include, "placement_frame"):
+        copy.set("placement_frame", placed)
+    if (given := include.find("pose")) is not None:
+        for old in copy.findall("pose"):
             copy.remove(old)
         copy.append(deepcopy(given))
     include.append(copy)
@@ -334,15 +332,11 @@ def _candidates(source: Source, uri: str) -> Iterator[Path]:
     elif scheme == "" and rest:
         yield from _model_files(source.path.resolve().parent / rest)
     elif scheme in ("model", "package"):
-        for place in _environment():
-            yield from _model_files(Path(place) / rest)
+        for place in chain(*(os.environ.get(name, "").split(os.pathsep) for name in FOLDERS)):
+            if place:
+                yield from _model_files(Path(place) / rest)
         if found := source.packages.resolve(f"package://{rest}"):
             yield from _model_files(found)
-
-
-def _environment() -> Iterator[str]:
-    for variable in FOLDERS:
-        yield from filter(None, os.environ.get(variable, "").split(os.pathsep))
 
 
 def _model_files(path: Path) -> Iterator[Path]:
@@ -365,10 +359,9 @@ def pose(source: Source, parent: etree._Element) -> pin.SE3:
     turned = element.get("rotation_format", "euler_rpy")
     if turned == "quat_xyzw":
         values = source.values(element, "<pose>", element.text or "", 7)
-        size = float(np.linalg.norm(values[3:]))
-        if size < 1e-9:
-            source.fail(f"{describe(element)} has a zero quaternion", "give one of length 1")
-        return pin.SE3(pin.Quaternion(values[3:] / size).matrix(), values[:3])
+        zero = f"{describe(element)} has a zero quaternion"
+        unit = source.unit(values[3:], zero, "give one of length 1")
+        return pin.SE3(pin.Quaternion(unit).matrix(), values[:3])
     values = source.values(element, "<pose>", element.text or "", 6)
     if element.get("degrees") in ("true", "1"):
         values[3:] = np.radians(values[3:])

@@ -88,9 +88,6 @@ class Reading:
         spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
             may be a frame without mass.
 
-    Raises:
-        ModelError: check is not one of these words.
-        ConfigurationError: Another attribute is not of its kind.
     """
 
     check: Check = "error"
@@ -98,10 +95,6 @@ class Reading:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
     density: float | None = None
     spacecraft: bool = True
-
-    def __post_init__(self) -> None:
-        if self.check not in CHECKS:
-            raise ModelError(unknown("check", self.check, CHECKS))
 
     @classmethod
     def of(
@@ -111,7 +104,14 @@ class Reading:
         xacro_args: Mapping[str, object] | None = None,
         density: float | None = None,
     ) -> Reading:
-        """Make it of a caller's arguments, checked; see `loading.load`."""
+        """Make it of a caller's arguments, checked; see `loading.load`.
+
+        Raises:
+            ModelError: check is none of its words.
+            ConfigurationError: Another argument is not of its kind.
+        """
+        if check not in (None, *CHECKS):
+            raise ModelError(unknown("check", check, CHECKS))
         folders = [packages] if isinstance(packages, (str, os.PathLike)) else packages
         try:
             paths = tuple(Path(folder) for folder in folders)
@@ -126,18 +126,16 @@ class Reading:
         return cls(
             check=check or "error",
             packages=paths,
-            xacro_args={name: _text(value) for name, value in given.items()},
+            xacro_args={  # as xacro writes them
+                name: str(value).lower() if isinstance(value, bool) else str(value)
+                for name, value in given.items()
+            },
             density=None if density is None else positive(density, "density", "density [kg/m^3]"),
         )
 
 
-def _text(value: object) -> str:
-    """Return the value of an argument as xacro writes it."""
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
 SHORTEST = 1e-6
-"""Least length of a quaternion that a direction can be read from."""
+"""Least length of a vector or a quaternion that a direction can be read from."""
 ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of robot files."""
 SHOWN = 3
@@ -321,6 +319,13 @@ class Source:
             )
         return values
 
+    def unit(self, vector: Array, problem: str, remedy: str) -> Array:
+        """Return a vector scaled to length 1; one without length is a fault."""
+        length = float(np.linalg.norm(vector))
+        if length < SHORTEST:
+            self.fail(problem, remedy)
+        return vector / length
+
     def pose(self, element: etree._Element) -> pin.SE3:
         """Read the pose in a child <origin>; the identity if there is none."""
         origin = self.child(element, "origin")
@@ -328,10 +333,9 @@ class Source:
             return pin.SE3.Identity()
         xyz = self.numbers(origin, "xyz", 3, "0 0 0")
         if origin.get("quat_xyzw"):  # URDF 1.2
-            quaternion = pin.Quaternion(self.numbers(origin, "quat_xyzw", 4))
-            if quaternion.norm() < SHORTEST:
-                self.fail(f"{describe(origin)} has a zero quat_xyzw", "give a unit quaternion")
-            return pin.SE3(quaternion.normalized(), xyz)
+            quaternion, zero = self.numbers(origin, "quat_xyzw", 4), "has a zero quat_xyzw"
+            unit = self.unit(quaternion, f"{describe(origin)} {zero}", "give a unit quaternion")
+            return pin.SE3(pin.Quaternion(unit), xyz)
         return pin.SE3(pin.rpy.rpyToMatrix(self.numbers(origin, "rpy", 3, "0 0 0")), xyz)
 
 

@@ -138,13 +138,11 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
         kind = "wheel"
     axis = source.child(element, "axis")
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else source.numbers(axis, "xyz", 3)
-    length = float(np.linalg.norm(direction))
     if kind in FLOATING:
         direction = np.array([1.0, 0.0, 0.0])
     elif kind != "fixed":
-        if length < 1e-12:
-            source.fail(f"joint {name!r} has a zero axis", "give the direction it moves along")
-        direction = direction / length
+        zero = f"joint {name!r} has a zero axis"
+        direction = source.unit(direction, zero, "give the direction it moves along")
     limits, mimic = _limits(source, element, kind), _mimic(source, element, kind)
     joint = Joint(name, kind, parent, child, source.pose(element), direction, *limits, mimic)
     if not joint.movable:

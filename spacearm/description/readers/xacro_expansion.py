@@ -1,9 +1,9 @@
-"""xacro: sources of robot descriptions expanded to URDF, by ROS's own program in a closed room.
+"""xacro: sources of robot descriptions expanded to URDF, by ROS's own program in a sandbox.
 
 The program is the package `xacro`. It evaluates Python and reads any file and the environment, so
 every source is expanded by a fresh copy of it, in which what reaches outside is replaced:
-expressions are those of `expressions`, files are XML and YAML of the packages around the source,
-and the environment does not exist.
+expressions are those of `xacro_expressions`, files are XML and YAML of the packages around the
+source, and the environment does not exist.
 """
 
 from __future__ import annotations
@@ -21,12 +21,7 @@ from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.xacro_expressions import (
-    Evaluator,
-    ExpressionError,
-    bounded_range,
-    bounded_round,
-)
+from spacearm.description.readers.xacro_expressions import BOUNDED, Evaluator, ExpressionError
 from spacearm.files import read
 
 CLOSED = ("type", "vars", "hash", "repr")
@@ -35,6 +30,8 @@ ENDLESS = ("factorial", "comb", "perm")
 """Functions of xacro's namespace math whose values have no bounds."""
 EXTRAS = re.compile("gazebo|ros2?_?control|transmission|plugin", re.IGNORECASE)
 """Names of files and macros for simulators and controllers, which describe no bodies."""
+MACRO = 50
+"""Steps that a macro or a file counts as."""
 HARMLESS = re.compile("is deprecated|redefining global symbol|inconsistent namespace")
 """Warnings of xacro that make no difference to the robot."""
 
@@ -45,6 +42,7 @@ class Expansion:
     Attributes:
         arguments: Values of the arguments that were declared or given, by name.
         known: Names of the arguments that were declared or used so far.
+        files: The files read so far, the source first.
         warnings: What the source or xacro warned of.
     """
 
@@ -56,13 +54,8 @@ class Expansion:
         self._path = path
         self._packages = packages
         self._evaluator = Evaluator()
-        self._files = Files(packages, self._evaluator)
-        self._xacro = self._closed_xacro()
-
-    @property
-    def files(self) -> list[Path]:
-        """The files read so far, the source first."""
-        return self._files.known
+        self.files: list[Path] = []
+        self._xacro = self._sandboxed_xacro()
 
     def urdf(self) -> bytes:
         """Return the URDF that the source expands to.
@@ -100,9 +93,9 @@ class Expansion:
         problem = " ".join([f"cannot be expanded ({' '.join(str(text).split())})", *where])
         return XacroError(problem, "correct it there, or expand it by ROS: xacro FILE > robot.urdf")
 
-    # --- the room ---------------------------------------------------------------------------
+    # --- the sandbox ------------------------------------------------------------------------
 
-    def _closed_xacro(self) -> ModuleType:
+    def _sandboxed_xacro(self) -> ModuleType:
         """Return a copy of xacro that has only what is given here."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # its own, on Python 3.10
@@ -110,23 +103,23 @@ class Expansion:
 
             xacro = module_from_spec(original.__spec__)
             original.__spec__.loader.exec_module(xacro)
-        room: dict[str, Callable[..., Any]] = {
-            "safe_eval": lambda text, names, _=None: self._evaluator.evaluate(text, names),
-            "eval_extension": self._substitute,
-            "parse": self._parse,
-            "load_yaml": self._load_yaml,
-            **self._messages(),
-            "handle_macro_call": self._call_macro(xacro.handle_macro_call),
-            "check_attrs": self._recorded(xacro.check_attrs),
-        }
-        vars(xacro).update(room)
+        vars(xacro).update(
+            {
+                "safe_eval": lambda text, names, _=None: self._evaluator.evaluate(text, names),
+                "eval_extension": self._substitute,
+                "parse": self._parse,
+                "load_yaml": self._load_yaml,
+                **self._messages(),
+                "handle_macro_call": self._call_macro(xacro.handle_macro_call),
+                "check_attrs": self._recorded(xacro.check_attrs),
+            }
+        )
         symbols = xacro.create_global_symbols()
         closed = ((CLOSED, symbols["python"]), (ENDLESS, symbols["math"]), (ENDLESS, symbols))
         for names, table in closed:
             for name in names:
                 dict.pop(table, name, None)
-        for function in (bounded_range, bounded_round):
-            name = function.__name__.removeprefix("bounded_")
+        for name, function in BOUNDED.items():
             symbols[name] = function
             dict.__setitem__(symbols["python"], name, function)
         vars(xacro)["_global_symbols"] = symbols
@@ -184,10 +177,37 @@ class Expansion:
 
     # --- files ------------------------------------------------------------------------------
 
+    def _read(self, filename: str) -> tuple[Path, bytes]:
+        """Read a file of the packages.
+
+        Raises:
+            XacroError: There is no such file, or it lies elsewhere.
+        """
+        if package := re.search(r"package://([^/]*)", filename):
+            raise MissingPackageError(
+                f"reads {filename[package.start() :]} of the package {package[1]!r}, which was "
+                "not found",
+                f"name the folder that holds {package[1]!r}: packages=[FOLDER] or --package FOLDER",
+            )
+        file = Path(os.path.normpath(filename))
+        self._evaluator.step(MACRO)
+        if not file.exists():
+            raise MissingFileError(file)
+        if not self._packages.holds(file):
+            raise XacroError(
+                f"reads {file}, which is in none of its packages",
+                "if it is meant to, name its folder by packages=[FOLDER] or --package FOLDER",
+            )
+        self.files.append(file)
+        try:
+            return file, read(file)
+        except OSError as error:
+            raise XacroError(f"{file} cannot be read ({error})", "name a file") from None
+
     def _parse(self, _: None, filename: str) -> Any:
         """Parse an XML file, which declares no entities, to xacro's kind of document."""
         try:
-            file, content = self._files.read(filename)
+            file, content = self._read(filename)
         except MissingPackageError as error:
             if not EXTRAS.search(Path(filename).name):
                 raise
@@ -214,7 +234,7 @@ class Expansion:
 
         for unit in xacro.ConstructUnits:
             Loader.add_constructor(unit.value.tag, unit.constructor)
-        file, content = self._files.read(xacro.abs_filename_spec(filename))
+        file, content = self._read(xacro.abs_filename_spec(filename))
         try:
             return xacro.YamlListWrapper.wrap(yaml.load(content, Loader))
         except yaml.YAMLError as error:
@@ -268,50 +288,6 @@ class Expansion:
         }
         names = {**functions, **plain, **arguments, **calls}
         return {name: value for name, value in names.items() if name not in ENDLESS}
-
-
-MACRO = 50
-"""Steps that a macro or a file counts as."""
-
-
-class Files:
-    """The files of one source.
-
-    Attributes:
-        known: The files read so far.
-    """
-
-    def __init__(self, packages: Packages, evaluator: Evaluator) -> None:
-        self.known: list[Path] = []
-        self._packages = packages
-        self._evaluator = evaluator
-
-    def read(self, filename: str) -> tuple[Path, bytes]:
-        """Read a file of the packages.
-
-        Raises:
-            XacroError: There is no such file, or it lies elsewhere.
-        """
-        if package := re.search(r"package://([^/]*)", filename):
-            raise MissingPackageError(
-                f"reads {filename[package.start() :]} of the package {package[1]!r}, which was "
-                "not found",
-                f"name the folder that holds {package[1]!r}: packages=[FOLDER] or --package FOLDER",
-            )
-        file = Path(os.path.normpath(filename))
-        self._evaluator.step(MACRO)
-        if not file.exists():
-            raise MissingFileError(file)
-        if not self._packages.holds(file):
-            raise XacroError(
-                f"reads {file}, which is in none of its packages",
-                "if it is meant to, name its folder by packages=[FOLDER] or --package FOLDER",
-            )
-        self.known.append(file)
-        try:
-            return file, read(file)
-        except OSError as error:
-            raise XacroError(f"{file} cannot be read ({error})", "name a file") from None
 
 
 class XacroError(Exception):

@@ -104,18 +104,22 @@ class Evaluator:
             yield item
 
 
-def bounded_round(number: float, digits: int | None = None) -> float:
+def _round(number: float, digits: int | None = None) -> float:
     """Round a number to at most 300 digits."""
     if digits is not None and abs(digits) > 300:
         raise ExpressionError(f"rounding to {digits} digits")
     return round(number, digits)
 
 
-def bounded_range(*ends: int) -> list[int]:
+def _range(*ends: int) -> list[int]:
     """Return a range of numbers as a list."""
     numbers = range(*ends)
     _check_length(len(numbers))
     return list(numbers)
+
+
+BOUNDED = {"round": _round, "range": _range}
+"""Functions that expressions have in place of Python's own."""
 
 
 def _attribute(owner: Any, name: str) -> Any:
