@@ -162,7 +162,7 @@ controller = {law = "JointPD", target = [0.3, 0.9], kp = 1, kd = 1}
             "unknown law 'pd'",
         ),
         (
-            "[[phases]]\nduration = 1\ncontroller = {target = [1, 1], gain = 1}",
+            "[[phases]]\nduration = 1\ncontroller = {law = 'JointPD', target = [1, 1], gain = 1}",
             "unknown key 'gain'",
         ),
         ("[[phases]]\ncontroller = {target = [1, 1]}", "law is 'missing'"),
