@@ -33,7 +33,8 @@ from spacearm.motion.controllers import TipLaw
 from spacearm.motion.flights import Flight, simulate_phases
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
-from spacearm.motion.simulation import Integration, simulate
+from spacearm.motion.plant import Integration
+from spacearm.motion.simulation import simulate
 from spacearm.sweeps.motion_tables import LAWS, read_integration, read_phases, read_plant
 from spacearm.sweeps.toml import Table
 

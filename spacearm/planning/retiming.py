@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
-from spacearm.arrays import Array, finite
+from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
 from spacearm.collisions.swept_motion import Recorded
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -24,7 +24,7 @@ from spacearm.motion.plant import WheelHold
 from spacearm.planning.reactions import Wheels, load_of, momentum_and_torque
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.attitude_held import slowed
-from spacearm.planning.timing import corners, largest_rates
+from spacearm.planning.timing import corners, for_each_joint, largest_rates
 from spacearm.singularities.report import angle
 
 
@@ -68,9 +68,9 @@ class Limits:
         found = cls(
             arm=arm,
             mode=mode,
-            rate=_bounds(arm, rate, "rate", largest_rates(arm)),
-            acceleration=_bounds(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
-            torque=_bounds(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
+            rate=for_each_joint(arm, rate, "rate", largest_rates(arm)),
+            acceleration=for_each_joint(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
+            torque=for_each_joint(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
             wheels=wheels,
         )
         unlimited = np.isinf(found.acceleration) & np.isinf(found.torque)
@@ -117,17 +117,6 @@ class Limits:
         rate = (np.abs(dq) / self.rate).max()
         load = max(np.abs(self.load(*row)).max() for row in zip(q, dq, ddq, strict=True))
         return float(max(rate, np.sqrt(load)))
-
-
-def _bounds(arm: SpaceArm, given: npt.ArrayLike | None, name: str, default: Array) -> Array:
-    """Return a limit for each joint (n,)."""
-    if given is None:
-        return default
-    shape = (arm.n,) if np.iterable(given) else ()
-    bounds = finite(given, shape, name, "(the largest one, for all joints or for each)")
-    if not (bounds > 0.0).all():
-        raise ConfigurationError(f"{name} is {given!r}; give positive numbers")
-    return np.broadcast_to(bounds, arm.n)
 
 
 SHAPES = 3
