@@ -1,8 +1,8 @@
 """The public names and where they live; `__init__.py` imports each when it is first used."""
 
 from spacearm.collisions.obstacles import Obstacle as Obstacle
-from spacearm.collisions.report import CollisionReport as CollisionReport
-from spacearm.collisions.report import collision_check as collision_check
+from spacearm.collisions.separation import CollisionReport as CollisionReport
+from spacearm.collisions.separation import collision_check as collision_check
 from spacearm.description.bus import Bus as Bus
 from spacearm.description.model_catalogue import ArmInfo as ArmInfo
 from spacearm.description.model_catalogue import ModelInfo as ModelInfo
@@ -86,10 +86,10 @@ from spacearm.motion.following import Followed as Followed
 from spacearm.motion.following import follow as follow
 from spacearm.motion.motion import Motion as Motion
 from spacearm.motion.motion import Trajectory as Trajectory
+from spacearm.motion.plant import Integration as Integration
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
 from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import WheelHold as WheelHold
-from spacearm.motion.simulation import Integration as Integration
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.simulation import simulate_many as simulate_many
 from spacearm.planning.planner import detumble as detumble

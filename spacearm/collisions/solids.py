@@ -33,6 +33,7 @@ THIN = 1e-3
 """Thickness given to the box around a flat visual, as a share of its length."""
 ROUND = 24
 """Corners of a circle, where round solids are drawn."""
+PRIMITIVES = {Box: coal.Box, Sphere: coal.Sphere, Cylinder: coal.Cylinder}
 WITHOUT = "correct that, or plan with collisions=False to do without"
 
 
@@ -80,25 +81,16 @@ def visual_solids(shapes: Visuals) -> Iterator[tuple[coal.CollisionGeometry, pin
 
 def _lengths(shape: Shape) -> tuple[float, ...]:
     """Return the lengths of a box, sphere or cylinder."""
-    match shape.geometry:
-        case Box(size):
-            return size
-        case Sphere(radius):
-            return (radius,)
-        case Cylinder(radius, length):
-            return radius, length
-    return ()
+    geometry = shape.geometry
+    if isinstance(geometry, Box):
+        return geometry.size
+    return tuple(geometry) if isinstance(geometry, Sphere | Cylinder) else ()
 
 
 def primitive(shape: Shape) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:
     """Yield a box, sphere or cylinder as one of coal; nothing for any other geometry."""
-    match shape.geometry:
-        case Box(size):
-            yield coal.Box(*size), shape.pose
-        case Sphere(radius):
-            yield coal.Sphere(radius), shape.pose
-        case Cylinder(radius, length):
-            yield coal.Cylinder(radius, length), shape.pose
+    if make := PRIMITIVES.get(type(shape.geometry)):
+        yield make(*_lengths(shape)), shape.pose
 
 
 def _box_around(points: Array, pose: pin.SE3) -> Iterator[tuple[coal.CollisionGeometry, pin.SE3]]:

@@ -53,12 +53,8 @@ def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = Fal
     return (*state, np.array(rows)) if keep else state
 
 
-def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False) -> Any:
+def repeat(count: int, step: Callable[..., Any], *state: Any) -> Any:
     """Repeat a step a number of times; see `symbols.repeat`."""
-    turns = iter(range(count))
-
-    def counted(*state: Any) -> Any:
-        found = step(next(turns), *state)
-        return (*found[: len(state)], True, *found[len(state) :])
-
-    return while_any(counted, *state, most=count, keep=keep)
+    for turn in range(count):
+        state = step(turn, *state)
+    return state

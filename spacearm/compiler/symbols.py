@@ -187,20 +187,18 @@ def while_any(step: Callable[..., Any], *state: Any, most: int, keep: bool = Fal
     return _loop(step, state, most, keep, counted=False)
 
 
-def repeat(count: int, step: Callable[..., Any], *state: Any, keep: bool = False) -> Any:
+def repeat(count: int, step: Callable[..., Any], *state: Any) -> Any:
     """Repeat a step a number of times.
 
     Args:
         count: How often.
-        step: Called as step(turn, *state) with turn = 0, 1, ...; returns state, a tuple, and with
-            `keep` (*state, row).
+        step: Called as step(turn, *state) with turn = 0, 1, ...; returns state, a tuple.
         state: Arrays at the start.
-        keep: Whether a row is kept in each turn.
 
     Returns:
-        The state at the end, and with `keep` the `Rows`.
+        The state at the end.
     """
-    return _loop(step, state, count, keep, counted=True)
+    return _loop(step, state, count, keep=False, counted=True)
 
 
 def _loop(
@@ -389,36 +387,31 @@ def trace(
     return traced
 
 
-def interpreted(
-    traced: Traced, inputs: Mapping[str, Any], numbers: Mapping[str, Any] | None = None
-) -> list[npt.NDArray[np.float64]]:
+def interpreted(traced: Traced, inputs: Mapping[str, Any]) -> list[npt.NDArray[np.float64]]:
     """Compute the outputs (m, *shape) by NumPy, operation by operation, without compiling.
 
     Args:
-        traced: The function.
+        traced: The function; all lanes share nothing.
         inputs: (m, *shape) of each input.
-        numbers: What all lanes share.
 
     Raises:
         TracingError: It has a loop, a procedure or a table.
     """
     m = len(next(iter(inputs.values())))
-    given = [column for name in traced.inputs for column in np.reshape(inputs[name], (m, -1)).T]
-    shared = [number for name in traced.numbers for number in np.ravel((numbers or {})[name])]
+    given = (column for name in traced.inputs for column in np.reshape(inputs[name], (m, -1)).T)
     values: dict[Expression, Any] = {}
 
     def value(o: Operand) -> Any:
         return values[o] if isinstance(o, Expression) else o
 
     with np.errstate(all="ignore"):
-        for tape, arguments in ((traced.shared, iter(shared)), (traced.tape, iter(given))):
-            for e in tape.written:
-                if e.operation == "var":
-                    values[e] = next(arguments)
-                elif e.operation in OPERATIONS:
-                    values[e] = OPERATIONS[e.operation].numpy(*map(value, e.operands))
-                else:
-                    raise TracingError(f"a {e.operation} is not run by NumPy")
+        for e in traced.tape.written:
+            if e.operation == "var":
+                values[e] = next(given)
+            elif e.operation in OPERATIONS:
+                values[e] = OPERATIONS[e.operation].numpy(*map(value, e.operands))
+            else:
+                raise TracingError(f"a {e.operation} is not run by NumPy")
     outputs = []
     for output in traced.outputs:
         columns = [np.broadcast_to(value(o), m) for o in traced.flat(output)]

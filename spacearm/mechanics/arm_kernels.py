@@ -63,7 +63,6 @@ def evaluated(
     numbers: Mapping[str, Any] | None = None,
     *,
     options: Mapping[str, Any] | None = None,
-    lanes: int | None = None,
     once: bool = False,
 ) -> Any:
     """Compute an equation of an arm for many configurations, compiled if that is worth it.
@@ -75,7 +74,6 @@ def evaluated(
         inputs: (m, ...) arrays by name, a row for each configuration.
         numbers: What all of them share.
         options: As in `ArmKernel`.
-        lanes: As in `ArmKernel`.
         once: As in `worth_compiling`.
 
     Returns:
@@ -83,7 +81,7 @@ def evaluated(
     """
     m = len(next(iter(inputs.values())))
     if m == 0 or worth_compiling(m, once=once):
-        kernel = ArmKernel([arm], mode, function, options, lanes=lanes, rows=m)
+        kernel = ArmKernel([arm], mode, function, options, rows=m)
         return kernel(inputs, numbers)
     from spacearm.compiler import numbers as by_numbers
 

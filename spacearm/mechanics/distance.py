@@ -72,6 +72,10 @@ class Linearisation(NamedTuple):
     rows: Array
 
 
+Lineariser = Callable[[Array, float], Linearisation]
+"""Linearises the singular set at configurations (p, n), with some fading."""
+
+
 class RankDistances(NamedTuple):
     """Distances to first order.
 
@@ -79,14 +83,11 @@ class RankDistances(NamedTuple):
         distances: (k,) entry j is the distance at which the singular values from j on vanish
             together; growing from the last to the first. inf where no motion of the joints makes
             them vanish to first order; zero for those that a J with k > n never has.
-        away: (n,) unit vector that leads away from the nearest singular configuration on the
-            shortest way; zeros where there is none.
         sigma: The least singular value.
         rows: (1 + |n - k|, n) rows as in `Linearisation`.
     """
 
     distances: Array
-    away: Array
     sigma: float
     rows: Array
 
@@ -117,9 +118,8 @@ def rank_distances(
             b = np.zeros((k - p + r, n - p + r))
             b[:r, :r] = np.diag(sigma[p - r :])
             distances[p - r] = _several(A, b.ravel(), NOTHING * norm)
-    return RankDistances(
-        np.maximum.accumulate(distances[::-1])[::-1], rows[0], float(sigma[-1]), rows
-    )
+    distances = np.maximum.accumulate(distances[::-1])[::-1]
+    return RankDistances(distances, float(sigma[-1]), rows)
 
 
 def rank_distances_of(
@@ -135,13 +135,12 @@ def rank_distances_of(
         fading: As of `rank_distances`.
 
     Returns:
-        The distances [rad]; `away` (n,) in [rad] or [m] per radian of distance; `rows` per radian.
+        The distances [rad], and `rows` per radian.
     """
     unit = joint_scales(arm)
     J = J * unit
     floor = ZERO * float(np.linalg.norm(J)) if error is None else error * float(unit.max())
-    found = rank_distances(J, dJ * unit * unit[:, None, None], floor, fading)
-    return found._replace(away=unit * found.away)
+    return rank_distances(J, dJ * unit * unit[:, None, None], floor, fading)
 
 
 def project(seen: Linearisation, offset: Array) -> Array:
@@ -153,10 +152,7 @@ def project(seen: Linearisation, offset: Array) -> Array:
 
 
 def refined(
-    arm: SpaceArm,
-    q: Array,
-    seen: Linearisation,
-    linearise_at: Callable[[Array, float], Linearisation],
+    arm: SpaceArm, q: Array, seen: Linearisation, linearise_at: Lineariser
 ) -> tuple[Array, Array]:
     """Take the second step where the first is short.
 
@@ -171,17 +167,15 @@ def refined(
     Returns:
         (m,) distances [rad] and (m, n) ways out [rad] or [m] per radian of distance.
     """
-    distance, away, stuck = _second(arm, q, seen, lambda Q: linearise_at(Q, FADING))
+    distance, away, stuck = _second(arm, q, seen, linearise_at, FADING)
     if stuck.size and arm.n > arm.task.k:
-        there = q[stuck]
-        distance[stuck], away[stuck], _ = _second(
-            arm, there, linearise_at(there, 0.0), lambda Q: linearise_at(Q, 0.0)
-        )
+        again = linearise_at(q[stuck], 0.0)
+        distance[stuck], away[stuck], _ = _second(arm, q[stuck], again, linearise_at, 0.0)
     return distance, joint_scales(arm) * away
 
 
 def _second(
-    arm: SpaceArm, q: Array, seen: Linearisation, linearise_at: Callable[[Array], Linearisation]
+    arm: SpaceArm, q: Array, seen: Linearisation, linearise_at: Lineariser, fading: float
 ) -> tuple[Array, Array, npt.NDArray[np.intp]]:
     """Take the second step; also return the numbers of those that it does not bring nearer."""
     distance, away, unit = seen.distance.copy(), seen.rows[:, 0].copy(), joint_scales(arm)
@@ -189,7 +183,7 @@ def _second(
     if not near.size:
         return distance, away, near
     first, way = distance[near, None], away[near]
-    there = linearise_at(q[near] - unit * first * way)
+    there = linearise_at(q[near] - unit * first * way, fading)
     offset = project(there, -first * way)
     second = np.linalg.norm(offset, axis=1, keepdims=True)
     nearer = _fading(there.distance[:, None] / first / CONTRACTING)

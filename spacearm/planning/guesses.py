@@ -23,7 +23,6 @@ from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
-from spacearm.equations.turns import GAUSS
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
@@ -35,7 +34,7 @@ from spacearm.planning.many_curves import (
     spacecraft_turns,
     turning_axes,
 )
-from spacearm.planning.optimiser import FAR, Target, sides, sines
+from spacearm.planning.optimiser import FAR, CurveFamily, Target, sides, sines
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
@@ -111,8 +110,7 @@ class GuessFinder:
         self.axes = goal_axes(start)
         limits = target.lower, target.upper
         self.free = FreeSpace(self.arm, start.q, *limits, self.account.check_time)
-        s = np.add.outer(np.arange(INTERVALS), GAUSS).ravel() / INTERVALS
-        self._basis, self._slope = sines(np.append(s, 1.0), waves)
+        self._family = CurveFamily(self.arm, start.q, waves, INTERVALS)
         self._along, _ = sines(np.linspace(0.0, 1.0, POINTS), waves)
 
     def curves(self, width: float, m: int) -> Iterator[Guess]:
@@ -294,8 +292,8 @@ class GuessFinder:
         turns: list[Array] = [np.empty((0, 3, 3))]
         for some in (slice(i, i + TOGETHER) for i in range(0, len(P), TOGETHER)):
             self.account.check_time()
-            Q = places[some] + self._basis[:-1] @ P[some]
-            turns.append(spacecraft_turns(self.arm, Q, self._slope @ P[some]))
+            Q = places[some] + self._family.basis[:-1] @ P[some]
+            turns.append(spacecraft_turns(self.arm, Q, self._family.slope @ P[some]))
         return np.concatenate(turns)
 
     def _unknowns(self, P: Array, C: Array | None = None) -> Array:

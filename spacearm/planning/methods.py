@@ -20,6 +20,7 @@ from spacearm.mechanics.jacobian import generalized_jacobian
 from spacearm.model.arm import Configuration
 from spacearm.motion.following import check_start, follow, how_it_ended
 from spacearm.motion.goal import Goal, as_goal, goal_axes, goal_rows, miss, steady
+from spacearm.motion.leading import straight_line
 from spacearm.planning.guesses import CLOSE, Guess, GuessFinder
 from spacearm.planning.many_curves import inverse_kinematics, turning_axes
 from spacearm.planning.optimiser import ARRIVED, ITERATIONS, NEWTON_STEPS, CurveOptimiser, Target
@@ -98,7 +99,11 @@ def attitude_first(problem: Problem) -> Rows:
     tip = problem.target.tip
     if tip is None or problem.target.attitude is not None:
         raise NoSolutionError("the goal is not only a place of the tip, to which a line could lead")
-    free = _free_turns(problem, tip)
+    free = []
+    for turn, start in _turns_under_tip(problem):
+        with suppress(NoSolutionError, ConfigurationError):
+            problem.check(_along_line(problem, start, tip))
+            free.append((turn, start))
     turns = ", ".join(turn for turn, _ in free)
     for _, start in free[:NEAREST]:
         target = problem.target._replace(tip=None, q=start.q, attitude=start.base.rotation)
@@ -194,18 +199,6 @@ def _without_contact(
     return list(itertools.islice(apart, TRIES))
 
 
-def _free_turns(problem: Problem, tip: pin.SE3) -> list[tuple[str, Configuration]]:
-    """Return the turns under the tip after which the line is free, in words, smallest first."""
-    free = []
-    for turn, start in _turns_under_tip(problem):
-        try:
-            problem.check(_along_line(problem, start, tip))
-        except (NoSolutionError, ConfigurationError):
-            continue
-        free.append((turn, start))
-    return free
-
-
 def _turns_under_tip(problem: Problem) -> list[tuple[str, Configuration]]:
     """Return turns of the spacecraft under a tip that stays, with the configuration after each.
 
@@ -269,14 +262,11 @@ def _line(problem: Problem, start: Configuration, goal: Goal, limited: bool) -> 
     """
     arm = start.arm
     if not steady(arm):  # the directions of the task turn on the way
-        slow = follow(
-            start, [goal], limits=limited, progress=lambda *_: problem.account.check_time()
-        )
+        look = problem.account.check_time
+        slow = follow(start, [goal], limits=limited, progress=lambda *_: look())
         if not slow.arrived:
             raise NoSolutionError(slow.reason, list(slow))
         return slow.q
-    from spacearm.motion.leading import straight_line
-
     check_start(start, "free-floating", limited)
     line = straight_line(start, goal, limited)
     if line.end.kind != "arrived":

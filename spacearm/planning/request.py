@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, plain, positive, whole
+from spacearm.arrays import Array, Parameters, plain, positive, whole
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.model.arm import Configuration, SpaceArm
@@ -19,7 +19,7 @@ from spacearm.motion.goal import Goal, Origin, goal_pose, started
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.account import Progress, SearchAccount
-from spacearm.planning.timing import largest_rates
+from spacearm.planning.timing import for_each_joint, largest_rates
 
 FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
@@ -42,7 +42,7 @@ class Joints:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Constraints:
+class Constraints(Parameters):
     """What must hold on the way of a plan.
 
     Attributes:
@@ -96,17 +96,7 @@ class Constraints:
         Raises:
             ConfigurationError: They are no positive numbers, one or one per joint.
         """
-        if self.rates is None:
-            return largest_rates(arm)
-        shape = (arm.n,) if np.iterable(self.rates) else ()
-        rates = finite(self.rates, shape, "rates", "(the largest one, for all joints or for each)")
-        if not (rates > 0.0).all():
-            raise ConfigurationError(f"rates is {self.rates!r}; give positive numbers")
-        return np.broadcast_to(rates, arm.n)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the constraints as plain data."""
-        return {name: plain(value) for name, value in vars(self).items()}
+        return for_each_joint(arm, self.rates, "rates", largest_rates(arm))
 
 
 @dataclass(frozen=True, kw_only=True)

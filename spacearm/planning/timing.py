@@ -7,9 +7,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, finite
+from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 
 UNLIMITED = 0.5
@@ -77,6 +79,21 @@ def largest_rates(arm: SpaceArm) -> Array:
     coupling = np.eye(arm.n) if arm.coupling is None else np.abs(arm.coupling)
     with np.errstate(divide="ignore"):
         return (velocity[:, None] / coupling).min(axis=0)
+
+
+def for_each_joint(arm: SpaceArm, given: npt.ArrayLike | None, name: str, default: Array) -> Array:
+    """Return a limit for each joint (n,), the default where none is given.
+
+    Raises:
+        ConfigurationError: It is no positive number, nor one per joint.
+    """
+    if given is None:
+        return default
+    shape = (arm.n,) if np.iterable(given) else ()
+    bounds = finite(given, shape, name, "(the largest one, for all joints or for each)")
+    if not (bounds > 0.0).all():
+        raise ConfigurationError(f"{name} is {given!r}; give positive numbers")
+    return np.broadcast_to(bounds, arm.n)
 
 
 def corners(step: Array) -> Array:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from spacearm.collisions.report import CollisionReport
+from spacearm.collisions.separation import CollisionReport
 from spacearm.errors import ConfigurationError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.mechanics.dynamics import Capture, Dynamics

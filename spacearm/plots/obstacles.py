@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from spacearm.arrays import Array
 from spacearm.collisions.obstacles import Obstacle
-from spacearm.collisions.report import CollisionReport
+from spacearm.collisions.separation import CollisionReport
 from spacearm.collisions.solids import corners
 from spacearm.plots.style import BLUE, GREY, RED, axes_for, style
 

@@ -377,7 +377,7 @@ def lose_rank(
         if np.isinf(near.distances[-1]):
             return None
         found, before = near.sigma <= LOST * most, q
-        q = q - min(float(near.distances[-1]), RANK_STRIDE) * near.away
+        q = q - min(float(near.distances[-1]), RANK_STRIDE) * near.rows[0]
     return None
 
 

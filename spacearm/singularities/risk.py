@@ -21,7 +21,7 @@ from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.results import Result
+from spacearm.results import Column, Description, Result, Table
 
 NEAR = float(np.radians(5.0))
 """Default distance to the singular set up to which a configuration is near a singularity [rad]."""
@@ -60,13 +60,25 @@ class RiskProfile(Result):
         """(bins,) middles of the classes [m]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
-    def __repr__(self) -> str:
-        near = f"{self.measure} <= {self.bound:.3g} {self.unit}"
-        if not self.count.any():
-            return f"RiskProfile({near}: no configuration in any class)"
-        peak = int(np.nanargmax(self.share))
-        most = f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m"
-        return f"RiskProfile({near}: {most})"
+    def describe(self) -> Description:
+        """Describe the share of each distance class."""
+        verdict = "no configuration in any class"
+        if self.count.any():
+            peak = int(np.nanargmax(self.share))
+            verdict = f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m"
+        classes = {
+            Column("R from", "m", ".4f"): self.edges[:-1],
+            Column("to", "m", ".4f"): self.edges[1:],
+            Column("share", "", ".1%"): self.share,
+            Column("standard error", "", ".1%"): self.error,
+            Column("postures", "", ",.0f"): self.count,
+        }
+        return Description(
+            title=f"{self.count.sum():,.0f} postures, {nearness(self)}",
+            verdict=verdict,
+            notes=["R: distance of the tip from the system CM"],
+            tables=[Table.by_columns(classes)],
+        )
 
 
 @of_arm
@@ -117,8 +129,7 @@ def risk_profile(
     least = whole(bins, "bins", 1) if edges is None else 1
     samples = whole(samples, "samples", least)
     Q = uniform(arm, limits, samples, np.random.default_rng(seed))
-    measure, bound = _near(sigma_min, distance)
-    unit = "rad" if measure == "distance" else arm.sigma_unit
+    measure, bound, unit = _near(arm, sigma_min, distance)
     values = {name: np.full(samples, np.nan) for name in (measure, "radius")}
     stopped = False
     try:
@@ -181,9 +192,9 @@ class PoseRisk(NamedTuple):
 
     def __repr__(self) -> str:
         return (
-            f"PoseRisk({len(self.share)} poses, {self.measure} <= {self.bound:.3g} {self.unit}: "
-            f"{self.share.mean():.1%} on average, at most {self.share.max():.1%}, among "
-            f"configurations within {self.within.max():.3g} m)"
+            f"PoseRisk({len(self.share)} poses, {nearness(self)}: {self.share.mean():.1%} on "
+            f"average, at most {self.share.max():.1%}, among configurations within "
+            f"{self.within.max():.3g} m)"
         )
 
 
@@ -237,8 +248,7 @@ def pose_risk(
             "samples than either"
         )
     Q = uniform(arm, limits, samples, np.random.default_rng(seed))
-    measure, bound = _near(sigma_min, distance)
-    unit = "rad" if measure == "distance" else arm.sigma_unit
+    measure, bound, unit = _near(arm, sigma_min, distance)
     value = evaluate(arm, Q, (measure,))[measure]
     at = reactions(arm, Q)
     centres = -np.einsum("mij,mi->mj", at.R, at.r)  # tip axes
@@ -250,39 +260,44 @@ def pose_risk(
     return PoseRisk(centres[:poses], share, apart[:, -1], measure, bound, unit)
 
 
-def _near(sigma_min: float | None, distance: float | None) -> tuple[str, float]:
-    """Return what measures whether a configuration is near a singularity, and up to which value."""
+def _near(arm: SpaceArm, sigma_min: float | None, distance: float | None) -> tuple[str, float, str]:
+    """Return what measures whether a configuration is near, up to which value, and its unit."""
     if sigma_min is not None and distance is not None:
         raise ConfigurationError(
             f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "
             "near means"
         )
     if sigma_min is not None:
-        return "sigma_min", sigma_min
-    return "distance", NEAR if distance is None else distance
+        return "sigma_min", sigma_min, arm.sigma_unit
+    return "distance", NEAR if distance is None else distance, "rad"
 
 
-def check_slides(arm: SpaceArm) -> npt.NDArray[np.bool_]:
-    """Return which joints are prismatic, (n,).
+def check_slides(arm: SpaceArm) -> None:
+    """Refuse arms with a prismatic joint without limits.
 
     Raises:
-        UnsupportedError: One of them has no limits.
+        UnsupportedError: There is one.
     """
-    endless = np.flatnonzero(arm.slides & np.isinf(arm.upper - arm.lower))
-    if len(endless):
-        name = arm.joint_names[endless[0]]
+    for j in np.flatnonzero(arm.slides & np.isinf(arm.upper - arm.lower)):
+        name = arm.joint_names[j]
         raise UnsupportedError(f"{arm.name}: joint {name!r} slides without limits; lock it")
-    return arm.slides
 
 
 def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
     """Draw m uniform configurations (m, n), within the joint limits or from the full turn."""
-    sliding = check_slides(arm)
+    check_slides(arm)
     span = arm.upper - arm.lower
     turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
-    kept = sliding | (limits & ~turns)
+    kept = arm.slides | (limits & ~turns)
     low, high = np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
     Q = np.empty((m, arm.n))
     for begin in range(0, m, BLOCK):  # so that Ctrl-C need not wait
         Q[begin : begin + BLOCK] = rng.uniform(low, high, (min(m - begin, BLOCK), arm.n))
     return Q
+
+
+def nearness(risk: RiskProfile | PoseRisk) -> str:
+    """Return which postures count as near a singularity, in words."""
+    if risk.measure == "distance":
+        return f"near: up to {np.degrees(risk.bound):.3g}° from a singular posture, to first order"
+    return f"near: sigma_min up to {risk.bound:.3g} {risk.unit}"

@@ -134,7 +134,9 @@ def test_numbers_are_exact():
 
 
 def test_what_c_has_not_is_refused():
-    kept = trace(lambda x: symbols.repeat(3, lambda _, s: (s + x, s), x, keep=True)[0], {"x": ()})
+    kept = trace(
+        lambda x: symbols.while_any(lambda s: (s + x, True, s), x, most=3, keep=True)[0], {"x": ()}
+    )
     with pytest.raises(TracingError, match="keeps no turns"):
         Code("part").body(kept, ["x"], ["y"])
     table = trace(lambda x, t: symbols.row(t, x), {"x": ()}, tables={"t": 2})

@@ -108,9 +108,9 @@ def test_rows_are_kept_as_long_as_a_lane_runs(lanes):
 def test_rows_that_nobody_wants_are_not_written(lanes):
     def function(x):
         inner = symbols.procedure(
-            lambda y: symbols.repeat(3, lambda _, z: (z + 1.0, z), y, keep=True)[0]
+            lambda y: symbols.while_any(lambda z: (z + 1.0, True, z), y, most=3, keep=True)[0]
         )
-        return inner(x) + symbols.repeat(2, lambda k, z: (z + k, z), x, keep=True)[0]
+        return inner(x) + symbols.while_any(lambda z: (z + 0.5, True, z), x, most=2, keep=True)[0]
 
     x = np.arange(5.0)
     np.testing.assert_array_equal(compiled(function, {"x": ()}, lanes=lanes)({"x": x}), 2 * x + 4)
@@ -192,7 +192,7 @@ def test_what_a_loop_cannot_do_is_said():
 
     def nested_rows(x):
         def step(_, y):
-            leaked.append(symbols.repeat(2, lambda _, z: (z, z), y, keep=True)[1])
+            leaked.append(symbols.while_any(lambda z: (z, True, z), y, most=2, keep=True)[1])
             return (y,)
 
         symbols.repeat(2, step, x)

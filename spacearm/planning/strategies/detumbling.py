@@ -12,7 +12,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -25,7 +24,7 @@ from spacearm.planning.reactions import Wheels
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt
 from spacearm.planning.strategies.attempts import Attempts
-from spacearm.planning.strategies.drift import ramp_ends
+from spacearm.planning.strategies.drift import ramp_ends, timed
 from spacearm.planning.strategies.rest_motion import WAVES, Bounds, Landing, RestMotion
 from spacearm.planning.timing import PEAK, corners
 
@@ -78,7 +77,8 @@ class Detumbling:
             NoSolutionError: There is none; carries the best attempt.
             StoppedError: Ctrl-C; carries the best attempt.
         """
-        name, duration, alone = self.start.arm.name, self.request.duration, self._alone
+        name, duration = self.start.arm.name, self.request.duration
+        alone = best_attempt(self.start, None)
         still = Problem.of(self.request.at_rest())  # refuses what nothing can solve
         try:
             least = least_time(self.wheels, self.start.momentum[3:], still.target.attitude)
@@ -90,10 +90,14 @@ class Detumbling:
                 f"momentum, whatever the way, and the duration is {duration:.4g} s",
                 alone,
             )
-        soonest = SOONEST * max(least, self._joint_time(still))
+        way = 0.01 if still.target.q is None else np.abs(still.target.q - self.start.q)
+        rests = PEAK * max((way / still.rates).max(), 0.01 / still.rates.max())
+        soonest = SOONEST * max(least, float(rests))
+        planar = self.start.arm.tree.plane_normal() is not None
+        few = not planar and np.linalg.matrix_rank(self.wheels.axes) < 3  # joints must help
         for number in self.attempts.each(itertools.count()):
             again, longer = divmod(number, 1 if duration else LONGEST)
-            random, bend = (again, True) if self._few else (again // 2, again % 2 == 1)
+            random, bend = (again, True) if few else (again // 2, again % 2 == 1)
             with self.attempts.at(METHOD):
                 self.account.check_time()
                 return self._attempt(duration or LONGER**longer * soonest, random, bend)
@@ -124,7 +128,7 @@ class Detumbling:
             heights[1:3, n:] *= float(np.linalg.norm(h)) or 1.0
             heights[1:3, :n] *= bend
         target = problem.target
-        bounds = Bounds(self.start, target, problem.rates, self.wheels)
+        bounds = Bounds(self.start.arm, target, problem.rates, self.wheels)
         landing = Landing(self.start, target, bounds, FEWEST, bend, self.account)
         if target.q is not None:
             heights[0, :n] = target.q - self.start.q
@@ -175,35 +179,11 @@ class Detumbling:
             NoSolutionError: It does not.
         """
         u, rows = landing.rows(motion)
-        self.best = found = Plan.of_rows(
-            METHOD,
-            rows,
-            problem.rates,
-            t=motion.duration * u,
-            momentum=self.start.momentum,
-            wheels=motion.at(u)[:, self.start.arm.n :],
-            wheel_load=landing.bounds.load(motion),
-            clearance=problem.target.clearance,
-            obstacles=self.request.obstacles,
-        )
+        t, wheels = motion.duration * u, motion.at(u)[:, self.start.arm.n :]
+        found = timed(self.request, problem, METHOD, rows, t, wheels)
+        self.best = found = replace(found, wheel_load=landing.bounds.load(motion))
         problem.check(rows)
         return recheck(problem.arrived(found, self.attempts.failed), self.account)
-
-    def _joint_time(self, still: Problem) -> float:
-        """Return a time that the joints take to the goal, or a hundredth of a turn of one [s]."""
-        rate = still.rates
-        way = 0.01 if still.target.q is None else np.abs(still.target.q - self.start.q)
-        return float(max(PEAK * (way / rate).max(), PEAK * 0.01 / rate.max()))
-
-    @cached_property
-    def _few(self) -> bool:
-        """Whether the wheels have no axis along a part of the turns, so that joints must help."""
-        planar = self.start.arm.tree.plane_normal() is not None
-        return not planar and bool(np.linalg.matrix_rank(self.wheels.axes) < 3)
-
-    @cached_property
-    def _alone(self) -> Plan:
-        return best_attempt(self.start, None)
 
 
 def least_time(wheels: Wheels, momentum: Array, attitude: Array | None) -> float:

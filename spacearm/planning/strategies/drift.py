@@ -35,7 +35,7 @@ from spacearm.planning.many_curves import (
     spacecraft_turns,
 )
 from spacearm.planning.optimiser import ARRIVED, Target
-from spacearm.planning.problem import Problem, recheck
+from spacearm.planning.problem import Problem, Rows, recheck
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt
 from spacearm.planning.strategies.at_rest import at_rest
@@ -192,16 +192,8 @@ class Drift:
         Raises:
             NoSolutionError: They do not.
         """
-        self.best = found = Plan.of_rows(
-            self.attempts.method,
-            rows,
-            problem.rates,
-            t=t,
-            momentum=self.start.momentum,
-            wheels=np.tile(self.start.wheels, (len(t), 1)),
-            clearance=problem.target.clearance,
-            obstacles=self.request.obstacles,
-        )
+        wheels = np.tile(self.start.wheels, (len(t), 1))
+        self.best = found = timed(self.request, problem, self.attempts.method, rows, t, wheels)
         problem.check(rows)
         over = (np.abs(np.diff(found.q, axis=0)) / np.diff(t)[:, None]).max(axis=0) / problem.rates
         if over.max() > 1.0:
@@ -223,6 +215,31 @@ def _rows(plan: Plan, lasts: float, spin: float) -> tuple[Array, Array]:
     at = np.concatenate([*(i + np.arange(k) / k for i, k in enumerate(parts)), [len(parts)]])
     rows = np.arange(len(t))
     return np.interp(at, rows, t), np.column_stack([np.interp(at, rows, q) for q in plan.q.T])
+
+
+def timed(
+    request: PlanRequest, problem: Problem, method: str, rows: Rows, t: Array, wheels: Array
+) -> Plan:
+    """Return the plan that passes rows, seen from the system CM, at times t (m,) [s].
+
+    Args:
+        request: What is asked, with the momentum.
+        problem: The problem that it poses, seen from the system CM.
+        method: The method that found the rows.
+        rows: The rows, which are not checked.
+        t: (m,) their times [s].
+        wheels: (m, w) what the wheels hold there [N m s].
+    """
+    return Plan.of_rows(
+        method,
+        rows,
+        problem.rates,
+        t=t,
+        momentum=request.start.momentum,
+        wheels=wheels,
+        clearance=problem.target.clearance,
+        obstacles=request.obstacles,
+    )
 
 
 def stretched(plan: Plan, duration: float, account: SearchAccount) -> Plan:

@@ -20,7 +20,7 @@ from scipy.optimize import linprog
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import placed
-from spacearm.model.arm import Configuration
+from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.planning.account import SearchAccount
 from spacearm.planning.many_curves import steered_attitudes
 from spacearm.planning.optimiser import ARRIVED, Target
@@ -115,16 +115,16 @@ def _turning_values(p: Polynomial) -> Array:
 
 @dataclass(frozen=True)
 class Bounds:
-    """The limits of joints and wheels.
+    """The limits of joints and wheels, joints first.
 
     Attributes:
-        start: Configuration at the start.
+        arm: The arm.
         target: What has the joint limits.
         rates: (n,) largest joint rates [rad/s] or [m/s].
         wheels: The wheels.
     """
 
-    start: Configuration
+    arm: SpaceArm
     target: Target
     rates: Array
     wheels: Wheels
@@ -135,73 +135,63 @@ class Bounds:
         return float((used / bound).max(initial=0.0)) - 1.0
 
     def rows(self, motion: RestMotion) -> tuple[Array, Array]:
-        """Return G and g of the limits G x <= g on heights x, each row over its bound."""
-        lower, upper, rate = self._with_room
+        """Return G and g of the limits G x <= g on heights x, each row over its bound.
+
+        There is some room, but start and goal are within the limits.
+        """
+        middle, width, most = self._limits
+        start, goal = motion.start, motion.start.copy()
+        if self.target.q is not None:
+            goal[: self.arm.n] = self.target.q
+        lower = np.minimum(middle - MARGIN * width, np.minimum(start, goal))
+        upper = np.maximum(middle + MARGIN * width, np.maximum(start, goal))
         at, rates = shapes(TIMES), shapes(TIMES, 1) / motion.duration
-        blocks, rooms = [], []
-        for i in range(len(motion.start)):
-            one = np.eye(len(motion.start))[i]
-            width = (upper[i] - lower[i]) / 2.0
-            if np.isfinite(width):
-                G = np.kron(at, one) / width
+        blocks, rooms = [np.zeros((0, motion.heights.size))], [np.zeros(0)]
+        for i, one in enumerate(np.eye(len(start))):
+            half, rate = (upper[i] - lower[i]) / 2.0, MARGIN * most[i]
+            if np.isfinite(half):
+                G = np.kron(at, one) / half
                 blocks += [G, -G]
-                rooms += [np.full(len(at), (upper[i] - motion.start[i]) / width),
-                          np.full(len(at), (motion.start[i] - lower[i]) / width)]  # fmt: skip
-            if np.isfinite(rate[i]):
-                G = np.kron(rates, one) / rate[i]
+                room = np.array([upper[i] - start[i], start[i] - lower[i]]) / half
+                rooms += [np.repeat(room, len(at))]
+            if np.isfinite(rate):
+                G = np.kron(rates, one) / rate
                 blocks += [G, -G]
                 rooms += [np.ones(2 * len(at))]
-        size = motion.heights.size
-        if not blocks:
-            return np.zeros((0, size)), np.zeros(0)
         return np.vstack(blocks), np.concatenate(rooms)
 
     def use(self, motion: RestMotion) -> tuple[Array, Array, list[str]]:
         """Return the extremes of a motion, the bounds that they have, and what they are."""
-        arm = self.start.arm
-        n = arm.n
+        n, joints = self.arm.n, self.arm.joint_names
+        middle, width, most = self._limits
         least, largest, rates = motion.extremes()
-        lower, upper = self.target.lower, self.target.upper
-        middle, width = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        bound = np.isfinite(width)
-        off = np.maximum(largest[:n] - middle, middle - least[:n])[bound]
-        names = [repr(name) for name in arm.joint_names]
-        used = [off, rates[:n], np.maximum(np.abs(least[n:]), np.abs(largest[n:])), rates[n:]]
-        most = [width[bound], self.rates, self.wheels.capacity, self.wheels.torque]
-        words = [
-            *(f"joint {name} goes beyond its limits" for name in np.array(names)[bound]),
-            *(f"joint {name} moves at {x:.4g}" for name, x in zip(names, used[1], strict=True)),
-            *(f"wheel {name} holds {x:.4g} of at most {most:.4g} N m s"
-              for name, x, most in zip(self.wheels.names, used[2], most[2], strict=True)),
-            *(f"wheel {name} gives {x:.4g} of at most {most:.4g} N m"
-              for name, x, most in zip(self.wheels.names, used[3], most[3], strict=True)),
-        ]  # fmt: skip
-        return np.concatenate(used), np.concatenate(most), words
+        far = np.maximum(largest - middle, middle - least)
+        words = [f"joint {name!r} goes beyond its limits" for name in joints]
+        words += self._of_wheels("holds", far[n:], width[n:], "N m s")
+        words += [
+            f"joint {name!r} moves at {x:.4g}" for name, x in zip(joints, rates[:n], strict=True)
+        ]
+        words += self._of_wheels("gives", rates[n:], most[n:], "N m")
+        return np.append(far, rates), np.append(width, most), words
+
+    def _of_wheels(self, does: str, used: Array, most: Array, unit: str) -> list[str]:
+        each = zip(self.wheels.names, used, most, strict=True)
+        return [f"wheel {name} {does} {x:.4g} of at most {y:.4g} {unit}" for name, x, y in each]
 
     def load(self, motion: RestMotion) -> str:
         """Return what the wheels hold and give at most, in one sentence."""
-        w = len(self.wheels.names)
-        words = self.use(motion)[2][-2 * w :]
+        words = [word for word in self.use(motion)[2] if word.startswith("wheel")]
         return f"{'; '.join(words)}: extremes of polynomials over time"
 
     @cached_property
-    def _with_room(self) -> tuple[Array, Array, Array]:
-        """(n + w,) least and largest values and largest rates, with some room."""
-        capacity, target = MARGIN * self.wheels.capacity, self.target
-        middle, width = 0.5 * (target.lower + target.upper), 0.5 * (target.upper - target.lower)
+    def _limits(self) -> tuple[Array, Array, Array]:
+        """(n + w,) middle and half width of what values may be, and the largest rates."""
+        lower = np.append(self.target.lower, -self.wheels.capacity)
+        upper = np.append(self.target.upper, self.wheels.capacity)
+        width = 0.5 * (upper - lower)
         with np.errstate(invalid="ignore"):
-            lower = np.where(np.isfinite(width), middle - MARGIN * width, -np.inf)
-            upper = np.where(np.isfinite(width), middle + MARGIN * width, np.inf)
-        ends = [self.start.q] if target.q is None else [self.start.q, target.q]
-        lower, upper = (
-            np.minimum(lower, np.min(ends, axis=0)),
-            np.maximum(upper, np.max(ends, axis=0)),
-        )
-        return (
-            np.append(lower, np.minimum(-capacity, self.wheels.start)),
-            np.append(upper, np.maximum(capacity, self.wheels.start)),
-            MARGIN * np.append(self.rates, self.wheels.torque),
-        )
+            middle = np.where(np.isfinite(width), 0.5 * (lower + upper), 0.0)
+        return middle, width, np.append(self.rates, self.wheels.torque)
 
 
 @dataclass(frozen=True)
@@ -318,20 +308,18 @@ class Landing:
 
     def _residuals(self, motions: list[RestMotion], steps: int) -> Array:
         """Return the residuals (p, k) of motions."""
-        n, out = self._n, []
+        n, axes, out = self._n, self.bounds.wheels.axes, []
         for motion, T in zip(motions, self._attitudes(motions, steps)[:, -1], strict=True):
             end = motion.start + motion.heights[0]
             there = self.target.missed(self.start, placed(self.start, end[:n], T))
-            still = (T.T @ self._h - self._wheels.axes @ end[n:]) / self._scale
+            still = (T.T @ self.start.momentum[3:] - axes @ end[n:]) / self._scale
             out.append(np.append(there, still))
         return np.array(out)
 
     def _slope(self, motion: RestMotion) -> Array:
         """Return the derivative (k, size) of the residual by the heights."""
-        unit, places = self._units, np.flatnonzero(self._free)
-        one = np.eye(len(unit))
-        motions = [motion]
-        motions += [motion.changed(BENT * unit[i] * one[i]) for i in places]
+        unit, places, one = self._units, np.flatnonzero(self._free), np.eye(len(self._units))
+        motions = [motion, *(motion.changed(BENT * unit[i] * one[i]) for i in places)]
         steps = max(COARSE, self.steps // 2)
         parts = []
         for first in range(0, len(motions), TOGETHER):
@@ -347,36 +335,27 @@ class Landing:
         n, u = self._n, np.linspace(0.0, 1.0, 2 * steps + 1)
         at = np.array([motion.at(u) for motion in motions])
         rates = np.array([motion.rates(u)[:, :n] for motion in motions])
-        held = at[:, :, n:] @ self._wheels.axes.T
-        T, t = self.start.base.rotation, motions[0].duration * u[::2]
-        return steered_attitudes(self.start.arm, T, t, at[:, :, :n], rates, self._h, held)
-
-    @property
-    def _wheels(self) -> Wheels:
-        return self.bounds.wheels
-
-    @property
-    def _h(self) -> Array:
-        """(3,) angular momentum about the system CM, inertial axes [N m s]."""
-        return self.start.momentum[3:]
+        held = at[:, :, n:] @ self.bounds.wheels.axes.T
+        start, t = self.start, motions[0].duration * u[::2]
+        T, h = start.base.rotation, start.momentum[3:]
+        return steered_attitudes(start.arm, T, t, at[:, :, :n], rates, h, held)
 
     @cached_property
     def _scale(self) -> float:
         """Momentum that counts as one [N m s]."""
-        held = float(np.abs(self._wheels.start).max())
-        return max(float(np.linalg.norm(self._h)), held) or 1.0
+        held = float(np.abs(self.bounds.wheels.start).max())
+        return max(float(np.linalg.norm(self.start.momentum[3:])), held) or 1.0
 
     @cached_property
     def _units(self) -> Array:
         """(size,) unit of each height."""
-        units = np.ones(self._n + self._w)
-        units[self._n :] = self._scale
-        return np.tile(units, 1 + WAVES)
+        w = len(self.bounds.wheels.names)
+        return np.tile(np.repeat((1.0, self._scale), (self._n, w)), 1 + WAVES)
 
     @cached_property
     def _free(self) -> npt.NDArray[np.bool_]:
         """(size,) whether a height may change; the joints' ramps do not where they have a goal."""
-        free = np.ones((1 + WAVES, self._n + self._w), dtype=bool)
+        free = np.ones((1 + WAVES, len(self._units) // (1 + WAVES)), dtype=bool)
         free[0, : self._n] = self.target.q is None
         free[1:, : self._n] = self.bend
         return free.ravel()
@@ -384,14 +363,10 @@ class Landing:
     @cached_property
     def _costs(self) -> Array:
         """What a unit of each free height costs; ramps nothing."""
-        each = np.append(np.full(self._n, BEND), np.full(self._w, SPIN))
-        cost = np.outer(np.append(0.0, np.ones(WAVES)), each)
-        return np.asarray(cost.ravel()[self._free])
+        w = len(self.bounds.wheels.names)
+        waves = np.tile(np.repeat((BEND, SPIN), (self._n, w)), WAVES)
+        return np.append(np.zeros(self._n + w), waves)[self._free]
 
     @property
     def _n(self) -> int:
         return self.start.arm.n
-
-    @property
-    def _w(self) -> int:
-        return len(self._wheels.names)
