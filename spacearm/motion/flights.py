@@ -18,10 +18,10 @@ from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event
-from spacearm.motion.motion import Trajectory
+from spacearm.motion.motion import Trajectory, events_table
 from spacearm.motion.plant import Integration, Plant
 from spacearm.motion.simulation import simulate
-from spacearm.results import Result
+from spacearm.results import Column, Description, Result, Table
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""
@@ -67,9 +67,31 @@ class Flight(Result):
             "ended": self.ended,
         }
 
-    def __repr__(self) -> str:
-        name, end = self.phases[0].arm.name, self.begins[-1] + self.phases[-1].t[-1]
-        return f"Flight({name}: {len(self.phases)} phases, {end:.6g} s, ended by {self.ended})"
+    def describe(self) -> Description:
+        """Describe the phases, and what happened on the way."""
+        arm, end = self.phases[0].arm, self.begins[-1] + self.phases[-1].t[-1]
+        rows = [
+            (
+                i,
+                begin,
+                begin + run.t[-1],
+                run.ended,
+                run.imbalance,
+                *(tip.translation for tip in run[-1].tips),
+            )
+            for i, (run, begin) in enumerate(zip(self.phases, self.begins, strict=True))
+        ]
+        names = ("tip",) if len(arm.tips) == 1 else arm.tips
+        columns: list[Column | str] = [
+            "phase", Column("from", "s", ".4g"), Column("to", "s", ".4g"), "ended by",
+            Column("energy off by", "", ".1e"), *(Column(f"{n} at the end", "m") for n in names),
+        ]  # fmt: skip
+        return Description(
+            title=arm.name,
+            verdict=f"{len(self.phases)} phases, {end:.6g} s, ended by {self.ended}",
+            tables=[Table(columns, rows)],
+            events=events_table(arm, self.events),
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
