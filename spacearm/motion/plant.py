@@ -1,22 +1,28 @@
-"""The plant of a simulation: what acts on an arm besides its controller."""
+"""What acts on a simulated arm besides its controller, and how a simulation is integrated."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array, finite, plain
+from spacearm.arrays import LARGEST, Array, Parameters, finite, named, positive
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
+from spacearm.motion.events import EVENTS
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
 Motors: TypeAlias = Callable[[float], npt.ArrayLike]
 """A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m]."""
+
+
+METHODS = ("auto", "DOP853", "Rodas5P")
+FINEST = 100.0 * float(np.finfo(np.float64).eps)
+"""The least `rtol` that the integrators take."""
 
 
 class PassiveJoint(NamedTuple):
@@ -38,7 +44,7 @@ class PassiveJoint(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields."""
-        return {name: plain(value) for name, value in self._asdict().items()}
+        return named(self)
 
 
 def described(arm: SpaceArm) -> dict[str, PassiveJoint]:
@@ -58,7 +64,7 @@ def described(arm: SpaceArm) -> dict[str, PassiveJoint]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WheelHold:
+class WheelHold(Parameters):
     """Wheels that hold the spacecraft's attitude at the start until they saturate.
 
     Their torque on the spacecraft is -stiffness phi - damping w_0, phi the rotation vector from the
@@ -78,10 +84,6 @@ class WheelHold:
     torque: float = np.inf
     capacity: float = np.inf
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
-
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping", "torque", "capacity"):
             value = getattr(self, name)
@@ -90,7 +92,7 @@ class WheelHold:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plant:
+class Plant(Parameters):
     """What acts on a simulated arm besides its controller.
 
     Attributes:
@@ -137,9 +139,39 @@ class Plant:
             *((link, wrench, True) for link, wrench in self.thrusters.items()),
         ]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data, functions as their repr."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+@dataclass(frozen=True, kw_only=True)
+class Integration(Parameters):
+    """How a simulation is integrated, and what is looked for on the way.
+
+    Attributes:
+        rtol: Relative tolerance of each step.
+        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
+        dt: Spacing of the output [s]; a thousandth of the duration if None.
+        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
+            or where J* is not square the distance to the singular set falls to half a degree),
+            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
+        reach: How near the target is reached: norm of the error.
+        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
+            torques) or "auto", which begins with the first and takes the second where that pays.
+    """
+
+    rtol: float = 1e-8
+    atol: float = 1e-10
+    dt: float | None = None
+    events: Sequence[str] = EVENTS
+    reach: float = 1e-3
+    method: str = "auto"
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "reach"):
+            positive(getattr(self, name), name)
+        if self.rtol < FINEST:
+            raise ConfigurationError(f"rtol is {self.rtol}; give a number from {FINEST:.2g} on")
+        if self.dt is not None:
+            positive(self.dt, "dt", "time [s]")
+        if self.method not in METHODS:
+            raise ConfigurationError(unknown("method", self.method, METHODS))
 
 
 def wheel_torques(values: npt.ArrayLike, count: int) -> Array:
@@ -155,10 +187,3 @@ def checked_wrench(link: str, values: npt.ArrayLike) -> Array:
 def wrench_at(link: str, wrench: Wrench, t: float) -> Array:
     """Return a wrench at a time, checked."""
     return checked_wrench(link, wrench(t) if callable(wrench) else wrench)
-
-
-def _plain(value: Any) -> Any:
-    """Return a field of a plant as plain data, functions as their repr."""
-    if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
-    return repr(value) if callable(value) else plain(value)
