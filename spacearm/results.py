@@ -82,7 +82,7 @@ class Table:
 
     @classmethod
     def by_columns(cls, columns: Mapping[Any, Cells], title: str = "") -> Table:
-        """Return a table of columns of one length: cells by their column, or by its name."""
+        """Return a table of columns of one length: their cells by columns or names."""
         return cls(list(columns), list(zip(*columns.values(), strict=True)), title)
 
     def head(self, angles: Angles) -> list[str]:
@@ -149,8 +149,8 @@ class Description:
 
     @property
     def limits(self) -> str:
-        """What was not checked, in words; empty if there is nothing to say."""
-        return f"not checked: {self.not_checked}" if self.not_checked else ""
+        """What was not checked, as a sentence; empty if there is nothing to say."""
+        return f"Not checked: {self.not_checked}." if self.not_checked else ""
 
     def to_html(self) -> str:
         """Return the description as HTML, as notebooks show it."""

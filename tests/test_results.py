@@ -306,7 +306,7 @@ def test_a_description_is_all_that_a_new_result_class_needs(capsys):
         "Events",
         "event   time [s]",
         "splash  0.5",
-        "not checked: vapour",
+        "Not checked: vapour.",
     ]
     print_result(slosh, as_json=True)
     assert json.loads(capsys.readouterr().out) == slosh.to_dict()

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, finite, plain, read_only
+from spacearm.arrays import Array, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
 from spacearm.model.arguments import of_configuration
@@ -216,7 +216,7 @@ Laws: TypeAlias = Controller | Mapping[str, Controller]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grasp:
+class Grasp(Parameters):
     """A body that the tip grasps at the end of a phase, by a plastic impact (see `capture`).
 
     Attributes:
@@ -234,22 +234,14 @@ class Grasp:
     twist: npt.ArrayLike | None = None
     joints: JointState = "free"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return {name: plain(getattr(self, name)) for name in self.__dataclass_fields__}
-
 
 @dataclass(frozen=True)
-class Release:
+class Release(Parameters):
     """The release, at the end of a phase, of the body that was grasped last; nothing pushes it."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return no fields."""
-        return {}
-
 
 @dataclass(frozen=True)
-class Phase:
+class Phase(Parameters):
     """A part of a flight.
 
     Attributes:
@@ -277,10 +269,7 @@ class Phase:
     def to_dict(self) -> dict[str, Any]:
         """Return all fields, the controller as its repr."""
         then = {type(self.then).__name__: self.then.to_dict()} if self.then else None
-        rest = {f.name: plain(getattr(self, f.name)) for f in fields(self)[3:]}
-        return {
-            "controller": repr(self.controller), "duration": self.duration, "then": then, **rest
-        }  # fmt: skip
+        return super().to_dict() | {"controller": repr(self.controller), "then": then}
 
 
 @of_configuration

@@ -5,39 +5,32 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
-from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
     Attitude,
+    JointValues,
+    NoLimits,
     Picture,
+    View,
     goal_from,
     joint_values,
     numbers,
     on_a_model,
-    spacecraft_pose,
+    radians,
 )
-from spacearm.cli.output import (
-    check_picture,
-    out,
-    picture_path,
-    print_result,
-    working,
-    write_picture,
-)
-from spacearm.cli.wording import join_numbers
-from spacearm.errors import ConfigurationError
+from spacearm.cli.output import answer, check_picture, out, working
+from spacearm.cli.questions import With, question, start_of
+from spacearm.cli.wording import NUMBER, join_numbers
 from spacearm.mission.attitudes import MARGIN, feasible_attitudes
 from spacearm.mission.reactions import reaction, size_wheels
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.singularities.risk import NEAR
-
-AXES = ("about x", "about y", "about z", "about any axis")
 
 
 @on_a_model
@@ -51,56 +44,44 @@ def find_attitudes(
             metavar="X1 X2 ...",
         ),
     ],
-    q0: Annotated[
-        str | None,
-        typer.Option(
-            "--q0", help="A posture near the start of the path; else all.", metavar="Q1 Q2 ..."
-        ),
-    ] = None,
-    attitude: Attitude = (0.0, 0.0, 0.0),
+    q: JointValues = None,
+    attitude: Attitude = None,
     margin: Annotated[
         float | None,
         typer.Option(help="Least distance to the singular set [rad]; 1 degree by default.", min=0),
     ] = None,
-    speed: Annotated[
-        float, typer.Option(help="Speed of the tip [m/s]; counts with momentum.")
-    ] = 0.1,
-    momentum: Annotated[
-        str | None,
-        typer.Option(help="Angular momentum on board [N m s], inertial axes.", metavar="X,Y,Z"),
-    ] = None,
     samples: Annotated[int | None, typer.Option(help="Number of attitudes tried at first.")] = None,
-    no_limits: Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")] = False,
+    no_limits: NoLimits = False,
+    more: With = None,
     output: Picture = None,
-    view: Annotated[bool, typer.Option("--view", help="Play the best in the browser.")] = False,
+    view: View = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the attitudes of the spacecraft from which the tip can follow a path."""
+    """Find the attitudes of the spacecraft from which the tip can follow a path.
+
+    With joint values, a posture near the start of the path, from that branch of postures; else
+    from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
+    refine, seed.
+    """
     check_picture(output)
-    given = MARGIN if margin is None else float(np.radians(margin)) if deg else margin
-    corners = [goal_from(arm, "--corner", text, deg) for text in corner]
-    h = None if momentum is None else np.append(np.zeros(3), _three("--momentum", momentum))
-    q = np.zeros(arm.n) if q0 is None else joint_values(arm, q0.split(), deg)
-    start = arm.at(q, base=spacecraft_pose(attitude, deg), momentum=h)
+    asked = question(more, "start", "speed", "refine", "seed", "length")
+    anywhere = not q and "q" not in asked.inner("start").values
+    near = np.zeros(arm.n) if anywhere else joint_values(arm, q, deg) if q else None
+    start = start_of(arm, asked, near, attitude, deg)
+    given = radians(margin, deg)
     with working("trying attitudes") as progress:
         found = feasible_attitudes(
             start,
-            corners,
-            all_branches=q0 is None,
-            margin=given,
-            speed=speed,
+            [goal_from(arm, "--corner", text, deg) for text in corner],
+            all_branches=anywhere,
+            margin=MARGIN if given is None else given,
             limits=not no_limits,
             samples=samples,
             progress=progress,
+            **{key: value for key, value in asked.values.items() if key != "start"},
         )
-    print_result(found, deg=deg, as_json=as_json)
-    _draw(found, output, arm.name, "attitudes", quiet=as_json or view, silent=as_json)
-    if view:
-        from spacearm.cli.views import serve_until_interrupted
-        from spacearm.viewer.show import view as show
-
-        serve_until_interrupted(show(found, open=False))
+    answer(arm, found, "attitudes", deg=deg, as_json=as_json, output=output, view=view)
 
 
 @on_a_model
@@ -114,15 +95,15 @@ def report_reaction(
         typer.Option(help="Line of sight of a camera, spacecraft axes.", metavar="X,Y,Z"),
     ] = None,
     output: Picture = None,
+    deg: bool = False,
     as_json: AsJson = False,
 ) -> None:
     """Report what a motion does to the spacecraft, and what holding the attitude takes."""
     check_picture(output)
-    sight = None if camera is None else _three("--camera", camera)
+    sight = None if camera is None else numbers("--camera", camera, 3)
     with working("computing reactions") as progress:
         found = reaction(Motion.load(motion, arm), camera=sight, progress=progress)
-    print_result(found, as_json=as_json)
-    _draw(found, output, arm.name, "reaction", quiet=as_json, silent=as_json)
+    answer(arm, found, "reaction", deg=deg, as_json=as_json, output=output)
 
 
 @on_a_model
@@ -147,20 +128,18 @@ def size_wheels_of(
 ) -> None:
     """Compute the momentum that wheels need to hold the attitude while the arm moves."""
     check_picture(output)
-    apart = NEAR if near is None else float(np.radians(near)) if deg else near
-    runs = None if not motion else [Motion.load(path, arm) for path in motion]
+    apart = radians(near, deg)
     with working("sizing wheels") as progress:
         found = size_wheels(
             arm,
-            runs,
+            [Motion.load(path, arm) for path in motion] if motion else None,
             tip_speed=tip_speed,
             samples=samples,
-            near=apart,
+            near=NEAR if apart is None else apart,
             seed=seed,
             progress=progress,
         )
-    print_result(found, deg=deg, as_json=as_json)
-    _draw(found, output, arm.name, "wheels", quiet=as_json, silent=as_json)
+    answer(arm, found, "wheels", deg=deg, as_json=as_json, output=output)
 
 
 @on_a_model
@@ -169,18 +148,16 @@ def write_report(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The page to write.", metavar="HTML")
     ],
-    q0: Annotated[
-        str | None,
-        typer.Option(
-            "--q0", help="The working posture; else one far from singularities.", metavar="Q1 ..."
-        ),
-    ] = None,
+    q: JointValues = None,
     deg: bool = False,
 ) -> None:
-    """Write a design report: one page with arm, singular sets, workspaces and reactions."""
+    """Write a design report: one page with arm, singular sets, workspaces and reactions.
+
+    Joint values give the working posture; without them it is one far from singularities.
+    """
     from spacearm.reports.sections import design_report  # imports matplotlib
 
-    start = None if q0 is None else joint_values(arm, q0.split(), deg)
+    start = joint_values(arm, q, deg) if q else None
     with working("writing the report") as progress:
         path = design_report(
             arm, output, q0=start, words=_describing(sys.argv[2:]), progress=progress
@@ -190,31 +167,10 @@ def write_report(
 
 def _describing(words: Sequence[str]) -> list[str]:
     """Return the words of a command line that describe the arm."""
-    kept: list[str] = []
+    told: list[str] = []
     skipping = False
     for word in join_numbers(words):
-        if not skipping and word not in ("-o", "--output", "--q0"):
-            kept.append(word)
-        skipping = word in ("-o", "--output", "--q0")
-    return [word for word in kept if not word.startswith(("--output=", "--q0="))]
-
-
-def _draw(
-    found: Any, output: Path | None, name: str, kind: str, *, quiet: bool, silent: bool
-) -> None:
-    """Write the picture that is asked for, or the usual one."""
-    if output or not quiet:
-        from spacearm.plots.show import plot  # imports matplotlib
-
-        where = picture_path(output, name, kind)
-        write_picture(where, plot(found))
-        if not silent:
-            out.print(f"wrote {where}")
-
-
-def _three(option: str, text: str) -> Array:
-    """Parse three numbers."""
-    values = numbers(option, text)
-    if len(values) != 3:
-        raise ConfigurationError(f"{option} is {text!r}; give three numbers, as in 0,0,1")
-    return values
+        if not skipping and word not in ("-o", "--output") and not NUMBER.fullmatch(word):
+            told.append(word)
+        skipping = word in ("-o", "--output")
+    return [word for word in told if not word.startswith("--output=")]
