@@ -141,7 +141,7 @@ class Law(NamedTuple):
         mode: What the law takes the spacecraft to do.
         rows: (k,) rows of a twist [linear; angular] that it leads.
         scale: (k,) their factors.
-        normal: As in `goals.goal_axes`.
+        normal: As in `goal_axes`.
         pose: Whether the target is a pose, else a point.
         rests: Whether a redundant arm tends to its posture of rest.
         rank: Number of directions that the spacecraft can be turned in.
