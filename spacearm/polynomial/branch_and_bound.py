@@ -85,20 +85,17 @@ def _range(
     F: TrigPolynomial, S: TrigPolynomial | None, centres: Array, half: Array
 ) -> tuple[Array, Array]:
     """Bound F on the roots in each box: least and largest value, (m,) each."""
-    value, gradient = F(centres), F.gradient(centres)
-    second = np.full(len(centres), 0.5 * half @ F.curvature @ half)
-    if S is not None:
-        g = S.gradient(centres)
-        multiplier = -(gradient * g).sum(axis=1) / np.maximum((g * g).sum(axis=1), 1e-300)
-        of_S = 0.5 * half @ S.curvature @ half
-        with_S = np.abs(gradient + multiplier[:, None] * g) @ half + np.abs(multiplier) * of_S
-        better = with_S < np.abs(gradient) @ half
-        multiplier = np.where(better, multiplier, 0.0)
-        value = value + multiplier * S(centres)
-        gradient = gradient + multiplier[:, None] * g
-        second = second + np.abs(multiplier) * of_S
-        second = second + np.abs(multiplier) * S.noise()
-    reach = np.abs(gradient) @ half + second + F.noise()
+    if S is None:
+        value, reach = F.enclosure(centres, np.broadcast_to(half, centres.shape))
+        return value - reach, value + reach
+    gradient, g = F.gradient(centres), S.gradient(centres)
+    multiplier = -(gradient * g).sum(axis=1) / np.maximum((g * g).sum(axis=1), 1e-300)
+    of_F, of_S = (0.5 * half @ f.curvature @ half for f in (F, S))
+    with_S = np.abs(gradient + multiplier[:, None] * g) @ half + np.abs(multiplier) * of_S
+    multiplier = np.where(with_S < np.abs(gradient) @ half, multiplier, 0.0)
+    value = F(centres) + multiplier * S(centres)
+    reach = np.abs(gradient + multiplier[:, None] * g) @ half + of_F + F.noise()
+    reach = reach + np.abs(multiplier) * (of_S + S.noise())
     return value - reach, value + reach
 
 

@@ -369,19 +369,26 @@ class TrigPolynomial:
         weights = [np.abs(orders(d))[:, None] ** np.arange(order + 1.0) for d in self.degrees]
         return derivative_bounds(np.abs(self.coefficients), weights, order)
 
-    def sign(self, centre: npt.ArrayLike, half: npt.ArrayLike) -> npt.NDArray[np.int_]:
-        """Certify signs over boxes: +1 or -1 where no root can be, else 0.
+    def enclosure(self, centre: Array, half: Array) -> tuple[Array, Array]:
+        """Bound the values over boxes, rounding included.
 
         Args:
             centre: (m, n) centres.
             half: (m, n) half widths.
+
+        Returns:
+            (m,) values at the centres, and by how much others in the boxes differ at most:
+            |df/dq| h + h B h / 2 with the gradient there, or L h if that is less.
         """
-        c, h = np.atleast_2d(np.asarray(centre, float)), np.atleast_2d(np.asarray(half, float))
-        second = 0.5 * np.einsum("mi,ij,mj->m", h, self.curvature, h)
-        first = np.einsum("mj,mj->m", np.abs(self.gradient(c)), h)
-        change = np.minimum(first + second, h @ self.lipschitz)
-        noise, values = self.noise(np.abs(c).max(initial=0.0)), self(c)
-        return np.where(np.abs(values) > change + noise, np.sign(values), 0.0).astype(int)
+        second = 0.5 * np.einsum("mi,ij,mj->m", half, self.curvature, half)
+        first = np.einsum("mj,mj->m", np.abs(self.gradient(centre)), half)
+        change = np.minimum(first + second, half @ self.lipschitz)
+        return self(centre), change + self.noise(np.abs(centre).max(initial=0.0))
+
+    def sign(self, centre: Array, half: Array) -> npt.NDArray[np.int_]:
+        """Certify signs over boxes, as of `enclosure`: +1 or -1 where no root can be, else 0."""
+        values, change = self.enclosure(centre, half)
+        return np.where(np.abs(values) > change, np.sign(values), 0.0).astype(int)
 
 
 def derivative_bounds(sizes: Array, weights: Sequence[Array], order: int) -> Array:

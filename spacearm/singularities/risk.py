@@ -117,8 +117,7 @@ def risk_profile(
     least = whole(bins, "bins", 1) if edges is None else 1
     samples = whole(samples, "samples", least)
     Q = uniform(arm, limits, samples, np.random.default_rng(seed))
-    measure, bound = _near(sigma_min, distance)
-    unit = "rad" if measure == "distance" else arm.sigma_unit
+    measure, bound, unit = _near(arm, sigma_min, distance)
     values = {name: np.full(samples, np.nan) for name in (measure, "radius")}
     stopped = False
     try:
@@ -237,8 +236,7 @@ def pose_risk(
             "samples than either"
         )
     Q = uniform(arm, limits, samples, np.random.default_rng(seed))
-    measure, bound = _near(sigma_min, distance)
-    unit = "rad" if measure == "distance" else arm.sigma_unit
+    measure, bound, unit = _near(arm, sigma_min, distance)
     value = evaluate(arm, Q, (measure,))[measure]
     at = reactions(arm, Q)
     centres = -np.einsum("mij,mi->mj", at.R, at.r)  # tip axes
@@ -250,37 +248,35 @@ def pose_risk(
     return PoseRisk(centres[:poses], share, apart[:, -1], measure, bound, unit)
 
 
-def _near(sigma_min: float | None, distance: float | None) -> tuple[str, float]:
-    """Return what measures whether a configuration is near a singularity, and up to which value."""
+def _near(arm: SpaceArm, sigma_min: float | None, distance: float | None) -> tuple[str, float, str]:
+    """Return what measures whether a configuration is near, up to which value, and its unit."""
     if sigma_min is not None and distance is not None:
         raise ConfigurationError(
             f"sigma_min is {sigma_min} and distance {distance}; give only one of them to say what "
             "near means"
         )
     if sigma_min is not None:
-        return "sigma_min", sigma_min
-    return "distance", NEAR if distance is None else distance
+        return "sigma_min", sigma_min, arm.sigma_unit
+    return "distance", NEAR if distance is None else distance, "rad"
 
 
-def check_slides(arm: SpaceArm) -> npt.NDArray[np.bool_]:
-    """Return which joints are prismatic, (n,).
+def check_slides(arm: SpaceArm) -> None:
+    """Refuse arms with a prismatic joint without limits.
 
     Raises:
-        UnsupportedError: One of them has no limits.
+        UnsupportedError: There is one.
     """
-    endless = np.flatnonzero(arm.slides & np.isinf(arm.upper - arm.lower))
-    if len(endless):
-        name = arm.joint_names[endless[0]]
+    for j in np.flatnonzero(arm.slides & np.isinf(arm.upper - arm.lower)):
+        name = arm.joint_names[j]
         raise UnsupportedError(f"{arm.name}: joint {name!r} slides without limits; lock it")
-    return arm.slides
 
 
 def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Array:
     """Draw m uniform configurations (m, n), within the joint limits or from the full turn."""
-    sliding = check_slides(arm)
+    check_slides(arm)
     span = arm.upper - arm.lower
     turns = (span >= 2.0 * np.pi) & (arm.coupling is None or np.isinf(span))
-    kept = sliding | (limits & ~turns)
+    kept = arm.slides | (limits & ~turns)
     low, high = np.where(kept, arm.lower, -np.pi), np.where(kept, arm.upper, np.pi)
     Q = np.empty((m, arm.n))
     for begin in range(0, m, BLOCK):  # so that Ctrl-C need not wait

@@ -6,7 +6,7 @@ workspace, and an arm mounted at the spacecraft's CM has none.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import named
+from spacearm.arrays import Progress, named
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -35,8 +35,6 @@ PARAMETERS = {
     "mass:LINK": "kg",
 }
 """Design parameters and their units."""
-
-Progress = Callable[[int, int], object]
 
 
 class Mounted(NamedTuple):
@@ -201,19 +199,17 @@ def workspaces(
     pdw = np.full((*shape, most, 2), np.nan)
     for at, r in radii.items():
         pdw[at][: len(r)] = r
-    names = tuple(axes)
-    data = {name: (names, values) for name, values in numbers.items()} | {"done": (names, done)}
-    data["pdw"] = ((*names, "shell", "bound"), pdw)
+    names, volume = tuple(axes), "m^2" if arm.tree.plane_normal() is not None else "m^3"
+    units = {"piw": volume, "reachable": volume, "fraction": "1"}
+    data: dict[str, Any] = {n: (names, x, {"units": units[n]}) for n, x in numbers.items()}
+    data["done"] = names, done
+    data["pdw"] = (*names, "shell", "bound"), pdw, {"units": "m"}
     if risk_bins:
-        data["risk"] = ((*names, "class"), risk)
-    result = xr.Dataset(data, coords={**axes, "bound": ["least", "largest"]})
-    result.attrs = {"arm": arm.name, "base_mode": mode, "limits": int(limits)}
-    for name in axes:
-        result[name].attrs["units"] = PARAMETERS.get(name, "kg")
-    volume = "m^2" if arm.tree.plane_normal() is not None else "m^3"
-    for name, unit in (("piw", volume), ("reachable", volume), ("fraction", "1"), ("pdw", "m")):
-        result[name].attrs["units"] = unit
-    return result
+        data["risk"] = (*names, "class"), risk
+    coords: dict[str, Any] = {"bound": ["least", "largest"]}
+    for name, x in axes.items():
+        coords[name] = name, x, {"units": PARAMETERS.get(name, "kg")}
+    return xr.Dataset(data, coords, {"arm": arm.name, "base_mode": mode, "limits": int(limits)})
 
 
 def optimise_mount(
