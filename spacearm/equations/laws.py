@@ -191,7 +191,7 @@ class Law(NamedTuple):
 
 
 class State(NamedTuple):
-    """A state, with all that laws see of it.
+    """A state of a plant, with all that laws see of it.
 
     Attributes:
         tree: The structure of the arm.
@@ -204,6 +204,9 @@ class State(NamedTuple):
         com: (3,) the system CM [m].
         tips: The tips.
         wheels: (w,) what each wheel holds [N m s].
+        momentum: (6,) of the whole.
+        given: The numbers of the plant by name.
+        own: The numbers of each law by name.
     """
 
     tree: Structure
@@ -216,6 +219,9 @@ class State(NamedTuple):
     com: Any
     tips: tuple[Pose, ...]
     wheels: Any
+    momentum: Any
+    given: dict[str, Any]
+    own: list[dict[str, Any]]
 
 
 def law_torques(

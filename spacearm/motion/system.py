@@ -583,7 +583,7 @@ def _placed(system: System, t: Any, y: Any) -> State:
     setup = Setup(wheels=(0,) * len(arm.wheels))
     numbers = np.concatenate((system.start.base.translation, np.zeros(3 * len(arm.wheels))))
     tree, p = structure_of(arm, system.mode), parameters_of(arm)
-    return moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup).state
+    return moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup)
 
 
 def _pushed(todo: Preparation, i: int) -> Pushed:
