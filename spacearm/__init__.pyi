@@ -86,10 +86,10 @@ from spacearm.motion.following import Followed as Followed
 from spacearm.motion.following import follow as follow
 from spacearm.motion.motion import Motion as Motion
 from spacearm.motion.motion import Trajectory as Trajectory
+from spacearm.motion.plant import Integration as Integration
 from spacearm.motion.plant import PassiveJoint as PassiveJoint
 from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import WheelHold as WheelHold
-from spacearm.motion.simulation import Integration as Integration
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.simulation import simulate_many as simulate_many
 from spacearm.planning.planner import detumble as detumble

@@ -18,9 +18,9 @@ from spacearm.equations import integration
 from spacearm.equations import plant as equations
 from spacearm.mechanics.arm_kernels import ArmKernel
 from spacearm.model.arguments import BaseMode
-from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import SHARPNESS
-from spacearm.motion.system import Prepared
+from spacearm.motion.plant import Integration
+from spacearm.motion.system import Prepared, System
 
 STEPS = 128
 """Steps of a call of the integrator."""
@@ -173,46 +173,35 @@ class Batch:
     """Runs of one kind.
 
     Args:
-        arms: The arm of each run; all of one structure.
-        mode: What the spacecraft does.
+        systems: What is simulated, of each run; arms of one structure.
         prepared: The numbers and functions of each run; all of one setup.
-        y: (m, states) the states at the start.
-        coupled: How many leading components of the state rates depend on.
-        tolerances: Relative and absolute tolerance of each step.
-        method: "auto", "DOP853" or "Rodas5P".
+        how: Tolerances and method.
 
     Attributes:
+        coupled: How many leading components of what is integrated its rate depends on.
         dense: Whether states within steps are wanted.
     """
 
     def __init__(
-        self,
-        arms: Sequence[SpaceArm],
-        mode: BaseMode,
-        prepared: Sequence[Prepared],
-        y: Array,
-        coupled: int,
-        tolerances: tuple[float, float],
-        method: str,
+        self, systems: Sequence[System], prepared: Sequence[Prepared], how: Integration
     ) -> None:
-        m = len(y)
-        self.arms, self.mode, self.setup = arms, mode, prepared[0].setup
-        self.n = arms[0].n
-        self.moving = np.array(integrated(self.setup, self.n, mode))
-        at = equations.parts(self.n, len(self.setup.wheels))
-        works = int((self.moving < at.works.stop).sum() - (self.moving < at.works.start).sum())
-        self.coupled = int((self.moving[: len(self.moving) - works] < coupled).sum())
-        self._works = slice(len(self.moving) - works, len(self.moving))
-        self.tolerances = (*tolerances, float(method == "auto"))
-        self.now, self.y = np.zeros((m, len(NOW))), y.copy()
+        m, first, self.setup = len(systems), systems[0], prepared[0].setup
+        self.arms, self.mode, self.n = [one.arm for one in systems], first.mode, first.arm.n
+        self.moving, at = np.array(integrated(self.setup, self.n, self.mode)), first.parts
+        works = (self.moving >= at.works.start) & (self.moving < at.works.stop)
+        self.works = slice(int(works.argmax()), len(self.moving))
+        most = max(one.coupled(self.setup) for one in systems)
+        self.coupled = int((self.moving[: self.works.start] < most).sum())
+        self.tolerances = how.rtol, how.atol, float(how.method == "auto")
+        self.now, self.y = np.zeros((m, len(NOW))), np.array([one.state for one in systems])
         self.t, self.h, self.status, self.stiff, self.holdoff, self.eigenvalue, _ = self.now.T
-        self.implicit = np.full(m, method == "Rodas5P")
+        self.implicit = np.full(m, how.method == "Rodas5P")
         self.longest_holdoff = np.full(m, float(integration.HOLDOFF))
         self.steps, self.exchanged = np.zeros(m, np.int64), np.zeros(m)
         self._marks = np.zeros((2, m))
         self.held: Array | None = None
         self.dense = True
-        self.outside = Outside(prepared, y.shape[1])
+        self.outside = Outside(prepared, self.y.shape[1])
         self._compiled: dict[Any, _Compiled] = {}
         self._rows = np.empty((m, STEPS, 2 + 8 * len(self.moving)))
         self._laws = np.array([p.laws for p in prepared]).reshape(m, -1)
@@ -329,7 +318,7 @@ class Batch:
         ends = np.where(last, self.t[run], np.append(start[1:], 0.0)[: len(run)])
         steps = Steps(run, start, ends, row, rows)
         self.steps += np.bincount(run, minlength=len(self))
-        gone = np.abs(self.changes(steps, self._works)).sum(axis=1)
+        gone = np.abs(self.changes(steps, self.works)).sum(axis=1)
         self.exchanged += np.bincount(run, gone, minlength=len(self))
         return steps
 
@@ -393,9 +382,9 @@ class Batch:
         """End a run at an event in one of these steps, or at the start, where its state is y."""
         if steps is not None:
             mine = (steps.run == run) & (steps.end >= t)
-            whole = np.abs(self.changes(steps, self._works)[mine]).sum(axis=1)
-            begun = self.begins(steps, self._works)[mine]
-            part = np.abs(y[self.moving][self._works] - begun).sum(axis=1)
+            whole = np.abs(self.changes(steps, self.works)[mine]).sum(axis=1)
+            begun = self.begins(steps, self.works)[mine]
+            part = np.abs(y[self.moving][self.works] - begun).sum(axis=1)
             begins = steps.start[mine] <= t
             self.exchanged[run] += np.where(begins, part, 0.0).sum() - whole.sum()
             self.steps[run] -= int((~begins).sum())

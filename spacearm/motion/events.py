@@ -1,11 +1,10 @@
-"""Events: functions of time and state whose roots are events, and the search for these roots."""
+"""Events: what may happen on the way, and the distance at which a singularity is met."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,9 +31,6 @@ ROUNDING = 1e-12
 SHARPNESS = 1e-14
 """Tolerance of the time of an event, as a share of the largest time."""
 
-Measure: TypeAlias = Callable[[float, Array], float]
-"""A function of time and state; the state begins with the n joint positions."""
-
 
 class Event(NamedTuple):
     """Something that happened on the way.
@@ -59,22 +55,6 @@ class Event(NamedTuple):
         return {name: plain(value) for name, value in self._asdict().items()}
 
 
-class EventFunction(NamedTuple):
-    """A function of time and state whose root is an event.
-
-    Attributes:
-        kind: The kind of event.
-        detail: What to say about it.
-        value: The function.
-        falling: Whether only a fall through zero counts.
-    """
-
-    kind: str
-    detail: str
-    value: Measure
-    falling: bool
-
-
 @lru_cache(maxsize=64)
 def has_determinant(arm: SpaceArm, mode: BaseMode) -> bool:
     """Tell whether J* is square, and the task one that the arm can do somewhere."""
@@ -91,7 +71,8 @@ def clear_of_singularities(cfg: Configuration, mode: BaseMode, axes: Array | Non
     """Return the distance to the singular set less `NEAR` [rad], no more than 1."""
     distance = distance_at(cfg, mode, axes)
     if NEAR / DOUBTFUL < distance < DOUBTFUL * NEAR and is_exact(cfg.arm):
-        distance = exact_distance(cfg, mode, distance)
+        found = nearest_locally(cfg.arm, mode, cfg.q)
+        distance = distance if found is None else found[1]
     return min(distance, 1.0) - NEAR
 
 
@@ -104,86 +85,27 @@ def is_exact(arm: SpaceArm) -> bool:
     return arm.n > arm.task.k and len(arm.tips) == 1 and steady(arm)
 
 
-def exact_distance(cfg: Configuration, mode: BaseMode, otherwise: float = 1.0) -> float:
-    """Return the distance to the part of the singular set that lies about [rad]."""
-    found = nearest_locally(cfg.arm, mode, cfg.q)
-    return otherwise if found is None else found[1]
-
-
-def with_nearest(event: Event, arm: SpaceArm, mode: BaseMode) -> Event:
-    """Add the nearest singular configuration to an event, if it is a singularity and has one."""
-    if event.kind != "singularity" or not is_exact(arm):
-        return event
-    found = nearest_locally(arm, mode, event.q)
-    return event if found is None else event._replace(nearest=found[0])
-
-
-def limit_functions(arm: SpaceArm) -> list[EventFunction]:
-    """Return the distance of every joint to each of its limits."""
-
-    def distance(j: int, sign: float, limit: float) -> Measure:
-        return lambda _, y: sign * (limit - float(y[j]))
-
-    return [
-        EventFunction("joint limit", name, distance(j, sign, bounds[j]), True)
-        for j, name in enumerate(arm.joint_names)
-        for sign, bounds in ((1.0, arm.upper), (-1.0, arm.lower))
-        if np.isfinite(bounds[j])
-    ]
-
-
-class EventFinder:
-    """The search for the events of a motion of n joints, step by step.
+def first_fall(
+    values: Callable[[float], Array], before: Array, after: Array, a: float, b: float
+) -> tuple[float, int] | None:
+    """Return when the first of some functions falls below zero in a step, and which; None if none.
 
     Args:
-        functions: The functions whose roots are events.
-        n: Number of joints, whose positions begin the state.
-        t: Time at which the motion starts.
-        y: The state then.
+        values: The functions of time.
+        before: Their values at the end of the step before, which differ by rounding from those at
+            the beginning of this one.
+        after: Those at the end of the step.
+        a: When the step begins.
+        b: When it ends.
     """
+    from scipy.optimize import brentq  # slow to import
 
-    def __init__(self, functions: Sequence[EventFunction], n: int, t: float, y: Array) -> None:
-        self.functions, self.n = functions, n
-        self.t, self.q = t, y[:n].copy()
-        self.values = [function.value(t, y) for function in functions]
+    found = []
+    for i in np.flatnonzero((before >= 0.0) & (after < 0.0)).tolist():
 
-    def at_start(self) -> list[Event]:
-        """Return the events that are already so at the start."""
-        return [
-            Event(self.t, function.kind, self.q, function.detail)
-            for function, value in zip(self.functions, self.values, strict=True)
-            if (value < 0.0 if function.falling else abs(value) <= ROUNDING)
-        ]
+        def value(t: float, i: int = i) -> float:
+            return float(values(t)[i])
 
-    def in_step(self, y: Callable[[float], Array], end: float) -> list[Event]:
-        """Return the events of the next step, in order.
-
-        Args:
-            y: The state in the step, a function of time.
-            end: Time at which the step ends.
-        """
-        looks = np.linspace(self.t, end, 2 + int(np.abs(y(end)[: self.n] - self.q).max() / LOOK))
-        found = []
-        for start, t in pairwise(looks):
-            state = y(t)
-            values = [function.value(t, state) for function in self.functions]
-            for function, before, after in zip(self.functions, self.values, values, strict=True):
-                fell, rose = before > 0.0 >= after, before < 0.0 <= after
-                if (before >= 0.0 > after) if function.falling else (fell or rose):
-                    found.append(self._between(function, y, float(start), float(t)))
-            self.values = values
-        self.t, self.q = end, state[: self.n].copy()
-        return sorted(found, key=lambda event: event.t)
-
-    def _between(
-        self, function: EventFunction, y: Callable[[float], Array], a: float, b: float
-    ) -> Event:
-        """Return the event between two times."""
-        from scipy.optimize import brentq  # slow to import
-
-        def value(s: float) -> float:
-            return function.value(s, y(s))
-
-        before, after = value(a), value(b)  # the last step may end with another sign, by rounding
-        t = a if before * after > 0.0 else brentq(value, a, b, xtol=SHARPNESS * b)
-        return Event(float(t), function.kind, y(t)[: self.n].copy(), function.detail)
+        crosses = value(a) * value(b) <= 0.0
+        found.append((brentq(value, a, b, xtol=SHARPNESS * b) if crosses else a, i))
+    return min(found, default=None)

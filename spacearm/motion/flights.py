@@ -19,8 +19,8 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Trajectory
-from spacearm.motion.plant import Plant
-from spacearm.motion.simulation import Integration, simulate
+from spacearm.motion.plant import Integration, Plant
+from spacearm.motion.simulation import simulate
 from spacearm.results import Result
 
 SUMS = ("impulse", "work", "other_work")

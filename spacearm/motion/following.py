@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -28,12 +28,12 @@ from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion.events import (
     CLOSE,
+    LOOK,
+    ROUNDING,
     Event,
-    EventFinder,
-    EventFunction,
     clear_of_singularities,
-    limit_functions,
-    with_nearest,
+    first_fall,
+    is_exact,
 )
 from spacearm.motion.goal import (
     Goal,
@@ -47,6 +47,7 @@ from spacearm.motion.goal import (
 from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.results import Description
+from spacearm.singularities.nearest import nearest_locally
 from spacearm.singularities.report import NO_INVERSE
 
 if TYPE_CHECKING:
@@ -167,6 +168,8 @@ def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> 
 RETURN = 10.0
 """Rate at which the tip returns to its path from rounding errors [1/m]."""
 RTOL, ATOL = 1e-10, 1e-11
+ENDS = ("singularity", "arrived", "joint limit")
+"""What ends a segment."""
 SPACING = 0.02
 """Largest distance between outputs along the curve in (q, s) [rad], [m]."""
 
@@ -185,7 +188,7 @@ class TipCurve:
         self.arm, self.start, self.segment = cfg.arm, cfg, segment
         self.mode, self.limits = mode, limits
         self.square = self.arm.task.k == self.arm.n
-        self.sense = np.sign(self.determinant(state_of(cfg, 0.0))) if self.square else 1.0
+        self.sense = np.sign(np.linalg.det(self.jacobian(cfg))) if self.square else 1.0
 
     def configuration(self, y: Array) -> Configuration:
         """Return the configuration in a state; the system CM stays, or the spacecraft if fixed."""
@@ -199,15 +202,6 @@ class TipCurve:
     def jacobian(self, cfg: Configuration) -> Array:
         """Return the rows (k, n) of J* that the task names."""
         return goal_rows(cfg, generalized_jacobian(cfg, mode=self.mode))
-
-    def determinant(self, y: Array) -> float:
-        """Return det J*, which has opposite signs on the two sides of a singularity."""
-        return float(np.linalg.det(self.jacobian(self.configuration(y))))
-
-    def room(self, y: Array) -> float:
-        """Return the distance to the singular set, less what counts as singular [rad]."""
-        cfg = self.configuration(y)
-        return clear_of_singularities(cfg, self.mode, goal_axes(cfg))
 
     def tangent(self, cfg: Configuration, s: float) -> Array:
         """Return the unit vector (dq, ds) along the curve.
@@ -233,14 +227,15 @@ class TipCurve:
         turning = quaternion_rate(numbers, y[-5:-1], w)
         return np.concatenate((dq, turning, [ds]))
 
-    def end_functions(self) -> list[EventFunction]:
-        """Return the functions whose roots end the segment."""
-        singular = EventFunction("singularity", f", {CLOSE}", lambda _, y: self.room(y), True)
+    def rooms(self, y: Array) -> Array:
+        """Return how far (3,) a state is from each of `ENDS`: negative beyond it."""
+        cfg, q, arm = self.configuration(y), y[: self.arm.n], self.arm
         if self.square:
-            singular = EventFunction("singularity", "", lambda _, y: self.determinant(y), False)
-        length = self.segment.length
-        arrived = EventFunction("arrived", "", lambda _, y: length - float(y[-1]), True)
-        return [singular, arrived, *(limit_functions(self.arm) if self.limits else [])]
+            clear = self.sense * np.linalg.det(self.jacobian(cfg))
+        else:
+            clear = clear_of_singularities(cfg, self.mode, goal_axes(cfg))
+        inside = np.minimum(arm.upper - q, q - arm.lower).min() + ROUNDING
+        return np.array([clear, self.segment.length - y[-1], inside if self.limits else 1.0])
 
     def integrate(self, progress: Callable[[float, float], object] | None) -> tuple[Array, Event]:
         """Return the states (m, n + 5) up to the end, and the event that ends the segment.
@@ -248,26 +243,39 @@ class TipCurve:
         Raises:
             NoSolutionError: The integrator fails.
         """
-        from scipy import integrate  # slow to import
+        from scipy.integrate import DOP853  # slow to import
 
-        y0 = state_of(self.start, 0.0)
-        method: Callable[..., OdeSolver] = integrate.DOP853
-        solver = method(self.rate, 0.0, y0, np.inf, rtol=RTOL, atol=ATOL)
-        finder = EventFinder(self.end_functions(), self.arm.n, 0.0, y0)
-        states: list[Array] = []
+        y = state_of(self.start, 0.0)
+        method: Callable[..., OdeSolver] = DOP853
+        solver = method(self.rate, 0.0, y, np.inf, max_step=LOOK, rtol=RTOL, atol=ATOL)
+        before, states = self.rooms(y), list[Array]()
         while True:
             if failure := solver.step():
                 raise NoSolutionError(f"{self.arm.name}: the path cannot be followed: {failure}")
             if progress:
                 progress(float(solver.y[-1]), self.segment.length)
-            piece, end = solver.dense_output(), solver.t
-            found = finder.in_step(piece, end)
-            if found:
-                end = found[0].t
-            steps = 1 + int((end - solver.t_old) / SPACING)
-            states.append(piece(np.linspace(solver.t_old, end, steps + 1)[1:]).T)
-            if found:
-                return np.vstack(states), with_nearest(found[0], self.arm, self.mode)
+            piece, begin, after = solver.dense_output(), solver.t_old, self.rooms(solver.y)
+
+            def along(t: float, piece: Any = piece) -> Array:
+                return self.rooms(piece(t))
+
+            fall = first_fall(along, before, after, begin, solver.t)
+            end, before = fall[0] if fall else solver.t, after
+            steps = 1 + int((end - begin) / SPACING)
+            states.append(piece(np.linspace(begin, end, steps + 1)[1:]).T)
+            if fall:
+                return np.vstack(states), self.event(end, states[-1][-1], ENDS[fall[1]])
+
+    def event(self, t: float, y: Array, kind: str) -> Event:
+        """Return the event that ends the segment in a state."""
+        arm, q, detail, nearest = self.arm, y[: self.arm.n].copy(), "", None
+        if kind == "joint limit":
+            detail = arm.joint_names[int(np.minimum(arm.upper - q, q - arm.lower).argmin())]
+        elif kind == "singularity" and not self.square:
+            detail = f", {CLOSE}"
+            found = nearest_locally(arm, self.mode, q) if is_exact(arm) else None
+            nearest = None if found is None else found[0]
+        return Event(t, kind, q, detail, nearest)
 
 
 def state_of(cfg: Configuration, s: float) -> Array:

@@ -407,12 +407,9 @@ class Trajectory(Motion):
     @property
     def drift(self) -> float:
         """Largest change of the momentum that is kept, over what the joints alone brought."""
-        f = free_components(self.mode)
         rates = zip(self, self.dq, strict=True)
-        brought = [momentum_matrix(cfg).A_q[:f] @ dq for cfg, dq in rates]
-        change = np.abs((self.momentum - self.impulse - self.momentum[0])[:, :f]).max(initial=0.0)
-        most = np.abs([*brought, self.momentum[0, :f], *self.impulse[:, :f]]).max(initial=0.0)
-        return float(change / most) if most > 0.0 else 0.0
+        brought = np.array([momentum_matrix(cfg).A_q @ dq for cfg, dq in rates])
+        return drift_of(self.momentum, self.impulse, brought, free_components(self.mode))
 
     def to_xarray(self) -> xr.Dataset:
         """Return all quantities as labelled arrays; wrenches along "link"."""
@@ -458,6 +455,20 @@ class Trajectory(Motion):
             f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first}{called})"
         )
+
+
+def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> float:
+    """Return the change of the momentum that is kept, over what the joints alone brought.
+
+    Args:
+        momentum: (m, 6) momentum over time.
+        impulse: (m, 6) what wrenches added to it.
+        brought: (m, 6) momentum that the joint rates bring with the spacecraft at rest.
+        free: How many components are kept.
+    """
+    change = np.abs((momentum - impulse - momentum[0])[:, :free]).max(initial=0.0)
+    most = np.abs(np.vstack((brought, momentum[:1], impulse))[:, :free]).max(initial=0.0)
+    return float(change / most) if most > 0.0 else 0.0
 
 
 def events_table(arm: SpaceArm, events: Sequence[Event]) -> Table:

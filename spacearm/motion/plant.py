@@ -1,22 +1,28 @@
-"""The plant of a simulation: what acts on an arm besides its controller."""
+"""What acts on a simulated arm besides its controller, and how a simulation is integrated."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array, finite, plain
+from spacearm.arrays import LARGEST, Array, finite, plain, positive
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
+from spacearm.motion.events import EVENTS
 
 Wrench: TypeAlias = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 """(6,) [force [N]; torque [N m]], or a function of time [s] that gives it."""
 Motors: TypeAlias = Callable[[float], npt.ArrayLike]
 """A function of time [s] that gives the torque of each wheel (w,), which it takes up [N m]."""
+
+
+METHODS = ("auto", "DOP853", "Rodas5P")
+FINEST = 100.0 * float(np.finfo(np.float64).eps)
+"""The least `rtol` that the integrators take."""
 
 
 class PassiveJoint(NamedTuple):
@@ -140,6 +146,44 @@ class Plant:
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain data, functions as their repr."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integration:
+    """How a simulation is integrated, and what is looked for on the way.
+
+    Attributes:
+        rtol: Relative tolerance of each step.
+        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
+        dt: Spacing of the output [s]; a thousandth of the duration if None.
+        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
+            or where J* is not square the distance to the singular set falls to half a degree),
+            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
+        reach: How near the target is reached: norm of the error.
+        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
+            torques) or "auto", which begins with the first and takes the second where that pays.
+    """
+
+    rtol: float = 1e-8
+    atol: float = 1e-10
+    dt: float | None = None
+    events: Sequence[str] = EVENTS
+    reach: float = 1e-3
+    method: str = "auto"
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "reach"):
+            positive(getattr(self, name), name)
+        if self.rtol < FINEST:
+            raise ConfigurationError(f"rtol is {self.rtol}; give a number from {FINEST:.2g} on")
+        if self.dt is not None:
+            positive(self.dt, "dt", "time [s]")
+        if self.method not in METHODS:
+            raise ConfigurationError(unknown("method", self.method, METHODS))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def wheel_torques(values: npt.ArrayLike, count: int) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from spacearm.arrays import Array
 from spacearm.equations.integration import COLLAPSED, FAILED, state_of
 from spacearm.equations.measures import measures, nearest
-from spacearm.equations.plant import crossing, observe, parts, torques
+from spacearm.equations.plant import crossing, observe, torques
 from spacearm.errors import NoSolutionError, SpaceArmError
 from spacearm.mechanics import distance
 from spacearm.mechanics.arm_kernels import WIDE
@@ -19,7 +19,6 @@ from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.model.arguments import free_components
 from spacearm.model.joints import joint_scales
 from spacearm.motion.batch import Batch, Steps, Whole
-from spacearm.motion.controllers import Controller
 from spacearm.motion.events import (
     DOUBTFUL,
     EVENTS,
@@ -30,7 +29,8 @@ from spacearm.motion.events import (
     Event,
     is_exact,
 )
-from spacearm.motion.motion import Trajectory
+from spacearm.motion.motion import Trajectory, drift_of
+from spacearm.motion.plant import Integration
 from spacearm.motion.system import Prepared, System, WantedEvent
 from spacearm.singularities.nearest import local_offsets
 
@@ -114,11 +114,11 @@ class Crossings:
         exact: Whether the exact distance to the singular set counts, not that to first order.
     """
 
-    def __init__(self, batch: Batch, wanted: list[WantedEvent], exact: bool) -> None:
+    def __init__(self, batch: Batch, wanted: Sequence[WantedEvent], exact: bool) -> None:
         self.batch = batch
         self.distance = np.array([event.root is None for event in wanted], dtype=bool)
         self.plain, self.near = (np.flatnonzero(self.distance == near) for near in (False, True))
-        self.falling = np.array([wanted[i].falling for i in self.plain], dtype=bool)
+        self.falling = np.array([one.falling for one in wanted if one.root is not None], dtype=bool)
         self.radian = joint_scales(batch.arms[0])
         between = (NEAR / DOUBTFUL, DOUBTFUL * NEAR) if exact else (np.inf, 0.0)
         self.numbers: dict[str, Array | float] = {
@@ -284,43 +284,31 @@ class Runs:
     """Runs of one kind, side by side.
 
     Args:
-        systems: What is simulated, of each run.
-        controllers: The controllers of each run by the number of the tip that they lead; -1 for one
-            that acts on all joints.
+        systems: What is simulated, of each run; arms of one structure.
         prepared: Their numbers and functions; all of one setup.
-        y: (m, states) the states at the start.
-        coupled: How many leading components of the state rates depend on.
         t: (o,) times of the outputs, the end left out [s].
         duration: The end [s].
-        wanted: The events that are looked for.
-        tolerances: Relative and absolute tolerance.
-        method: The integrator.
+        how: Tolerances and method.
     """
 
     def __init__(
         self,
         systems: Sequence[System],
-        controllers: Sequence[Mapping[int, Controller]],
         prepared: Sequence[Prepared],
-        y: Array,
-        coupled: int,
         t: Array,
         duration: float,
-        wanted: Sequence[WantedEvent],
-        tolerances: tuple[float, float],
-        method: str,
+        how: Integration,
     ) -> None:
-        m, first = len(y), systems[0]
-        self.systems, self.controllers, self.duration = systems, controllers, duration
-        arms = [system.arm for system in systems]
-        self.batch = Batch(arms, first.mode, prepared, y, coupled, tolerances, method)
-        self.wanted, self.times, self.called = list(wanted), t, prepared[0].notes
+        m, first = len(systems), systems[0]
+        self.systems, self.times, self.duration = systems, t, duration
+        self.batch = Batch(systems, prepared, how)
+        self.wanted, self.called = prepared[0].wanted, prepared[0].notes
         self.batch.dense = bool(self.wanted) or len(t) > 1
         self.exact = is_exact(first.arm)
         self.crossings = Crossings(self.batch, self.wanted, self.exact)
-        self.outputs = np.repeat(y[:, None], len(t) + 1, axis=1)
+        self.outputs = np.repeat(self.batch.y[:, None], len(t) + 1, axis=1)
         self.written = np.zeros(m, np.int64)
-        self.at = parts(first.arm.n, len(first.arm.wheels))
+        self.at = first.parts
         self.events: list[list[Event]] = [[] for _ in range(m)]
         self.torques: list[tuple[float, Array]] = []
         self.ended, self.fault = ["duration"] * m, [""] * m
@@ -406,23 +394,21 @@ class Runs:
         """Note why the integrator stopped a run."""
         batch = self.batch
         t, y = float(batch.t[run]), batch.y[run]
-        error: BaseException | None = None
-        if batch.status[run] != COLLAPSED:
-            self.ended[run], error = self._failure(run, t, y)
-        if error is None:
+        if batch.status[run] == COLLAPSED:
             self.ended[run] = "step collapsed"
             self.fault[run] = (
                 f"the step collapsed at t = {t:.6g} s: the torques jump or are too stiff; smooth "
                 "them or lower the gains"
             )
             return
+        self.ended[run], error = self._failure(run, t, y)
         if isinstance(error, KeyboardInterrupt):
             self.ended[run] = "interrupted"
-            return
-        if not isinstance(error, SpaceArmError):
+        elif isinstance(error, SpaceArmError):
+            q = ", ".join(f"{x:.6g}" for x in y[: batch.n])
+            self.fault[run] = f"at t = {t:.6g} s, q = ({q}): {error}"
+        else:
             raise error
-        q = ", ".join(f"{x:.6g}" for x in y[: batch.n])
-        self.fault[run] = f"at t = {t:.6g} s, q = ({q}): {error}"
 
     def _failure(self, run: int, t: float, y: Array) -> tuple[str, BaseException]:
         """Return what fails right beyond a state, a law or the equations, and its error."""
@@ -435,7 +421,7 @@ class Runs:
             there[:n] += ahead * dq
             cfg = system.configuration(there)
             try:
-                for law in self.controllers[run].values():
+                for law in system.controllers.values():
                     law(t + ahead, cfg, dq)
             except SpaceArmError as error:
                 return failed, error
@@ -544,11 +530,3 @@ class Runs:
             Q = self.outputs[mine][:, : arm.n]
             found[mine] = distance.distances(arm, Q, self.systems[0].mode)[0]
         return found.min(axis=1)
-
-
-def drift_of(momentum: Array, impulse: Array, brought: Array, f: int) -> float:
-    """Return the change of the momentum that is kept, over what the joints alone brought."""
-    change = np.abs((momentum - impulse - momentum[0])[:, :f]).max(initial=0.0)
-    most = max(np.abs(brought[:, :f]).max(initial=0.0), np.abs(momentum[0, :f]).max(initial=0.0),
-               np.abs(impulse[:, :f]).max(initial=0.0))  # fmt: skip
-    return float(change / most) if most > 0.0 else 0.0

@@ -10,83 +10,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, finite, plain, positive, whole
+from spacearm.arrays import finite, positive, shape_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
-from spacearm.motion.controllers import Controller, check_controller, check_target
-from spacearm.motion.events import EVENTS
+from spacearm.motion.controllers import Controller, check_target
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.motion import Trajectory
-from spacearm.motion.plant import Plant
+from spacearm.motion.plant import Integration, Plant
 from spacearm.motion.run import Runs
-from spacearm.motion.system import (
-    Prepared,
-    System,
-    WantedEvent,
-    coupled,
-    prepared,
-    start_state,
-    wanted_events,
-)
+from spacearm.motion.system import Prepared, System, prepared, wanted_events
 
 if TYPE_CHECKING:
     import xarray as xr
 
-METHODS = ("auto", "DOP853", "Rodas5P")
-FINEST = 100.0 * float(np.finfo(np.float64).eps)
-"""The least `rtol` that the integrators take."""
 AUDIT = 1e4
 """How many times `rtol` the balances of energy and momentum may be off."""
 STILL = 1e2
 """How many times `atol` [J] that of energy may be off besides: all there is near rest."""
 OUTPUTS = 1000
-
-
-@dataclass(frozen=True, kw_only=True)
-class Integration:
-    """How a simulation is integrated, and what is looked for on the way.
-
-    Attributes:
-        rtol: Relative tolerance of each step.
-        atol: Absolute one [rad], [m], [rad/s], [m/s], [J].
-        dt: Spacing of the output [s]; a thousandth of the duration if None.
-        events: What to note: "singularity" (the determinant of the task Jacobian changes its sign,
-            or where J* is not square the distance to the singular set falls to half a degree),
-            "joint limit", "target" (the controller's `error` falls to `reach`), "wheel full".
-        reach: How near the target is reached: norm of the error.
-        method: "DOP853" (explicit, of order 8), "Rodas5P" (linearly implicit, of order 5, for stiff
-            torques) or "auto", which begins with the first and takes the second where that pays.
-    """
-
-    rtol: float = 1e-8
-    atol: float = 1e-10
-    dt: float | None = None
-    events: Sequence[str] = EVENTS
-    reach: float = 1e-3
-    method: str = "auto"
-
-    def __post_init__(self) -> None:
-        for name in ("rtol", "atol", "reach"):
-            positive(getattr(self, name), name)
-        if self.rtol < FINEST:
-            raise ConfigurationError(f"rtol is {self.rtol}; give a number from {FINEST:.2g} on")
-        if self.dt is not None:
-            positive(self.dt, "dt", "time [s]")
-        if self.method not in METHODS:
-            raise ConfigurationError(unknown("method", self.method, METHODS))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 @of_configuration
@@ -145,23 +94,16 @@ def simulate(
         Trajectory(planar2, free-floating: 5 s, 1001 times, ended by duration)
     """
     arm, duration = start.arm, positive(duration, "duration", "time [s]")
-    rates = np.zeros(arm.n) if dq is None else joint_vector(arm, dq, "dq")
-    system = System(started(start, origin), mode, plant)
-    controllers = _by_tip(arm, controller)
+    rates = None if dq is None else joint_vector(arm, dq, "dq")
+    system = System(started(start, origin), mode, plant, _by_tip(arm, controller), rates)
     if mode != "fixed" and not start.momentum[:3].any() and not plant.pushed and len(arm.tips) == 1:
-        for one in controllers.values():
+        for one in system.controllers.values():
             check_target(one, system.start)
-    kinds = (*integration.events, *stop)
-    wanted = wanted_events(system, kinds, stop, integration.reach, controllers)
-    ready = prepared(system, controllers, wanted)
+    ready = prepared(system, wanted_events(system, integration, stop))
     dt = duration / OUTPUTS if integration.dt is None else integration.dt
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    run = Runs(
-        [system], [controllers], [ready], start_state(system, rates)[None],
-        coupled(system, ready.setup), np.arange(0.0, duration, dt), duration, wanted,
-        (integration.rtol, integration.atol), integration.method,
-    )  # fmt: skip
+    run = Runs([system], [ready], np.arange(0.0, duration, dt), duration, integration)
     if period is None:
         run.advance(duration, progress)
     else:
@@ -201,11 +143,9 @@ def _by_tip(
 ) -> dict[int, Controller]:
     """Return the controllers by the number of the tip that they lead, -1 for all joints."""
     if not isinstance(controller, Mapping):
-        check_controller(controller)
         arm.require_one_tip()  # whose path the trajectory holds
         return {-1: controller}
-    for tip, law in controller.items():
-        check_controller(law)
+    for tip in controller:
         if tip not in arm.tips:
             raise ConfigurationError(unknown("tip", tip, arm.tips))
     return {arm.tips.index(tip): law for tip, law in controller.items()}
@@ -229,8 +169,9 @@ UNITS = {
     "distance": "rad",
     "t": "s",
     "imbalance": "1",
+    "base": "m, quaternion xyzw",
 }
-"""Numbers that are kept of each run, and their units."""
+"""Units of what is kept of each run."""
 
 
 def simulate_many(
@@ -292,111 +233,97 @@ def simulate_many(
     """
     import xarray as xr
 
-    free_components(mode)
+    one, each = isinstance(starts, Configuration), len(shape_of(dq)) == 2
+    several = isinstance(controller, Sequence) and not isinstance(controller, str)
     listed = [starts] if isinstance(starts, Configuration) else list(starts)
-    arm = _arm_of(listed)
-    duration = positive(duration, "duration", "time [s]")
+    laws: Any = controller if several else [controller]
+    arm, duration = _arm_of(listed), positive(duration, "duration", "time [s]")
     if integration.dt is not None:
         raise ConfigurationError("dt is given; simulate_many keeps no outputs, so leave it out")
-    laws = [controller] if callable(controller) or isinstance(controller, str) else list(controller)
-    for law in laws:
-        check_controller(law)
-    shared = isinstance(starts, Configuration)
-    m = _number_of_runs(None if shared else listed, dq, payload, laws, callable(controller))
-    dq0 = _rates(dq, m, arm.n)
+    sizes = [] if one else [len(listed)]
+    sizes += [shape_of(dq)[0]] if each else []
+    sizes += [] if payload is None else [np.size(payload)]
+    sizes += [len(laws)] if several else []
+    if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:
+        raise ConfigurationError(
+            f"starts, dq, payload and controller are of {sizes} runs; give each once or as many "
+            "times as the others, and controllers of one kind"
+        )
+    m, rates = max(sizes, default=1), np.zeros((max(sizes, default=1), arm.n))
+    if dq is not None:
+        rates[:] = finite(dq, (m, arm.n) if each else (arm.n,), "dq")
     arms = _with_payloads(arm, payload, m)
-    first = System(listed[0], mode, plant)
-    prepare = _prepare(first, laws, arms, stop, integration)
+
+    def system(i: int) -> System:
+        cfg, own = listed[i % len(listed)], arms[i]
+        if cfg.arm is not own:
+            cfg = own.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
+        return System(cfg, mode, plant, {-1: laws[i % len(laws)]}, rates[i])
+
+    systems = [system(i) for i in range(m)]
+    ready = _prepared_all(systems, stop, integration)
     looks = np.linspace(0.0, duration, LOOKS, endpoint=False)
-    found: dict[str, npt.NDArray[Any]] = {
-        "success": np.zeros(m, bool),
-        **{name: np.full(m, np.nan) for name in UNITS},
-        "q": np.full((m, arm.n), np.nan),
-        "dq": np.full((m, arm.n), np.nan),
-        "base": np.full((m, 7), np.nan),
-        "ended": np.full(m, "", dtype=object),
-    }
-    called: dict[str, None] = {}
 
-    def started(i: int) -> System:
-        cfg = listed[i % len(listed)]
-        return replace(first, start=cfg if cfg.arm is arms[i] else _loaded(cfg, arms[i]))
-
-    def piece(runs: Sequence[int]) -> int:
-        mine = [started(i) for i in runs]
-        ready = [prepare(system, i) for system, i in zip(mine, runs, strict=True)]
-        y = [start_state(system, dq0[i]) for system, i in zip(mine, runs, strict=True)]
-        needs = max(coupled(system, ready[0][1].setup) for system in mine)
-        side = Runs(
-            mine, [{-1: laws[i % len(laws)]} for i in runs], [one for _, one in ready],
-            np.array(y), needs, looks, duration, ready[0][0],
-            (integration.rtol, integration.atol), integration.method,
-        )  # fmt: skip
+    def simulated(runs: list[int]) -> tuple[list[int], Mapping[str, npt.NDArray[Any]]]:
+        mine = [systems[i] for i in runs]
+        side = Runs(mine, [ready[i] for i in runs], looks, duration, integration)
         side.advance(duration)
-        called.update(dict.fromkeys(side.called))
-        for name, values in side.summary(distance).items():
-            found[name][runs] = values
-        return len(runs)
+        return runs, side.summary(distance)
 
     workers = processors() if threads is None else whole(threads, "threads", 1)
-    size, done = min(PIECE, -(-m // workers)), 0
+    found: dict[str, npt.NDArray[Any]] = {}
     with ThreadPoolExecutor(workers) as pool:
-        for count in pool.map(piece, _pieces(first, prepare, m, len(laws), size)):
-            done += count
+        done = 0
+        for runs, summary in pool.map(simulated, _pieces(ready, min(PIECE, -(-m // workers)))):
+            for name, values in summary.items():
+                every = np.empty((m, *values.shape[1:]), values.dtype)
+                found.setdefault(name, every)[runs] = values
+            done += len(runs)
             if progress:
                 progress(done, m)
-    joint, pose = ("run", "joint"), ("run", "pose")
-    data: dict[str, Any] = {name: ("run", found[name], {"units": u}) for name, u in UNITS.items()}
-    data |= {name: ("run", found[name]) for name in ("success", "ended")}
-    data |= {name: (joint, found[name]) for name in ("q", "dq")}
-    q0 = np.array([listed[i % len(listed)].q for i in range(m)])
-    data |= {"q0": (joint, q0), "base": (pose, found["base"], {"units": "m, quaternion xyzw"})}
+    found["q0"] = np.array([system.start.q for system in systems])
+    columns = {"q": ("joint",), "dq": ("joint",), "q0": ("joint",), "base": ("pose",)}
+    data = {
+        name: (
+            ("run", *columns.get(name, ())),
+            values,
+            {"units": UNITS[name]} if name in UNITS else {},
+        )
+        for name, values in found.items()
+    }
     attrs = {
         "arm": arm.name,
         "base_mode": mode,
         "duration": duration,
         "rtol": integration.rtol,
         "atol": integration.atol,
-        "called": "; ".join(called),
+        "called": "; ".join(dict.fromkeys(note for one in ready for note in one.notes)),
     }
     return xr.Dataset(data, {"joint": list(arm.joint_names)}, attrs)
 
 
-Prepare = Callable[[System, int], tuple[list[WantedEvent], Prepared]]
-"""Returns the events that a run looks for, and its numbers and functions."""
+def _prepared_all(
+    systems: Sequence[System], stop: Sequence[str], integration: Integration
+) -> list[Prepared]:
+    """Return what the equations take of each run; the same where the systems do not differ."""
+    first, laws = systems[0], {id(law) for one in systems for law in one.controllers.values()}
+
+    def ready(system: System) -> Prepared:
+        wanted = wanted_events(system, integration, stop)
+        return prepared(system, wanted, trace=len(laws) <= KINDS)
+
+    known = ready(first)
+    differ = len(laws) > 1 or any(one.arm is not first.arm for one in systems)
+    if differ or known.outside or first.mode == "fixed" or first.hold:
+        return [ready(system) for system in systems]
+    return [known] * len(systems)
 
 
-def _prepare(
-    first: System,
-    laws: Sequence[Controller],
-    arms: Sequence[SpaceArm],
-    stop: Sequence[str],
-    integration: Integration,
-) -> Prepare:
-    """Return what prepares a run by its number; once for all where they do not differ."""
-    kinds = (*integration.events, *stop)
-
-    def prepare(system: System, i: int, trace: bool = True) -> tuple[list[WantedEvent], Prepared]:
-        own = {-1: laws[i % len(laws)]}
-        wanted = wanted_events(system, kinds, stop, integration.reach, own)
-        return wanted, prepared(system, own, wanted, trace=trace)
-
-    known = prepare(first, 0)
-    several = len({id(law) for law in laws}) > 1
-    differ = several or len({id(arm) for arm in arms}) > 1 or first.mode == "fixed" or first.hold
-    trace = not several or len(laws) <= KINDS
-    if differ or known[1].outside:
-        return lambda system, i: prepare(system, i, trace)
-    return lambda *_: known
-
-
-def _pieces(first: System, prepare: Prepare, m: int, laws: int, size: int) -> Iterator[list[int]]:
+def _pieces(ready: Sequence[Prepared], size: int) -> Iterator[list[int]]:
     """Return the numbers of runs that go side by side: those of one setup, so many at most."""
     setups: dict[Any, list[int]] = {}
-    if laws == 1:
-        setups[None] = list(range(m))
-    for i in range(m if laws > 1 else 0):
-        setups.setdefault(prepare(first, i)[1].setup, []).append(i)
+    for i, one in enumerate(ready):
+        setups.setdefault(one.setup, []).append(i)
     for runs in setups.values():
         yield from (runs[at : at + size] for at in range(0, len(runs), size))
 
@@ -422,39 +349,6 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
 def _loaded(cfg: Configuration, arm: SpaceArm) -> Configuration:
     """Return the same start of an arm with a load."""
     return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
-
-
-def _number_of_runs(
-    starts: Sequence[Configuration] | None,
-    dq: npt.ArrayLike | None,
-    payload: npt.ArrayLike | None,
-    laws: Sequence[Any],
-    shared: bool,
-) -> int:
-    """Return the number of runs that the arguments are of.
-
-    Raises:
-        ConfigurationError: They are of different numbers, or the laws of different kinds.
-    """
-    sizes = [] if starts is None else [len(starts)]
-    sizes += [np.shape(dq)[0]] if dq is not None and np.ndim(dq) == 2 else []
-    sizes += [np.size(payload)] if payload is not None else []
-    sizes += [] if shared else [len(laws)]
-    if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:
-        raise ConfigurationError(
-            f"starts, dq, payload and controller are of {sizes} runs; give each once or as many "
-            "times as the others, and controllers of one kind"
-        )
-    return sizes[0] if sizes else 1
-
-
-def _rates(dq: npt.ArrayLike | None, m: int, n: int) -> Array:
-    """Return the joint rates (m, n), checked; one row for all, or zeros if None."""
-    if dq is None:
-        return np.zeros((m, n))
-    if np.ndim(dq) == 2:
-        return finite(dq, (m, n), "dq")
-    return np.tile(finite(dq, (n,), "dq"), (m, 1))
 
 
 def _with_payloads(arm: SpaceArm, payload: npt.ArrayLike | None, m: int) -> Sequence[SpaceArm]:

@@ -1,10 +1,10 @@
-"""A system and its controllers as what the equations of a run take: a setup and its numbers."""
+"""Systems: an arm at its start with all that acts on it, as what the equations of a run take."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from spacearm.compiler import symbols
 from spacearm.compiler.expressions import asarray
 from spacearm.compiler.users import over_symbols
 from spacearm.equations.laws import Law, Source, State
-from spacearm.equations.plant import Event, Pushed, Setup, moving, parts
+from spacearm.equations.plant import Event, Parts, Pushed, Setup, moving, parts
 from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.model.arguments import BaseMode, free_components
@@ -24,10 +24,11 @@ from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.model.frames import sound_pose
 from spacearm.model.joints import joint_name, joint_vector
 from spacearm.motion import controllers as law_types
-from spacearm.motion.controllers import Controller, JointPD, gains
+from spacearm.motion.controllers import Controller, JointPD, check_controller, gains
 from spacearm.motion.events import CLOSE, EVENTS, has_determinant
 from spacearm.motion.goal import goal_normal
 from spacearm.motion.plant import (
+    Integration,
     Motors,
     PassiveJoint,
     Plant,
@@ -41,9 +42,9 @@ from spacearm.motion.plant import (
 from spacearm.motion.user_functions import (
     Example,
     TracedConfiguration,
+    UserFunction,
     copied,
     not_traced,
-    values_of,
 )
 from spacearm.singularities.report import NO_INVERSE
 
@@ -63,31 +64,38 @@ Outside = Callable[[float, Array], Array]
 
 @dataclass(frozen=True)
 class System:
-    """An arm at its start, and what acts on it besides its controllers; checked.
+    """An arm at its start, and all that acts on it; checked.
 
     Attributes:
         start: Configuration at the start.
         mode: What the spacecraft does.
-        plant: What acts.
+        plant: What acts besides the controllers.
+        controllers: The controllers by the number of the tip that they lead; -1 for one that acts
+            on all joints.
+        dq: (n,) joint rates at the start; zeros if None.
     """
 
     start: Configuration
-    mode: BaseMode
-    plant: Plant
+    mode: BaseMode = "free-floating"
+    plant: Plant = Plant()
+    controllers: Mapping[int, Controller] = field(default_factory=dict)
+    dq: Array | None = None
 
     def __post_init__(self) -> None:
         free_components(self.mode)
-        arm, h, wheels = self.arm, self.start.momentum, self.plant.wheels
+        arm, h = self.arm, self.start.momentum
         if self.mode == "fixed" and h.any():
             raise ConfigurationError(
                 f"momentum of the start is {h.tolist()}; a fixed spacecraft takes it up"
             )
+        for controller in self.controllers.values():
+            check_controller(controller)
         for link, *_ in self.pushed:
             if link not in arm.tree.links:
                 raise ConfigurationError(unknown("link", link, arm.tree.links))
         for name in self.passive:
             joint_name(arm, name)
-        if wheels is None:
+        if self.plant.wheels is None:
             return
         if self.mode != "free-floating":
             raise ConfigurationError(
@@ -126,20 +134,50 @@ class System:
         """As in `Plant`."""
         return self.plant.pushed
 
+    @property
+    def parts(self) -> Parts:
+        """Where the parts of a state stand."""
+        return parts(self.arm.n, len(self.arm.wheels))
+
+    @property
+    def state(self) -> Array:
+        """The state at the start, see `equations.plant`."""
+        cfg, at = self.start, self.parts
+        y = np.zeros(at.wheels.stop)
+        y[at.q], y[at.com], y[at.momentum], y[at.wheels] = cfg.q, cfg.com, cfg.momentum, cfg.wheels
+        y[at.dq] = 0.0 if self.dq is None else self.dq
+        y[at.attitude] = pin.SE3ToXYZQUAT(cfg.base)[3:]
+        return y
+
+    def coupled(self, setup: Setup) -> int:
+        """Return how many leading components of the state its rate depends on.
+
+        Without wrenches the momentum stays and the system CM moves evenly, whatever the arm does;
+        the attitude counts where there is momentum, or a law that may look at it.
+        """
+        at, h = self.parts, self.start.momentum
+        if setup.wheels:
+            return at.wheels.stop
+        if setup.pushed:
+            return at.momentum.stop
+        if h[:3].any():
+            return at.com.stop
+        joints_only = all(law.kind == "joints" for law in setup.laws)
+        return at.dq.stop if joints_only and not h.any() else at.attitude.stop
+
     def configuration(self, y: Array) -> Configuration:
         """Return the configuration in a state, see `equations.plant`."""
-        arm, n = self.arm, self.arm.n
-        q, quaternion = y[:n].copy(), y[2 * n : 2 * n + 4]
+        arm, at = self.arm, self.parts
+        q, quaternion, h = y[at.q].copy(), y[at.attitude], y[at.momentum]
         if self.mode == "fixed":
             placed = kinematics(arm, q, self.start.base)
         else:
             attitude = pin.Quaternion(quaternion / np.linalg.norm(quaternion))
             turned = kinematics(arm, q, pin.SE3(attitude, np.zeros(3)))
-            placed = turned.centred(y[2 * n + 4 : 2 * n + 7])
-        h = y[2 * n + 7 : 2 * n + 13]
+            placed = turned.centred(y[at.com])
         if not arm.wheels and not h.any():
             return placed
-        return arm.at(q, base=placed.base, wheels=y[2 * n + 17 :], momentum=h)
+        return arm.at(q, base=placed.base, wheels=y[at.wheels], momentum=h)
 
     def acting(self, t: Array, q: Array, base: Array) -> dict[str, Array]:
         """Return the wrenches on each link that is pushed, along inertial axes.
@@ -196,6 +234,7 @@ class Prepared(NamedTuple):
     """What the equations of a run take.
 
     Attributes:
+        wanted: The events that are looked for.
         setup: What is known while tracing.
         laws: The numbers of the laws.
         plant: The other numbers.
@@ -203,6 +242,7 @@ class Prepared(NamedTuple):
         notes: What is called outside, and why.
     """
 
+    wanted: Sequence[WantedEvent]
     setup: Setup
     laws: Array
     plant: Array
@@ -210,82 +250,32 @@ class Prepared(NamedTuple):
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Traced:
-    """A user's function as it is traced: equal to others that are made of the same.
-
-    Attributes:
-        values: What the function is made of, see `values_of`.
-        traced: The same of arrays.
-        function: The function, which lives as long.
-    """
-
-    values: tuple[Any, ...]
-    traced: Callable[..., Any] = field(compare=False)
-    function: Callable[..., Any] = field(compare=False)
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Run it over arrays."""
-        return self.traced(*arguments)
-
-
-@dataclass(frozen=True)
-class Check:
-    """A check of a user's function, equal to others of what is made of the same.
-
-    Attributes:
-        values: What the function is made of, see `values_of`.
-        used: The arm and the mode that it is used with, and as what.
-        ask: Says why it cannot be traced.
-        function: The function, which lives as long.
-    """
-
-    values: tuple[Any, ...]
-    used: tuple[SpaceArm, BaseMode, str]
-    ask: Callable[[], str] = field(compare=False)
-    function: Callable[..., Any] = field(compare=False)
-
-
-@lru_cache(maxsize=64)
-def checked(check: Check) -> str:
-    """Say why a user's function cannot be traced; once for all that are made of the same."""
-    return check.ask()
-
-
 class Preparation:
-    """The functions of a system and its controllers, as they are sorted: traced or outside.
+    """The users' functions of a system, as they are sorted: traced or called outside.
 
     Args:
         system: The system.
-        trace: Whether users' functions are traced where that can be done.
+        trace: Whether they are traced where that can be done.
     """
 
-    def __init__(self, system: System, trace: bool = True) -> None:
+    def __init__(self, system: System, trace: bool) -> None:
         self.system, self.trace = system, trace
         self.outside: dict[str, Outside] = {}
         self.notes: list[str] = []
 
-    def source(
-        self, name: str, what: str, function: Callable[..., Any], traced: Callable[..., Any],
-        examples: Callable[[], Iterator[Example]], outside: Outside,
-        used: Callable[..., Any] | None = None,
-    ) -> Source:  # fmt: skip
-        """Return a user's function as a source, traced or called outside.
+    def source(self, name: str, what: str, function: UserFunction, outside: Outside) -> Source:
+        """Return a function as a source, traced or called outside.
 
         Args:
             name: The name of the function outside.
             what: What it is, for the note.
             function: The function.
-            traced: The same of arrays.
-            examples: Gives arguments of that, and what the function itself gives.
             outside: What is called outside, checks included.
-            used: The same as equations call it, if they do so otherwise.
         """
-        values, used_with = values_of(function), (self.system.arm, self.system.mode, what)
-        ask = partial(not_traced, function, traced, examples)
-        why = checked(Check(values, used_with, ask, function)) if self.trace else "too many"
+        used_with = self.system.arm, self.system.mode, what
+        why = not_traced(function, used_with) if self.trace else "too many"
         if not why:
-            return Source(Traced(values, used or traced, function))
+            return Source(function)
         self.outside[name] = outside
         self.notes.append(f"{what} is called in Python: {why}")
         return Source()
@@ -293,7 +283,7 @@ class Preparation:
     def over_time(
         self, name: str, what: str, function: Callable[[float], Any], read: Callable[[Any], Array]
     ) -> Source:
-        """Return a user's function of time as a source; `read` checks what it gives."""
+        """Return a function of time as a source; `read` checks what it gives."""
 
         def examples() -> Iterator[Example]:
             for t in np.random.default_rng(0).uniform(0.0, 100.0, EXAMPLES):
@@ -302,52 +292,62 @@ class Preparation:
                 yield (t,), value.homogeneous if isinstance(value, pin.SE3) else value
 
         seen = over_symbols(function)
+        traced = UserFunction.of(function, lambda t: _array(seen(t)), examples)
+        return self.source(name, what, traced, lambda t, _: read(function(t)))
+
+    def law(self, i: int, controller: Controller) -> Source:
+        """Return a law as a source."""
+        system, seen = self.system, over_symbols(controller)
+        arm, at = system.arm, system.parts
+
+        def outside(t: float, y: Array) -> Array:
+            tau = controller(t, system.configuration(y), y[at.dq].copy())
+            return joint_vector(arm, tau, "the controller's torque")
+
+        def of_state(xp: Any, state: State) -> Any:
+            cfg: Any = TracedConfiguration(arm, xp, state)
+            return _array(seen(state.t, cfg, copied(state.dq)))
+
+        def traced(t: Any, y: Any) -> Any:
+            setup = Setup(wheels=(0,) * len(arm.wheels))
+            numbers = np.append(system.start.base.translation, np.zeros(3 * len(arm.wheels)))
+            tree, p = structure_of(arm, system.mode), parameters_of(arm)
+            placed = moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup)
+            return of_state(symbols, placed.state)
+
+        def examples() -> Iterator[Example]:
+            rng = np.random.default_rng(0)
+            for _ in range(EXAMPLES):
+                y = system.state
+                y[at.q], y[at.dq] = rng.uniform(-1.0, 1.0, arm.n), rng.normal(size=arm.n)
+                y[at.momentum] = 0.0 if system.mode == "fixed" else rng.normal(size=6)
+                t = float(rng.uniform(0.0, 100.0))
+                yield (t, y), outside(t, y)
+
+        function = UserFunction.of(controller, traced, examples, of_state)
         return self.source(
-            name,
-            what,
-            function,
-            lambda t: _array(seen(t)),
-            examples,
-            lambda t, _: read(function(t)),
+            f"law{i}", f"the controller {type(controller).__name__}", function, outside
         )
 
-    def target(
-        self, i: int, function: Callable[[float], Any], read: Callable[[Any], Array]
-    ) -> Source:
-        """Return the moving target of law i as a source."""
-        return self.over_time(f"target{i}", "the target", function, read)
 
-
-def prepared(
-    system: System,
-    controllers: Mapping[int, Controller],
-    wanted: Sequence[WantedEvent] = (),
-    *,
-    trace: bool = True,
-) -> Prepared:
-    """Return a system and its controllers as what the equations take.
+def prepared(system: System, wanted: Sequence[WantedEvent] = (), *, trace: bool = True) -> Prepared:
+    """Return a system as what the equations take.
 
     Args:
         system: The system.
-        controllers: The controllers by the number of the tip that they lead; -1 for one that acts
-            on all joints.
         wanted: The events that are looked for.
         trace: Whether users' functions are traced where that can be done.
     """
-    todo = Preparation(system, trace)
+    todo, arm, motors = Preparation(system, trace), system.arm, system.motors
     events = [(event, event.root) for event in wanted if event.root is not None]
-    motors, count = system.motors, len(system.arm.wheels)
-    laws, numbers = [], []
-    for i, (tip, controller) in enumerate(controllers.items()):
-        law, values = _law(todo, i, tip, controller)
-        laws.append(law)
-        numbers += [np.ravel(values[name]) for name, _ in law.numbers(system.arm.n)]
+    laws = [_law(todo, i, *one) for i, one in enumerate(system.controllers.items())]
     setup = Setup(
-        laws=tuple(laws),
-        wheels=tuple(_body(system.arm, wheel.frame) for wheel in system.arm.wheels),
+        laws=tuple(law for law, _ in laws),
+        wheels=tuple(_body(arm, wheel.frame) for wheel in arm.wheels),
         holds=system.hold is not None,
         motors=None if motors is None else todo.over_time(
-            "motors", "the torque of the wheels", motors, lambda tau: wheel_torques(tau, count)
+            "motors", "the torque of the wheels", motors,
+            lambda tau: wheel_torques(tau, len(arm.wheels)),
         ),
         pushed=tuple(_pushed(todo, i) for i in range(len(system.pushed))),
         passive=bool(system.passive),
@@ -360,32 +360,28 @@ def prepared(
         if event.value is not None
     }
     given = _plant_numbers(system, setup, [event.bound for event, _ in events])
-    flat = [np.ravel(given[name]) for name, _ in setup.plant_shapes(system.arm.n)]
+    plant = [np.ravel(given[name]) for name, _ in setup.plant_shapes(arm.n)]
+    numbers = [np.zeros(0), *(values for _, own in laws for values in own)]
     return Prepared(
-        setup, np.concatenate([np.zeros(0), *numbers]), np.concatenate(flat), todo.outside,
+        wanted, setup, np.concatenate(numbers), np.concatenate(plant), todo.outside,
         tuple(todo.notes),
     )  # fmt: skip
 
 
 def wanted_events(
-    system: System,
-    kinds: Collection[str],
-    stop: Collection[str],
-    reach: float,
-    controllers: Mapping[int, Any],
+    system: System, integration: Integration, stop: Collection[str] = ()
 ) -> list[WantedEvent]:
-    """Return the events of some kinds.
+    """Return the events that a run looks for.
 
     Args:
         system: The system.
-        kinds: Names in `EVENTS`.
+        integration: Which are noted.
         stop: Those that end the run.
-        reach: The distance at which a target counts as reached.
-        controllers: The controllers by the number of their tip.
 
     Raises:
-        ConfigurationError: A kind does not exist.
+        ConfigurationError: One does not exist.
     """
+    kinds, reach = (*integration.events, *stop), integration.reach
     for kind in kinds:
         if kind not in EVENTS:
             raise ConfigurationError(unknown("event", kind, EVENTS))
@@ -407,7 +403,7 @@ def wanted_events(
                 if np.isfinite(limit):
                     add("joint limit", name, Event(which, j), float(limit))
     if "target" in kinds:
-        for i, (tip, law) in enumerate(controllers.items()):
+        for i, (tip, law) in enumerate(system.controllers.items()):
             detail = f"error {reach:g}" + (f", {arm.tips[tip]}" if tip >= 0 else "")
             if type(law) in KINDS:
                 add("target", detail, Event("target", i), reach)
@@ -423,98 +419,54 @@ def wanted_events(
     return found
 
 
-def start_state(system: System, dq: Array) -> Array:
-    """Return the state at the start."""
-    cfg, where = system.start, parts(system.arm.n, len(system.arm.wheels))
-    y = np.zeros(where.wheels.stop)
-    y[where.q], y[where.dq] = cfg.q, dq
-    y[where.attitude] = pin.SE3ToXYZQUAT(cfg.base)[3:]
-    y[where.com], y[where.momentum], y[where.wheels] = cfg.com, cfg.momentum, cfg.wheels
-    return y
-
-
-def coupled(system: System, setup: Setup) -> int:
-    """Return how many leading components of the state its rate depends on.
-
-    Without wrenches the momentum stays and the system CM moves evenly, whatever the arm does; the
-    attitude counts where there is momentum, or a law that may look at it.
-    """
-    where, momentum = parts(system.arm.n, len(system.arm.wheels)), system.start.momentum
-    if setup.wheels:
-        return where.wheels.stop
-    if setup.pushed:
-        return where.momentum.stop
-    if momentum[:3].any():
-        return where.com.stop
-    joints_only = all(law.kind == "joints" for law in setup.laws)
-    return where.dq.stop if joints_only and not momentum.any() else where.attitude.stop
-
-
 def _body(arm: SpaceArm, frame: int) -> int:
     """Return the number of the body that a frame is fixed to."""
     return int(arm.model.frames[frame].parentJoint) - 1
 
 
 def _law(
-    todo: Preparation, i: int, tip: int, controller: Controller
-) -> tuple[Law, dict[str, npt.ArrayLike]]:
-    """Return a controller as a law, with its numbers by name."""
+    todo: Preparation, i: int, tip: int, controller: Any
+) -> tuple[Law, list[npt.NDArray[Any]]]:
+    """Return a controller as a law, with its numbers."""
     arm, n = todo.system.arm, todo.system.arm.n
     joints = tuple(joints_of(arm, tip)) if tip >= 0 and len(arm.tips) > 1 else None
     law = Law(KINDS.get(type(controller), "own"), tip=max(tip, 0), joints=joints)
     if law.kind == "own":
-        return law._replace(source=_own_law(todo, i, controller)), {}
-    if isinstance(controller, JointPD):
-        numbers: dict[str, npt.ArrayLike] = {
-            name: np.broadcast_to(gains(getattr(controller, name), n, name), n)
-            for name in ("kp", "kd")
-        }
-
-        def positions(values: Any) -> Array:
-            return joint_vector(arm, values, "target")
-
-        if callable(controller.target):
-            return law._replace(source=todo.target(i, controller.target, positions)), numbers
-        return law, numbers | {"target": positions(controller.target)}
-    assert isinstance(controller, law_types.TipLaw)
-    return _tip_law(todo, i, controller, law)
-
-
-def _tip_law(
-    todo: Preparation, i: int, controller: law_types.TipLaw, law: Law
-) -> tuple[Law, dict[str, npt.ArrayLike]]:
-    """Return a law that leads a tip, with its numbers."""
-    arm, task = todo.system.arm, todo.system.arm.task
-    k = len(task.rows)
-    numbers: dict[str, npt.ArrayLike] = {}
-    first = controller.goal(0.0)
-    pose = isinstance(first, pin.SE3) or np.shape(first) == (4, 4)
-    law = law._replace(
-        mode=controller.mode,
-        rows=tuple(int(row) for row in task.indices[:k]),
-        scale=tuple(float(scale) for scale in task.scale[:k, 0]),
-        normal=goal_normal(arm),
-        pose=pose,
-        least=NO_INVERSE,
-    )
-    read = goal_reader(arm, pose)
-    numbers["target"] = read(first)
+        return law._replace(source=todo.law(i, controller)), []
+    rows, read = n, _joint_reader(arm, "target")
+    if law.kind != "joints":
+        task, first = arm.task, controller.goal(0.0)
+        rows = len(task.rows)
+        law = law._replace(
+            mode=controller.mode,
+            rows=tuple(int(row) for row in task.indices[:rows]),
+            scale=tuple(float(scale) for scale in task.scale[:rows, 0]),
+            normal=goal_normal(arm),
+            pose=isinstance(first, pin.SE3) or np.shape(first) == (4, 4),
+            least=NO_INVERSE,
+            rests=getattr(controller, "rest", None) is not None,
+            rank=law_types.rank_of_turns(arm) if law.kind == "reactionless" else 0,
+        )
+        read = goal_reader(arm, law.pose)
     if callable(controller.target):
-        law = law._replace(source=todo.target(i, controller.target, read))
-    for name in ("kp", "kd", "gain"):
-        if hasattr(controller, name):
-            numbers[name] = np.broadcast_to(gains(getattr(controller, name), k, name), k)
-    if isinstance(controller, law_types.TransposedJacobian):
-        return law, numbers
-    assert isinstance(controller, law_types.RateLaw)
-    numbers["servo"] = controller.servo
-    if isinstance(controller, law_types.DampedLeastSquares):
-        numbers |= {"damping": controller.damping, "threshold": controller.threshold}
-    if isinstance(controller, law_types.Reactionless):
-        law = law._replace(rank=law_types.rank_of_turns(arm))
-    if isinstance(controller, law_types.ResolvedRate) and controller.rest is not None:
-        law, numbers["rest"] = law._replace(rests=True), joint_vector(arm, controller.rest, "rest")
+        source = todo.over_time(f"target{i}", "the target", controller.target, read)
+        law = law._replace(source=source)
+    numbers = []
+    for name, shape in law.numbers(n):
+        value = getattr(controller, name)
+        if name == "target":
+            value = read(value)
+        elif name == "rest":
+            value = joint_vector(arm, value, "rest")
+        elif shape:
+            value = np.broadcast_to(gains(value, rows, name), rows)
+        numbers.append(np.ravel(value))
     return law, numbers
+
+
+def _joint_reader(arm: SpaceArm, name: str) -> Callable[[Any], Array]:
+    """Return the function that reads joint positions (n,), checked."""
+    return lambda values: joint_vector(arm, values, name)
 
 
 def goal_reader(arm: SpaceArm, pose: bool) -> Callable[[Any], Array]:
@@ -543,47 +495,6 @@ def joints_of(arm: SpaceArm, tip: int) -> Array:
     """Return (n,) 1 for the joints that move a tip, else 0."""
     tree = structure_of(arm)
     return 1.0 * (np.abs(tree.reaches[tip] @ np.abs(tree.gains)) > 0.0)
-
-
-def _own_law(todo: Preparation, i: int, controller: Controller) -> Source:
-    """Return a user's law."""
-    system = todo.system
-    arm, n = system.arm, system.arm.n
-
-    def torque(values: npt.ArrayLike) -> Array:
-        return joint_vector(arm, values, "the controller's torque")
-
-    def outside(t: float, y: Array) -> Array:
-        return torque(controller(t, system.configuration(y), y[n : 2 * n].copy()))
-
-    law = over_symbols(controller)
-
-    def of_state(xp: Any, state: State) -> Any:
-        cfg: Any = TracedConfiguration(arm, xp, state)
-        return _array(law(state.t, cfg, copied(state.dq)))
-
-    def traced(t: Any, y: Any) -> Any:
-        return of_state(symbols, _placed(system, t, y))
-
-    def examples() -> Iterator[Example]:
-        rng = np.random.default_rng(0)
-        for _ in range(EXAMPLES):
-            y = start_state(system, rng.normal(size=n))
-            y[:n] = rng.uniform(-1.0, 1.0, n)
-            t = float(rng.uniform(0.0, 100.0))
-            yield (t, y), outside(t, y)
-
-    what = f"the controller {type(controller).__name__}"
-    return todo.source(f"law{i}", what, controller, traced, examples, outside, of_state)
-
-
-def _placed(system: System, t: Any, y: Any) -> State:
-    """Return a state of symbols."""
-    arm = system.arm
-    setup = Setup(wheels=(0,) * len(arm.wheels))
-    numbers = np.concatenate((system.start.base.translation, np.zeros(3 * len(arm.wheels))))
-    tree, p = structure_of(arm, system.mode), parameters_of(arm)
-    return moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup)
 
 
 def _pushed(todo: Preparation, i: int) -> Pushed:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import dis
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import (
     BuiltinFunctionType,
     CodeType,
@@ -24,9 +25,10 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.compiler.users import LIBRARIES, names_in
-from spacearm.equations.dynamics import inertia, inverse_dynamics
+from spacearm.equations.dynamics import bias, inertia, unloaded
 from spacearm.equations.kinematics import Structure, jacobian_at
 from spacearm.equations.laws import Pose, State
+from spacearm.equations.plant import parts
 from spacearm.errors import UnsupportedError
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -53,34 +55,62 @@ Example = tuple[Sequence[Any], Any]
 """Arguments (arrays), and the value."""
 
 
-def not_traced(
-    function: Callable[..., Any],
-    traced: Callable[..., Any],
-    examples: Callable[[], Iterator[Example]],
-) -> str:
+@dataclass(frozen=True)
+class UserFunction:
+    """A user's function as it is traced: equal to others that are made of the same.
+
+    Attributes:
+        values: What the function is made of, see `values_of`.
+        function: The function, which lives as long.
+        traced: The same of arrays.
+        examples: Gives arguments of that, and what the function itself gives.
+        used: The same as equations call it.
+    """
+
+    values: tuple[Any, ...]
+    function: Callable[..., Any] = field(compare=False)
+    traced: Callable[..., Any] = field(compare=False)
+    examples: Callable[[], Iterator[Example]] = field(compare=False)
+    used: Callable[..., Any] = field(compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        function: Callable[..., Any],
+        traced: Callable[..., Any],
+        examples: Callable[[], Iterator[Example]],
+        used: Callable[..., Any] | None = None,
+    ) -> UserFunction:
+        """Return a function with what it is made of now."""
+        return cls(values_of(function), function, traced, examples, used or traced)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it over arrays."""
+        return self.used(*arguments)
+
+
+@lru_cache(maxsize=64)
+def not_traced(user: UserFunction, _used_with: tuple[SpaceArm, BaseMode, str]) -> str:
     """Say why a user's function cannot be traced; "" if it can.
 
-    Args:
-        function: The function.
-        traced: The same, of arrays.
-        examples: Gives arguments of `traced`, and what the function itself gives.
+    It is asked once for all functions that are made of the same and used with the same.
     """
     from spacearm.compiler.symbols import interpreted, trace
 
-    if why := keeps(function):
+    if why := keeps(user.function):
         return why
-    known, made_of = [], values_of(function)
+    known = []
     try:
-        for example in examples():
+        for example in user.examples():
             known.append(example)
-            if values_of(function) != made_of:
+            if values_of(user.function) != user.values:
                 return "it changes what it is made of"
     except Exception as error:  # again as it runs, where it is reported
         return f"{type(error).__name__}: {error}"
     names = [f"a{i}" for i in range(len(known[0][0]))]
     shapes = {name: np.shape(a) for name, a in zip(names, known[0][0], strict=True)}
     try:
-        tape = trace(lambda **arrays: traced(*(arrays[name] for name in names)), shapes)
+        tape = trace(lambda **arrays: user.traced(*(arrays[name] for name in names)), shapes)
         inputs = {
             name: np.array([arguments[i] for arguments, _ in known]) for i, name in enumerate(names)
         }
@@ -200,6 +230,8 @@ class TracedConfiguration(NamedTuple):
         if name == "tip":
             self.arm.require_one_tip()
             return self.tips[0]
+        if name == "momentum":
+            return self.state.y[self._momentum].copy()
         if name not in ("q", "base", "com", "tips", "wheels"):
             raise AttributeError(f"{name} of a configuration is not traced")
         return copied(getattr(self.state, name))
@@ -212,6 +244,10 @@ class TracedConfiguration(NamedTuple):
             "generalized_inertia": self._inertia,
             "inverse_dynamics": self._inverse_dynamics,
         }
+
+    @property
+    def _momentum(self) -> slice:
+        return parts(self.arm.n, len(self.arm.wheels)).momentum
 
     def _tree(self, mode: BaseMode) -> Structure:
         return replace(self.state.tree, mode=mode)
@@ -227,9 +263,10 @@ class TracedConfiguration(NamedTuple):
     def _inverse_dynamics(self, dq: Any, ddq: Any, *, mode: BaseMode = "free-floating") -> Any:
         if self.arm.wheels:
             raise UnsupportedError("wheels turn with the links that carry them")
-        dq, ddq = self.xp.asarray(dq), self.xp.asarray(ddq)
-        tau = inverse_dynamics(self.xp, self._tree(mode), self.state.at, dq, ddq)
-        return SimpleNamespace(tau=tau)
+        xp, tree, at = self.xp, self._tree(mode), self.state.at
+        h = self.state.base.rotation.T @ self.state.y[self._momentum][3:]
+        c = bias(xp, tree, at, xp.asarray(dq), unloaded(at)._replace(h=h))
+        return SimpleNamespace(tau=inertia(xp, tree, at) @ xp.asarray(ddq) + c)
 
 
 def copied(value: Any) -> Any:

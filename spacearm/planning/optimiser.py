@@ -136,13 +136,10 @@ class CurveOptimiser:
         self.sense = math.copysign(1.0, det) if self._square else 1.0
         self._turns = list(turning_axes(self.arm))
         self._axes = goal_axes(start)
-        bounds = [
-            (sign, bound[j], j)
-            for sign, bound in ((1.0, target.upper), (-1.0, target.lower))
-            for j in np.flatnonzero(np.isfinite(bound))
-        ]
-        sign, limit, joint = zip(*bounds, strict=True) if bounds else ((), (), ())
-        self._bounds = np.array(sign), np.array(limit), np.array(joint, dtype=np.int64)
+        limit, n = np.concatenate((target.upper, target.lower)), self.arm.n
+        some = np.isfinite(limit)
+        sign, joint = np.repeat((1.0, -1.0), n), np.tile(np.arange(n), 2)
+        self._bounds = sign[some], limit[some], joint[some]
         self._last: tuple[bytes, _Values] | None = None
 
     @property

@@ -139,9 +139,19 @@ def detumble(
 
     Example:
         >>> import spacearm as sa
-        >>> arm = sa.load("mda6", wheels=["wheel_x", "wheel_y", "wheel_z"])  # doctest: +SKIP
-        >>> start = arm.at(q, momentum=[0, 0, 0, 1, -2, 0.5])  # doctest: +SKIP
-        >>> plan = sa.detumble(start, sa.Joints(q))  # doctest: +SKIP
+        >>> inertia = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+        >>> wheel = (
+        ...     f'<link name="rotor"><inertial><mass value="2"/>{inertia}</inertial></link>'
+        ...     '<joint name="wheel" type="continuous"><parent link="spacecraft"/>'
+        ...     '<child link="rotor"/><axis xyz="0 0 1"/><limit effort="0.5" velocity="3"/>'
+        ...     '<wheel/></joint></robot>'
+        ... )
+        >>> with open("wheeled.urdf", "w") as file:
+        ...     text = sa.load("planar2").path.read_text().replace("</robot>", wheel)
+        ...     _ = file.write(text)
+        >>> start = sa.load("wheeled.urdf").at([0.3, 1.2], momentum=[0, 0, 0, 0, 0, 1.0])
+        >>> sa.detumble(start, (0.9, 1.4)).wheels[-1].round(6)  # all of it [N m s]
+        array([1.])
     """
     from spacearm.planning.strategies.detumbling import Detumbling
 

@@ -28,8 +28,7 @@ from spacearm.motion.controllers import (
 )
 from spacearm.motion.flights import Grasp, Phase, Release
 from spacearm.motion.goal import goal_of
-from spacearm.motion.plant import PassiveJoint, Plant, WheelHold, Wrench
-from spacearm.motion.simulation import Integration
+from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold, Wrench
 from spacearm.sweeps.toml import Table, parse, text_of
 
 KINDS = (TransposedJacobian, ResolvedRate, DampedLeastSquares, Reactionless, JointPD)

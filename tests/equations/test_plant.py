@@ -16,7 +16,7 @@ from spacearm.compiler import numbers
 from spacearm.equations import plant as equations
 from spacearm.mechanics.arm_kernels import ArmKernel, parameters_of, structure_of
 from spacearm.motion.plant import PassiveJoint
-from spacearm.motion.system import System, WantedEvent, prepared, start_state
+from spacearm.motion.system import System, WantedEvent, prepared
 
 FEW = settings(max_examples=25)
 MODES = ("free-floating", "attitude-controlled", "fixed")
@@ -27,9 +27,9 @@ class Run:
 
     def __init__(self, cfg, dq, momentum, mode, law, events=(), trace=True, **acts):
         start = replace(cfg, momentum=np.asarray(momentum, dtype=float))
-        self.system = System(start, mode, sa.Plant(**acts))
-        self.prepared = prepared(self.system, {-1: law}, events, trace=trace)
-        self.y = start_state(self.system, dq)
+        self.system = System(start, mode, sa.Plant(**acts), {-1: law}, dq)
+        self.prepared = prepared(self.system, events, trace=trace)
+        self.y = self.system.state
 
     def by_numpy(self, function, t=0.0):
         arm, known = self.system.arm, self.prepared
@@ -372,7 +372,7 @@ def into_its_arguments(_, cfg, dq):
 )
 def test_other_laws_are_called_and_the_run_says_why(law, why):
     arm = sa.load("planar2")
-    known = prepared(System(arm.at([0.3, 1.1]), "free-floating", sa.Plant()), {-1: law})
+    known = prepared(System(arm.at([0.3, 1.1]), controllers={-1: law}))
     assert list(known.outside) == ["law0"]
     assert why in known.notes[0]
     assert known.notes[0].startswith("the controller")
@@ -394,17 +394,21 @@ def test_a_law_may_write_into_its_arguments():
 
 def test_a_law_that_has_changed_is_another_one():
     arm = sa.load("planar2")
-    law, plant = Formula(2.0), System(arm.at([0.3, 1.1]), "free-floating", sa.Plant())
-    first, again = (prepared(plant, {-1: law}).setup for _ in range(2))
+    law, start = Formula(2.0), arm.at([0.3, 1.1])
+
+    def setup(law):
+        return prepared(System(start, controllers={-1: law})).setup
+
+    first, again = setup(law), setup(law)
     assert first == again
     assert hash(first) == hash(again)
     law.gain = 3.0
-    assert prepared(plant, {-1: law}).setup != first
+    assert setup(law) != first
 
     def made(gain):
         return lambda t, cfg, dq: gain * (np.sin(t) - cfg.q) - dq
 
-    one, same, other = (prepared(plant, {-1: made(gain)}).setup for gain in (1.0, 1.0, 2.0))
+    one, same, other = (setup(made(gain)) for gain in (1.0, 1.0, 2.0))
     assert one == same != other
 
 

@@ -103,4 +103,4 @@ def test_the_command_line_has_the_same_word(tmp_path):
     assert got["origin"] == "system CM at the start"
     np.testing.assert_allclose(got["tip"][-1][:2], POINT, atol=1e-6)
     shown = spacearm(*words, "--origin", "cm", cwd=tmp_path).stdout
-    assert "origin              system CM at the start" in shown
+    assert "origin: system CM at the start" in shown

@@ -301,6 +301,25 @@ def test_a_controller_of_a_user_sees_tip_and_jacobian():
     np.testing.assert_allclose(run.q, ours.q, atol=1e-9)
 
 
+def test_a_traced_controller_sees_the_momentum_as_a_called_one_does():
+    """A wrench brings momentum on the way; inverse dynamics minds it."""
+    arm, goal = sa.load("planar2"), np.array([0.5, -0.3])
+
+    def law(_, cfg, dq):
+        return sa.inverse_dynamics(cfg, dq, 4.0 * (goal - cfg.q) - 4.0 * dq).tau * (
+            1.0 + 0.1 * cfg.momentum[5]
+        )
+
+    def branching(t, cfg, dq):
+        return law(t, cfg, dq) if t >= 0.0 else dq
+
+    start = arm.at([0.1, 0.2], momentum=[0.2, 0.1, 0.0, 0.0, 0.0, 1.5])
+    plant = sa.Plant(wrenches={arm.tree.root: [0.3, 0.0, 0.0, 0.0, 0.0, 0.4]})
+    runs = [sa.simulate(start, controller, 4.0, plant=plant) for controller in (law, branching)]
+    assert [bool(run.called) for run in runs] == [False, True]
+    np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-9)
+
+
 def test_a_controller_of_fixed_rate_holds_its_torques():
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.5, -0.3], kp=0.5, kd=1.0)

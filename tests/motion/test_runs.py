@@ -7,7 +7,7 @@ from helpers.arms import load_text, random_tree
 import spacearm as sa
 from spacearm.motion.events import clear_of_singularities
 from spacearm.motion.run import Runs
-from spacearm.motion.system import System, coupled, prepared, start_state
+from spacearm.motion.system import System, prepared
 
 
 def oscillator(kp):
@@ -47,11 +47,9 @@ def test_an_event_is_found_to_a_nanosecond():
     assert run.t[-1] == run.events[0].t
 
 
-def runs_of(system, law, duration, tolerances, method, needs=None):
-    ready, y = prepared(system, {-1: law}), start_state(system, np.zeros(system.arm.n))
-    needs = coupled(system, ready.setup) if needs is None else needs
-    run = Runs([system], [{-1: law}], [ready], y[None], needs, np.zeros(0), duration, (),
-               tolerances, method)  # fmt: skip
+def runs_of(system, duration, how, coupled=None):
+    run = Runs([system], [prepared(system)], np.zeros(0), duration, how)
+    run.batch.coupled = coupled or run.batch.coupled
     run.advance(duration)
     assert run.ended == ["duration"]
     return run
@@ -61,8 +59,8 @@ def runs_of(system, law, duration, tolerances, method, needs=None):
 def test_a_stiff_run_takes_the_implicit_method_and_a_soft_one_does_not(kd, implicit):
     arm = sa.load("planar2")
     law = sa.JointPD(target=[0.3, 0.1], kp=kd, kd=kd)
-    system = System(arm.at([0.1, 0.2]), "free-floating", sa.Plant())
-    run = runs_of(system, law, 20.0, (1e-6, 1e-8), "auto")
+    system = System(arm.at([0.1, 0.2]), controllers={-1: law})
+    run = runs_of(system, 20.0, sa.Integration(rtol=1e-6, atol=1e-8))
     assert bool(run.batch.implicit[0]) == implicit
     np.testing.assert_allclose(run.batch.y[0, :2], [0.3, 0.1], atol=1e-3)
 
@@ -101,11 +99,9 @@ def test_the_implicit_steps_leave_out_only_columns_that_do_not_count(case):
     acts = {"wrenches": wrench} if case == "wrench" else {}
     momentum = np.array([0.3, 0.1, 0.0, 0.0, 0.0, 0.5]) if case == "moving" else np.zeros(6)
     start = arm.at([0.3, 1.1], momentum=momentum)
-    system = System(start, "free-floating", sa.Plant(**acts))
-    ends = [
-        runs_of(system, law, 5.0, (1e-8, 1e-10), "Rodas5P", needs).batch.y[0]
-        for needs in (None, 21)
-    ]
+    system = System(start, plant=sa.Plant(**acts), controllers={-1: law})
+    how = sa.Integration(method="Rodas5P")
+    ends = [runs_of(system, 5.0, how, every).batch.y[0] for every in (None, 17)]
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
 
 

@@ -39,8 +39,8 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
 from spacearm.motion.motion_file import check_suffix
-from spacearm.motion.plant import PassiveJoint, Plant, WheelHold
-from spacearm.motion.simulation import Integration, simulate
+from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold
+from spacearm.motion.simulation import simulate
 from spacearm.sweeps.motion_tables import read_phases
 
 MOST = 10
