@@ -31,6 +31,7 @@ from spacearm.mission.attitude_search import (
     turned_about,
     volume,
 )
+from spacearm.mission.branches import HeldTip
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, follow, path_start, segments
@@ -353,7 +354,7 @@ def feasible_attitudes(
     pieces = segments(cfg, path, length, tip)
     settings = Settings(h[3:] / speed, limits, care=margin)
     trials = PathTrials(
-        arm, tip, table_of([pieces]), settings, None if all_branches else start.q,
+        HeldTip(arm, tip), table_of([pieces]), settings, None if all_branches else start.q,
         np.asarray(pin.Quaternion(R).coeffs()), seed,
     )  # fmt: skip
     weight: Array
