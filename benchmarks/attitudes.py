@@ -16,7 +16,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 import spacearm as sa
-from spacearm.mission.branches import branch
+from spacearm.mission.branches import HeldTip
 from spacearm.motion.following import segments
 from spacearm.motion.leading import Settings, lead_all, table_of
 
@@ -49,7 +49,7 @@ if __name__ == "__main__":
     table = table_of([segments(cfg, [away], None)])
     attitude = Rotation.random(4 * NUMBER, random_state=0).as_quat()
     near = np.argsort(-np.abs(attitude[:, 3]))  # those nearest to q0's first
-    q = branch(arm, home, attitude[near], q0, np.array([0.0, 0.0, 0.0, 1.0]), 0.3)
+    q = HeldTip(arm, home).branch(attitude[near], q0, np.array([0.0, 0.0, 0.0, 1.0]), 0.3)
     there = np.flatnonzero(np.isfinite(q[:, 0]))[:NUMBER]
     led, took = timed(
         lambda: lead_all(arm, q[there], attitude[near][there], table, None, Settings())

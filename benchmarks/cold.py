@@ -74,20 +74,20 @@ STARTS = {
     "workspace mda6": command(5.0, "workspace mda6"),
     "simulate planar2": command(
         3.0,
-        "simulate planar2 --deg --q0 -57.936 60.337 --attitude 0 0 21 --target 1.5 1.5 --origin cm "
+        "simulate planar2 --deg -57.936 60.337 --attitude 0 0 21 --target 1.5 1.5 --with origin=cm "
         "--duration 10",
     ),
     "simulate chaser7": command(
         5.0,
-        "simulate chaser7 --q0 0 1 0 1 0 1 0 --target 0 .9 0 .8 0 .7 0 --controller joints "
+        "simulate chaser7 0 1 0 1 0 1 0 --target 0 .9 0 .8 0 .7 0 --controller JointPD "
         "--duration 10",
     ),
     "plan planar2": command(
         4.0,
-        "plan planar2 --deg --q0 -57.936 60.337 --attitude 0 0 21 --goal 1.5 1.5 --origin cm",
+        "plan planar2 --deg -57.936 60.337 --attitude 0 0 21 --goal 1.5 1.5 --with origin=cm",
     ),
     "plan chaser7 to a pose": command(
-        6.0, "plan chaser7 --deg --q0 0 57 0 57 0 57 0 --goal 4.58 0.61 0.65 -145 -18 -11"
+        6.0, "plan chaser7 --deg 0 57 0 57 0 57 0 --goal 4.58 0.61 0.65 -145 -18 -11"
     ),
     "capture": command(3.0, "capture mda6 --deg 0 60 -100 -50 30 0 --mass 100 --spin 0 0 1"),
     "reaction": command(3.0, "reaction planar2 --motion motion.npz"),

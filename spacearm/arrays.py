@@ -8,7 +8,7 @@ from dataclasses import fields, is_dataclass
 from functools import singledispatch
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -38,9 +38,9 @@ def plain(value: Any) -> Any:
     """Return a value as plain JSON data: dict, list, str, int, float, bool and None only.
 
     Whatever has a `to_dict` becomes what it returns, NamedTuples and dataclasses their public
-    fields, arrays nested lists, complex numbers [re, im]. Numbers that are not finite stay floats.
-    Modules register further types: `SpaceArm` is its name, `pin.SE3` is x, y, z and the quaternion
-    xyzw.
+    fields, arrays nested lists, complex numbers [re, im], functions their repr. Numbers that are
+    not finite stay floats. Modules register further types: `SpaceArm` is its name, `pin.SE3` is
+    x, y, z and the quaternion xyzw.
 
     Raises:
         TypeError: The value, or a part of it, has no plain form.
@@ -61,14 +61,26 @@ def plain(value: Any) -> Any:
         return named(value)
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
-    if is_dataclass(value):
+    if is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in fields(value) if f.name[0] != "_"}
+    if callable(value):
+        return repr(value)
     raise TypeError(f"a {type(value).__name__} has no form as plain data")
 
 
 def named(result: Any) -> dict[str, Any]:
     """Return the fields of a NamedTuple as plain JSON data: its `to_dict`."""
     return {name: plain(value) for name, value in result._asdict().items()}
+
+
+class Parameters:
+    """Base of frozen dataclasses that a caller gives."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as plain JSON data; functions as their repr."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
 def read_only(array: Array) -> Array:

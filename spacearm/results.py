@@ -16,6 +16,7 @@ from spacearm.arrays import Array, plain
 
 Angles: TypeAlias = Literal["rad", "deg", "both"]
 """How angles are written; "both" is degrees, and radians too where the cell has the unit."""
+Number: TypeAlias = float | np.floating[Any] | np.integer[Any]
 Tone: TypeAlias = Literal["", "good", "caution", "bad"]
 """How good an answer is; empty if it is neither."""
 NOISE = 1e-12
@@ -35,12 +36,12 @@ class Measure(NamedTuple):
         spec: How numbers are written, as in `format`; five digits if empty.
     """
 
-    value: float | Array
+    value: Number | Array
     unit: str = ""
     spec: str = ""
 
 
-Cell: TypeAlias = str | float | Array | Measure | None
+Cell: TypeAlias = str | Number | Array | Measure | None
 
 
 class Column(NamedTuple):
@@ -55,6 +56,9 @@ class Column(NamedTuple):
     name: str
     unit: str = ""
     spec: str = ""
+
+
+Cells: TypeAlias = Sequence[Cell] | Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +81,8 @@ class Table:
         return cls(("", ""), list(facts.items()), title)
 
     @classmethod
-    def by_columns(
-        cls, columns: Mapping[Column | str, Sequence[Cell] | Array], title: str = ""
-    ) -> Table:
-        """Return a table of columns of one length, each with its cells."""
+    def by_columns(cls, columns: Mapping[Any, Cells], title: str = "") -> Table:
+        """Return a table of columns of one length: their cells by columns or names."""
         return cls(list(columns), list(zip(*columns.values(), strict=True)), title)
 
     def head(self, angles: Angles) -> list[str]:
@@ -195,15 +197,16 @@ class Result(Described):
         return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
 
 
-def joint_values(values: Iterable[float], slides: Iterable[bool]) -> list[Cell]:
+def joint_values(values: Iterable[float], slides: Iterable[bool], per: str = "") -> list[Cell]:
     """Return joint positions, motions or limits [rad] or [m] with units; infinite ones are "none".
 
     Args:
         values: n of them.
         slides: Whether each of the n joints slides.
+        per: What follows the unit, as in "/s" of rates.
     """
     return [
-        Measure(round(float(x), 12), "m" if slide else "rad") if np.isfinite(x) else "none"
+        Measure(round(float(x), 12), ("m" if slide else "rad") + per) if np.isfinite(x) else "none"
         for x, slide in zip(values, slides, strict=True)
     ]
 
@@ -242,10 +245,12 @@ def _converted(given: Measure, angles: Angles) -> Measure:
 
 
 def _number(given: Measure) -> str:
-    """Return the number, or the vector, of a measure as text; -0 is 0."""
+    """Return the number, or the vector, of a measure as text; NaN is "none" and -0 is 0."""
     value, _, spec = given
     if isinstance(value, np.ndarray) and value.ndim:
         return f"({', '.join(_number(Measure(x, '', spec)) for x in without_noise(value))})"
+    if np.isnan(value):
+        return "none"
     whole = isinstance(value, int | np.integer)
     return f"{value + 0:{spec or (',' if whole else '.5g')}}"
 

@@ -30,11 +30,11 @@ COMMANDS = {
     ),
     "mount": (
         "models.write_model",
-        "Mount an arm on a bus (--bus-mass) and write both as one URDF, which every command loads.",
+        "Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF.",
     ),
     "convert": (
-        "models.convert_model",
-        "Write a robot of any format (xacro, MJCF, SDF) as a URDF; what was left out is printed.",
+        "models.write_model",
+        "Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF.",
     ),
     "query": (
         "queries.report_singularity",
@@ -53,7 +53,7 @@ COMMANDS = {
         "Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it.",
     ),
     "map": (
-        "maps.draw_singular_map",
+        "queries.draw_singular_map",
         "Map the distance to the singular set over two joints, with the exact curves on top.",
     ),
     "workspace": (
@@ -65,35 +65,39 @@ COMMANDS = {
         "Estimate how many postures are near a singularity, by the tip's distance from the CM.",
     ),
     "design": (
-        "designs.sweep_designs",
+        "workspaces.sweep_designs",
         "Draw the path independent share over design parameters; Ctrl-C keeps what is done.",
     ),
     "plan": (
-        "plans.commands.plan_motion",
+        "plans.plan_motion",
         "Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.",
     ),
+    "detumble": (
+        "plans.detumble_motion",
+        "Plan a motion at whose end wheels have brought the tumbling spacecraft to rest.",
+    ),
     "attitudes": (
-        "missions.commands.find_attitudes",
+        "missions.find_attitudes",
         "Find the attitudes of the spacecraft from which the tip can follow a path.",
     ),
     "reaction": (
-        "missions.commands.report_reaction",
+        "missions.report_reaction",
         "Report what a motion does to the spacecraft, and what holding the attitude takes.",
     ),
     "wheels": (
-        "missions.commands.size_wheels_of",
+        "missions.size_wheels_of",
         "Compute the momentum that wheels need to hold the attitude while the arm moves.",
     ),
     "report": (
-        "missions.commands.write_report",
+        "missions.write_report",
         "Write a design report: one page with arm, singular sets, workspaces and reactions.",
     ),
     "simulate": (
-        "motions.simulations.simulate_motion",
+        "simulations.simulate_motion",
         "Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.",
     ),
     "capture": (
-        "captures.compute_capture",
+        "queries.compute_capture",
         "Compute the velocities just after the tip, at rest, has grasped a moving, spinning body.",
     ),
     "sweep": (

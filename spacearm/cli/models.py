@@ -67,19 +67,7 @@ def write_model(
         Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
     ],
 ) -> None:
-    """Mount an arm on a bus (--bus-mass) and write both as one URDF, which every command loads."""
-    path = arm.to_urdf(output)
-    out.print(f"{path}: {arm.name}, {arm.n} joints, {number(arm.mass)} kg, tip {arm.tip}")
-
-
-@on_a_model
-def convert_model(
-    arm: SpaceArm,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
-    ],
-) -> None:
-    """Write a robot of any format (xacro, MJCF, SDF) as a URDF; what was left out is printed."""
+    """Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF."""
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")

@@ -3,36 +3,42 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import numpy as np
 import pinocchio as pin
 import typer
 
 from spacearm.arrays import Array
-from spacearm.cli.mounting import (
-    Arguments,
-    BusMass,
-    BusSize,
-    Density,
-    PackageFolders,
-    described_arm,
-    described_bus,
-    joints_of,
-)
 from spacearm.description.bodies import Joint
-from spacearm.description.model_catalogue import arms, catalogue
-from spacearm.errors import ConfigurationError, listed
+from spacearm.description.bus import Bus
+from spacearm.description.model_catalogue import (
+    arms,
+    assembled,
+    catalogue,
+    find_arm,
+    find_model,
+    models_by_name,
+)
+from spacearm.description.readers import formats
+from spacearm.description.readers.source import Reading
+from spacearm.description.tree import Tree
+from spacearm.errors import ConfigurationError, listed, warn
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
-from spacearm.model.joints import warn_outside
+from spacearm.model.loading import load, mount
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
 
 T = TypeVar("T")
+Three: TypeAlias = tuple[float, float, float]
+
+BUS_DENSITY = 200.0
+"""Density [kg/m^3] of a bus whose size is not given: that of small spacecraft."""
 
 
 def complete_model(incomplete: str) -> list[tuple[str, str]]:
@@ -53,16 +59,20 @@ ModelName = Annotated[
         autocompletion=complete_model,
     ),
 ]
+JointValues = Annotated[
+    list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
+]
 Tip = Annotated[
     str | None, typer.Option(help="Link whose frame is the tip, or several.", metavar="LINK,LINK")
 ]
 TaskRows = Annotated[
     str | None,
-    typer.Option("--task", help='Rows: "x y rz", pose, position, orientation.', metavar="ROWS"),
-]
-Length = Annotated[
-    float | None,
-    typer.Option(help="Length [m] that the linear rows of a mixed task are divided by."),
+    typer.Option(
+        "--task",
+        help='Rows: "x y rz", pose, position, orientation; then /LENGTH that the linear rows of a '
+        "mixed task are divided by [m].",
+        metavar="ROWS[/LENGTH]",
+    ),
 ]
 Joints = Annotated[
     str,
@@ -83,12 +93,33 @@ Checked = Annotated[
         metavar="error|warn|accept",
     ),
 ]
+BusMass = Annotated[
+    float | None,
+    typer.Option(help="Mount MODEL, an arm alone, on a bus of this mass [kg].", metavar="KG"),
+]
+BusSize = Annotated[
+    Three | None, typer.Option(help="Edges of that bus, a solid box [m].", metavar="X Y Z")
+]
+Arguments = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--arg", help="Argument of a xacro source; may be repeated.", metavar="NAME:=VALUE"
+    ),
+]
+PackageFolders = Annotated[
+    list[Path] | None,
+    typer.Option("--package", help="Folder of ROS packages; may be repeated.", metavar="FOLDER"),
+]
+Density = Annotated[
+    float | None,
+    typer.Option(help="Density [kg/m^3] of links without inertial data.", metavar="RHO"),
+]
 Degrees = Annotated[
     bool, typer.Option("--deg", help="Angles are in degrees, given and printed (not --json).")
 ]
 Attitude = Annotated[
-    tuple[float, float, float],
-    typer.Option(help="Spacecraft roll, pitch, yaw.", metavar="R P Y"),
+    Three | None,
+    typer.Option(help="Spacecraft roll, pitch, yaw; zeros if not given.", metavar="R P Y"),
 ]
 
 
@@ -100,29 +131,14 @@ class Spacecraft(str, Enum):
     FIXED = "fixed"
 
 
-class From(str, Enum):
-    """Where points are given from; see `motion.goal.started`."""
-
-    SPACECRAFT = "spacecraft"
-    CM = "cm"
-
-    @property
-    def words(self) -> str:
-        """In words, for help and answers."""
-        return "the system CM" if self is From.CM else "the spacecraft's frame"
-
-
-PointsFrom = Annotated[
-    From,
-    typer.Option(
-        "--origin",
-        help="Where points are given from: the spacecraft's frame or the system CM, at the start.",
-    ),
-]
 SpacecraftMode = Annotated[Spacecraft, typer.Option("--mode", help="What the spacecraft does.")]
 Picture = Annotated[
     Path | None, typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.")
 ]
+Save = Annotated[Path | None, typer.Option(help="Write the motion.", metavar="NPZ")]
+View = Annotated[bool, typer.Option("--view", help="Show it in the browser.")]
+Limits = Annotated[bool, typer.Option("--limits", help="Count joint limits.")]
+NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON: SI units, radians.")]
 
 
@@ -130,7 +146,6 @@ def arm_from(
     model: ModelName,
     tip: Tip = None,
     task: TaskRows = None,
-    length: Length = None,
     joints: Joints = "tip",
     lock: Lock = None,
     check: Checked = None,
@@ -141,23 +156,74 @@ def arm_from(
     density: Density = None,
     deg: Degrees = False,
 ) -> SpaceArm:
-    """Load the arm that the shared options describe; this signature states them once."""
-    bus, locked = described_bus(bus_mass, bus_size), assignments("--lock", lock)
-    options = {
+    """Load the arm that the shared options describe; this signature states them once.
+
+    With a bus, MODEL is an arm alone, which is mounted on top of it.
+    """
+    bus, locked = _described_bus(bus_mass, bus_size), assignments("--lock", lock)
+    options: dict[str, Any] = {
         "check": check,
         "packages": package or (),
         "xacro_args": _arguments(arg),
         "density": density,
     }
     if deg and locked:
-        known = joints_of(model, bus, options).joints
+        known = _tree_of(model, bus, options).joints
         locked = {name: _si(known.get(name), value, deg) for name, value in locked.items()}
-    counting = joints if joints in ("tip", "all") else joints.split(",")
+    options["joints"] = joints if joints in ("tip", "all") else joints.split(",")
     tips = tip.split(",") if tip and "," in tip else tip
-    arm = described_arm(model, bus, tip=tips, joints=counting, locked=locked, options=options)
-    if task is None and length is None:
+    if bus is None:
+        arm = load(model, tip=tips, locked=locked, **options)
+    elif model in models_by_name():
+        raise ConfigurationError(
+            f"--bus-mass mounts an arm alone, and {model} has a spacecraft; leave it out"
+        )
+    elif isinstance(tips, list):
+        raise ConfigurationError("--tip names several links; an arm on a new bus has one tip")
+    else:
+        arm = mount(model, bus, tip=tips, locked=locked, **options)
+    if task is None:
         return arm
-    return arm.replace(task=Task(arm.task.names if task is None else task, length))
+    rows, sign, length = task.partition("/")
+    return arm.replace(task=Task(rows or arm.task.names, _number(length) if sign else None))
+
+
+def _described_bus(mass: float | None, size: Three | None) -> Bus | None:
+    """Return the bus that the options describe; None if they name none.
+
+    Raises:
+        ConfigurationError: A size is given without a mass.
+        ModelError: No bus can have them.
+
+    Warns:
+        ModelWarning: The size was assumed.
+    """
+    if mass is None:
+        if size is not None:
+            raise ConfigurationError("--bus-size needs --bus-mass KG")
+        return None
+    if size is None:
+        edge = round(float(np.cbrt(max(mass, 0.0) / BUS_DENSITY)), 3) or 0.001
+        size = (edge, edge, edge)
+        warn(
+            f"the bus of {mass:g} kg is taken as a solid cube of {edge:g} m, at {BUS_DENSITY:g} "
+            "kg/m^3, with the arm on its +z face; --bus-size X Y Z gives another"
+        )
+    return Bus(mass=mass, size=size)
+
+
+def _tree_of(model: str, bus: Bus | None, options: dict[str, Any]) -> Tree:
+    """Read the tree of a model, without warnings: they come when it is loaded."""
+    reading = {**options, "check": "accept"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if bus is not None:
+            known = find_arm(model)
+            path = known.path if known else Path(model)
+            sound = Reading.of(**reading)
+            return formats.read(path, Reading(**{**vars(sound), "spacecraft": False}))
+        info = find_model(model)
+        return assembled(info) if info else formats.read(model, Reading.of(**reading))
 
 
 def _arguments(texts: list[str] | None) -> dict[str, str]:
@@ -216,37 +282,38 @@ def joint_values(arm: SpaceArm, words: Sequence[str | float], deg: bool) -> Arra
     return np.array([_si(joint, q, deg) for joint, q in zip(joints, values, strict=True)])
 
 
-def spacecraft_pose(attitude: tuple[float, float, float], deg: bool) -> pin.SE3:
-    """Return the pose at the origin with this roll, pitch and yaw."""
-    rpy = np.radians(attitude) if deg else np.array(attitude)
+def configuration(
+    arm: SpaceArm, words: Sequence[str | float] | None, attitude: Three | None, deg: bool
+) -> Configuration:
+    """Return the configuration that joint values and the spacecraft's attitude mean."""
+    return arm.at(joint_values(arm, words or [], deg), base=spacecraft_pose(attitude, deg))
+
+
+def spacecraft_pose(attitude: Three | None, deg: bool) -> pin.SE3:
+    """Return the pose at the origin with this roll, pitch and yaw; the identity if None."""
+    rpy = np.array(attitude or (0.0, 0.0, 0.0))
     if not np.isfinite(rpy).all():
         raise ConfigurationError(f"--attitude is {attitude}; give three finite angles")
-    return pose(rpy=rpy)
+    return pose(rpy=np.radians(rpy) if deg else rpy)
 
 
-def start_of(
-    arm: SpaceArm,
-    q: Array,
-    base: pin.SE3,
-    wheels: Array | None = None,
-    momentum: Sequence[float] | None = None,
-) -> Configuration:
-    """Return the start of a motion.
-
-    Warns:
-        ModelWarning: Joints are outside their limits, or look like degrees.
-    """
-    warn_outside(arm, q, "--q0")
-    return arm.at(q, base=base, wheels=wheels, momentum=momentum)
+def radians(angle: float | None, deg: bool) -> float | None:
+    """Return an angle of an option in radians; None if it is not given."""
+    return None if angle is None else float(np.radians(angle)) if deg else angle
 
 
-def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Array | pin.SE3:
-    """Parse the task's rows: a point, or a pose whose turns are roll, pitch and yaw."""
+def task_rows(arm: SpaceArm, option: str, text: str, deg: bool) -> Array:
+    """Parse the task's rows [m], [rad]; turns are roll, pitch, yaw."""
     values = numbers(option, text)
     turns = np.array(arm.task.indices) > 2
     if deg and len(values) == len(turns):
         values[turns] = np.radians(values[turns])
-    return goal_of(arm, values, option)
+    return values
+
+
+def goal_from(arm: SpaceArm, option: str, text: str, deg: bool) -> Goal:
+    """Parse a goal: a point in the task's rows, or a pose whose turns are roll, pitch, yaw."""
+    return goal_of(arm, task_rows(arm, option, text, deg), option)
 
 
 def mark_of(end: Configuration, goal: Goal) -> Array | None:
@@ -260,11 +327,12 @@ def mark_of(end: Configuration, goal: Goal) -> Array | None:
     return mark if rows else None
 
 
-def numbers(option: str, text: str) -> Array:
-    """Parse finite numbers with spaces or commas between them."""
+def numbers(option: str, text: str, count: int | None = None) -> Array:
+    """Parse finite numbers with spaces or commas between them, so many if it is said."""
     values = [_number(word) for word in text.replace(",", " ").split()]
-    if not values or not np.isfinite(values).all():
-        raise ConfigurationError(f"{option} is {text!r}; give finite numbers")
+    if not values or not np.isfinite(values).all() or count not in (None, len(values)):
+        how = "finite numbers" if count is None else f"{count} finite numbers, as in 0,0,1"
+        raise ConfigurationError(f"{option} is {text!r}; give {how}")
     return np.array(values)
 
 

@@ -1,9 +1,10 @@
-"""Output of the commands: tables for people, JSON for scripts."""
+"""Output of the commands: tables for people, JSON for scripts, pictures, the page."""
 
 from __future__ import annotations
 
 import json
 import math
+import signal
 import sys
 import threading
 import time
@@ -35,6 +36,9 @@ from spacearm.results import Angles, Description, Tone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from spacearm.model.arm import SpaceArm
+    from spacearm.viewer.viewer import Viewer
 
 T = TypeVar("T")
 WIDE = 1000
@@ -140,6 +144,94 @@ def check_picture(path: Path | None) -> None:
     """Refuse a picture with an unknown suffix, before anything is computed."""
     if path and path.suffix.lower() not in PICTURES:
         raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
+
+
+def answer(
+    arm: SpaceArm,
+    result: Any,
+    kind: str,
+    *,
+    deg: bool = False,
+    as_json: bool = False,
+    save: Path | None = None,
+    output: Path | None = None,
+    view: bool = False,
+    drawing: bool = True,
+    drawn: Callable[[], Mapping[str, Any]] = dict,
+    told: Mapping[str, Any] | None = None,
+    thing: Any = None,
+) -> None:
+    """Give the answer of a command: print it, save it, draw it and show it in the browser.
+
+    Args:
+        arm: The arm that it is about, whose name the picture has.
+        result: The answer.
+        kind: What it is, for the name of the picture.
+        deg: Whether angles are printed in degrees.
+        as_json: Whether to print JSON; then a picture is drawn only if `output` names it.
+        save: Where the motion goes.
+        output: Where the picture goes; else where `picture_path` says.
+        view: Whether to show it in the browser; then a picture is drawn only if `output` names it.
+        drawing: Whether there is a picture where `output` names none.
+        drawn: Returns the options of `plot`; called if a picture is drawn.
+        told: Fields that JSON has besides.
+        thing: What is drawn and shown; the answer if None.
+    """
+    thing = result if thing is None else thing
+    if save:
+        result.save(save)
+    if as_json:
+        print_json(result.to_dict() | (told or {}))
+    else:
+        print_description(result.describe(), deg)
+        if save:
+            out.print(f"wrote {save}")
+    if output or (drawing and not (as_json or view)):
+        from spacearm.plots.show import plot  # imports matplotlib
+
+        where = picture_path(output, arm.name, kind)
+        write_picture(where, plot(thing, **drawn()))
+        if not as_json:
+            out.print(f"wrote {where}")
+    if view:
+        serve(thing)
+
+
+def serve(thing: Any) -> None:
+    """Show a thing in the browser until Ctrl-C."""
+    from spacearm.viewer.show import view as show
+
+    serve_until_interrupted(show(thing, open=False))
+
+
+def serve_until_interrupted(viewer: Viewer, port: int | None = None, no_open: bool = False) -> None:
+    """Serve the page, open it in the browser unless told not to, and wait for Ctrl-C."""
+    try:  # an interrupt may come at any moment
+        if no_open:
+            viewer.serve(port)
+        else:
+            viewer.open(port)
+        out.print(f"{viewer.session.cfg.arm.name}: {viewer.url}  (Ctrl-C ends)")
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        out.print()
+    finally:
+        viewer.close()
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Have Ctrl-C wait while packages are imported: some of them swallow it."""
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
+    try:
+        yield
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
 
 
 def picture_path(output: Path | None, name: str, kind: str) -> Path:

@@ -1,52 +1,80 @@
-"""`spacearm query`, `nearest` and `path`: a posture, the singular one next to it, ways."""
+"""`spacearm query`, `nearest`, `path`, `map`, `capture`: postures, ways, what a grasp does."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from enum import Enum
+from io import BytesIO
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from spacearm.arrays import Array
+from spacearm import results
+from spacearm.arrays import Array, plain
 from spacearm.cli.options import (
     AsJson,
     Attitude,
+    JointValues,
+    Picture,
     Spacecraft,
     SpacecraftMode,
+    Three,
+    assignments,
+    configuration,
     joint_values,
     on_a_model,
-    spacecraft_pose,
+    radians,
 )
 from spacearm.cli.output import (
-    joint_value,
+    answer,
+    check_picture,
+    err,
+    kept,
     out,
+    print_description,
     print_json,
     print_result,
-    table,
     working,
 )
 from spacearm.errors import ConfigurationError, UnsupportedError
-from spacearm.files import read
+from spacearm.files import read, write
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.dynamics import capture
 from spacearm.model.arm import SpaceArm
+from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
+from spacearm.results import Cell, Column, Description, Table
+from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.nearest import GLOBAL_DIMENSION
 from spacearm.singularities.report import TOLERANCE, angle, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 
 SINGULAR = 3
 """Exit code of --fail-on-singular."""
+PROOFS = {
+    "free": "meets no singularity: proven",
+    "singular": "meets a singularity",
+    "undecided": "comes too near to a singularity for a proof",
+}
+"""What the verdicts of a certificate mean."""
+
+Fail = Annotated[
+    bool,
+    typer.Option(
+        "--fail-on-singular",
+        help=f"Exit with code {SINGULAR} if it is singular, or not proven regular.",
+    ),
+]
 
 
 @on_a_model
 def report_singularity(
     arm: SpaceArm,
-    q: Annotated[
-        list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
-    ] = None,
-    attitude: Attitude = (0.0, 0.0, 0.0),
+    q: JointValues = None,
+    attitude: Attitude = None,
     mode: SpacecraftMode = Spacecraft.FREE,
     tolerance: Annotated[
         float | None,
@@ -62,21 +90,20 @@ def report_singularity(
             "--first-order", help="Estimate the distance only: do not find the nearest posture."
         ),
     ] = False,
-    fail_on_singular: Annotated[
-        bool,
-        typer.Option(
-            "--fail-on-singular", help=f"Exit with code {SINGULAR} if the posture is singular."
-        ),
-    ] = False,
+    fail_on_singular: Fail = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> int:
     """Report whether a configuration is singular, and which directions are lost."""
-    cfg = arm.at(joint_values(arm, q or [], deg), base=spacecraft_pose(attitude, deg))
-    within = TOLERANCE if tolerance is None else np.radians(tolerance) if deg else tolerance
+    cfg = configuration(arm, q, attitude, deg)
+    within = radians(tolerance, deg)
     with working("searching") as told:
         report = singularity(
-            cfg, mode=mode.value, tolerance=float(within), exact=not first_order, progress=told
+            cfg,
+            mode=mode.value,
+            tolerance=TOLERANCE if within is None else within,
+            exact=not first_order,
+            progress=told,
         )
     print_result(report, deg=deg, as_json=as_json)
     return SINGULAR if fail_on_singular and report.kind != "regular" else 0
@@ -85,9 +112,7 @@ def report_singularity(
 @on_a_model
 def find_nearest(
     arm: SpaceArm,
-    q: Annotated[
-        list[str] | None, typer.Argument(metavar="Q1 Q2 ...", help="Joint values [rad] or [m].")
-    ] = None,
+    q: JointValues = None,
     mode: SpacecraftMode = Spacecraft.FREE,
     limits: Annotated[
         bool, typer.Option("--limits", help="Only postures within the joint limits.")
@@ -103,27 +128,29 @@ def find_nearest(
     square = found.complete and found.codimension == 1 and not arm.slides.any()
     proven = square and not limits and 0 < len(found.relevant) <= GLOBAL_DIMENSION
     if as_json:
-        return print_json(
-            {
-                "arm": arm.name,
-                "mode": mode.value,
-                "joints": list(arm.joint_names),
-                "q": start.tolist(),
-                "nearest": nearest.tolist(),
-                "distance": distance,
-                "proven": proven,
-                "limits": limits,
-            }
-        )
-    most = "" if proven else "at most "
-    out.print(f"{arm.name}, {mode.value}: {most}{joint_value(distance, 'revolute', True)} away")
-    rows = table("joint", "q", "nearest singular", "turn")
-    for name, here, there in zip(arm.joint_names, start, nearest, strict=True):
-        kind = arm.tree.joints[name].kind
-        rows.add_row(name, *(joint_value(x, kind, deg) for x in (here, there, there - here)))
-    out.print(rows)
+        facts: dict[str, Any] = {"arm": arm, "mode": mode.value, "joints": arm.joint_names}
+        facts |= {
+            "q": start,
+            "nearest": nearest,
+            "distance": distance,
+            "proven": proven,
+            "limits": limits,
+        }
+        print_json(plain(facts))
+        return
+    columns: dict[str | Column, Sequence[Cell]] = {"joint": arm.joint_names}
+    for name, values in (("q", start), ("nearest singular", nearest), ("turn", nearest - start)):
+        columns[name] = results.joint_values(values, arm.slides)
     how = "proven: no singular posture is nearer" if proven else "found by a search"
-    out.print(f"{how}; joint limits {'count' if limits else 'do not count'}")
+    print_description(
+        Description(
+            title=f"{arm.name}, {mode.value}",
+            verdict=f"{'' if proven else 'at most '}{np.degrees(distance):.5g}° away",
+            notes=(f"{how}; joint limits {'count' if limits else 'do not count'}",),
+            tables=(Table.by_columns(columns),),
+        ),
+        deg,
+    )
 
 
 @on_a_model
@@ -137,12 +164,7 @@ def check_path(
         ),
     ],
     mode: SpacecraftMode = Spacecraft.FREE,
-    fail_on_singular: Annotated[
-        bool,
-        typer.Option(
-            "--fail-on-singular", help=f"Exit with code {SINGULAR} unless it is proven regular."
-        ),
-    ] = False,
+    fail_on_singular: Fail = False,
     deg: bool = False,
     as_json: AsJson = False,
 ) -> int:
@@ -158,46 +180,36 @@ def check_path(
         distance = evaluate(arm, Q, ("distance",))["distance"] if mode == "free-floating" else None
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
-        print_json(
-            {
-                "arm": arm.name,
-                "certificate": proof.to_dict(),
-                "outside_limits": outside,
-                "distance": distance,
-                "mode": mode.value,
-            }
-        )
+        facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
+        print_json(plain(facts | {"distance": distance, "mode": mode.value}))
     else:
-        _print_proof(arm, Q, proof, distance, outside, deg)
+        print_description(_described(arm, Q, proof, distance, outside), deg)
     return SINGULAR if fail_on_singular and not proof.free else 0
 
 
-def _print_proof(
-    arm: SpaceArm,
-    Q: Array,
-    proof: Certificate,
-    distance: Array | None,
-    outside: list[str],
-    deg: bool,
-) -> None:
-    words = {
-        "free": "meets no singularity: proven",
-        "singular": "meets a singularity",
-        "undecided": "comes too near to a singularity for a proof",
-    }
-    limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
-    out.print(f"{arm.name}, {len(Q)} postures: {words[proof.verdict]}{limits}")
+def _described(
+    arm: SpaceArm, Q: Array, proof: Certificate, distance: Array | None, outside: list[str]
+) -> Description:
+    """Return what the proof of a path says."""
+    notes, tables = [], []
     if proof.at is not None:
         first = 1 + (proof.segment or 0)
-        rows = table("joint", f"on the way from posture {first} to {first + 1}")
-        for name, q in zip(arm.joint_names, proof.at, strict=True):
-            rows.add_row(name, joint_value(q, arm.tree.joints[name].kind, deg))
-        out.print(rows)
+        way = f"on the way from posture {first} to {first + 1}"
+        at = results.joint_values(proof.at, arm.slides)
+        tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))
     if distance is not None:
         worst = int(np.argmin(distance))
-        near = f"about {angle(float(distance[worst]))} from a singular posture"
-        out.print(f"nearest of the postures given: number {worst + 1}, {near}, to first order")
-    out.print("not checked: collisions, rates, the way of the tip")
+        near = f"about {angle(float(distance[worst]))} from a singular posture, to first order"
+        notes.append(f"nearest of the postures given: number {worst + 1}, {near}")
+    limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
+    return Description(
+        title=f"{arm.name}, {len(Q)} postures",
+        verdict=f"{PROOFS[proof.verdict]}{limits}",
+        tone="good" if proof.free else "bad",
+        notes=notes,
+        tables=tables,
+        not_checked="collisions, rates, the way of the tip",
+    )
 
 
 def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
@@ -215,3 +227,114 @@ def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
             f"each with {arm.n} finite joint values: {', '.join(arm.joint_names)}"
         )
     return np.where(arm.slides, Q, np.radians(Q)) if deg else Q
+
+
+@on_a_model
+def draw_singular_map(
+    arm: SpaceArm,
+    axes: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            help="The two joints, by name or as q1 q2; by default those along which sigma_min "
+            "changes most.",
+            metavar="A B",
+        ),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(help="Position of another joint; may be repeated.", metavar="JOINT=VALUE"),
+    ] = None,
+    output: Picture = None,
+    npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy archive.")] = None,
+    points: Annotated[
+        int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
+    ] = 181,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> int:
+    """Map the distance to the singular set over two joints, with the exact curves on top.
+
+    Ctrl-C keeps what there is.
+    """
+    check_picture(output)
+    fixed = {joint_name(arm, name): value for name, value in assignments("--fix", fix).items()}
+    q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
+    result, code = kept(
+        "computing the map",
+        lambda progress: singular_map(arm, axes, q, points, progress=progress),
+    )
+    if npz:
+        _write_npz(npz, result)
+    answer(arm, result, "map", deg=deg, as_json=as_json, output=output, drawing=not npz)
+    return code
+
+
+def _write_npz(path: Path, result: SingularMap) -> None:
+    buffer = BytesIO()
+    arrays: dict[str, Any] = {
+        "joints": np.array(result.joints),
+        "held_joints": np.array(list(result.held)),
+        "held": np.array(list(result.held.values())),
+        "angles": result.angles,
+        "distance": result.distance,
+        "sigma_min": result.sigma_min,
+        "joint_limits": result.joint_limits,
+    }
+    arrays |= {f"curve_{i}": curve for i, curve in enumerate(result.curves or [])}
+    np.savez(buffer, **arrays)
+    write(path, buffer.getvalue())
+    out.print(f"wrote {path}")
+
+
+class Brakes(str, Enum):
+    """What the joints do in the impact."""
+
+    FREE = "free"
+    BRAKED = "braked"
+
+
+@on_a_model
+def compute_capture(
+    arm: SpaceArm,
+    mass: Annotated[float, typer.Option(help="Mass of the target [kg].")],
+    q: JointValues = None,
+    velocity: Annotated[
+        Three, typer.Option(help="Velocity of its CM [m/s], inertial axes.", metavar="X Y Z")
+    ] = (0.0, 0.0, 0.0),
+    spin: Annotated[
+        Three,
+        typer.Option(
+            help="Its angular velocity [rad/s], with --deg in degrees/s, inertial axes.",
+            metavar="X Y Z",
+        ),
+    ] = (0.0, 0.0, 0.0),
+    inertia: Annotated[
+        Three | None,
+        typer.Option(
+            help="Its moments of inertia about its CM along the tip's axes [kg m^2]; a point mass "
+            "if left out.",
+            metavar="X Y Z",
+        ),
+    ] = None,
+    com: Annotated[Three, typer.Option(help="Its CM in the tip frame [m].", metavar="X Y Z")] = (
+        0.0,
+        0.0,
+        0.0,
+    ),
+    brakes: Annotated[
+        Brakes, typer.Option("--joints-are", help="Whether brakes hold the joints.")
+    ] = Brakes.FREE,
+    attitude: Attitude = None,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compute the velocities just after the tip, at rest, has grasped a moving, spinning body."""
+    cfg = configuration(arm, q, attitude, deg)
+    if inertia is None and any(spin):
+        err.print("spacearm: note: a point mass does not spin; --inertia gives the target moments")
+    turning = np.radians(spin) if deg else np.array(spin)
+    found = capture(
+        cfg, np.concatenate((velocity, turning)), mass,
+        None if inertia is None else np.diag(inertia), com, joints=brakes.value,
+    )  # fmt: skip
+    print_result(found, deg=deg, as_json=as_json)

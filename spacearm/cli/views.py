@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from spacearm.cli.options import (
-    Attitude,
-    joint_values,
-    on_a_model,
-    spacecraft_pose,
-)
-from spacearm.cli.output import out, working
+from spacearm.cli.options import Attitude, joint_values, on_a_model, spacecraft_pose
+from spacearm.cli.output import out, serve_until_interrupted, undisturbed, working
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.viewer.motions import WORDS
 from spacearm.viewer.session import opening_posture
 from spacearm.viewer.show import view as show
-
-if TYPE_CHECKING:
-    from spacearm.viewer.viewer import Viewer
 
 
 @on_a_model
@@ -38,7 +26,7 @@ def view_configuration(
             metavar="[Q1 Q2 ...]", help="Joint values [rad] or [m]; a regular posture if left out."
         ),
     ] = None,
-    attitude: Attitude = (0.0, 0.0, 0.0),
+    attitude: Attitude = None,
     motion: Annotated[
         Path | None,
         typer.Option(help="Play a motion written by --save of plan or simulate.", metavar="NPZ"),
@@ -73,7 +61,7 @@ def view_configuration(
     """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it."""
     with undisturbed():
         if motion:
-            if q or any(attitude):
+            if q or attitude:
                 raise ConfigurationError(
                     "the motion has its own postures; leave out q and --attitude"
                 )
@@ -96,33 +84,3 @@ def view_configuration(
     if save or png or frames:
         return
     serve_until_interrupted(viewer, port, no_open)
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Have Ctrl-C wait while packages are imported: some of them swallow it."""
-    came: list[int] = []
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
-    try:
-        yield
-    finally:
-        if main:
-            signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
-
-
-def serve_until_interrupted(viewer: Viewer, port: int | None = None, no_open: bool = False) -> None:
-    """Serve the page, open it in the browser unless told not to, and wait for Ctrl-C."""
-    try:  # an interrupt may come at any moment
-        if no_open:
-            viewer.serve(port)
-        else:
-            viewer.open(port)
-        out.print(f"{viewer.session.cfg.arm.name}: {viewer.url}  (Ctrl-C ends)")
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        out.print()
-    finally:
-        viewer.close()

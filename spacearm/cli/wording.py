@@ -10,20 +10,19 @@ INTERRUPTED = 130
 OPTIONS = {
     r"locked=\{'([^']*)': ([^}]*)\}": r"--lock \1=\2",
     r"locked=\{\.\.\.\}": "--lock JOINT=VALUE",
-    r"(limits|collisions)=False": r"--no-\1",
+    r"\b(limits|collisions)=False": r"--with constraints.\1=false",
     r'check="(\w+)"': r"--check \1",
     r'joints="all"': "--joints all",
     r"tip=LINK": "--tip LINK",
-    r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1 --length METRES",
+    r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",
     r"\bdensity=(?!\w)": "--density RHO",
-    r"\bfinal_attitude\b": "--final-attitude",
-    r"\ball_branches=True\b": "no --q0",
+    r"\ball_branches=True\b": "no joint values",
     r"\bsa\.risk_profile\b": "spacearm risk",
-    r"\bsa\.(workspace|plan|simulate|query|capture|mount)\b": r"spacearm \1",
+    r"\bsa\.(workspace|plan|detumble|simulate|query|capture|mount)\b": r"spacearm \1",
     r" \(sa\.Joints\)": "",
 }
 """What messages name in the words of Python, and the options that do the same."""
-VECTORS = ("--q0", "--target", "--goal", "--via", "--corner", "--kp", "--kd", "--dq0", "--wheels0")
+VECTORS = ("--target", "--goal", "--corner")
 """Options that take as many numbers as the arm needs."""
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 

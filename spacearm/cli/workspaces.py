@@ -1,9 +1,10 @@
-"""`spacearm workspace` and `spacearm risk`: where singularities are, from the system CM."""
+"""`spacearm workspace`, `risk`, `design`: where singularities are, from the system CM."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -11,45 +12,51 @@ import typer
 from spacearm.arrays import Array, plain
 from spacearm.cli.options import (
     AsJson,
+    Limits,
     Picture,
     Spacecraft,
     SpacecraftMode,
+    View,
     on_a_model,
+    radians,
 )
 from spacearm.cli.output import (
+    answer,
     check_picture,
     err,
     kept,
-    out,
-    picture_path,
-    print_description,
-    print_json,
-    table,
+    say_stopped,
     working,
-    write_picture,
 )
+from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
 from spacearm.files import read
 from spacearm.model.arm import SpaceArm
-from spacearm.singularities.report import angle
+from spacearm.results import Column, Described, Description, Table
 from spacearm.singularities.risk import risk_profile
+from spacearm.workspaces.design import workspaces
 from spacearm.workspaces.path_dependent import EFFORT, workspace
 
-EFFORT_HELP = (
-    f"Number of singular configurations that the search starts from, {EFFORT:,} if not given; only "
-    "for arms of more than 3 joints."
-)
+COUNT = 9
+"""Values of a range whose number is not given."""
+
+Effort = Annotated[
+    int | None,
+    typer.Option(
+        help=f"Number of singular configurations that the search starts from, {EFFORT:,} if not "
+        "given; only for arms of more than 3 joints.",
+        min=1,
+        show_default=False,
+    ),
+]
 
 
 @on_a_model
 def compute_workspace(
     arm: SpaceArm,
     mode: SpacecraftMode = Spacecraft.FREE,
-    limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
-    effort: Annotated[
-        int | None,
-        typer.Option(help=EFFORT_HELP, min=1, show_default=False),
-    ] = None,
+    limits: Limits = False,
+    effort: Effort = None,
     seed: Annotated[int, typer.Option(help="Seed of that search.")] = 0,
     free: Annotated[
         bool,
@@ -64,7 +71,7 @@ def compute_workspace(
             help="Tip path to draw: a text file with one point per line, from the CM [m]."
         ),
     ] = None,
-    view: Annotated[bool, typer.Option("--view", help="Show the shells in the browser.")] = False,
+    view: View = False,
     as_json: AsJson = False,
 ) -> int:
     """Compute and draw the path dependent and path independent workspaces.
@@ -82,36 +89,29 @@ def compute_workspace(
     )
     if effort is not None and result.effort == 0:
         err.print("spacearm: note: --effort does not count: the bounds of this arm are proven")
-    more = {}
+    told = {}
     if free and not code:
         with working("the free workspace"):
-            more = {"free": plain(result.free)}
-    if as_json:
-        print_json(result.to_dict() | more)
-    else:
-        print_description(result.describe())
-    if output or not (as_json or view):
-        from spacearm.plots.workspaces import draw_workspace  # imports matplotlib
+            told = {"free": plain(result.free)}
 
+    def drawn() -> dict[str, Any]:
         floats = not result.planar and mode == "free-floating" and not code
         with working("drawing") as progress:
-            profile = result.profile(progress=progress) if floats else None
-        where = picture_path(output, arm.name, "workspace")
-        write_picture(where, draw_workspace(result, points, profile))
-        if not as_json:
-            out.print(f"wrote {where}")
-    if view:
-        from spacearm.cli.views import serve_until_interrupted
-        from spacearm.viewer.show import view as show
+            return {
+                "path": points,
+                "profile": result.profile(progress=progress) if floats else None,
+            }
 
-        serve_until_interrupted(show(result, open=False))
+    answer(
+        arm, result, "workspace", as_json=as_json, output=output, view=view, drawn=drawn, told=told
+    )
     return code
 
 
 @on_a_model
 def compute_risk(
     arm: SpaceArm,
-    limits: Annotated[bool, typer.Option("--limits", help="Count joint limits.")] = False,
+    limits: Limits = False,
     near: Annotated[
         float | None,
         typer.Option(
@@ -132,39 +132,109 @@ def compute_risk(
     Ctrl-C keeps what there is.
     """
     check_picture(output)
-    bound = None if near is None else float(np.radians(near) if deg else near)
     profile, code = kept(
         "sampling",
         lambda progress: risk_profile(
-            arm, limits=limits, distance=bound, bins=bins, samples=samples, seed=seed,
+            arm, limits=limits, distance=radians(near, deg), bins=bins, samples=samples, seed=seed,
             progress=progress,
         ),
     )  # fmt: skip
-    if as_json:
-        print_json(profile.to_dict())
-    else:
-        near_by = f"within {angle(profile.bound)} of a singular posture, to first order"
-        out.print(
-            f"{arm.name}, free-floating: share of {profile.count.sum():,.0f} postures {near_by}"
-        )
-        rows = table("R from [m]", "to [m]", "share", "standard error", "postures")
-        edges = zip(profile.edges[:-1], profile.edges[1:], strict=True)
-        for (low, high), share, error, count in zip(
-            edges, profile.share, profile.error, profile.count, strict=True
-        ):
-            known = (f"{share:.1%}", f"{error:.1%}") if count else ("none", "")
-            rows.add_row(f"{low:.4f}", f"{high:.4f}", *known, f"{count:,.0f}")
-        out.print(rows)
-        out.print("R: distance of the tip from the system CM; joint limits ", end="")
-        out.print("count" if limits else "do not count")
-    if output or not as_json:
-        from spacearm.plots.show import plot  # imports matplotlib
-
-        where = picture_path(output, arm.name, "risk")
-        write_picture(where, plot(profile))
-        if not as_json:
-            out.print(f"wrote {where}")
+    answer(arm, profile, "risk", deg=deg, as_json=as_json, output=output)
     return code
+
+
+@on_a_model
+def sweep_designs(
+    arm: SpaceArm,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            help="A parameter and its values: base_mass, payload, mass:LINK [kg], base_inertia (a "
+            "factor at constant mass), mount_x, mount_y, mount_z [m]; may be repeated.",
+            metavar="NAME=A[:B[:COUNT]]",
+        ),
+    ],
+    mode: SpacecraftMode = Spacecraft.FREE,
+    limits: Limits = False,
+    effort: Effort = None,
+    output: Picture = None,
+    as_json: AsJson = False,
+) -> int:
+    """Draw the path independent share over design parameters; Ctrl-C keeps what is done."""
+    check_picture(output)
+    pairs = [text.partition("=") for text in vary]
+    grid = {name: _values(name, values) for name, _, values in pairs}
+    with working("designs") as progress:
+        result = workspaces(
+            arm, grid, mode=mode.value, limits=limits, effort=effort, progress=progress
+        )
+    answer(arm, Designs(result, grid), "design", as_json=as_json, output=output, thing=result)
+    if (done := int(result["done"].sum())) < result["done"].size:
+        say_stopped(f"{done} of {result['done'].size} designs done")
+        return INTERRUPTED
+    return 0
+
+
+class Designs(Described):
+    """The dataset of `design.workspaces` as an answer.
+
+    Args:
+        found: The dataset.
+        grid: The values of each parameter, by name.
+    """
+
+    def __init__(self, found: Any, grid: Mapping[str, Array]) -> None:
+        self.found, self.grid = found, grid
+
+    def describe(self) -> Description:
+        """Return a table of the designs that are done."""
+        found, rows = self.found, []
+        for at in np.ndindex(found["done"].shape):
+            if found["done"].values[at]:
+                pdw = [r for r in found["pdw"].values[at] if np.isfinite(r).all()]
+                values = (values[i] for values, i in zip(self.grid.values(), at, strict=True))
+                shells = "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none"
+                rows.append((*values, f"{found['fraction'].values[at]:.2%}", shells))
+        units = {"base_inertia": "times"} | dict.fromkeys(("mount_x", "mount_y", "mount_z"), "m")
+        heads = [Column(name, units.get(name, "kg"), ".6g") for name in self.grid]
+        return Description(
+            title=f"{found.attrs['arm']}, {found.attrs['base_mode']}",
+            verdict=f"{len(rows)} of {found['done'].size} designs",
+            tables=(Table((*heads, "path independent", "path dependent [m]"), rows),),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the designs as plain data, with the fields of `spacearm workspace --json`."""
+        found = self.found
+        sizes = "areas" if found["piw"].attrs["units"] == "m^2" else "volumes"
+        designs = []
+        for at in np.ndindex(found["done"].shape):
+            here = zip(self.grid.items(), at, strict=True)
+            told: dict[str, Any] = {"parameters": {name: float(v[i]) for (name, v), i in here}}
+            told["done"] = bool(found["done"].values[at])
+            if told["done"]:
+                told[sizes] = {n: float(found[n].values[at]) for n in ("reachable", "piw")}
+                told["fraction"] = float(found["fraction"].values[at])
+                pdw = found["pdw"].values[at]
+                told["pdw"] = pdw[np.isfinite(pdw).all(axis=1)].tolist()
+            designs.append(told)
+        facts = {"arm": found.attrs["arm"], "mode": found.attrs["base_mode"]}
+        return {**facts, "limits": bool(found.attrs["limits"]), "designs": designs}
+
+
+def _values(name: str, text: str) -> Array:
+    low, high, count = (*text.split(":"), "", "")[:3]
+    try:
+        ends = float(low), float(high or low)
+        number = int(count or (COUNT if high else 1))
+    except ValueError:
+        number = 0
+    if number < 1 or text.count(":") > 2:
+        raise ConfigurationError(
+            f"--vary {name}={text}: give a number, LOW:HIGH or LOW:HIGH:COUNT, as in "
+            "base_inertia=1:20 or mount_x=0:0.8:5"
+        )
+    return np.linspace(*ends, number)
 
 
 def _points(path: Path) -> Array:

@@ -29,7 +29,7 @@ from spacearm.collisions.swept_motion import (
 from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
-from spacearm.results import Result
+from spacearm.results import Cell, Description, Measure, Result, Table
 
 
 class Contact(NamedTuple):
@@ -297,8 +297,19 @@ class CollisionReport(Result):
             f"no bodies meet, proven; {a!r} comes nearest, to {self.distance.min():.4g} m of {b!r}"
         )
 
-    def __repr__(self) -> str:
-        return f"CollisionReport({self.story}; {self.checked})"
+    def describe(self) -> Description:
+        """Describe the verdict, the bodies that come nearest and what was checked."""
+        nearest: dict[str, Cell] = {
+            "nearest bodies": f"{self.nearest[0]}, {self.nearest[1]}",
+            "least distance, less margins": Measure(float(self.distance.min()), "m"),
+        }
+        return Description(
+            title="collisions",
+            verdict=self.story,
+            tone="good" if self.apart else "bad",
+            notes=[self.checked],
+            tables=[Table.facts(nearest)],
+        )
 
 
 def collision_check(

@@ -274,8 +274,13 @@ def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[
         joints: Which joints count; see `loading.load`.
 
     Raises:
-        ConfigurationError: joints names no movable joint, or one that mimics another.
+        ConfigurationError: joints is neither "tip", "all" nor names, or names no movable joint or
+            one that mimics another.
     """
+    if not isinstance(joints, Collection) or (
+        isinstance(joints, str) and joints not in ("tip", "all")
+    ):
+        raise ConfigurationError(f'joints is {joints!r}; give "tip", "all" or a list of names')
     leading = {joint.name: joint for joint in tree.leading()}
     counting = {tree.leader(joint).name for tip in tips for joint in tree.movable(tip)}
     if joints == "all":
@@ -285,19 +290,6 @@ def hold(tree: Tree, tips: Sequence[str], joints: Counting) -> tuple[Tree, dict[
         counting |= set(joints)
     held = {name: joint.rest for name, joint in leading.items() if name not in counting}
     return tree.locked(held), held
-
-
-def counted(joints: Counting) -> Counting:
-    """Return `joints` as it was given, checked and with its names as a tuple.
-
-    Raises:
-        ConfigurationError: It is neither "tip", "all" nor names.
-    """
-    if joints == "tip" or joints == "all":
-        return joints
-    if isinstance(joints, str) or not isinstance(joints, Collection):
-        raise ConfigurationError(f'joints is {joints!r}; give "tip", "all" or a list of names')
-    return tuple(joints)
 
 
 def remaining(tree: Tree, joints: Counting) -> Counting:

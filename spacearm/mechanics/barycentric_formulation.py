@@ -22,7 +22,7 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration
-from spacearm.results import Result
+from spacearm.results import Column, Description, Result, Table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,8 +54,14 @@ class VirtualManipulator(Result):
         """(3,) the end, which is the tip, inertial frame, equation (3) [m]."""
         return self.ground + self.links.sum(axis=0)
 
-    def __repr__(self) -> str:
-        return f"VirtualManipulator({len(self.links)} links, end at {self.end} m)"
+    def describe(self) -> Description:
+        """Describe the links and the end of the chain."""
+        rows = [(i, link, np.linalg.norm(link)) for i, link in enumerate(self.links)]
+        return Description(
+            title=f"{len(self.links)} links",
+            verdict=f"end at {np.round(self.end, 6)} m",
+            tables=[Table(("link", Column("vector", "m"), Column("length", "m")), rows)],
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,8 +109,19 @@ class Barycentric(Result):
     T0: Array
     r_cm: Array
 
-    def __repr__(self) -> str:
-        return f"Barycentric(N={len(self.c) - 1}, M={self.M:g} kg, mu={self.mu})"
+    def describe(self) -> Description:
+        """Describe the mass distribution, the bodies' CMs and their barycentres."""
+        columns = ("body", "mass distribution", Column("CM from the system CM", "m"),
+                   Column("barycentre from its CM", "m"))  # fmt: skip
+        rows = [
+            (i, *values) for i, values in enumerate(zip(self.mu, self.rho, self.c, strict=False))
+        ]
+        return Description(
+            title=f"{len(self.c)} bodies",
+            verdict=f"{self.M:.6g} kg",
+            notes=["equations (7), (11) and (8), spacecraft axes"],
+            tables=[Table(columns, rows)],
+        )
 
     @property
     def base_rates(self) -> Array:

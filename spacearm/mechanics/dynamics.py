@@ -36,7 +36,7 @@ from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.results import Result
+from spacearm.results import Cell, Description, Measure, Result, Table, joint_values
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
@@ -375,9 +375,26 @@ class Capture(Result):
             for link, frame in frames.items()
         }
 
-    def __repr__(self) -> str:
-        name = self.configuration.arm.name
-        return f"Capture({name}: {self.energy_lost:.6g} J lost, w_0 = {self.twist[3:]} rad/s)"
+    def describe(self) -> Description:
+        """Describe the velocities, the momentum and the impulse of the grasp."""
+        cfg, angular = self.configuration, self.twist[3:]
+        rates = joint_values(self.dq, cfg.arm.slides, per="/s")
+        facts: dict[str, Cell] = {
+            "spacecraft, velocity": Measure(self.twist[:3], "m/s"),
+            "spacecraft, angular velocity": Measure(angular, "rad/s"),
+            "momentum": Measure(self.momentum[:3], "kg m/s"),
+            "angular momentum about the CM": Measure(self.momentum[3:], "kg m²/s"),
+            "impulse on the tip": Measure(self.impulse[:3], "N s"),
+            "angular impulse on the tip": Measure(self.impulse[3:], "N m s"),
+            **dict(zip(cfg.arm.joint_names, rates, strict=True)),
+        }
+        turn = np.degrees(np.linalg.norm(angular))
+        return Description(
+            title=f"{cfg.arm.name} after the grasp",
+            verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.4g}°/s",
+            notes=["inertial axes; a plastic impact"],
+            tables=[Table.facts(facts)],
+        )
 
 
 @of_configuration
@@ -424,7 +441,7 @@ def capture(
         >>> import spacearm as sa
         >>> cfg = sa.load("planar2").at([0.3, 1.2])
         >>> sa.capture(cfg, [0.02, 0, 0, 0, 0, 0.03], mass=5.0)
-        Capture(planar2: 0.000164513 J lost, w_0 = [ 0.         0.        -0.0001994] rad/s)
+        Capture(planar2 after the grasp: 0.000164513 J lost, the spacecraft turns at 0.01143°/s)
     """
     if joints not in get_args(JointState):
         raise ConfigurationError(unknown("joints", joints, get_args(JointState)))

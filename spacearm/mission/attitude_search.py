@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from spacearm.arrays import Array, Progress
-from spacearm.mission.branches import MORE_STEPS, STEPS, all_branches, branch, onward
+from spacearm.mission.branches import MORE_STEPS, STEPS, HeldTip
 from spacearm.mission.rotations import (
     Cells,
     attitudes,
@@ -25,7 +24,6 @@ from spacearm.mission.rotations import (
     nearest_of,
     spacing,
 )
-from spacearm.model.arm import SpaceArm
 from spacearm.motion import leading
 from spacearm.motion.leading import Settings, Table, lead_all
 
@@ -95,8 +93,7 @@ class PathTrials(NamedTuple):
     """A path, and how it is followed from many attitudes.
 
     Attributes:
-        arm: The arm.
-        start: Pose of the tip at the beginning of the path, from the system CM.
+        start: The arm, its tip at the beginning of the path.
         paths: The path.
         settings: What ends the motion; `care` is the least distance to the singular set [rad].
         q0: (n,) the posture whose branch is followed; None for all that are found.
@@ -104,8 +101,7 @@ class PathTrials(NamedTuple):
         seed: Of the random postures.
     """
 
-    arm: SpaceArm
-    start: pin.SE3
+    start: HeldTip
     paths: Table
     settings: Settings
     q0: Array | None
@@ -121,7 +117,7 @@ class PathTrials(NamedTuple):
         if self.q0 is None:
             q = self._all_branches(attitude)
         else:
-            q = branch(self.arm, self.start, attitude, self.q0, self.first, reach)[:, None]
+            q = self.start.branch(attitude, self.q0, self.first, reach)[:, None]
         return self._follow(attitude, q, progress)
 
     def near(self, attitude: Array, seed: Array, border: bool = False) -> Outcome:
@@ -133,15 +129,14 @@ class PathTrials(NamedTuple):
             border: Whether they may be near the border of what can be reached.
         """
         steps = MORE_STEPS if border else STEPS
-        q = onward(self.arm, self.start, attitude, seed, steps)[:, None]
+        q = self.start.onward(attitude, seed, steps)[:, None]
         if self.q0 is None and not border:
             q = np.concatenate((q, self._all_branches(attitude)), axis=1)
         return self._follow(attitude, q)
 
     def _all_branches(self, attitude: Array) -> Array:
         """Return postures (m, tries, n) on all branches that random ones lead to."""
-        rng = np.random.default_rng(self.seed)
-        return all_branches(self.arm, self.start, attitude, TRIES, rng)
+        return self.start.all_branches(attitude, TRIES, np.random.default_rng(self.seed))
 
     def _follow(self, attitude: Array, q: Array, progress: Progress | None = None) -> Outcome:
         """Follow the path from attitudes (m, 4) and postures (m, c, n); return the best of each."""
@@ -151,7 +146,7 @@ class PathTrials(NamedTuple):
         columns = [np.full(m * c, x) for x in (NO_START, 0.0, 0.0, -np.inf, 0.0)]
         if there.any():
             led = lead_all(
-                self.arm, flat[there], each[there], self.paths, None, self.settings, progress
+                self.start.arm, flat[there], each[there], self.paths, None, self.settings, progress
             )
             found = (led.ended, led.s, np.minimum(led.distance, np.pi), led.slack, led.tilt)
             for column, values in zip(columns, found, strict=True):

@@ -11,7 +11,7 @@ for spatial arms a set of rotations.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -31,12 +31,13 @@ from spacearm.mission.attitude_search import (
     turned_about,
     volume,
 )
+from spacearm.mission.branches import HeldTip
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
-from spacearm.results import Result
+from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_values
 
 MARGIN = float(np.radians(1.0))
 """Default least distance to the singular set [rad]."""
@@ -222,17 +223,46 @@ class FeasibleAttitudes(Result):
             "standard_error": self.error,
         }
 
-    def __repr__(self) -> str:
-        about = f"{self.arm.name}, margin {np.degrees(self.margin):.3g}°"
+    def describe(self) -> Description:
+        """Describe the share, how attempts ended, the best attitude and the largest ball."""
+        kinds, counts = np.unique(self.ended, return_counts=True)
+        ends = [(ENDS[kind], count) for kind, count in zip(kinds, counts, strict=True)]
+        unit = "m" if min(self.arm.task.indices) < 3 else "rad"
+        said = Description(
+            title=f"{self.arm.name}, margin {np.degrees(self.margin):.3g}°",
+            verdict=self._verdict(),
+            notes=[
+                f"path of {self.length:.4g} {unit}, joint limits "
+                + ("count" if self.limits else "do not count")
+            ],
+            tables=[Table(("ended", "attitudes tried"), ends)],
+        )
         if self.ball is None:
-            return f"FeasibleAttitudes({about}: {self._why()})"
+            return said
+        best = self.start()
+        facts: dict[str, Cell] = {
+            "distance kept to the singular set": Measure(self.distance[self.best], "rad"),
+            "attitude, quaternion xyzw": self.attitude[self.best],
+            **dict(zip(best.arm.joint_names, joint_values(best.q, best.arm.slides), strict=True)),
+            "largest ball of attitudes": Measure(self.ball.radius, "rad"),
+            "about the attitude xyzw": self.ball.centre,
+        }
+        tables = [*said.tables, Table.facts(facts, "Best")]
+        if self.intervals is not None:
+            columns = (Column("from", "rad", ".5f"), Column("to", "rad", ".5f"))
+            tables.insert(1, Table(columns, self.intervals.tolist(), "Feasible"))
+        skipped = "collisions; whether the arm comes to the start's posture"
+        return replace(said, tables=tables, not_checked=skipped)
+
+    def _verdict(self) -> str:
+        if self.ball is None:
+            return self._why()
         if self.intervals is not None:
             parts = ", ".join(f"{a:.3f}° to {b:.3f}°" for a, b in np.degrees(self.intervals))
-            return f"FeasibleAttitudes({about}: {self.share:.1%} of all, {parts})"
+            return f"{self.share:.1%} of all, {parts}"
         return (
-            f"FeasibleAttitudes({about}: {self.share:.1%} of all attitudes (error "
-            f"{self.error:.1%}), the largest ball found has a radius of "
-            f"{np.degrees(self.ball.radius):.3g}°)"
+            f"{self.share:.1%} of all attitudes (error {self.error:.1%}), the largest ball found "
+            f"has a radius of {np.degrees(self.ball.radius):.3g}°"
         )
 
     def _why(self) -> str:
@@ -324,7 +354,7 @@ def feasible_attitudes(
     pieces = segments(cfg, path, length, tip)
     settings = Settings(h[3:] / speed, limits, care=margin)
     trials = PathTrials(
-        arm, tip, table_of([pieces]), settings, None if all_branches else start.q,
+        HeldTip(arm, tip), table_of([pieces]), settings, None if all_branches else start.q,
         np.asarray(pin.Quaternion(R).coeffs()), seed,
     )  # fmt: skip
     weight: Array

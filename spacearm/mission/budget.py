@@ -25,7 +25,7 @@ from spacearm.motion.following import Segment
 from spacearm.motion.goal import goal_rows
 from spacearm.motion.leading import ENDS, Led, Settings, lead_all, table_of
 from spacearm.motion.motion import Motion
-from spacearm.results import Result
+from spacearm.results import Cell, Description, Measure, Result, Table, joint_values
 
 HORIZON = 3600.0
 """Default longest time looked at [s]."""
@@ -89,8 +89,23 @@ class MomentumBudget(Result):
             "takes the momentum away: that takes thrusters, or wheels with this momentum."
         )
 
-    def __repr__(self) -> str:
-        return f"MomentumBudget({self.configuration.arm.name}: {self.verdict})"
+    def describe(self) -> Description:
+        """Describe what the momentum does, and how long the arm can make up for it."""
+        arm = self.configuration.arm
+        rates = joint_values(self.rates, arm.slides, per="/s")
+        facts: dict[str, Cell] = {
+            "spin, joints locked": Measure(self.spin, "rad/s"),
+            "drift of the tip": Measure(self.drift[:3], "m/s"),
+            "turn of the tip": Measure(self.drift[3:], "rad/s"),
+            **{
+                f"{name} to hold the tip": x for name, x in zip(arm.joint_names, rates, strict=True)
+            },
+            "tip held for": Measure(self.holds, "s"),
+            "tip held until": self.ended,
+            "spacecraft at rest for": Measure(self.carries, "s"),
+            "spacecraft at rest until": self.carrying_ended,
+        }
+        return Description(title=arm.name, verdict=self.verdict, tables=[Table.facts(facts)])
 
 
 @of_configuration

@@ -178,13 +178,23 @@ class LevelEnvelope(Result):
     followed: Array
     same_density: bool
 
-    def __repr__(self) -> str:
-        turns = ", ".join(
-            f"{np.degrees(turn):.3g}° at {mass:g} kg"
-            for turn, mass in zip(self.turn, self.base_mass, strict=True)
-        )
-        return (
-            f"LevelEnvelope({self.arm.name}: {self.travel:g} m of the tip turn the bus by {turns})"
+    def describe(self) -> Description:
+        """Describe the turn of the bus and the reach of the tip, by the mass of the bus."""
+        pairs = zip(self.turn, self.base_mass, strict=True)
+        turns = ", ".join(f"{np.degrees(turn):.3g}° at {mass:g} kg" for turn, mass in pairs)
+        columns: dict[results.Column | str, Array] = {
+            results.Column("bus", "kg"): self.base_mass,
+            results.Column("median turn", "rad"): self.turn,
+            results.Column("largest turn", "rad"): self.largest_turn,
+            results.Column("followed", "", ".1%"): self.followed,
+        }
+        for j, tilt in enumerate(np.degrees(self.tilt)):
+            columns[results.Column(f"mean reach, up to {tilt:.3g}°", "m")] = self.mean[:, j]
+            columns[results.Column(f"worst, up to {tilt:.3g}°", "m")] = self.least[:, j]
+        return Description(
+            title=self.arm.name,
+            verdict=f"{self.travel:g} m of the tip turn the bus by {turns}",
+            tables=[results.Table.by_columns(columns)],
         )
 
 

@@ -26,7 +26,7 @@ from spacearm.model.arguments import HELD, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion, Playable, Trajectory
 from spacearm.planning.result import Plan
-from spacearm.results import Column, Description, Result, Table
+from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.singularities.risk import NEAR, uniform
 
 PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
@@ -115,13 +115,31 @@ class Reaction(Result):
             "thruster_impulse": self.impulse.tolist(),
         }
 
-    def __repr__(self) -> str:
-        wheels = np.linalg.norm(self.wheels, axis=1).max()
-        torque = np.linalg.norm(self.torque, axis=1).max()
-        return (
-            f"Reaction({self.arm.name}, {self.t[-1] - self.t[0]:.4g} s: floating it turns by up to "
-            f"{np.degrees(self.angle.max()):.4g}°; held, wheels take {wheels:.4g} N m s and "
-            f"{torque:.4g} N m)"
+    def describe(self) -> Description:
+        """Describe the turn of the floating spacecraft, and what holding its attitude takes."""
+        wheels, torque = (np.linalg.norm(x, axis=1).max() for x in (self.wheels, self.torque))
+        largest = (
+            ("turn, floating", np.abs(self.excursion).max(axis=0), "rad"),
+            ("wheels, held", np.abs(self.wheels).max(axis=0), "N m s"),
+            ("torque, held", np.abs(self.torque).max(axis=0), "N m"),
+            ("thrusters, held, in all", self.impulse, "N m s"),
+        )
+        rows: list[Sequence[Cell]] = [
+            (name, *(Measure(x, unit) for x in values)) for name, values, unit in largest
+        ]
+        sight = {
+            "turn of the line of sight": Measure(float(self.pointing.max()), "rad"),
+            "at up to": Measure(float(self.smear.max()), "rad/s"),
+        }
+        which = "worst line of sight" if self.camera is None else "line of sight of the camera"
+        return Description(
+            title=f"{self.arm.name}, {self.t[-1] - self.t[0]:.4g} s",
+            verdict=f"floating it turns by up to {np.degrees(self.angle.max()):.4g}°; held, wheels "
+            f"take {wheels:.4g} N m s and {torque:.4g} N m",
+            tables=[
+                Table(("largest", "about x", "about y", "about z"), rows),
+                Table.facts(sight, f"Floating, {which}"),
+            ],
         )
 
 

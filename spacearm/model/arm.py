@@ -16,15 +16,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.model_catalogue import holding
-from spacearm.description.tips import (
-    Counting,
-    Tips,
-    choose_tips,
-    counted,
-    hold,
-    only_tip,
-    remaining,
-)
+from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, coupling, joint_limits
 from spacearm.description.urdf_writer import document
 from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed
@@ -98,7 +90,6 @@ class SpaceArm(JointSpace, Described):
                 for a mixed task.
             UnsupportedError: More than `MOST_JOINTS` joints count.
         """
-        joints = counted(joints)
         if not whole.freedoms:
             raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
         tips, reason = choose_tips(whole, path, tip)
@@ -122,7 +113,7 @@ class SpaceArm(JointSpace, Described):
             task=complete_task(task, tree, tips, path),
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
-            joints=joints,
+            joints=joints if isinstance(joints, str) else tuple(joints),
             held=MappingProxyType(held),
             coupling=None if len(C) == len(leading) else C,
             offsets=offsets,
@@ -570,16 +561,15 @@ def kinematics(arm: SpaceArm, q: Array, base: pin.SE3, com: Array | None = None)
 def _joint_table(joints: Sequence[Joint]) -> Table:
     """Return the joints with their limits."""
     slides = [joint.kind == "prismatic" for joint in joints]
-    lower, upper, rate = (
-        joint_values([getattr(joint, name) for joint in joints], slides)
-        for name in ("lower", "upper", "velocity")
-    )
+    values = {
+        name: [getattr(joint, name) for joint in joints] for name in ("lower", "upper", "velocity")
+    }
     return Table.by_columns(
         {
             "joint": [joint.name for joint in joints],
-            "lower": lower,
-            "upper": upper,
-            "rate": [x._replace(unit=f"{x.unit}/s") if isinstance(x, Measure) else x for x in rate],
+            "lower": joint_values(values["lower"], slides),
+            "upper": joint_values(values["upper"], slides),
+            "rate": joint_values(values["velocity"], slides, per="/s"),
             "effort": [
                 "none" if np.isinf(j.effort) else Measure(j.effort, j.effort_unit) for j in joints
             ],

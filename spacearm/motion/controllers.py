@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, positive
+from spacearm.arrays import Array, Parameters, finite, positive
 from spacearm.compiler import numbers
 from spacearm.equations.laws import (
     INSTANT,
@@ -44,7 +44,7 @@ MovingGoal: TypeAlias = Goal | Callable[[float], Goal]
 
 
 @dataclass(frozen=True)
-class Law(ABC):
+class Law(Parameters, ABC):
     """Base of all controllers here: torques from time, configuration and joint rates."""
 
     @abstractmethod
@@ -54,10 +54,6 @@ class Law(ABC):
     @abstractmethod
     def error(self, t: float, cfg: Configuration) -> Array:
         """Return the target minus what is there, in the unit of each row."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the parameters as plain data; functions as their repr."""
-        return {f.name: _parameter(getattr(self, f.name)) for f in fields(self)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,15 +281,6 @@ def gains(values: npt.ArrayLike, rows: int, name: str) -> Array:
     if np.iterable(values):
         return finite(values, (rows,), name, "(gains, one for each row), or one for all rows")
     return finite(values, (), name, f"(a gain), or {rows}, one for each row")
-
-
-def _parameter(value: Any) -> Any:
-    """Return a parameter as plain data; a function as its repr, a pose as position and xyzw."""
-    if value is None or isinstance(value, str):
-        return value
-    if callable(value):
-        return repr(value)
-    return np.asarray(pin.SE3ToXYZQUAT(value) if isinstance(value, pin.SE3) else value).tolist()
 
 
 def check_controller(controller: object) -> None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array, named
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.jacobian import singular_values
 from spacearm.model.arguments import BaseMode
@@ -52,7 +52,7 @@ class Event(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the event as plain data, q as a list."""
-        return {name: plain(value) for name, value in self._asdict().items()}
+        return named(self)
 
 
 @lru_cache(maxsize=64)

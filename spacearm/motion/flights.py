@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, finite, plain, read_only
+from spacearm.arrays import Array, Parameters, finite, plain, read_only
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event
-from spacearm.motion.motion import Trajectory
+from spacearm.motion.motion import Trajectory, events_table
 from spacearm.motion.plant import Integration, Plant
 from spacearm.motion.simulation import simulate
-from spacearm.results import Result
+from spacearm.results import Column, Description, Result, Table
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""
@@ -67,9 +67,31 @@ class Flight(Result):
             "ended": self.ended,
         }
 
-    def __repr__(self) -> str:
-        name, end = self.phases[0].arm.name, self.begins[-1] + self.phases[-1].t[-1]
-        return f"Flight({name}: {len(self.phases)} phases, {end:.6g} s, ended by {self.ended})"
+    def describe(self) -> Description:
+        """Describe the phases, and what happened on the way."""
+        arm, end = self.phases[0].arm, self.begins[-1] + self.phases[-1].t[-1]
+        rows = [
+            (
+                i,
+                begin,
+                begin + run.t[-1],
+                run.ended,
+                run.imbalance,
+                *(tip.translation for tip in run[-1].tips),
+            )
+            for i, (run, begin) in enumerate(zip(self.phases, self.begins, strict=True))
+        ]
+        names = ("tip",) if len(arm.tips) == 1 else arm.tips
+        columns: list[Column | str] = [
+            "phase", Column("from", "s", ".4g"), Column("to", "s", ".4g"), "ended by",
+            Column("energy off by", "", ".1e"), *(Column(f"{n} at the end", "m") for n in names),
+        ]  # fmt: skip
+        return Description(
+            title=arm.name,
+            verdict=f"{len(self.phases)} phases, {end:.6g} s, ended by {self.ended}",
+            tables=[Table(columns, rows)],
+            events=events_table(arm, self.events),
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -194,7 +216,7 @@ Laws: TypeAlias = Controller | Mapping[str, Controller]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grasp:
+class Grasp(Parameters):
     """A body that the tip grasps at the end of a phase, by a plastic impact (see `capture`).
 
     Attributes:
@@ -212,22 +234,14 @@ class Grasp:
     twist: npt.ArrayLike | None = None
     joints: JointState = "free"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return {name: plain(getattr(self, name)) for name in self.__dataclass_fields__}
-
 
 @dataclass(frozen=True)
-class Release:
+class Release(Parameters):
     """The release, at the end of a phase, of the body that was grasped last; nothing pushes it."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return no fields."""
-        return {}
-
 
 @dataclass(frozen=True)
-class Phase:
+class Phase(Parameters):
     """A part of a flight.
 
     Attributes:
@@ -255,10 +269,7 @@ class Phase:
     def to_dict(self) -> dict[str, Any]:
         """Return all fields, the controller as its repr."""
         then = {type(self.then).__name__: self.then.to_dict()} if self.then else None
-        rest = {f.name: plain(getattr(self, f.name)) for f in fields(self)[3:]}
-        return {
-            "controller": repr(self.controller), "duration": self.duration, "then": then, **rest
-        }  # fmt: skip
+        return super().to_dict() | {"controller": repr(self.controller), "then": then}
 
 
 @of_configuration

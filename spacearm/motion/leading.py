@@ -132,20 +132,15 @@ def lead_all(
     """
     path = np.zeros(len(q), np.int64) if which is None else which
     from_ = attitude if home is None else np.tile(home, (len(q), 1))
-    first, last = paths.first[path], paths.first[path + 1] - 1
-    given = {
-        "q": q, "attitude": attitude, "home": from_,
-        "path": np.column_stack((first, last, paths.pieces[last, 1])),
-    }  # fmt: skip
+    given = {"q": q, "attitude": attitude, "home": from_, "path": _of_path(paths, path)}
     how, (m, n) = settings or Settings(), q.shape
     ends = np.empty((m, n)), np.empty((m, 4)), np.empty((m, 7))
     kernel, numbers = _kernel(arm, False, m), _numbers(arm, how, np.inf)
-    tables = {"pieces": paths.pieces, "intervals": paths.intervals}
     cuts = np.linspace(0, m, 1 + (PIECES if progress else 1)).astype(int).tolist()
     for begin, end in pairwise(cuts):
         part = slice(begin, end)
         kernel(
-            {name: array[part] for name, array in given.items()}, numbers, tables,
+            {name: array[part] for name, array in given.items()}, numbers, _tables(paths),
             out=[whole[part] for whole in ends], threads=processors(),
         )  # fmt: skip
         if progress:
@@ -169,18 +164,23 @@ def lead_with_stops(
     Returns:
         What came of the motion; (i, n) postures at the stops that were reached.
     """
-    last = paths.first[1] - 1
-    total = paths.pieces[last, 1]
-    given = {
-        "q": q[None], "attitude": attitude[None], "home": attitude[None],
-        "path": np.array([[0.0, last, total]]),
-    }  # fmt: skip
-    *ends, rows = _kernel(arm, True, 1)(
-        given, _numbers(arm, settings, total / stops),
-        {"pieces": paths.pieces, "intervals": paths.intervals},
-    )  # fmt: skip
+    path = _of_path(paths, np.zeros(1, np.int64))
+    numbers = _numbers(arm, settings, path[0, 2] / stops)
+    given = {"q": q[None], "attitude": attitude[None], "home": attitude[None], "path": path}
+    *ends, rows = _kernel(arm, True, 1)(given, numbers, _tables(paths))
     rows = rows[0, : int(ends[2][0, 6])]
     return _led(arm, settings, *ends), rows[rows[:, 0] > 0.0, 1:]
+
+
+def _of_path(paths: Table, which: Integers) -> Array:
+    """Return (m, 3) first and last piece of paths, and their lengths."""
+    first, last = paths.first[which], paths.first[which + 1] - 1
+    return np.column_stack((first, last, paths.pieces[last, 1]))
+
+
+def _tables(paths: Table) -> dict[str, Array]:
+    """Return the tables of `equations.lines.lead`."""
+    return {"pieces": paths.pieces, "intervals": paths.intervals}
 
 
 def _kernel(arm: SpaceArm, keep: bool, m: int) -> ArmKernel:

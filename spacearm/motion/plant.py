@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import LARGEST, Array, finite, plain, positive
+from spacearm.arrays import LARGEST, Array, Parameters, finite, named, positive
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.model.arm import SpaceArm
 from spacearm.motion.events import EVENTS
@@ -44,7 +44,7 @@ class PassiveJoint(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields."""
-        return {name: plain(value) for name, value in self._asdict().items()}
+        return named(self)
 
 
 def described(arm: SpaceArm) -> dict[str, PassiveJoint]:
@@ -64,7 +64,7 @@ def described(arm: SpaceArm) -> dict[str, PassiveJoint]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WheelHold:
+class WheelHold(Parameters):
     """Wheels that hold the spacecraft's attitude at the start until they saturate.
 
     Their torque on the spacecraft is -stiffness phi - damping w_0, phi the rotation vector from the
@@ -84,10 +84,6 @@ class WheelHold:
     torque: float = np.inf
     capacity: float = np.inf
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
-
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping", "torque", "capacity"):
             value = getattr(self, name)
@@ -96,7 +92,7 @@ class WheelHold:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plant:
+class Plant(Parameters):
     """What acts on a simulated arm besides its controller.
 
     Attributes:
@@ -143,13 +139,9 @@ class Plant:
             *((link, wrench, True) for link, wrench in self.thrusters.items()),
         ]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data, functions as their repr."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
-
 
 @dataclass(frozen=True, kw_only=True)
-class Integration:
+class Integration(Parameters):
     """How a simulation is integrated, and what is looked for on the way.
 
     Attributes:
@@ -181,10 +173,6 @@ class Integration:
         if self.method not in METHODS:
             raise ConfigurationError(unknown("method", self.method, METHODS))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all fields."""
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
-
 
 def wheel_torques(values: npt.ArrayLike, count: int) -> Array:
     """Return the torques of the wheels at a time, checked."""
@@ -199,10 +187,3 @@ def checked_wrench(link: str, values: npt.ArrayLike) -> Array:
 def wrench_at(link: str, wrench: Wrench, t: float) -> Array:
     """Return a wrench at a time, checked."""
     return checked_wrench(link, wrench(t) if callable(wrench) else wrench)
-
-
-def _plain(value: Any) -> Any:
-    """Return a field of a plant as plain data, functions as their repr."""
-    if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
-    return repr(value) if callable(value) else plain(value)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain, positive, whole
+from spacearm.arrays import Array, Parameters, plain, positive, whole
 from spacearm.collisions.obstacles import Obstacle, obstacles_of
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.model.arm import Configuration, SpaceArm
@@ -42,7 +42,7 @@ class Joints:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Constraints:
+class Constraints(Parameters):
     """What must hold on the way of a plan.
 
     Attributes:
@@ -97,10 +97,6 @@ class Constraints:
             ConfigurationError: They are no positive numbers, one or one per joint.
         """
         return for_each_joint(arm, self.rates, "rates", largest_rates(arm))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the constraints as plain data."""
-        return {name: plain(value) for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True, kw_only=True)

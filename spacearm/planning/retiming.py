@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -28,59 +28,45 @@ from spacearm.planning.timing import corners, for_each_joint, largest_rates
 from spacearm.singularities.report import angle
 
 
-@dataclass(frozen=True)
 class Limits:
     """The limits of a motion, infinite where there is none.
 
-    Attributes:
+    Args:
         arm: The arm.
         mode: What the spacecraft does.
-        rate: (n,) largest joint rates [rad/s] or [m/s].
-        acceleration: (n,) largest joint accelerations [rad/s^2] or [m/s^2].
-        torque: (n,) largest torques [N m] or forces [N].
+        rate: Largest joint rates [rad/s] or [m/s], one or (n,); those of the description if None.
+        acceleration: Largest joint accelerations [rad/s^2] or [m/s^2], likewise; none if None.
+        torque: Largest torques [N m] or forces [N], likewise; those of the description if None.
         wheels: The wheels that hold the attitude; None if none do.
+
+    Raises:
+        ConfigurationError: One is no positive number, nor one per joint.
+        UnsupportedError: Neither accelerations nor torques have limits.
     """
 
-    arm: SpaceArm
-    mode: BaseMode
-    rate: Array
-    acceleration: Array
-    torque: Array
-    wheels: Wheels | None = None
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         arm: SpaceArm,
         mode: BaseMode,
         rate: npt.ArrayLike | None,
         acceleration: npt.ArrayLike | None,
         torque: npt.ArrayLike | None,
-        wheels: Wheels | None = None,
-    ) -> Limits:
-        """Return the limits given, those of the description in place of None.
-
-        Raises:
-            ConfigurationError: One is no positive number, nor one per joint.
-            UnsupportedError: Neither accelerations nor torques have limits.
-        """
+        wheels: Wheels | None,
+    ) -> None:
+        self.arm, self.mode, self.wheels = arm, mode, wheels
+        none = np.full(arm.n, np.inf)
         efforts = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
-        found = cls(
-            arm=arm,
-            mode=mode,
-            rate=for_each_joint(arm, rate, "rate", largest_rates(arm)),
-            acceleration=for_each_joint(arm, acceleration, "acceleration", np.full(arm.n, np.inf)),
-            torque=for_each_joint(arm, torque, "torque", np.where(efforts > 0.0, efforts, np.inf)),
-            wheels=wheels,
-        )
-        unlimited = np.isinf(found.acceleration) & np.isinf(found.torque)
+        efforts = np.where(efforts > 0.0, efforts, none)
+        self.rate = for_each_joint(arm, rate, "rate", largest_rates(arm))
+        self.acceleration = for_each_joint(arm, acceleration, "acceleration", none)
+        self.torque = for_each_joint(arm, torque, "torque", efforts)
+        unlimited = np.isinf(self.acceleration) & np.isinf(self.torque)
         if unlimited.any():
             name = arm.joint_names[int(unlimited.argmax())]
             raise UnsupportedError(
                 f"{arm.name}: nothing limits how fast joint {name!r} changes its rate: its "
                 "description gives no effort; give torque or acceleration"
             )
-        return found
 
     def load(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return the shares of the limits that accelerations (n,) take.
@@ -260,7 +246,7 @@ def time_optimal(
     holds = _wheels(motion, wheels)
     if len(motion) < 2 or not np.ptp(motion.q, axis=0).any():
         raise ConfigurationError(f"{motion!r} stays where it is; there is nothing to time")
-    limits = Limits.of(motion.arm, motion.mode, rate, acceleration, torque, holds)
+    limits = Limits(motion.arm, motion.mode, rate, acceleration, torque, holds)
     for divided in DIVIDED:
         pieces = smooth_pieces(motion.q, divided)
         timed = _timed(motion, pieces, [_fastest(piece, limits, rise) for piece in pieces])

@@ -15,7 +15,7 @@ from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_vector
-from spacearm.results import Result
+from spacearm.results import Cell, Description, Measure, Result, Table
 from spacearm.singularities.polynomials import chart_of
 from spacearm.singularities.sets import singular_set
 
@@ -55,8 +55,20 @@ class SingularMap(Result):
 
     JSON: ClassVar[Mapping[str, str]] = {"unit": "sigma_unit"}
 
-    def __repr__(self) -> str:
-        return f"SingularMap({self.arm}, {self.joints[0]} x {self.joints[1]}, {len(self.angles)})"
+    def describe(self) -> Description:
+        """Describe the grid, the joints that are held and how near the set comes."""
+        facts: dict[str, Cell] = {
+            "grid points along each joint": len(self.angles),
+            "singular curves": "none exact" if self.curves is None else len(self.curves),
+            "least distance on the grid": Measure(float(np.nanmin(self.distance)), "rad"),
+            "largest distance on the grid": Measure(float(np.nanmax(self.distance)), "rad"),
+        }
+        facts |= {f"{name} held at [rad] or [m]": at for name, at in self.held.items()}
+        return Description(
+            title=self.arm,
+            verdict=f"{self.joints[0]} x {self.joints[1]}, {len(self.angles)} points each",
+            tables=[Table.facts(facts)],
+        )
 
 
 @of_arm

@@ -21,7 +21,7 @@ from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
-from spacearm.results import Result
+from spacearm.results import Column, Description, Result, Table
 
 NEAR = float(np.radians(5.0))
 """Default distance to the singular set up to which a configuration is near a singularity [rad]."""
@@ -60,13 +60,25 @@ class RiskProfile(Result):
         """(bins,) middles of the classes [m]."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
-    def __repr__(self) -> str:
-        near = f"{self.measure} <= {self.bound:.3g} {self.unit}"
-        if not self.count.any():
-            return f"RiskProfile({near}: no configuration in any class)"
-        peak = int(np.nanargmax(self.share))
-        most = f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m"
-        return f"RiskProfile({near}: {most})"
+    def describe(self) -> Description:
+        """Describe the share of each distance class."""
+        verdict = "no configuration in any class"
+        if self.count.any():
+            peak = int(np.nanargmax(self.share))
+            verdict = f"at most {self.share[peak]:.1%} at R = {self.radius[peak]:.3g} m"
+        classes = {
+            Column("R from", "m", ".4f"): self.edges[:-1],
+            Column("to", "m", ".4f"): self.edges[1:],
+            Column("share", "", ".1%"): self.share,
+            Column("standard error", "", ".1%"): self.error,
+            Column("postures", "", ",.0f"): self.count,
+        }
+        return Description(
+            title=f"{self.count.sum():,.0f} postures, {nearness(self)}",
+            verdict=verdict,
+            notes=["R: distance of the tip from the system CM"],
+            tables=[Table.by_columns(classes)],
+        )
 
 
 @of_arm
@@ -180,9 +192,9 @@ class PoseRisk(NamedTuple):
 
     def __repr__(self) -> str:
         return (
-            f"PoseRisk({len(self.share)} poses, {self.measure} <= {self.bound:.3g} {self.unit}: "
-            f"{self.share.mean():.1%} on average, at most {self.share.max():.1%}, among "
-            f"configurations within {self.within.max():.3g} m)"
+            f"PoseRisk({len(self.share)} poses, {nearness(self)}: {self.share.mean():.1%} on "
+            f"average, at most {self.share.max():.1%}, among configurations within "
+            f"{self.within.max():.3g} m)"
         )
 
 
@@ -282,3 +294,10 @@ def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Ar
     for begin in range(0, m, BLOCK):  # so that Ctrl-C need not wait
         Q[begin : begin + BLOCK] = rng.uniform(low, high, (min(m - begin, BLOCK), arm.n))
     return Q
+
+
+def nearness(risk: RiskProfile | PoseRisk) -> str:
+    """Return which postures count as near a singularity, in words."""
+    if risk.measure == "distance":
+        return f"near: up to {np.degrees(risk.bound):.3g}° from a singular posture, to first order"
+    return f"near: sigma_min up to {risk.bound:.3g} {risk.unit}"

@@ -5,11 +5,9 @@ The keys are the names in Python: a table has the fields of the class that it st
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from inspect import signature
-from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -29,7 +27,7 @@ from spacearm.motion.controllers import (
 from spacearm.motion.flights import Grasp, Phase, Release
 from spacearm.motion.goal import goal_of
 from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold, Wrench
-from spacearm.sweeps.toml import Table, parse, text_of
+from spacearm.sweeps.toml import Table
 
 KINDS = (TransposedJacobian, ResolvedRate, DampedLeastSquares, Reactionless, JointPD)
 LAWS: dict[str, Any] = {kind.__name__: kind for kind in KINDS}
@@ -112,17 +110,15 @@ def read_integration(table: Table, default: Integration) -> Integration:
     return replace(default, **options)
 
 
-def read_phases(path: str | os.PathLike[str], arm: SpaceArm) -> list[Phase]:
-    """Return the phases in a file, which has a table [[phase]] for each.
+def read_phases(table: Table, arm: SpaceArm) -> list[Phase]:
+    """Return the phases of a flight, a table [[phases]] for each, with the fields of `Phase`.
 
     Raises:
-        ConfigurationError: It cannot be read, or a value makes no sense.
+        ConfigurationError: There are none, or a value makes no sense.
     """
-    whole = parse(text_of(path, "file of phases"), Path(path).name)
-    whole.knows("phase")
-    listed = whole.values.get("phase", [])
+    listed = table.values.get("phases")
     if not isinstance(listed, list) or not listed:
-        raise whole.fail("phase", "give one or more tables [[phase]]")
+        raise table.fail("phases", "give one or more tables [[phases]]")
     return [_phase(Table(f"phase {i}", values), arm) for i, values in enumerate(listed)]
 
 
@@ -133,7 +129,7 @@ def _phase(table: Table, arm: SpaceArm) -> Phase:
         if name in ("period", "delay")
     }
     return Phase(
-        _controller(table.inner("controller"), arm),
+        read_laws(table.inner("controller"), arm),
         table.positive("duration", float),
         _then(table),
         plant=read_plant(table.inner("plant")),
@@ -143,7 +139,7 @@ def _phase(table: Table, arm: SpaceArm) -> Phase:
     )
 
 
-def _controller(table: Table, arm: SpaceArm) -> Controller | dict[str, Controller]:
+def read_laws(table: Table, arm: SpaceArm) -> Controller | dict[str, Controller]:
     """Return a control law, or one for each tip that the table names."""
     if table.values and all(isinstance(value, Mapping) for value in table.values.values()):
         return {tip: read_law(table.inner(tip), arm) for tip in table.values}

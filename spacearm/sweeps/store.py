@@ -96,7 +96,7 @@ class Store:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             beside.mkdir()
-            describe(beside, study)
+            lay_out(beside, study)
             beside.rename(path)
         except OSError as error:
             shutil.rmtree(beside, ignore_errors=True)
@@ -211,15 +211,14 @@ def check_zarr() -> None:
         raise UnsupportedError("Zarr is not installed: pip install 'spacearm[sweep]'")
 
 
-def describe(path: Path, study: Study) -> None:
+def lay_out(path: Path, study: Study) -> None:
     """Write attributes, labels and the descriptions of all arrays, without their numbers."""
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
     options: Any = {"compressors": [ZstdCodec(level=1), Crc32cCodec()]}
     group = zarr.open_group(path, mode="w", zarr_format=3, attributes=study.attributes)
-    labels = [study.coords, *(quantity.coords for quantity in study.quantities.values())]
-    for name, (values, attrs) in (label for part in labels for label in part.items()):
+    for name, (values, attrs) in study.labels.items():
         kind: Any = str if values.dtype == object else values.dtype
         axis = group.create_array(
             name,
@@ -255,10 +254,10 @@ def compare(path: Path, study: Study) -> None:
     Labels that are damaged and descriptions that are lost are written again, as the study gives
     them.
     """
-    remedy = "give another --store, or finish that sweep with its own study, arms and version"
+    remedy = "give another store, or finish that sweep with its own study, arms and version"
     found = _description(path / "zarr.json")
     if not found:
-        raise StoreError(f"{path} is no store of a sweep; give another --store")
+        raise StoreError(f"{path} is no store of a sweep; give another store")
     attributes = found.get("attributes", {})
     for key, ours in study.attributes.items():
         theirs = attributes.get(key) if isinstance(attributes, dict) else None
@@ -269,7 +268,7 @@ def compare(path: Path, study: Study) -> None:
                 f"{now!r}; {remedy}"
             )
     with tempfile.TemporaryDirectory() as folder:
-        describe(Path(folder), study)
+        lay_out(Path(folder), study)
         own = {member.name for member in Path(folder).iterdir()}
         for member in path.iterdir():
             if member.name not in own and (member / "zarr.json").exists():
@@ -319,11 +318,9 @@ def _lines(value: object) -> list[str]:
 
 def largest(study: Study) -> int:
     """Return the largest size of a file of a store [bytes]: its numbers as they are, and more."""
-    asked = study.quantities.values()
-    labels = [v for part in (study.coords, *(a.coords for a in asked)) for v, _ in part.values()]
     chunks = [
         math.prod((*quantity.tile, *variable.shape))
-        for quantity in asked
+        for quantity in study.quantities.values()
         for variable in quantity.variables.values()
     ]
-    return 10**6 + 16 * max(*chunks, *map(len, labels))
+    return 10**6 + 16 * max(*chunks, *(len(values) for values, _ in study.labels.values()))

@@ -194,11 +194,15 @@ class Study:
         return (len(self.arms), *map(len, self.axes.values()))
 
     @property
-    def coords(self) -> dict[str, tuple[Array, dict[str, Any]]]:
-        """Labels of these axes, with their attributes."""
-        names = np.array(list(self.arms), dtype=object)
-        units = {name: {"units": PARAMETERS.get(name, "kg")} for name in self.axes}
-        return {"arm": (names, {})} | {name: (v, units[name]) for name, v in self.axes.items()}
+    def labels(self) -> dict[str, tuple[Array, Mapping[str, Any]]]:
+        """Labels of these axes and of those of the quantities, with their attributes."""
+        labels: dict[str, tuple[Array, Mapping[str, Any]]] = {}
+        labels["arm"] = np.array(list(self.arms), dtype=object), {}
+        for name, values in self.axes.items():
+            labels[name] = values, {"units": PARAMETERS.get(name, "kg")}
+        for quantity in self.quantities.values():
+            labels |= quantity.coords
+        return labels
 
     def count(self, quantity: str) -> int:
         """Return the number of chunks of a quantity."""

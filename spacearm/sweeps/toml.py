@@ -64,7 +64,9 @@ class Table:
         for each in valid:
             if value == each:
                 return each
-        raise self.fail(key, unknown(key, value, [str(each) for each in valid]))
+        named = [str(each) for each in valid]
+        remedy = unknown(key, value, named) if key in self.values else f"give {', '.join(named)}"
+        raise self.fail(key, remedy)
 
     def inner(self, key: str) -> Table:
         """Return the table that a key has, an empty one if the key is missing."""

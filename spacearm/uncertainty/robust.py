@@ -19,7 +19,7 @@ from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.planning.result import Plan
 from spacearm.polynomial.certificate import certify
-from spacearm.results import Result
+from spacearm.results import Cell, Column, Description, Measure, Result, Table, Tone
 from spacearm.singularities.abstract_set import path_rows
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.family import Family, family_of
@@ -37,7 +37,7 @@ CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Clearances that are asked of plans, one after the other, until one is robust [deg]."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DistanceRange(Result):
     """The distance to the singular set over all arms tried.
 
@@ -63,12 +63,23 @@ class DistanceRange(Result):
         """Return the distance that so many per cent of the random arms do not exceed [rad]."""
         return float(np.percentile(self.distances[: self.random], share))
 
-    def __repr__(self) -> str:
+    def describe(self) -> Description:
+        """Describe the range, and the values at which the distance is least."""
         low, high, nominal = np.degrees([self.low, self.high, self.nominal])
-        return f"DistanceRange({low:.4g}° to {high:.4g}°, {nominal:.4g}° as described)"
+        facts: dict[str, Cell] = {
+            "as described": Measure(self.nominal, "rad"),
+            "least": Measure(self.low, "rad"),
+            "largest": Measure(self.high, "rad"),
+            **{f"least with {name}": value for name, value in self.least.items()},
+        }
+        return Description(
+            title=f"distance to the singular set of {self.tried:,} arms",
+            verdict=f"{low:.4g}° to {high:.4g}°, {nominal:.4g}° as described",
+            tables=[Table.facts(facts)],
+        )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RobustCertificate(Result):
     """Whether a path meets no singularity, for all values in the intervals.
 
@@ -90,11 +101,19 @@ class RobustCertificate(Result):
     def __bool__(self) -> bool:
         return self.free
 
-    def __repr__(self) -> str:
-        if self.values is None:
-            return f"RobustCertificate({self.verdict}, {self.boxes} boxes)"
-        parts = ", ".join(f"{name} {value:.5g}" for name, value in self.values.items())
-        return f"RobustCertificate(singular with {parts})"
+    def describe(self) -> Description:
+        """Describe the verdict, and the counterexample where there is one."""
+        facts: dict[str, Cell] = {"boxes of parameters": self.boxes, **(self.values or {})}
+        if self.at is not None:
+            facts["joint positions there [rad]"] = self.at
+        with_ = ", ".join(f"{name} {value:.5g}" for name, value in (self.values or {}).items())
+        tones: dict[str, Tone] = {"free": "good", "singular": "bad"}
+        return Description(
+            title="path for all values in the intervals",
+            verdict=self.verdict + (f" with {with_}" if with_ else ""),
+            tone=tones.get(self.verdict, "caution"),
+            tables=[Table.facts(facts)],
+        )
 
 
 def distance_range(
@@ -290,12 +309,20 @@ class ShellBands(Result):
     sometimes: Array
     tried: int
 
-    def __repr__(self) -> str:
-        bands = ", ".join(
-            f"{a:.4f}..{b:.4f} to {c:.4f}..{d:.4f} m"
-            for (a, b), (c, d) in zip(self.low, self.high, strict=True)
+    def describe(self) -> Description:
+        """Describe in which bands the bounds of each shell lie."""
+        number = len(self.low)
+        bands = {
+            Column("inner bound from", "m", ".4f"): self.low[:, 0],
+            Column("inner bound to", "m", ".4f"): self.low[:, 1],
+            Column("outer bound from", "m", ".4f"): self.high[:, 0],
+            Column("outer bound to", "m", ".4f"): self.high[:, 1],
+        }
+        return Description(
+            title=f"path dependent workspace of {self.tried:,} arms",
+            verdict=f"{number} shells" if number else "shells of different number",
+            tables=[Table.by_columns(bands)],
         )
-        return f"ShellBands({bands or 'shells of different number'}; {self.tried} arms)"
 
 
 def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) -> ShellBands:

@@ -75,7 +75,7 @@ def test_attitude_task_tip_lock_and_base():
     assert locked["configuration"]["joints"] == ["joint_1", "joint_2", "joint_4", "joint_5"]
     held = answer("query", "planar2", "--deg", "-65", "-11.41", "--mode", "attitude-controlled")
     assert held["kind"] == "regular"
-    assert answer("query", "mda6", *"010101", "--length", "2")["length"] == 2.0
+    assert answer("query", "mda6", *"010101", "--task", "/2")["length"] == 2.0
 
 
 def test_lock_takes_degrees_with_deg():
@@ -123,7 +123,7 @@ def test_help_and_version():
         (("query", "planar2", "1", "2", "--mode", "free"), "free"),
         (("query", "planar2", "1", "2", "--tolerance", "4"), "tolerance is 4"),
         (("query", "planar2", "1", "2", "--tolerance", "x"), "--tolerance"),
-        (("query", "planar2", "1", "2", "--length", "3"), "would scale nothing"),
+        (("query", "planar2", "1", "2", "--task", "/3"), "would scale nothing"),
         (("query", "planar2", "1", "2", "--tip", ""), "unknown link ''"),
         (("query", "planar2", "1", "2", "--check", "no"), "unknown check 'no'"),
         (("query",), "MODEL"),
@@ -193,7 +193,7 @@ def test_locks_and_lengths_count_when_the_arm_is_loaded(tmp_path):
     assert answer("query", path, "0.1", "--lock", "elbow_2=0")["configuration"]["joints"] == [
         "elbow"
     ]
-    task = ("--tip", "arm", "--task", "pose", "--length", "1")
+    task = ("--tip", "arm", "--task", "pose/1")
     assert answer("query", path, "0", *task)["length"] == 1.0
     for joints in ("all", "elbow_2", "elbow,elbow_2"):
         assert answer("query", path, "0", "0", "--joints", joints, *task)["length"] == 1.0

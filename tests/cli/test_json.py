@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.arms import with_wheels
 from helpers.commands import spacearm
 
 import spacearm as sa
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "json.md"
 CM = ("0.3", "1.2")
-LAW = ("--q0", 0.3, 0.9, "--target", 0.3, 0.8, "--controller", "joints", "--duration", 0.2)
+LAW = (0.3, 0.9, "--target", 0.3, 0.8, "--controller", "JointPD", "--duration", 0.2)
 OBSTACLES = [
     word
     for solid in ("sphere:0,0,9:0.1", "box:0,0,9:0.1", "cylinder:0,0,9:0.1,0.2")
@@ -28,10 +29,22 @@ COMMANDS = {
     "map": ("planar2", "--points", 3),
     "workspace": ("planar2", "--free"),
     "risk": ("planar2", "--samples", 60),
-    "design": ("planar2", "--base-inertia", "2"),
+    "design": ("planar2", "--vary", "base_inertia=2"),
     "capture": ("planar2", *CM, "--mass", 5),
-    "simulate": ("planar2", *LAW, "--limits"),
-    "plan": ("planar2", "--q0", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
+    "simulate": ("planar2", *LAW, "--with", "plant.limits=true"),
+    "plan": ("planar2", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
+    "detumble": (
+        "wheels.urdf",
+        *CM,
+        "--goal",
+        1.2,
+        0.9,
+        *OBSTACLES,
+        "--with",
+        "start.momentum=[0, 0, 0, 0, 0, 0.2]",
+        "--with",
+        'constraints.wheels={"torque": 2.0, "capacity": 9.0}',
+    ),
     "attitudes": ("planar2", "--corner", 1.2, 0.6, "--corner", 1.0, 0.9, "--samples", 16),
     "reaction": ("planar2", "--motion", "run.npz"),
     "wheels": ("planar2", "--motion", "run.npz"),
@@ -40,10 +53,10 @@ SPATIAL = ("ets7", "--task", "position", "--mode", "fixed", *(
     word for joint in "456" for word in ("--lock", f"joint_{joint}=0.3")
 ))  # fmt: skip
 MORE = {
-    "design": (*SPATIAL, "--base-inertia", "2"),
+    "design": (*SPATIAL, "--vary", "base_inertia=2"),
     "workspace": SPATIAL,
-    "simulate": ("planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21, "--origin",
-                 "cm", "--target", 1.5, 1.5, "--kp", 5, "--kd", 15, "--stop", "singularity"),
+    "simulate": ("planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21, "--with",
+                 "origin=cm", "--target", 1.5, 1.5, "--with", "stop=singularity"),
 }  # fmt: skip
 """What has in it what the others have not: volumes, events."""
 NUMBERED = {"percentiles", "held", "parameters", "joints_of", "recipe"}
@@ -82,6 +95,8 @@ def folder(tmp_path_factory):
     sa.Motion(
         sa.load("planar2"), [0.0, 1.0], [[0.3, 0.9], [0.35, 1.0]], np.tile(np.eye(7)[6], (2, 1))
     ).save(here / "run.npz")
+    text = with_wheels("planar2", (0, 0, 1))
+    (here / "wheels.urdf").write_text(text, encoding="utf-8")
     return here
 
 
@@ -140,7 +155,7 @@ def test_a_map_that_is_read_in_another_program(folder):
     np.testing.assert_allclose(query["nearest"], near["nearest"], atol=1e-9)
     whole = json.loads(spacearm("workspace", "planar2", "--json", cwd=folder).stdout)
     design = json.loads(
-        spacearm("design", "planar2", "--base-inertia", 1, "--json", cwd=folder).stdout
+        spacearm("design", "planar2", "--vary", "base_inertia=1", "--json", cwd=folder).stdout
     )["designs"][0]
     for name in ("pdw", "fraction"):
         np.testing.assert_allclose(design[name], whole[name], atol=1e-9)

@@ -39,10 +39,10 @@ def strings(data):
 COMMANDS = {
     "map": ("--points", "5"),
     "workspace": ("--effort", "20"),
-    "design": ("--base-inertia", "1:2:2", "--effort", "20"),
-    "simulate": ("--q0", "0.3", "0.9", "--target", "0.3", "0.8", "--controller", "joints",
+    "design": ("--vary", "base_inertia=1:2:2", "--effort", "20"),
+    "simulate": ("0.3", "0.9", "--target", "0.3", "0.8", "--controller", "JointPD",
                  "--duration", "0.1"),
-    "plan": ("--q0", "0.3", "0.9", "--goal", "0.8", "0.8", "--timeout", "5"),
+    "plan": ("0.3", "0.9", "--goal", "0.8", "0.8", "--with", "search.timeout=5"),
 }  # fmt: skip
 """Those that draw a picture where none is asked for."""
 NAMES = ("../../up", "{}/absolute", ".hidden", "-option", "x" * 400)

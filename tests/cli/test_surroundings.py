@@ -81,7 +81,7 @@ def test_an_interrupt_before_there_is_anything_to_keep_is_said(monkeypatch, caps
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("spacearm.cli.mounting.load", interrupted)
+    monkeypatch.setattr("spacearm.cli.options.load", interrupted)
     monkeypatch.setattr(sys, "argv", ["spacearm", *words])
     with pytest.raises(SystemExit, match="130"):
         main()
@@ -157,7 +157,7 @@ def test_ctrl_c_in_a_workspace_keeps_what_is_attained(tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("spacearm.workspaces.path_dependent.exact_shells", interrupted)
+    monkeypatch.setattr("spacearm.workspaces.shells.ShellSearch.exact", interrupted)
     run = spacearm("workspace", "planar2", "--json", cwd=tmp_path)
     assert run.returncode == 130
     assert "stopped: shells may be missing" in run.stderr
@@ -181,7 +181,7 @@ def test_a_design_that_was_stopped_is_not_done(tmp_path, monkeypatch):
         return before(*given, **options)
 
     monkeypatch.setattr(designs, "workspace", second)
-    run = spacearm("design", "planar2", "--base-inertia", "1:3:3", cwd=tmp_path)
+    run = spacearm("design", "planar2", "--vary", "base_inertia=1:3:3", cwd=tmp_path)
     assert run.returncode == 130
     assert "stopped: 1 of 3 designs done; what there is is kept" in run.stderr
     assert run.stdout.count("%") == 1
@@ -194,7 +194,7 @@ def test_a_plan_that_was_stopped_is_saved_as_far_as_it_came(tmp_path, monkeypatc
     monkeypatch.setitem(
         importlib.import_module("spacearm.planning.methods").METHODS, "straight", interrupted
     )
-    words = ("--q0", 0.3, 1.2, "--goal", 0.9, 1.4, "--save", "plan.npz")
+    words = (0.3, 1.2, "--goal", 0.9, 1.4, "--save", "plan.npz")
     run = spacearm("plan", "planar2", *words, cwd=tmp_path)
     assert run.returncode == 130
     assert "wrote plan.npz: the best attempt, which does not arrive" in run.stderr
@@ -211,7 +211,7 @@ def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
         return sa.simulate(*_, **(options | {"progress": tell}))
 
     monkeypatch.setattr("spacearm.cli.motions.simulations.simulate", interrupted)
-    words = ("--q0", 0.3, 0.9, "--target", 0.3, 0.8, "--controller", "joints", "--duration", 50)
+    words = (0.3, 0.9, "--target", 0.3, 0.8, "--controller", "JointPD", "--duration", 50)
     run = spacearm("simulate", "planar2", *words, "--save", "run.npz", cwd=tmp_path)
     assert run.returncode == 130
     assert "of 50 s simulated; what there is is kept" in run.stderr

@@ -354,7 +354,7 @@ def test_obstacles_are_drawn_and_not_kept_in_the_file(arm, free, tmp_path):
 
 @pytest.mark.slow
 def test_command_with_obstacles(tmp_path):
-    words = ["plan", "planar2", "--q0", 0.3, 1.2, "--goal", 0.9, 1.4, "--json"]
+    words = ["plan", "planar2", 0.3, 1.2, "--goal", 0.9, 1.4, "--json"]
     done = spacearm(
         *words, "--obstacle", "sphere:-3,0,0:0.2@0.1", "--obstacle", "robot:5,0,0:planar2:0,0,1",
         "--obstacle", "box:0,-3,0:0.1,0.2,0.3", cwd=tmp_path,

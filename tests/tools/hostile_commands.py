@@ -29,27 +29,28 @@ PLAIN = [models_folder() / "planar2.urdf"]
 COMMANDS = (
     "models", "models --json", "info planar2 --deg", "info robot.urdf --json",
     "query planar2 --deg -65 -11.41", "query mda6 0 1 0 1 0 1 --json --attitude 0 0 0.5",
-    "query robot.urdf 0.1 0.2 --tip hand --task x --length 2 --lock joint_1=0.5 --check warn",
+    "query robot.urdf 0.1 0.2 --tip hand --task x/2 --lock joint_1=0.5 --check warn",
     "query planar2 0.1 0.2 --base fixed --tolerance 0.1", "map planar2 --points 9 --output map.svg",
     "map planar3 --axes q1 q2 --fix q3=0.4 --points 9 --npz map.npz",
     "workspace planar2 --base free-floating --output work.svg", "workspace planar2 --path path.txt",
-    "design planar2 --base-inertia 1:2:2 --mount-x 0.1 --output design.svg --json",
-    "simulate planar2 --deg --q0 -57 60 --target 1.5 1.5 --duration 0.5 --output sim.svg",
-    "simulate planar2 --q0 0.3 0.9 --target 0.5 0.5 --controller joints --duration 0.2 --kp 1 2 "
-    "--kd 1 --save sim.npz --json",
-    "simulate planar2 --q0 0.3 0.9 --target 1 1 --controller damped --gain 1 --duration 0.2 "
-    "--stop target --rtol 1e-6 --json",
-    "plan planar2 --deg --q0 -57 60 --goal 1.5 1.5 --origin cm --timeout 2 --json --save plan.npz",
+    "design planar2 --vary base_inertia=1:2:2 --vary mount_x=0.1 --output design.svg --json",
+    "simulate planar2 --deg -57 60 --target 1.5 1.5 --duration 0.5 --output sim.svg",
+    "simulate planar2 0.3 0.9 --target 0.5 0.5 --controller JointPD --duration 0.2 --with "
+    "controller.kp=[1,2] --with controller.kd=1 --save sim.npz --json",
+    "simulate planar2 0.3 0.9 --target 1 1 --controller DampedLeastSquares --duration 0.2 "
+    "--with controller.gain=1 --with stop=target --with integration.rtol=1e-6 --json",
+    "plan planar2 --deg -57 60 --goal 1.5 1.5 --with origin=cm --with search.timeout=2 "
+    "--json --save plan.npz",
     "view planar2 0.1 0.2 --no-open --port 7470", "view robot.urdf --save page.html",
     "map robot.urdf --points 9 --task pose --npz map.npz",
     "workspace robot.urdf --effort 20 --limits", "workspace robot.urdf --task x --effort 20",
-    "simulate robot.urdf --q0 0.1 0.2 --target 0.2 0.1 --controller joints --duration 0.1",
-    "plan robot.urdf --q0 0.1 0.2 --goal 1 1 --task x --timeout 1 --save plan.npz",
-    "design robot.urdf --base-inertia 1:2:2 --effort 20",
+    "simulate robot.urdf 0.1 0.2 --target 0.2 0.1 --controller JointPD --duration 0.1",
+    "plan robot.urdf 0.1 0.2 --goal 1 1 --task x --with search.timeout=1 --save plan.npz",
+    "design robot.urdf --vary base_inertia=1:2:2 --effort 20",
     "sweep study.toml --store run.zarr --workers 1", "sweep study.toml --store run.zarr --status",
     "sweep study.toml --store run.zarr --dry-run", "sweep study.toml --store path.txt",
 )  # fmt: skip
-WORK = ("--duration", "--points", "--effort", "--timeout", "--base-inertia")
+WORK = ("--duration", "--points", "--effort", "--vary")
 """How much is asked for by their values is the user's affair."""
 PICTURE = re.compile(r".*_(map|workspace|design|simulation|plan)\.png")
 """What is written where no name is given."""

@@ -73,7 +73,7 @@ class Here:
 def studies(rng: np.random.Generator, folder: Path, _: set[str]) -> None:
     """A study with lines, values or letters that are wrong: read, described, its chunks counted."""
     study = sa.Study.parse(changed_lines(STUDY, rng), folder)
-    repr(study), study.attributes, study.coords
+    repr(study), study.attributes, study.labels
     for name in study.quantities:
         study.box(Chunk(name, study.count(name) - 1))
 

@@ -14,9 +14,9 @@ import spacearm as sa
 SIZES = [(1366, 768), (1920, 1080), (390, 844)]
 
 
-def opened(browser, thing, *args, **options):
+def opened(browser, thing, **options):
     """A viewer and its page."""
-    viewer = sa.view(thing, *args, open=False)
+    viewer = sa.view(thing, open=False)
     return viewer, Page(browser, viewer.serve(), **options).ready()
 
 
@@ -67,7 +67,7 @@ def test_the_whole_robot_is_in_view_at_every_size(browser, name):
 def test_the_way_out_and_the_angles_are_seen_whole(browser, size):
     q = np.radians([-2.32, -25.17, -88.0, 117.3, 73.39, 170.19])
     arm = sa.load("servicer_ur5")
-    viewer, page = opened(browser, arm, q, width=size[0], height=size[1])
+    viewer, page = opened(browser, arm.at(q), width=size[0], height=size[1])
     assert "shoulder_lift" in page.text("#away")
     viewer.show([*q[:5], q[5] + 2.0 * np.pi])  # one line more: outside its limits
     page.wait_text("#outside", "wrist_3")
@@ -96,7 +96,7 @@ def test_joint_names_are_told_apart(browser):
 
 @pytest.mark.slow
 def test_what_cannot_be_is_refused_beside_the_box_and_moves_nothing(browser):
-    viewer, page = opened(browser, sa.load("planar2"), np.radians([30, 40]))
+    viewer, page = opened(browser, sa.load("planar2").at(np.radians([30, 40])))
     box = ".joint:nth-child(1) input[type=number]"
     for given, words in [
         ("300", "300° is outside its range, -180° to 180°"),
@@ -120,7 +120,7 @@ def test_what_cannot_be_is_refused_beside_the_box_and_moves_nothing(browser):
 @pytest.mark.slow
 def test_the_layout_stays_while_the_verdict_changes(browser):
     viewer, page = opened(
-        browser, sa.load("planar2"), np.radians([-65, -40]), width=1366, height=768
+        browser, sa.load("planar2").at(np.radians([-65, -40])), width=1366, height=768
     )
     places = []
     for degrees in (-40, -11.41, -14, 120):
@@ -136,18 +136,18 @@ def test_the_layout_stays_while_the_verdict_changes(browser):
 @pytest.mark.slow
 def test_near_singular_postures_do_not_look_regular(browser):
     arm = sa.load("servicer_ur5")
-    viewer, page = opened(browser, arm, np.zeros(arm.n))
+    viewer, page = opened(browser, arm.at(np.zeros(arm.n)))
     assert page.text("#kind") == "near singular"
     near = page.page.eval_on_selector("#kind", "node => getComputedStyle(node).color")
     shut(viewer, page)
-    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2])
+    viewer, page = opened(browser, sa.load("planar2").at([0.3, 1.2]))
     assert page.page.eval_on_selector("#kind", "node => getComputedStyle(node).color") != near
     shut(viewer, page)
 
 
 @pytest.mark.slow
 def test_the_panel_names_tip_directions_gradient_and_contacts(browser):
-    viewer, page = opened(browser, sa.load("planar2"), np.radians([-65, -11.41]))
+    viewer, page = opened(browser, sa.load("planar2").at(np.radians([-65, -11.41])))
     assert page.text("#tipname") == "tip"
     assert page.page.locator("#directions tbody tr").count() == 2
     lost = page.page.locator("#directions tr.lost td").all_text_contents()
@@ -157,7 +157,7 @@ def test_the_panel_names_tip_directions_gradient_and_contacts(browser):
     assert page.page.locator("#gradient tbody tr").count() == 2
     assert page.text("#contacts") == ""
     shut(viewer, page)
-    viewer, page = opened(browser, sa.load("mda6"), [0.8, 0.8, -2.7, -2.9, 1.9, 2.5])
+    viewer, page = opened(browser, sa.load("mda6").at([0.8, 0.8, -2.7, -2.9, 1.9, 2.5]))
     assert page.text("#contacts").startswith("Bodies meet: spacecraft – link_4")
     page.page.set_viewport_size({"width": 1366, "height": 768})
     page.page.click("text=Directions, lost and available")
@@ -170,7 +170,7 @@ def test_the_panel_names_tip_directions_gradient_and_contacts(browser):
 
 @pytest.mark.slow
 def test_rounding_noise_is_not_shown(browser):
-    viewer, page = opened(browser, sa.load("planar2"), [-1e-17, 0.0])
+    viewer, page = opened(browser, sa.load("planar2").at([-1e-17, 0.0]))
     viewer.show([-1e-17, 6e-18])
     page.wait_text("#tip", "2.500, 0.000, 0.000")
     panel = page.page.inner_text("#panel")
@@ -190,7 +190,7 @@ def test_rounding_noise_is_not_shown(browser):
 
 @pytest.mark.slow
 def test_the_nearest_singularity_says_how_far_it_was(browser):
-    viewer, page = opened(browser, sa.load("planar2"), np.radians([-65, -40]))
+    viewer, page = opened(browser, sa.load("planar2").at(np.radians([-65, -40])))
     page.page.click("[data-do=nearest]")
     page.wait_text("#note", "went ")
     assert "joint_2 +" in page.text("#note")
@@ -234,7 +234,7 @@ def contrast(a, b):
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_contrast_is_enough(browser, scheme):
-    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2], color_scheme=scheme)
+    viewer, page = opened(browser, sa.load("planar2").at([0.3, 1.2]), color_scheme=scheme)
     style = "(node, name) => getComputedStyle(node)[name]"
     ground = page.page.eval_on_selector("body", style, "backgroundColor")
     for selector in ("#model", "#kind", "dt", "#meaning", "#away", "legend", "button"):
@@ -246,7 +246,7 @@ def test_contrast_is_enough(browser, scheme):
 
 @pytest.mark.slow
 def test_every_control_has_a_name_and_can_be_reached_by_keyboard(browser):
-    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2], width=1366, height=768)
+    viewer, page = opened(browser, sa.load("planar2").at([0.3, 1.2]), width=1366, height=768)
     names = page.page.eval_on_selector_all(
         "button, input, select, summary",
         "all => all.filter(x => x.checkVisibility()).map(x => x.getAttribute('aria-label') "
@@ -297,7 +297,7 @@ def test_the_page_says_what_it_waits_for(browser):
 
 @pytest.mark.slow
 def test_on_a_phone_the_panel_folds_away(browser):
-    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2], width=390, height=844)
+    viewer, page = opened(browser, sa.load("planar2").at([0.3, 1.2]), width=390, height=844)
     assert page.page.evaluate("document.documentElement.scrollWidth") <= 390
     tops = page.page.eval_on_selector_all(
         "#view button", "all => all.map((x) => x.getBoundingClientRect().top)"
@@ -321,7 +321,7 @@ def test_on_a_phone_the_panel_folds_away(browser):
 @pytest.mark.slow
 def test_a_tap_explains_a_symbol_and_a_control_works(browser):
     viewer, page = opened(
-        browser, sa.load("planar2"), [0.3, 1.2], width=390, height=844, has_touch=True
+        browser, sa.load("planar2").at([0.3, 1.2]), width=390, height=844, has_touch=True
     )
     symbol = page.page.locator("dt", has_text="R from the CM")
     symbol.tap()
@@ -428,7 +428,7 @@ def test_short_names_leave_room_for_the_sliders(browser):
 
 @pytest.mark.slow
 def test_the_posture_is_dragged_on_the_map_which_follows_the_other_joints(browser):
-    viewer, page = opened(browser, sa.load("planar3"), [0.3, 1.2, 0.7], width=1366, height=768)
+    viewer, page = opened(browser, sa.load("planar3").at([0.3, 1.2, 0.7]), width=1366, height=768)
     page.page.wait_for_function("document.querySelector('#mapnote').textContent !== ''")
     picture = "document.querySelector('#mapcanvas').toDataURL()"
     page.page.wait_for_timeout(200)
@@ -499,7 +499,7 @@ def test_the_drawing_is_kept_as_a_picture_and_a_motion_as_a_video(browser, tmp_p
 
 @pytest.mark.slow
 def test_python_reads_what_the_page_has_moved(browser):
-    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2])
+    viewer, page = opened(browser, sa.load("planar2").at([0.3, 1.2]))
     page.move(0, 45)
     assert viewer.q == pytest.approx([np.radians(45), 1.2])
     assert viewer.configuration.q == pytest.approx(viewer.q)
@@ -511,7 +511,7 @@ def test_python_reads_what_the_page_has_moved(browser):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
 def test_arm_tip_and_file_are_chosen_in_the_page_and_every_client_follows(browser, tmp_path):
-    viewer, page = opened(browser, sa.load("planar2"), [0.3, 1.2], width=1366, height=768)
+    viewer, page = opened(browser, sa.load("planar2").at([0.3, 1.2]), width=1366, height=768)
     other = Page(browser, viewer.url).ready()
     page.page.click("#choices summary")
     page.page.select_option("#robot", "mda6")
@@ -551,7 +551,9 @@ def test_arm_tip_and_file_are_chosen_in_the_page_and_every_client_follows(browse
 @pytest.mark.slow
 def test_an_address_brings_the_posture_back(browser):
     viewer, page = opened(
-        browser, sa.load("planar2"), [0.3, 1.2], permissions=["clipboard-read", "clipboard-write"]
+        browser,
+        sa.load("planar2").at([0.3, 1.2]),
+        permissions=["clipboard-read", "clipboard-write"],
     )
     page.page.click("#choices summary")
     page.page.click("#link")

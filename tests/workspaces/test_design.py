@@ -78,7 +78,8 @@ def run(*arguments, cwd):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "ranges", [("--base-inertia", "1:20:3", "--mount-x", "0:0.5:2"), ("--mount-x", "0:0.5:2")]
+    "ranges",
+    [("--vary", "base_inertia=1:20:3", "--vary", "mount_x=0:0.5:2"), ("--vary", "mount_x=0:0.5:2")],
 )
 def test_command_prints_and_draws(ranges, tmp_path):
     done = run("planar2", *ranges, "--output", "d.svg", cwd=tmp_path)
@@ -89,7 +90,7 @@ def test_command_prints_and_draws(ranges, tmp_path):
 
 
 def test_command_as_json(tmp_path):
-    done = run("planar2", "--link-mass", "link_1=4:8:2", "--json", cwd=tmp_path)
+    done = run("planar2", "--vary", "mass:link_1=4:8:2", "--json", cwd=tmp_path)
     data = json.loads(done.stdout)
     varied = [design["parameters"] for design in data["designs"]]
     assert varied == [{"mass:link_1": 4.0}, {"mass:link_1": 8.0}]
@@ -99,11 +100,11 @@ def test_command_as_json(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("planar2",), "nothing to vary"),
-        (("planar2", "--mount-x", "a:b"), "mount_x is 'a:b'"),
-        (("planar2", "--mount-x", "0:1:0"), "LOW:HIGH:COUNT"),
-        (("planar2", "--mount-x", "0:1", "--output", "d.gif"), "gif"),
-        (("planar2", "--base-mass=-3"), "positive"),
+        (("planar2",), "Missing option '--vary'"),
+        (("planar2", "--vary", "mount_x=a:b"), "--vary mount_x=a:b"),
+        (("planar2", "--vary", "mount_x=0:1:0"), "LOW:HIGH:COUNT"),
+        (("planar2", "--vary", "mount_x=0:1", "--output", "d.gif"), "gif"),
+        (("planar2", "--vary", "base_mass=-3"), "positive"),
     ],
 )
 def test_bad_commands(arguments, message, tmp_path):

@@ -161,9 +161,6 @@ def _declared_name(manifest: Path) -> str | None:
 
 def _environment() -> Iterator[Path]:
     """Yield the folders that ROS 1 and ROS 2 name in the environment."""
-    for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
-        if folder:
-            yield Path(folder)
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        if prefix:
-            yield Path(prefix, "share")
+    for variable, inner in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+        for folder in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            yield Path(folder, inner)

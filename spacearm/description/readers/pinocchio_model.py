@@ -139,24 +139,23 @@ class _Reader:
         kind = joint.shortname().removeprefix("JointModel")
         if kind == "Composite":
             whole = joint.extract()
-            row: list[Joint] = []
+            parts: list[Joint] = []
             for j, (part, pose) in enumerate(zip(whole.joints, whole.jointPlacements, strict=True)):
                 here = at * pose if j == 0 else pose.copy()
-                row += self._row(f"{name}_{j + 1}", part, here)
-            return row
+                parts += self._row(f"{name}_{j + 1}", part, here)
+            return parts
         if kind == "Spherical":
             self._source.warn(SPLIT_BALL.format(name=name))
-        if kind in ROWS:
+        if kind in ROWS or kind == "Universal":
             axes = dict(zip("xyz", np.eye(3), strict=True))
+            row = [(letter, one, axes[letter]) for letter, one in ROWS.get(kind, ())]
+            if kind == "Universal":
+                both = joint.extract()
+                row = [("1", "revolute", both.axis1), ("2", "revolute", both.axis2)]
+            poses = [at, *(pin.SE3.Identity() for _ in row[1:])]
             return [
-                self._joint(f"{name}_{letter}", one, axes[letter], at if j == 0 else None, joint, j)
-                for j, (letter, one) in enumerate(ROWS[kind])
-            ]
-        if kind == "Universal":
-            both = joint.extract()
-            return [
-                self._joint(f"{name}_1", "revolute", both.axis1, at, joint, 0),
-                self._joint(f"{name}_2", "revolute", both.axis2, None, joint, 1),
+                self._joint(f"{name}_{suffix}", one, axis, pose, joint, j)
+                for j, ((suffix, one, axis), pose) in enumerate(zip(row, poses, strict=True))
             ]
         if joint.nv > 1 or "Helical" in kind or kind in ("HX", "HY", "HZ", "FreeFlyer"):
             self._source.fail(
@@ -177,7 +176,7 @@ class _Reader:
         name: str,
         kind: str,
         axis: np.ndarray,
-        at: pin.SE3 | None,
+        at: pin.SE3,
         joint: pin.JointModel,
         j: int,
     ) -> Joint:
@@ -192,9 +191,8 @@ class _Reader:
         )
         if kind == "revolute" and math.isinf(lower) and math.isinf(upper):
             kind = "continuous"
-        origin = pin.SE3.Identity() if at is None else at
         direction = np.array(axis, dtype=np.float64).reshape(3)
-        return Joint(name, kind, "", "", origin, direction, lower, upper, velocity, effort)
+        return Joint(name, kind, "", "", at, direction, lower, upper, velocity, effort)
 
     def _mimic(self, i: int, row: list[Joint]) -> None:
         """Make joint i follow the one that it mimics."""

@@ -1,0 +1,176 @@
+"""`spacearm attitudes`, `reaction`, `wheels`, `report`: what a mission designer asks of an arm."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from spacearm.cli.options import (
+    AsJson,
+    Attitude,
+    JointValues,
+    NoLimits,
+    Picture,
+    View,
+    goal_from,
+    joint_values,
+    numbers,
+    on_a_model,
+    radians,
+)
+from spacearm.cli.output import answer, check_picture, out, working
+from spacearm.cli.questions import With, question, start_of
+from spacearm.cli.wording import NUMBER, join_numbers
+from spacearm.mission.attitudes import MARGIN, feasible_attitudes
+from spacearm.mission.reactions import reaction, size_wheels
+from spacearm.model.arm import SpaceArm
+from spacearm.motion.motion import Motion
+from spacearm.singularities.risk import NEAR
+
+
+@on_a_model
+def find_attitudes(
+    arm: SpaceArm,
+    corner: Annotated[
+        list[str],
+        typer.Option(
+            help="A corner of the path, the first is its start: task rows of the tip, from the "
+            "system CM [m], turns as roll pitch yaw. Give two or more.",
+            metavar="X1 X2 ...",
+        ),
+    ],
+    q: JointValues = None,
+    attitude: Attitude = None,
+    margin: Annotated[
+        float | None,
+        typer.Option(help="Least distance to the singular set [rad]; 1 degree by default.", min=0),
+    ] = None,
+    samples: Annotated[int | None, typer.Option(help="Number of attitudes tried at first.")] = None,
+    no_limits: NoLimits = False,
+    more: With = None,
+    output: Picture = None,
+    view: View = False,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the attitudes of the spacecraft from which the tip can follow a path.
+
+    With joint values, a posture near the start of the path, from that branch of postures; else
+    from all. --with gives more of what sa.feasible_attitudes takes: start with its momentum, speed,
+    refine, seed.
+    """
+    check_picture(output)
+    asked = question(more, "start", "speed", "refine", "seed", "length")
+    anywhere = not q and "q" not in asked.inner("start").values
+    near = np.zeros(arm.n) if anywhere else joint_values(arm, q, deg) if q else None
+    start = start_of(arm, asked, near, attitude, deg)
+    given = radians(margin, deg)
+    with working("trying attitudes") as progress:
+        found = feasible_attitudes(
+            start,
+            [goal_from(arm, "--corner", text, deg) for text in corner],
+            all_branches=anywhere,
+            margin=MARGIN if given is None else given,
+            limits=not no_limits,
+            samples=samples,
+            progress=progress,
+            **{key: value for key, value in asked.values.items() if key != "start"},
+        )
+    answer(arm, found, "attitudes", deg=deg, as_json=as_json, output=output, view=view)
+
+
+@on_a_model
+def report_reaction(
+    arm: SpaceArm,
+    motion: Annotated[
+        Path, typer.Option(help="A motion written by --save of plan or simulate.", metavar="NPZ")
+    ],
+    camera: Annotated[
+        str | None,
+        typer.Option(help="Line of sight of a camera, spacecraft axes.", metavar="X,Y,Z"),
+    ] = None,
+    output: Picture = None,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Report what a motion does to the spacecraft, and what holding the attitude takes."""
+    check_picture(output)
+    sight = None if camera is None else numbers("--camera", camera, 3)
+    with working("computing reactions") as progress:
+        found = reaction(Motion.load(motion, arm), camera=sight, progress=progress)
+    answer(arm, found, "reaction", deg=deg, as_json=as_json, output=output)
+
+
+@on_a_model
+def size_wheels_of(
+    arm: SpaceArm,
+    tip_speed: Annotated[
+        float | None, typer.Option(help="Speed of the tip [m/s] in any direction, any posture.")
+    ] = None,
+    motion: Annotated[
+        list[Path] | None,
+        typer.Option(help="A motion to cover instead; may be repeated.", metavar="NPZ"),
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Number of postures.", min=1)] = 2000,
+    near: Annotated[
+        float | None,
+        typer.Option(help="Postures nearer to a singularity are left out; 5 degrees by default."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the postures.")] = 0,
+    output: Picture = None,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compute the momentum that wheels need to hold the attitude while the arm moves."""
+    check_picture(output)
+    apart = radians(near, deg)
+    with working("sizing wheels") as progress:
+        found = size_wheels(
+            arm,
+            [Motion.load(path, arm) for path in motion] if motion else None,
+            tip_speed=tip_speed,
+            samples=samples,
+            near=NEAR if apart is None else apart,
+            seed=seed,
+            progress=progress,
+        )
+    answer(arm, found, "wheels", deg=deg, as_json=as_json, output=output)
+
+
+@on_a_model
+def write_report(
+    arm: SpaceArm,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The page to write.", metavar="HTML")
+    ],
+    q: JointValues = None,
+    deg: bool = False,
+) -> None:
+    """Write a design report: one page with arm, singular sets, workspaces and reactions.
+
+    Joint values give the working posture; without them it is one far from singularities.
+    """
+    from spacearm.reports.sections import design_report  # imports matplotlib
+
+    start = joint_values(arm, q, deg) if q else None
+    with working("writing the report") as progress:
+        path = design_report(
+            arm, output, q0=start, words=_describing(sys.argv[2:]), progress=progress
+        )
+    out.print(f"wrote {path}")
+
+
+def _describing(words: Sequence[str]) -> list[str]:
+    """Return the words of a command line that describe the arm."""
+    told: list[str] = []
+    skipping = False
+    for word in join_numbers(words):
+        if not skipping and word not in ("-o", "--output") and not NUMBER.fullmatch(word):
+            told.append(word)
+        skipping = word in ("-o", "--output")
+    return [word for word in told if not word.startswith("--output=")]

@@ -1,1 +1,0 @@
-"""The command that simulates: a run, or the phases of a flight."""

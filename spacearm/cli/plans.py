@@ -1,0 +1,211 @@
+"""`spacearm plan` and `spacearm detumble`: joint motions that arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from spacearm.cli.options import (
+    AsJson,
+    Attitude,
+    JointValues,
+    Picture,
+    View,
+    goal_from,
+    joint_values,
+    mark_of,
+    on_a_model,
+)
+from spacearm.cli.output import answer, check_picture, err, working
+from spacearm.cli.questions import (
+    With,
+    constraints_of,
+    goal_in,
+    obstacle_of,
+    question,
+    search_of,
+    start_of,
+)
+from spacearm.cli.wording import INTERRUPTED, in_own_words
+from spacearm.collisions.obstacles import obstacles_of
+from spacearm.errors import (
+    ConfigurationError,
+    NoSolutionError,
+    StoppedError,
+    UnsupportedError,
+    listed,
+)
+from spacearm.model.arm import SpaceArm
+from spacearm.model.frames import pose
+from spacearm.motion.goal import Goal
+from spacearm.motion.motion_file import check_suffix
+from spacearm.planning.planner import detumble, plan
+from spacearm.planning.request import Joints
+from spacearm.planning.result import Plan
+from spacearm.sweeps.toml import Table
+from spacearm.workspaces.path_dependent import Workspace, workspace
+
+Goals = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Task rows of the tip [m], turns as roll pitch yaw. With several tips "
+        "NAME=X1,X2,... for each.",
+        metavar="X1 X2 ...",
+    ),
+]
+Obstacles = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="box:X,Y,Z:SIZE (or LX,LY,LZ), sphere:X,Y,Z:RADIUS, cylinder:X,Y,Z:RADIUS,LENGTH, "
+        "mesh:X,Y,Z:FILE or robot:X,Y,Z:MODEL [m]; then :R,P,Y and @MARGIN; may be repeated.",
+        metavar="KIND:PLACE:WHAT",
+    ),
+]
+SavePlan = Annotated[
+    Path | None,
+    typer.Option(help="Write the plan; where none is found, the best attempt.", metavar="NPZ"),
+]
+Fastest = Annotated[
+    bool,
+    typer.Option(
+        "--fastest", help="Time it as fast as effort and velocity limits allow; needs toppra."
+    ),
+]
+PLAIN = ("duration", "mode", "origin")
+"""Arguments that are taken from a table as they are."""
+KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", "search")
+"""Keys of the question that a plan and a detumbling have in common."""
+
+
+def _command(solve: Callable[..., Plan], summary: str, *more_keys: str) -> Callable[..., int]:
+    """Return the command that asks `plan` or `detumble`, whose questions differ in a few keys."""
+
+    @on_a_model
+    def run(
+        arm: SpaceArm,
+        q: JointValues = None,
+        goal: Goals = None,
+        obstacle: Obstacles = None,
+        attitude: Attitude = None,
+        fastest: Fastest = False,
+        more: With = None,
+        output: Picture = None,
+        save: SavePlan = None,
+        view: View = False,
+        deg: bool = False,
+        as_json: AsJson = False,
+    ) -> int:
+        check_picture(output)
+        if save:
+            check_suffix(save)
+        asked = question(more, *KEYS, *more_keys)
+        start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
+        target = _goal(arm, goal, asked, deg)
+        constraints = constraints_of(asked.inner("constraints"))
+        around = tuple(obstacle_of(text, deg) for text in obstacle or ())
+        kept = obstacles_of(constraints.obstacles, arm)
+        constraints = replace(constraints, obstacles=(*kept, *around))
+        try:
+            with working("planning") as progress:
+                found = solve(
+                    start,
+                    target,
+                    constraints=constraints,
+                    search=search_of(asked.inner("search"), progress),
+                    **_options(arm, asked),
+                )
+            if fastest:
+                from spacearm.planning.retiming import time_optimal
+
+                held = found.mode == "attitude-controlled"
+                found = time_optimal(found, wheels=constraints.wheels if held else None)
+        except (NoSolutionError, StoppedError) as error:
+            if save and isinstance(error.best, Plan):
+                error.best.save(save)
+                err.print(f"spacearm: wrote {save}: the best attempt, which does not arrive")
+            if isinstance(error, NoSolutionError):
+                raise
+            err.print(f"spacearm: stopped: {in_own_words(str(error))}")
+            return INTERRUPTED
+
+        def drawn() -> dict[str, Any]:
+            point = not isinstance(target, dict | Joints)
+            return {
+                "target": mark_of(found[-1], target) if point else None,
+                "workspace": _shells(arm),
+            }
+
+        answer(
+            arm, found, "plan", deg=deg, as_json=as_json, save=save, output=output, view=view,
+            drawn=drawn,
+        )  # fmt: skip
+        return 0
+
+    run.__doc__ = summary
+    return run
+
+
+def _goal(
+    arm: SpaceArm, texts: list[str] | None, asked: Table, deg: bool
+) -> Goal | Joints | dict[str, Goal]:
+    """Return the goal of the option, one for each tip as NAME=X1,X2,..., or that of the table."""
+    if not texts:
+        if "goal" not in asked.values:
+            raise ConfigurationError("there is no goal; give --goal X1 X2 ..., or goal in a file")
+        return goal_in(arm, asked, "goal")
+    if len(texts) == 1 and "=" not in texts[0]:
+        return goal_from(arm, "--goal", texts[0], deg)
+    pairs = [text.partition("=") for text in texts]
+    for name, _, values in pairs:
+        if name not in arm.tips or not values:
+            raise ConfigurationError(
+                f"--goal {name!r}: give one goal, or NAME=X1,X2,... for each of the tips "
+                f"{listed(arm.tips)} (--tip NAME,NAME)"
+            )
+    return {name: goal_from(arm, f"--goal {name}", values, deg) for name, _, values in pairs}
+
+
+def _options(arm: SpaceArm, asked: Table) -> dict[str, Any]:
+    """Return the rest of the question."""
+    options = {key: asked.values[key] for key in PLAIN if key in asked.values}
+    if "final_attitude" in asked.values:
+        options["final_attitude"] = pose(rpy=asked.values["final_attitude"])
+    if "via" in asked.values:
+        options["via"] = [
+            goal_in(arm, Table("--with", {"via": one}), "via") for one in asked.take("via", list)
+        ]
+    return options
+
+
+def _shells(arm: SpaceArm) -> Workspace | None:
+    """Compute the workspace of a planar arm, if it has shells."""
+    if arm.tree.plane_normal() is None:
+        return None
+    try:
+        return workspace(arm)
+    except UnsupportedError:
+        return None
+
+
+plan_motion = _command(
+    plan,
+    """Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.
+
+    --with gives all that sa.plan takes: start, goal, via, final_attitude, duration, mode, origin,
+    constraints, search.
+    """,
+    "via",
+    "mode",
+)
+detumble_motion = _command(
+    detumble,
+    """Plan a motion at whose end wheels have brought the tumbling spacecraft to rest.
+
+    --with gives all that sa.detumble takes: start with its momentum, goal, final_attitude,
+    duration, origin, constraints with wheels, search.
+    """,
+)

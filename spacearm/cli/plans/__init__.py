@@ -1,1 +1,0 @@
-"""`spacearm plan`: the command, and how goals and obstacles are written on its line."""

@@ -1,0 +1,235 @@
+"""Questions: what a command is asked beyond its options, in the names of Python, from TOML."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+import typer
+
+from spacearm.arrays import Array
+from spacearm.cli.options import Three, numbers, spacecraft_pose
+from spacearm.collisions.obstacles import Obstacle
+from spacearm.errors import ConfigurationError, unknown
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.frames import pose
+from spacearm.model.joints import warn_outside
+from spacearm.model.loading import load
+from spacearm.motion.controllers import Controller
+from spacearm.motion.goal import Goal, goal_of
+from spacearm.motion.plant import WheelHold
+from spacearm.planning.request import Constraints, Joints, Search
+from spacearm.sweeps.motion_tables import LAWS, read_laws
+from spacearm.sweeps.toml import Table, parse, text_of
+
+T = TypeVar("T")
+
+With = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with",
+        help="More of the question, by its names in Python, SI units and radians: a TOML file, or "
+        "one value, as in integration.rtol=1e-6; may be repeated, the last counts.",
+        metavar="FILE.toml|KEY=VALUE",
+    ),
+]
+GAINS = {"kp": 5.0, "kd": 15.0, "gain": 1.0}
+"""Gains of the controllers that take them, where none are given."""
+SHAPES = ("box", "sphere", "cylinder", "mesh", "robot")
+"""Kinds of obstacles."""
+
+
+def question(given: Sequence[str] | None, *names: str) -> Table:
+    """Return one table of what `--with` gives.
+
+    Args:
+        given: Paths of TOML files, and texts "KEY=VALUE" with dots in the key; later ones win.
+        *names: The keys that it may have.
+
+    Raises:
+        ConfigurationError: A file cannot be read, or a key does not exist.
+    """
+    whole: dict[str, Any] = {}
+    for text in given or ():
+        key, sign, value = text.partition("=")
+        if sign:
+            _merge(whole, _nested(key.strip().split("."), _value(value.strip())))
+            continue
+        _merge(whole, parse(text_of(text, "--with"), text).values)
+    table = Table("--with", whole)
+    table.knows(*names)
+    return table
+
+
+def _merge(into: dict[str, Any], more: Mapping[str, Any]) -> None:
+    for key, value in more.items():
+        if isinstance(value, Mapping) and isinstance(into.get(key), dict):
+            _merge(into[key], value)
+        else:
+            into[key] = dict(value) if isinstance(value, Mapping) else value
+
+
+def _nested(keys: Sequence[str], value: Any) -> dict[str, Any]:
+    return {keys[0]: value if len(keys) == 1 else _nested(keys[1:], value)}
+
+
+def _value(text: str) -> Any:
+    """Return what a text means as JSON: a number, true, false, a list, a table; else itself."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def built(kind: Callable[..., T], given: Table, **made: Callable[[Any], Any]) -> T:
+    """Make an object from a table of the names of its fields.
+
+    Args:
+        kind: Its class, which checks the values.
+        given: The table.
+        **made: What makes the value of a field of what the table says.
+
+    Raises:
+        ConfigurationError: A key is not among the fields, a field without a default is missing, or
+            a value makes no sense.
+    """
+    fields = inspect.signature(kind).parameters
+    given.knows(*fields)
+    for name, field in fields.items():
+        if field.default is inspect.Parameter.empty and name not in given.values:
+            raise given.fail(name, f"a {kind.__name__} needs it")
+    values = {k: made[k](v) if k in made else v for k, v in given.values.items()}
+    try:
+        return kind(**values)
+    except TypeError as error:
+        raise ConfigurationError(f"{given.where}: {error}") from None
+
+
+def start_of(
+    arm: SpaceArm, given: Table, q: Array | None, attitude: Three | None, deg: bool
+) -> Configuration:
+    """Return the configuration in which a motion starts.
+
+    Args:
+        arm: The arm.
+        given: The question; its table `start` has the arguments of `SpaceArm.at`, `base` with
+            `xyz` and `rpy`.
+        q: (n,) joint positions of the command's arguments; None if there are none.
+        attitude: Roll, pitch and yaw of the option; None if it is not given.
+        deg: Whether these are in degrees.
+
+    Raises:
+        ConfigurationError: There are no joint positions, or a value makes no sense.
+
+    Warns:
+        ModelWarning: Joints are outside their limits, or look like degrees.
+    """
+    start = given.inner("start")
+    start.knows("q", "base", "wheels", "momentum")
+    values = dict(start.values)
+    if q is not None:
+        values["q"] = q
+    if "q" not in values:
+        raise ConfigurationError(
+            f"there is no start; give {arm.n} joint values after the name of the model: "
+            f"{', '.join(arm.joint_names)}"
+        )
+    place = start.inner("base")
+    place.knows("xyz", "rpy")
+    values["base"] = pose(**place.values)
+    if attitude is not None:
+        values["base"].rotation = spacecraft_pose(attitude, deg).rotation
+    cfg = arm.at(values.pop("q"), **values)
+    warn_outside(arm, cfg.q)
+    return cfg
+
+
+def goal_in(arm: SpaceArm, given: Table, key: str) -> Goal | Joints | dict[str, Goal]:
+    """Return the goal that a key of a table means.
+
+    It is a list of the task's rows [m], turns as roll, pitch and yaw [rad]; {q = [...]}, joint
+    positions; or a table of goals by tips.
+    """
+    if not isinstance(given.values[key], Mapping):
+        return goal_of(arm, given.numbers(key), key)
+    own = given.inner(key)
+    if "q" in own.values:
+        return built(Joints, own)
+    return {tip: goal_of(arm, own.numbers(tip), tip) for tip in own.values}
+
+
+def controller_of(arm: SpaceArm, given: Table) -> Controller | dict[str, Controller]:
+    """Return the control law that a table describes, or one for each tip; see `read_laws`.
+
+    The law is the transposed Jacobian's, and gains are `GAINS`, where none are given.
+    """
+    if any(isinstance(value, Mapping) for value in given.values.values()):
+        return read_laws(given, arm)
+    law = given.choice("law", tuple(LAWS), "TransposedJacobian")
+    taken = inspect.signature(LAWS[law]).parameters
+    gains = {name: gain for name, gain in GAINS.items() if name in taken}
+    return read_laws(Table(given.where, gains | given.values | {"law": law}), arm)
+
+
+def constraints_of(given: Table) -> Constraints:
+    """Return what must hold, of a table with the fields of `Constraints`.
+
+    Obstacles are tables: {sphere = 0.2, xyz = [...], rpy = [...], margin = 0.05}, or box, cylinder
+    = [radius, length], mesh = "FILE", robot = "MODEL" with q; or texts as of --obstacle.
+    """
+    wheels = {"stiffness": 0.0, "damping": 0.0} | given.inner("wheels").values
+    return built(
+        Constraints,
+        given,
+        wheels=lambda _: built(WheelHold, Table(f"{given.where}: wheels", wheels)),
+        obstacles=lambda value: tuple(_obstacle(one, given) for one in value),
+    )
+
+
+def obstacle_of(text: str, deg: bool) -> Obstacle:
+    """Parse an obstacle, such as "box:1.2,0,0.5:0.3,0.3,0.6:0,0,45@0.05"."""
+    option = f"--obstacle {text!r}:"
+    body, _, margin = text.partition("@")
+    kind, *parts = body.split(":")
+    if kind not in SHAPES:
+        raise ConfigurationError(f"{option} {unknown('kind', kind, SHAPES)}")
+    if not 2 <= len(parts) <= 3:
+        raise ConfigurationError(f"{option} give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
+    what: Any = parts[1]
+    if kind not in ("mesh", "robot"):
+        count = {"sphere": 1, "cylinder": 2, "box": 3 if "," in what else 1}[kind]
+        size = numbers(option, what, count).tolist()
+        what = size[0] if count == 1 else size
+    turn = numbers(option, parts[2], 3) if len(parts) == 3 else np.zeros(3)
+    given = {kind: what, "xyz": numbers(option, parts[0], 3)}
+    given["rpy"] = np.radians(turn) if deg else turn
+    if margin:
+        given["margin"] = float(numbers(option, margin, 1)[0])
+    return _obstacle(given, Table(option, {}))
+
+
+def _obstacle(value: Any, given: Table) -> Obstacle:
+    if isinstance(value, str):
+        return obstacle_of(value, deg=False)
+    own = Table(f"{given.where}: obstacles", value)
+    kinds = [kind for kind in SHAPES if kind in own.values]
+    if len(kinds) != 1:
+        raise own.fail("obstacles", f"give one of {', '.join(SHAPES)} for each")
+    rest = dict(own.values)
+    kind, shape = kinds[0], rest.pop(kinds[0])
+    at = pose(**{key: rest.pop(key) for key in ("xyz", "rpy") if key in rest})
+    if kind == "robot":
+        robot = load(shape)
+        q = rest.pop("q", np.clip(0.0, robot.lower, robot.upper))
+        return Obstacle.robot(robot.at(q, base=at), **rest)
+    size = shape if kind == "cylinder" else (Path(shape),) if kind == "mesh" else (shape,)
+    return getattr(Obstacle, kind)(*size, at, **rest)
+
+
+def search_of(given: Table, progress: Callable[[float, float], object]) -> Search:
+    """Return how to look, of a table with the fields of `Search`."""
+    return built(Search, Table(given.where, given.values | {"progress": progress}))

@@ -1,0 +1,158 @@
+"""`spacearm simulate`: the motion of an arm under a controller, and flights of several phases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from spacearm.cli.options import (
+    AsJson,
+    Attitude,
+    JointValues,
+    Picture,
+    Save,
+    View,
+    joint_values,
+    mark_of,
+    on_a_model,
+    task_rows,
+)
+from spacearm.cli.output import (
+    answer,
+    check_picture,
+    say_stopped,
+    working,
+)
+from spacearm.cli.questions import With, controller_of, question, start_of
+from spacearm.cli.wording import INTERRUPTED
+from spacearm.errors import ConfigurationError
+from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.motion.controllers import TipLaw
+from spacearm.motion.flights import Flight, simulate_phases
+from spacearm.motion.motion import Trajectory
+from spacearm.motion.motion_file import check_suffix
+from spacearm.motion.plant import Integration
+from spacearm.motion.simulation import simulate
+from spacearm.sweeps.motion_tables import LAWS, read_integration, read_phases, read_plant
+from spacearm.sweeps.toml import Table
+
+PLAIN = ("mode", "origin", "stop", "period", "delay", "dq")
+"""Arguments of `simulate` that are taken from a table as they are."""
+OBJECTS = ("start", "controller", "duration", "plant", "integration")
+
+
+@on_a_model
+def simulate_motion(
+    arm: SpaceArm,
+    q: JointValues = None,
+    target: Annotated[
+        str | None,
+        typer.Option(
+            help="Task rows of the tip [m], turns as roll pitch yaw; joint values for JointPD.",
+            metavar="X1 X2 ...",
+        ),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Control law: {', '.join(LAWS)}; gains by --with controller.kp=... .",
+            metavar="LAW",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Duration [s]; 60 if not given.", show_default=False)
+    ] = None,
+    attitude: Attitude = None,
+    more: With = None,
+    output: Picture = None,
+    save: Save = None,
+    view: View = False,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> int:
+    """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
+
+    --with gives all that sa.simulate takes: start, controller, plant, integration, mode, origin,
+    stop, period, delay, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what
+    there is.
+    """
+    check_picture(output)
+    if save:
+        check_suffix(save)
+    asked = question(more, *OBJECTS, *PLAIN, "phases")
+    start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
+    if "phases" in asked.values:
+        given = {"--target": target, "--controller": controller, "--duration": duration}
+        if both := [option for option, value in given.items() if value is not None]:
+            raise ConfigurationError(f"phases and {both[0]} are given; say it in the phases")
+        return _fly(start, asked, save, output, view, deg, as_json)
+    law = asked.inner("controller")
+    if controller is not None:
+        law.values["law"] = controller
+    if target is not None:
+        law.values["target"] = _target(arm, law, target, deg)
+    if not law.values.keys() - {"law"}:
+        raise ConfigurationError("there is no target; give --target, or phases by --with FILE.toml")
+    laws = controller_of(arm, law)
+    seconds = asked.take("duration", float, 60.0) if duration is None else duration
+    options: dict[str, Any] = {key: asked.values[key] for key in PLAIN if key in asked.values}
+    if isinstance(options.get("stop"), str):
+        options["stop"] = (options["stop"],)
+    with working("simulating") as progress:
+        run = simulate(
+            start,
+            laws,
+            seconds,
+            plant=read_plant(asked.inner("plant")),
+            integration=read_integration(asked.inner("integration"), Integration()),
+            progress=progress,
+            **options,
+        )
+
+    def drawn() -> dict[str, Any]:
+        return {"target": mark_of(run[-1], laws.goal(0.0))} if isinstance(laws, TipLaw) else {}
+
+    answer(
+        arm, run, "simulation", deg=deg, as_json=as_json, save=save, output=output, view=view,
+        drawn=drawn,
+    )  # fmt: skip
+    return _ended(run, f"{run.t[-1]:.4g} of {seconds:g} s simulated")
+
+
+def _fly(
+    start: Configuration,
+    asked: Table,
+    save: Path | None,
+    output: Path | None,
+    view: bool,
+    deg: bool,
+    as_json: bool,
+) -> int:
+    """Simulate the phases of a flight; files get the number of their phase."""
+    phases = read_phases(asked, start.arm)
+    with working("simulating") as progress:
+        flight = simulate_phases(start, phases, dq=asked.values.get("dq"), progress=progress)
+    for i, run in enumerate(flight.phases):
+        if save:
+            run.save(save.with_stem(f"{save.stem}_{i}"))
+    answer(start.arm, flight, "simulation", deg=deg, as_json=as_json, output=output, view=view)
+    return _ended(flight, f"{len(flight.phases)} of {len(phases)} phases simulated")
+
+
+def _target(arm: SpaceArm, law: Table, text: str, deg: bool) -> list[float]:
+    """Return the numbers of --target in SI units: joint positions, or the task's rows."""
+    if law.values.get("law") == "JointPD":
+        values = joint_values(arm, text.split(), deg)
+    else:
+        values = task_rows(arm, "--target", text, deg)
+    return [float(value) for value in values]
+
+
+def _ended(run: Trajectory | Flight, done: str) -> int:
+    """Return the exit code of a run, or of a flight."""
+    if run.ended == "interrupted":
+        say_stopped(done)
+        return INTERRUPTED
+    return 0
