@@ -97,10 +97,10 @@ def test_what_makes_no_sense_is_refused(arm):
 
 
 def test_the_command_line_has_the_same_word(tmp_path):
-    words = ("plan", "planar2", "--q0", *START, "--goal", *POINT)
+    words = ("plan", "planar2", *START, "--goal", *POINT)
     assert answer(*words)["origin"] == "spacecraft at the start"
-    got = answer(*words, "--origin", "cm")
+    got = answer(*words, "--with", "origin=cm")
     assert got["origin"] == "system CM at the start"
     np.testing.assert_allclose(got["tip"][-1][:2], POINT, atol=1e-6)
-    shown = spacearm(*words, "--origin", "cm", cwd=tmp_path).stdout
+    shown = spacearm(*words, "--with", "origin=cm", cwd=tmp_path).stdout
     assert "origin: system CM at the start" in shown

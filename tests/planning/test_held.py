@@ -235,7 +235,8 @@ def test_more_times_are_taken_where_the_margin_asks_for_them(arm):
 
 
 def test_the_command_plans_within_stated_limits(tmp_path):
-    words = ("planar2", "--q0", 0.3, 1.2, "--goal", 0.9, 1.4, "--mode", "attitude-controlled")
-    run = spacearm("plan", *words, "--wheel-limits", 0.2, 1.0, "--json", cwd=tmp_path)
+    words = ("planar2", 0.3, 1.2, "--goal", 0.9, 1.4, "--with", "mode=attitude-controlled")
+    limits = 'constraints.wheels={"torque": 0.2, "capacity": 1.0}'
+    run = spacearm("plan", *words, "--with", limits, "--json", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "0.2 N m" in json.loads(run.stdout)["wheel_load"]

@@ -441,24 +441,14 @@ def run(*words, cwd):
 
 @pytest.mark.slow
 def test_command(tmp_path):
-    words = ["planar2", "--deg", "--q0", -57.936, 60.337, "--attitude", 0, 0, 21]
-    done = run(*words, "--goal", 1.5, 1.5, "--origin", "cm", "--save", "plan.npz", cwd=tmp_path)
+    words = ["planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21, "--with", "origin=cm"]
+    done = run(*words, "--goal", 1.5, 1.5, "--save", "plan.npz", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for text in ("straight     fails", "joint space  arrives", "(1.5, 1.5, 0) m", "proven"):
         assert text in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["plan.npz", "planar2_plan.png"]
-    done = run(
-        *words,
-        "--goal",
-        1.5,
-        1.5,
-        "--origin",
-        "cm",
-        "--json",
-        "--method",
-        "joint space",
-        cwd=tmp_path,
-    )
+    method = ("--with", "search.method=joint space")
+    done = run(*words, "--goal", 1.5, 1.5, "--json", *method, cwd=tmp_path)
     assert json.loads(done.stdout)["method"] == "joint space"
     done = run(*words, "--goal", 9, 9, cwd=tmp_path)
     assert done.returncode == 2
@@ -469,9 +459,9 @@ def test_command(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        "planar3 --task x,y --q0 0.3 0.7 0.5 --goal 0.5 1",  # redundant: no shells to draw
-        "planar2 --task x --q0 0.8 0.6 --goal 1.9",  # y is left open
-        "mda6 --task x,y --q0 0 1 -1.7 -0.9 0.5 0 --goal 1.6 0.1",
+        "planar3 --task x,y 0.3 0.7 0.5 --goal 0.5 1",  # redundant: no shells to draw
+        "planar2 --task x 0.8 0.6 --goal 1.9",  # y is left open
+        "mda6 --task x,y 0 1 -1.7 -0.9 0.5 0 --goal 1.6 0.1",
     ],
 )
 def test_command_draws_every_task(tmp_path, words):

@@ -122,7 +122,8 @@ def test_what_makes_no_sense_is_refused():
 def test_the_command_times_a_plan_with_wheels(tmp_path):
     model = tmp_path / "wheeled.urdf"
     model.write_text(with_wheels("planar2", (0, 0, 1)))
-    words = ("--q0", 0.3, 1.2, "--goal", 0.9, 1.4, "--mode", "attitude-controlled", "--json")
-    run = spacearm("plan", model, *words, "--fastest", "--wheel-limits", 0.3, 1.0, cwd=tmp_path)
+    words = (0.3, 1.2, "--goal", 0.9, 1.4, "--with", "mode=attitude-controlled", "--json")
+    limits = 'constraints.wheels={"torque": 0.3, "capacity": 1.0}'
+    run = spacearm("plan", model, *words, "--fastest", "--with", limits, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert json.loads(run.stdout)["t"][-1] < 9.0

@@ -162,7 +162,7 @@ def test_the_command_leads_both_tips_and_draws_them(arm, tmp_path):
     model.write_text(planar_pair_text())
     goal = sa.move(arm.at(Q0), Q0 + np.array([0.5, -0.4, -0.6, 0.5]))
     ends = [",".join(f"{x:.9f}" for x in tip.translation[:2]) for tip in goal.tips]
-    words = ("plan", model, "--tip", "left,right", "--joints", "all", "--q0", *Q0)
+    words = ("plan", model, "--tip", "left,right", "--joints", "all", *Q0)
     goals = ("--goal", f"left={ends[0]}", "--goal", f"right={ends[1]}")
     run = spacearm(*words, *goals, cwd=tmp_path)
     assert run.returncode == 0, run.stderr
