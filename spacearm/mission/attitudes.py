@@ -34,7 +34,7 @@ from spacearm.mission.attitude_search import (
 from spacearm.mission.branches import HeldTip
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
-from spacearm.motion.following import Followed, Path, follow, path_start, segments
+from spacearm.motion.following import Followed, Path, check_rows, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_values
@@ -406,11 +406,7 @@ def turning_axis(arm: SpaceArm) -> int | None:
         UnsupportedError: The path cannot be followed in all rows of the task, or the rows depend on
             the attitude.
     """
-    if arm.task.k > arm.n:
-        raise UnsupportedError(
-            f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
-            "followed in all of them"
-        )
+    check_rows(arm)
     axes = turning_axes(arm)
     axis = axes[0] if len(axes) == 1 else None
     if not arm.task.singled_out <= {axis}:

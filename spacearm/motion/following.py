@@ -410,6 +410,19 @@ def follow(
     )
 
 
+def check_rows(arm: SpaceArm) -> None:
+    """Refuse a task of more rows than the arm has joints: no path can be followed.
+
+    Raises:
+        UnsupportedError: It has.
+    """
+    if arm.task.k > arm.n:
+        raise UnsupportedError(
+            f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
+            "followed in all of them"
+        )
+
+
 def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
     """Refuse a start from which no path can be followed.
 
@@ -418,11 +431,7 @@ def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
         UnsupportedError: The task has more rows than the arm has joints.
     """
     arm = cfg.arm
-    if arm.task.k > arm.n:
-        raise UnsupportedError(
-            f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
-            "followed in all of them"
-        )
+    check_rows(arm)
     sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
         near = f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"

@@ -124,8 +124,11 @@ def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]
         pose = pin.SE3(axes, inertia.lever).homogeneous
         return [DrawnShape(leader, pose, g.Box(list(edges)), GREY)]
     size = _size(arm)
+    poses = {
+        link: arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement for link in lump
+    }
     ends = [
-        _within(arm, leader, joint.parent) * joint.origin
+        poses[leader].actInv(poses[joint.parent]) * joint.origin
         for joint in arm.tree.joints.values()
         if joint.parent in lump and (joint.movable or joint.child == arm.tip)
     ]
@@ -136,13 +139,6 @@ def _plain_body(arm: SpaceArm, leader: str, lump: list[str]) -> list[DrawnShape]
     ]
     ball = DrawnShape(leader, np.eye(4), g.Sphere(0.03 * size), GREY)
     return [*bars, ball]
-
-
-def _within(arm: SpaceArm, leader: str, link: str) -> pin.SE3:
-    """Return the pose of a link in the frame of the leader of its body."""
-    frames = arm.model.frames
-    a, b = (frames[arm.model.getFrameId(name, pin.BODY)].placement for name in (leader, link))
-    return a.inverse() * b
 
 
 def _size(arm: SpaceArm) -> float:
