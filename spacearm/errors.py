@@ -9,9 +9,11 @@ import warnings
 from collections.abc import Collection, Iterable, Mapping
 from difflib import SequenceMatcher
 from heapq import nsmallest
+from importlib import import_module
 from itertools import dropwhile, islice, takewhile
 from traceback import walk_stack
 from types import FrameType
+from typing import Any
 
 MOST_NAMES = 10
 """Names that a message lists."""
@@ -99,6 +101,20 @@ class SweepError(SpaceArmError):
 
 class ModelWarning(UserWarning):
     """A model loads, but something in it is suspicious."""
+
+
+def imported(library: str, name: str, extra: str) -> Any:
+    """Import a library that an extra of this package brings.
+
+    Raises:
+        UnsupportedError: It is not installed; says how to.
+    """
+    try:
+        return import_module(library)
+    except ImportError:
+        raise UnsupportedError(
+            f"{name} is not installed: pip install 'spacearm[{extra}]'"
+        ) from None
 
 
 def unknown(kind: str, name: object, valid: Iterable[str]) -> str:

@@ -260,7 +260,7 @@ def compiled(
     lanes: int | None = None,
     contract: bool = True,
 ) -> Kernel:
-    """Trace a function and compile it; see `trace.trace` and `Kernel`."""
+    """Trace a function and compile it; see `symbols.trace` and `Kernel`."""
     collects = gc.isenabled()
     gc.disable()  # all expressions live until the end; looking for others takes a tenth more
     try:

@@ -141,7 +141,7 @@ class Law(NamedTuple):
         mode: What the law takes the spacecraft to do.
         rows: (k,) rows of a twist [linear; angular] that it leads.
         scale: (k,) their factors.
-        normal: As in `goals.goal_axes`.
+        normal: As in `goal_axes`.
         pose: Whether the target is a pose, else a point.
         rests: Whether a redundant arm tends to its posture of rest.
         rank: Number of directions that the spacecraft can be turned in.
@@ -191,7 +191,7 @@ class Law(NamedTuple):
 
 
 class State(NamedTuple):
-    """A state, with all that laws see of it.
+    """A state of a plant, with all that laws see of it.
 
     Attributes:
         tree: The structure of the arm.
@@ -204,6 +204,9 @@ class State(NamedTuple):
         com: (3,) the system CM [m].
         tips: The tips.
         wheels: (w,) what each wheel holds [N m s].
+        momentum: (6,) of the whole.
+        given: The numbers of the plant by name.
+        own: The numbers of each law by name.
     """
 
     tree: Structure
@@ -216,6 +219,9 @@ class State(NamedTuple):
     com: Any
     tips: tuple[Pose, ...]
     wheels: Any
+    momentum: Any
+    given: dict[str, Any]
+    own: list[dict[str, Any]]
 
 
 def law_torques(

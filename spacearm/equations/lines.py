@@ -29,7 +29,7 @@ RUNNING = -1
 PIECE, INTERVAL = 4, 30
 """Columns of the tables of `at_length`."""
 FADING = 0.3
-"""As in `mechanics.nearness`."""
+"""As in `mechanics.distance`."""
 FIRST_STEP = 0.02
 LEAST_STEP = 1e-11
 """Shorter steps are not made: where no longer one is accurate, the arm is at a singularity."""

@@ -9,7 +9,7 @@ of a small difference of large numbers.
 
 How far the nearest singular configuration is, and the way there, to first order, is told by the
 gradient g = u^T dJ* v of the least singular value, and of a redundant arm by u^T dJ* v_0 of all v_0
-of the null space, which must stay zero. `mechanics.nearness` has the theory, and the same from the
+of the null space, which must stay zero. `mechanics.distance` has the theory, and the same from the
 derivatives of the matrices.
 """
 

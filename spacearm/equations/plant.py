@@ -155,25 +155,9 @@ def parts(n: int, wheels: int) -> Parts:
     return Parts(*(slice(int(a), int(b)) for a, b in pairwise(ends)))
 
 
-class Moving(NamedTuple):
-    """A state of a plant.
-
-    Attributes:
-        state: What laws see of it.
-        momentum: (6,) of the whole.
-        given: The numbers of the plant by name.
-        own: The numbers of each law by name.
-    """
-
-    state: State
-    momentum: Any
-    given: dict[str, Any]
-    own: list[dict[str, Any]]
-
-
 def moving(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, setup: Setup
-) -> Moving:
+) -> State:
     """Place the arm in a state; arguments as of `state_rate`."""
     n = tree.n
     where = parts(n, len(setup.wheels))
@@ -192,10 +176,10 @@ def moving(
     tips = tuple(
         Pose(R @ at.tip_rotations[i], com + R @ at.tip_positions[i]) for i in range(len(tree.tips))
     )
-    state = State(
-        tree, at, t, y, y[where.q], y[where.dq], Pose(R, base), com, tips, y[where.wheels]
-    )
-    return Moving(state, y[where.momentum], given, own)
+    return State(
+        tree, at, t, y, y[where.q], y[where.dq], Pose(R, base), com, tips, y[where.wheels],
+        y[where.momentum], given, own,
+    )  # fmt: skip
 
 
 def torques(
@@ -206,17 +190,17 @@ def torques(
     return _asked(xp, moving(xp, tree, p, t, y, laws, plant, setup), setup, calls)
 
 
-def _asked(xp: Any, now: Moving, setup: Setup, calls: Calls) -> Any:
+def _asked(xp: Any, now: State, setup: Setup, calls: Calls) -> Any:
     """Compute the torques (n,) that the laws ask for."""
-    tau = np.zeros(now.state.tree.n)
+    tau = np.zeros(now.tree.n)
     for i, (law, numbers) in enumerate(zip(setup.laws, now.own, strict=True)):
-        tau = tau + law_torques(xp, now.state, law, numbers, calls.get(law.name(i)))
+        tau = tau + law_torques(xp, now, law, numbers, calls.get(law.name(i)))
     return tau
 
 
-def _cut(xp: Any, now: Moving, setup: Setup, tau: Any) -> Any:
+def _cut(xp: Any, now: State, setup: Setup, tau: Any) -> Any:
     """Cut torques to what the joints can give at their rates."""
-    dq, given = now.state.dq, now.given
+    dq, given = now.dq, now.given
     if setup.limits:
         tau = xp.minimum(xp.maximum(tau, -given["effort"]), given["effort"])
         share = xp.absolute(dq) / given["speed"]
@@ -226,11 +210,11 @@ def _cut(xp: Any, now: Moving, setup: Setup, tau: Any) -> Any:
     return tau
 
 
-def _yield(xp: Any, now: Moving, setup: Setup) -> Any:
+def _yield(xp: Any, now: State, setup: Setup) -> Any:
     """Compute the torques (n,) of springs, damping and dry friction."""
     if not setup.passive:
-        return np.zeros(now.state.tree.n)
-    q, dq, given = now.state.q, now.state.dq, now.given
+        return np.zeros(now.tree.n)
+    q, dq, given = now.q, now.dq, now.given
     spring = given["stiffness"] * (q - given["relaxed"])
     return -spring - given["damping"] * dq - given["friction"] * xp.tanh(dq / given["slip"])
 
@@ -254,19 +238,19 @@ def state_rate(
         calls: The functions outside.
     """
     now = moving(xp, tree, p, t, y, laws, plant, setup)
-    state, R = now.state, now.state.base.rotation
+    R = now.base.rotation
     tau = _cut(xp, now, setup, _asked(xp, now, setup, calls) if held is None else held)
-    give, dq = _yield(xp, now, setup), state.dq
+    give, dq = _yield(xp, now, setup), now.dq
     wheels = list(_wheels(now, setup))
     pushes = list(_pushes(xp, now, setup, calls))
     loads = _loads(xp, now, wheels, pushes)
-    nu, _ = twists(xp, tree, state.at, dq, loads)
+    nu, _ = twists(xp, tree, now.at, dq, loads)
     spin = _motors(xp, now, setup, calls, nu)
     if spin:
         loads = _loads(xp, now, wheels, pushes, spin)
-    ddq = accelerations(xp, tree, state.at, dq, tau + give, loads)
+    ddq = accelerations(xp, tree, now.at, dq, tau + give, loads)
     turning = quaternion_rate(xp, y[parts(tree.n, 0).attitude], nu[0, 3:])
-    drift = np.zeros(3) if tree.mode == "fixed" else now.momentum[:3] / state.at.M
+    drift = np.zeros(3) if tree.mode == "fixed" else now.momentum[:3] / now.at.M
     forces = sum((F for _, _, F, _ in pushes), np.zeros(3))
     moments = sum((N + xp.cross(r, F) for _, r, F, N in pushes), np.zeros(3))
     power = [(tau * dq).sum(), (give * dq).sum(), 0.0, 0.0]
@@ -308,24 +292,22 @@ def loaded_accelerations(
     return rate[n : 2 * n]
 
 
-def _wheels(now: Moving, setup: Setup) -> Iterator[tuple[int, Any, Any]]:
+def _wheels(now: State, setup: Setup) -> Iterator[tuple[int, Any, Any]]:
     """Return body, axis (3,) and momentum [N m s] of each wheel, spacecraft axes."""
     for i, body in enumerate(setup.wheels):
-        axis = now.state.at.rotations[body] @ now.given["axes"][i]
-        yield body, axis, now.state.wheels[i]
+        axis = now.at.rotations[body] @ now.given["axes"][i]
+        yield body, axis, now.wheels[i]
 
 
-def _pushes(
-    xp: Any, now: Moving, setup: Setup, calls: Calls
-) -> Iterator[tuple[int, Any, Any, Any]]:
+def _pushes(xp: Any, now: State, setup: Setup, calls: Calls) -> Iterator[tuple[int, Any, Any, Any]]:
     """Return body, point from the system CM, force and moment there (3,), spacecraft axes."""
-    at = now.state.at
+    at = now.at
     for i, pushed in enumerate(setup.pushed):
-        wrench = _over_time(xp, pushed.source, calls.get(f"wrench{i}"), now.state.t)
+        wrench = _over_time(xp, pushed.source, calls.get(f"wrench{i}"), now.t)
         if wrench is None:
             wrench = now.given["wrenches"][i]
         own = at.rotations[pushed.body]
-        to = own @ now.given["turns"][i] if pushed.own else now.state.base.rotation.T
+        to = own @ now.given["turns"][i] if pushed.own else now.base.rotation.T
         r = at.origins[pushed.body] + own @ now.given["places"][i]
         yield pushed.body, r, to @ wrench[:3], to @ wrench[3:]
 
@@ -339,9 +321,9 @@ def _over_time(xp: Any, source: Source | None, call: Any, t: Any) -> Any:
     return xp.asarray(source.function(t))
 
 
-def _loads(xp: Any, now: Moving, wheels: Any, pushes: Any, spin: Any = ()) -> Loads:
+def _loads(xp: Any, now: State, wheels: Any, pushes: Any, spin: Any = ()) -> Loads:
     """Return what wheels, their motors, and wrenches from outside do to the bodies."""
-    at = now.state.at
+    at = now.at
     rest = [np.zeros(3)] * len(at.masses)
     held, forces, moments = [*rest], [*rest], [*rest]
     for body, axis, momentum in wheels:
@@ -352,24 +334,24 @@ def _loads(xp: Any, now: Moving, wheels: Any, pushes: Any, spin: Any = ()) -> Lo
         forces[body] = forces[body] + force
         moments[body] = moments[body] + moment + xp.cross(r - at.centres[body], force)
     wrenches = xp.concatenate([xp.stack(forces), xp.stack(moments)], axis=1)
-    return Loads(now.state.base.rotation.T @ now.momentum[3:], xp.stack(held), wrenches)
+    return Loads(now.base.rotation.T @ now.momentum[3:], xp.stack(held), wrenches)
 
 
-def _motors(xp: Any, now: Moving, setup: Setup, calls: Calls, nu: Any) -> list[Any]:
+def _motors(xp: Any, now: State, setup: Setup, calls: Calls, nu: Any) -> list[Any]:
     """Compute the torque that each wheel takes up [N m].
 
     Wheels that hold turn the spacecraft by -K phi - C w_0, phi the rotation vector from its
     attitude at the start. A wheel that holds all that it can takes no more.
     """
-    given, R = now.given, now.state.base.rotation
+    given, R = now.given, now.base.rotation
     if setup.motors is not None:
-        return [*_over_time(xp, setup.motors, calls.get("motors"), now.state.t)]
+        return [*_over_time(xp, setup.motors, calls.get("motors"), now.t)]
     if not setup.holds:
         return [0.0] * len(setup.wheels)
     phi = R.T @ rotation_vector(xp, given["level"], R)
     asked = given["spread"] @ (given["hold"][0] * phi + given["hold"][1] * nu[0, 3:])
     asked = xp.minimum(xp.maximum(asked, -given["torque"]), given["torque"])
-    momentum = now.state.wheels
+    momentum = now.wheels
     full = xp.logical_and(xp.absolute(momentum) >= given["capacity"], asked * momentum > 0.0)
     return [*xp.where(full, 0.0, asked)]
 
@@ -380,23 +362,23 @@ def event_values(
 ) -> Any:  # fmt: skip
     """Compute the event functions (e,); arguments as of `state_rate`."""
     now = moving(xp, tree, p, t, y, laws, plant, setup)
-    state, found = now.state, []
+    found: list[Any] = []
     for i, (kind, index) in enumerate(setup.events):
         bound = now.given["bounds"][i]
         if kind == "determinant":
-            J = task_jacobian_at(xp, tree, state.at)
+            J = task_jacobian_at(xp, tree, now.at)
             lengths = xp.sqrt((J * J).sum(axis=1))
             found.append(minors(J / xp.where(lengths > 0.0, lengths, 1.0)[:, None])[0])
         elif kind == "upper":
-            found.append(bound - state.q[index])
+            found.append(bound - now.q[index])
         elif kind == "lower":
-            found.append(state.q[index] - bound)
+            found.append(now.q[index] - bound)
         elif kind == "wheel":
-            found.append(bound - xp.absolute(state.wheels[index]))
+            found.append(bound - xp.absolute(now.wheels[index]))
         elif kind == "target":
             law = setup.laws[index]
             call = calls.get(law.name(index))
-            found.append(law_miss(xp, state, law, now.own[index], call) - bound)
+            found.append(law_miss(xp, now, law, now.own[index], call) - bound)
         else:
             seen = xp.concatenate([xp.stack([t]), y])
             found.append(called(xp, calls[f"event{i}"], seen)[0] - bound)
@@ -415,11 +397,11 @@ def observe(
         (6,), inertial axes; the kinetic energy [J].
     """
     now = moving(xp, tree, p, t, y, laws, plant, setup)
-    state, at, R = now.state, now.state.at, now.state.base.rotation
+    at, R = now.at, now.base.rotation
     tau = _cut(xp, now, setup, _asked(xp, now, setup, calls) if held is None else held)
     loads = _loads(xp, now, list(_wheels(now, setup)), [])
-    nu, _ = twists(xp, tree, at, state.dq, loads)
-    brought = at.P.T @ (tree.gains @ state.dq)
+    nu, _ = twists(xp, tree, at, now.dq, loads)
+    brought = at.P.T @ (tree.gains @ now.dq)
     w = nu[:, 3:]
     v = nu[:, :3] + xp.cross(w, at.centres)
     own, spins = at.masses * v, (at.inertias @ w[..., None])[..., 0]
@@ -431,7 +413,7 @@ def observe(
     angular = R @ (spins + xp.cross(at.centres, own) + loads.held).sum(axis=0)
     quaternion = y[parts(tree.n, 0).attitude]
     return xp.concatenate([
-        tau, state.base.translation, quaternion / xp.sqrt((quaternion * quaternion).sum()),
+        tau, now.base.translation, quaternion / xp.sqrt((quaternion * quaternion).sum()),
         linear, angular, R @ brought[:3], R @ brought[3:], xp.stack([energy]),
     ])  # fmt: skip
 

@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
@@ -26,7 +25,7 @@ from spacearm.equations import dynamics, kinematics, measures
 from spacearm.equations.kinematics import Parameters, Structure
 from spacearm.equations.linear_algebra import bidiagonal
 from spacearm.equations.measures import distance, singularity
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, imported, unknown
 from spacearm.files import name_part, write
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import FADING
@@ -129,7 +128,7 @@ def to_jax(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> ArmFunctions:
         [[-0.698 -0.865]
          [ 0.339 -0.042]]
     """
-    jax = _installed("jax", "JAX")
+    jax = imported("jax", "JAX", "jax")
     if not jax.config.jax_enable_x64:
         raise UnsupportedError(
             "JAX computes with 32 bits, which are too few near singular configurations: call "
@@ -183,7 +182,7 @@ def to_casadi(
         array([[-0.698, -0.865],
                [ 0.339, -0.042]])
     """
-    casadi = _installed("casadi", "CasADi")
+    casadi = imported("casadi", "CasADi", "casadi")
     tree, numbers, functions = structure_in(arm, mode), parameters_of(arm), dict[str, Function]()
     own = {name: np.asarray(getattr(numbers, name)) for name in chosen(parameters)}
     varied = {name: _flat(values) for name, values in own.items()}
@@ -202,19 +201,6 @@ def to_casadi(
             name: casadi.Function(name, given, [out], names, [name]) for name, out in made.items()
         }
     return ArmFunctions(name=arm.name, parameters=varied, **functions)
-
-
-def _installed(library: str, name: str) -> Any:
-    """Import a library.
-
-    Raises:
-        UnsupportedError: It is not installed.
-    """
-    try:
-        return import_module(library)
-    except ImportError:
-        message = f"{name} is not installed: pip install 'spacearm[{library}]'"
-        raise UnsupportedError(message) from None
 
 
 def _array(symbols: Any) -> npt.NDArray[Any]:

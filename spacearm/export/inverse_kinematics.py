@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain
+from spacearm.arrays import Array, plain, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.joints import joint_scales
@@ -115,8 +115,7 @@ class GeneralizedJacobianTask(_OfArm):
 
     def compute_jacobian(self, configuration: Any) -> Array:
         """Compute (k, 6 + n): J* for the joints, zeros for the spacecraft, which follows them."""
-        cfg = self.configuration(configuration)
-        J = self.arm.task.jacobian(generalized_jacobian(cfg), cfg.base.rotation)
+        J = task_jacobian(self.configuration(configuration))
         return np.hstack((np.zeros((len(J), 6)), J))
 
     def compute_qp_objective(self, configuration: Any) -> Matrices:
@@ -189,11 +188,7 @@ class SingularityBarrier(_OfArm):
 
     def __init__(self, arm: SpaceArm, margin: float, *, gain: float = 10.0) -> None:
         super().__init__(arm)
-        for name, value in (("margin", margin), ("gain", gain)):
-            if not (np.isfinite(value) and value > 0.0):
-                raise ConfigurationError(f"{name} is {value}; give a positive number")
-        self.margin = margin
-        self.gain = gain
+        self.margin, self.gain = positive(margin, "margin"), positive(gain, "gain")
 
     def compute_barrier(self, configuration: Any) -> Array:
         """Compute h (1,) [rad]."""

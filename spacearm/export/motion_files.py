@@ -7,14 +7,12 @@ import json
 import os
 import re
 from collections.abc import Callable
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, imported, unknown
 from spacearm.files import write, write_folder
 from spacearm.motion.motion import Motion
 
@@ -133,8 +131,7 @@ def _stamp(t: float) -> dict[str, int]:
 
 def _zarr(motion: Motion, path: Path) -> Path:
     """Write Zarr, whose third format has no strings yet."""
-    if find_spec("zarr") is None:
-        raise UnsupportedError("Zarr is not installed: pip install 'spacearm[sweep]'")
+    imported("zarr", "Zarr", "sweep")
     data = motion.to_xarray()
     return write_folder(path, lambda folder: data.to_zarr(folder, zarr_format=2), ".zgroup")
 
@@ -182,11 +179,7 @@ def _mcap(motion: Motion) -> bytes:
     Raises:
         UnsupportedError: The library is not installed (pip install 'spacearm[mcap]').
     """
-    try:
-        library = import_module("mcap_ros2.writer")
-    except ImportError:
-        why = "mcap-ros2-support is not installed: pip install 'spacearm[mcap]'"
-        raise UnsupportedError(why) from None
+    library = imported("mcap_ros2.writer", "mcap-ros2-support", "mcap")
     buffer = io.BytesIO()
     writer = library.Writer(buffer)
     schemas = {

@@ -23,7 +23,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array
 from spacearm.equations.kinematics import Parameters, Structure
-from spacearm.model.arguments import BaseMode, free_components
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 
 COMPILING = RLock()
@@ -100,12 +100,7 @@ def evaluated(
 
 @lru_cache(maxsize=256)
 def structure_of(arm: SpaceArm, mode: BaseMode = "free-floating") -> Structure:
-    """Return the structure of an arm in a mode.
-
-    Raises:
-        ConfigurationError: There is no such mode.
-    """
-    free_components(mode)
+    """Return the structure of an arm in a mode."""
     model, names = arm.model, list(arm.model.names)
     joints = [arm.tree.joints[name] for name in names[2:]]
     turns = (pin.Quaternion.FromTwoVectors(Z, joint.axis).matrix() for joint in joints)

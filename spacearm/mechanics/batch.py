@@ -33,7 +33,7 @@ from spacearm.mechanics.arm_kernels import (
 from spacearm.mechanics.distance import distances
 from spacearm.mechanics.dynamics import forward_dynamics
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values_of, task_jacobian
-from spacearm.model.arguments import BaseMode, free_components, of_arm
+from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
 
 BLOCK = 16384
@@ -375,7 +375,6 @@ def joint_accelerations(
         array([[ 0.6307, -0.6049],
                [ 0.9111, -1.4652]])
     """
-    free_components(mode)
     given = {"Q": Q, "dQ": dQ, "tau": tau}
     arrays = {name: joint_rows(arm, values, name) for name, values in given.items()}
     m = len(arrays["Q"])

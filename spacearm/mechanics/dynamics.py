@@ -391,7 +391,7 @@ class Capture(Result):
         turn = np.degrees(np.linalg.norm(angular))
         return Description(
             title=f"{cfg.arm.name} after the grasp",
-            verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.4g}°/s",
+            verdict=f"{self.energy_lost:.6g} J lost, the spacecraft turns at {turn:.3g}°/s",
             notes=["inertial axes; a plastic impact"],
             tables=[Table.facts(facts)],
         )
@@ -441,7 +441,7 @@ def capture(
         >>> import spacearm as sa
         >>> cfg = sa.load("planar2").at([0.3, 1.2])
         >>> sa.capture(cfg, [0.02, 0, 0, 0, 0, 0.03], mass=5.0)
-        Capture(planar2 after the grasp: 0.000164513 J lost, the spacecraft turns at 0.01143°/s)
+        Capture(planar2 after the grasp: 0.000164513 J lost, the spacecraft turns at 0.0114°/s)
     """
     if joints not in get_args(JointState):
         raise ConfigurationError(unknown("joints", joints, get_args(JointState)))

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from spacearm.arrays import finite, positive, shape_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
-from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, check_target
@@ -233,6 +233,7 @@ def simulate_many(
     """
     import xarray as xr
 
+    free_components(mode)  # raises for one that does not exist
     one, each = isinstance(starts, Configuration), len(shape_of(dq)) == 2
     several = isinstance(controller, Sequence) and not isinstance(controller, str)
     listed = [starts] if isinstance(starts, Configuration) else list(starts)

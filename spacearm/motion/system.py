@@ -313,7 +313,7 @@ class Preparation:
             numbers = np.append(system.start.base.translation, np.zeros(3 * len(arm.wheels)))
             tree, p = structure_of(arm, system.mode), parameters_of(arm)
             placed = moving(symbols, tree, p, t, y, np.zeros(0), numbers, setup)
-            return of_state(symbols, placed.state)
+            return of_state(symbols, placed)
 
         def examples() -> Iterator[Example]:
             rng = np.random.default_rng(0)

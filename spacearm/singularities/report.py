@@ -260,7 +260,7 @@ def singularity(
     What decides is the distance to the singular set in joint space, which does not depend on the
     size, the masses and the units of an arm, as singular values and their ratios do: to first order
     sigma_min over the norm of its gradient, for redundant arms of that part of the gradient which
-    keeps the null space (see `mechanics.nearness`). Below 4 degrees a second step, from the point
+    keeps the null space (see `mechanics.distance`). Below 4 degrees a second step, from the point
     that the first one leads to, corrects it where the set is bent. Near the set it is right, within
     20 percent up to about a degree; far away it tells only that the set is far. A sliding joint
     counts by

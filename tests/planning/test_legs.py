@@ -96,8 +96,7 @@ def test_a_part_ends_with_the_whole():
 
 @pytest.mark.slow
 def test_command(tmp_path):
-    via = f"via={[list(VIA), [0.8, 1.6]]}"
-    words = ("plan", "planar2", *Q0, "--goal", *GOAL, "--with", via)
+    words = ("plan", "planar2", *Q0, "--goal", *GOAL, "--with", "via=[[0.7, 1.7], [0.8, 1.6]]")
     run = spacearm(*words, "--save", "plan.npz", "--json", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     plan = sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2"))

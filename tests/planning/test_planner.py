@@ -441,14 +441,26 @@ def run(*words, cwd):
 
 @pytest.mark.slow
 def test_command(tmp_path):
-    words = ["planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21, "--with", "origin=cm"]
-    done = run(*words, "--goal", 1.5, 1.5, "--save", "plan.npz", cwd=tmp_path)
+    words = ["planar2", "--deg", -57.936, 60.337, "--attitude", 0, 0, 21]
+    done = run(
+        *words, "--goal", 1.5, 1.5, "--with", "origin=cm", "--save", "plan.npz", cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     for text in ("straight     fails", "joint space  arrives", "(1.5, 1.5, 0) m", "proven"):
         assert text in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["plan.npz", "planar2_plan.png"]
-    method = ("--with", "search.method=joint space")
-    done = run(*words, "--goal", 1.5, 1.5, "--json", *method, cwd=tmp_path)
+    done = run(
+        *words,
+        "--goal",
+        1.5,
+        1.5,
+        "--with",
+        "origin=cm",
+        "--json",
+        "--with",
+        "search.method=joint space",
+        cwd=tmp_path,
+    )
     assert json.loads(done.stdout)["method"] == "joint space"
     done = run(*words, "--goal", 9, 9, cwd=tmp_path)
     assert done.returncode == 2
