@@ -20,9 +20,7 @@ from spacearm.errors import UnsupportedError as UnsupportedError
 from spacearm.export.functions import to_c as to_c
 from spacearm.export.functions import to_casadi as to_casadi
 from spacearm.export.functions import to_jax as to_jax
-from spacearm.export.inverse_kinematics import (
-    GeneralizedJacobianTask as GeneralizedJacobianTask,
-)
+from spacearm.export.inverse_kinematics import GeneralizedJacobianTask as GeneralizedJacobianTask
 from spacearm.export.inverse_kinematics import MomentumConservation as MomentumConservation
 from spacearm.export.inverse_kinematics import SingularityBarrier as SingularityBarrier
 from spacearm.export.motion_files import write_motion as write_motion

@@ -25,7 +25,7 @@ from spacearm.motion.following import Segment
 from spacearm.motion.goal import goal_rows
 from spacearm.motion.leading import ENDS, Led, Settings, lead_all, table_of
 from spacearm.motion.motion import Motion
-from spacearm.results import Cell, Description, Measure, Result, Table, joint_values
+from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
 
 HORIZON = 3600.0
 """Default longest time looked at [s]."""
@@ -92,7 +92,7 @@ class MomentumBudget(Result):
     def describe(self) -> Description:
         """Describe what the momentum does, and how long the arm can make up for it."""
         arm = self.configuration.arm
-        rates = joint_values(self.rates, arm.slides, per="/s")
+        rates = joint_measures(self.rates, arm.slides, per="/s")
         facts: dict[str, Cell] = {
             "spin, joints locked": Measure(self.spin, "rad/s"),
             "drift of the tip": Measure(self.drift[:3], "m/s"),

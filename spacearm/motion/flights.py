@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -21,51 +21,120 @@ from spacearm.motion.events import Event
 from spacearm.motion.motion import Trajectory, events_table
 from spacearm.motion.plant import Integration, Plant
 from spacearm.motion.simulation import simulate
-from spacearm.results import Column, Description, Result, Table
+from spacearm.results import Column, Description, Table
 
 SUMS = ("impulse", "work", "other_work")
 """Quantities that each phase counts from zero."""
+TOLD = ("phases", "begins", "events", "captures", "ended")
+"""What `Flight.to_dict` gives."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Flight(Result):
-    """What became of the phases.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Flight(Trajectory):
+    """The phases of a flight as one motion, from `sa.simulate_phases`.
+
+    Its configurations are of the arm with what it holds then. Momentum and energy jump where a body
+    is grasped. Where a phase begins its first row is left out: positions are those of the last row
+    of the phase before. `events` have "grasp" and "release" too.
 
     Attributes:
         phases: The trajectories, each of the arm with what it held then; their times begin at 0.
         begins: (p,) times at which they began [s].
-        events: What happened, with times since the start of the flight; "grasp" and "release" too.
         captures: What each grasp did: impulse, energy lost, momenta.
-        ended: Why the last phase ended.
-
-    `motion` is all of them as one `Trajectory`.
     """
 
     phases: tuple[Trajectory, ...]
     begins: Array
-    events: tuple[Event, ...]
     captures: tuple[Capture, ...]
-    ended: str
+
+    @classmethod
+    def joined(
+        cls,
+        runs: Sequence[Trajectory],
+        begins: Sequence[float],
+        events: Sequence[Event],
+        captures: Sequence[Capture],
+    ) -> Flight:
+        """Join the runs of all phases."""
+        names = ("q", "base", "dq", "torque", "momentum", "wheels", "energy", *SUMS)
+        values: dict[str, Any] = {name: _joined(runs, name) for name in names}
+        return cls(
+            arm=runs[0].arm,
+            t=np.concatenate([begin + _rows(runs, i, "t") for i, begin in enumerate(begins)]),
+            mode=runs[0].mode,
+            exchanged=sum(run.exchanged for run in runs),
+            wrenches=_wrenches(runs),
+            events=tuple(events),
+            ended=runs[-1].ended,
+            called=tuple(dict.fromkeys(reason for run in runs for reason in run.called)),
+            phases=tuple(runs),
+            begins=np.array(begins),
+            captures=tuple(captures),
+            **values,
+        )
 
     @cached_property
-    def motion(self) -> Flown:
-        """All phases as one motion, which `sa.view` plays and `sa.plot` draws."""
-        return Flown.of_phases(self)
+    def tip(self) -> Array:
+        """(m, 7) poses of the tip, as in `Motion`."""
+        return read_only(_joined(self.phases, "tip"))
+
+    @cached_property
+    def com(self) -> Array:
+        """(m, 3) positions of the system CM, with what is held [m]."""
+        return read_only(_joined(self.phases, "com"))
+
+    @cached_property
+    def sigma_min(self) -> Array:
+        """(m,) least singular value of the task Jacobian, with what is held."""
+        return read_only(_joined(self.phases, "sigma_min"))
+
+    @cached_property
+    def distance(self) -> Array:
+        """(m,) distance to the singular set [rad], with what is held."""
+        return read_only(_joined(self.phases, "distance"))
+
+    @cached_property
+    def certificate(self) -> None:
+        """None: each phase has a proof of its own."""
+        return
+
+    @property
+    def imbalance(self) -> float:
+        """The largest one of a phase."""
+        return max(run.imbalance for run in self.phases)
+
+    @property
+    def drift(self) -> float:
+        """The largest one of a phase."""
+        return max(run.drift for run in self.phases)
 
     def at(self, t: float) -> Configuration:
-        """Return the configuration at a time since the start of the flight."""
+        """Return the configuration at a time, of the arm with what it holds then."""
         i = max(int(np.searchsorted(self.begins, t, side="right")) - 1, 0)
         return self.phases[i].at(t - self.begins[i])
 
+    def __getitem__(self, i: int) -> Configuration:
+        ends = np.cumsum([len(_rows(self.phases, i, "t")) for i in range(len(self.phases))])
+        row = range(len(self))[i]
+        phase = int(np.searchsorted(ends, row, side="right"))
+        return self.phases[phase][row - int(ends[phase])]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Refuse: a file holds the motion of one arm.
+
+        Raises:
+            UnsupportedError: Always.
+        """
+        raise UnsupportedError(
+            f"{path}: the arm of a flight changes; save its phases, flight.phases[0].save(path)"
+        )
+
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data."""
-        return {
-            "phases": [run.to_dict() for run in self.phases],
-            "begins": plain(self.begins),
-            "events": [event.to_dict() for event in self.events],
-            "captures": [taken.to_dict() for taken in self.captures],
-            "ended": self.ended,
-        }
+        """Return the phases and what happened as plain data."""
+        return {name: plain(getattr(self, name)) for name in TOLD}
+
+    def __repr__(self) -> str:
+        return f"Flight({self.describe().headline})"
 
     def describe(self) -> Description:
         """Describe the phases, and what happened on the way."""
@@ -94,121 +163,31 @@ class Flight(Result):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Flown(Trajectory):
-    """A flight as one motion. Its configurations are of the arm with what it holds then.
-
-    Momentum and energy jump where a body is grasped. Where a phase begins its first row is left
-    out: positions are those of the last row of the phase before.
-
-    Attributes:
-        flight: The flight.
-    """
-
-    flight: Flight = field()
-
-    @classmethod
-    def of_phases(cls, flight: Flight) -> Flown:
-        """Join the phases of a flight."""
-        names = ("q", "base", "dq", "torque", "momentum", "wheels", "energy", *SUMS)
-        joined: dict[str, Any] = {name: _joined(flight, name) for name in names}
-        runs = flight.phases
-        times = [begin + _rows(flight, i, "t") for i, begin in enumerate(flight.begins)]
-        return cls(
-            arm=runs[0].arm,
-            t=np.concatenate(times),
-            mode=runs[0].mode,
-            exchanged=sum(run.exchanged for run in runs),
-            wrenches=_wrenches(flight),
-            events=flight.events,
-            ended=flight.ended,
-            called=tuple(dict.fromkeys(reason for run in runs for reason in run.called)),
-            flight=flight,
-            **joined,
-        )
-
-    @cached_property
-    def tip(self) -> Array:
-        """(m, 7) poses of the tip, as in `Motion`."""
-        return read_only(_joined(self.flight, "tip"))
-
-    @cached_property
-    def com(self) -> Array:
-        """(m, 3) positions of the system CM, with what is held [m]."""
-        return read_only(_joined(self.flight, "com"))
-
-    @cached_property
-    def sigma_min(self) -> Array:
-        """(m,) least singular value of the task Jacobian, with what is held."""
-        return read_only(_joined(self.flight, "sigma_min"))
-
-    @cached_property
-    def distance(self) -> Array:
-        """(m,) distance to the singular set [rad], with what is held."""
-        return read_only(_joined(self.flight, "distance"))
-
-    @cached_property
-    def certificate(self) -> None:
-        """None: each phase has a proof of its own."""
-        return
-
-    @property
-    def imbalance(self) -> float:
-        """The largest one of a phase."""
-        return max(run.imbalance for run in self.flight.phases)
-
-    @property
-    def drift(self) -> float:
-        """The largest one of a phase."""
-        return max(run.drift for run in self.flight.phases)
-
-    def at(self, t: float) -> Configuration:
-        """Return the configuration at a time, of the arm with what it holds then."""
-        return self.flight.at(t)
-
-    def __getitem__(self, i: int) -> Configuration:
-        counts = [len(_rows(self.flight, phase, "t")) for phase in range(len(self.flight.phases))]
-        ends, row = np.cumsum(counts), range(len(self))[i]
-        phase = int(np.searchsorted(ends, row, side="right"))
-        return self.flight.phases[phase][row - int(ends[phase])]
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Refuse: a file holds the motion of one arm.
-
-        Raises:
-            UnsupportedError: Always.
-        """
-        raise UnsupportedError(
-            f"{path}: the arm of a flight changes; save its phases, flight.phases[0].save(path)"
-        )
-
-
-def _rows(flight: Flight, i: int, name: str) -> Array:
+def _rows(runs: Sequence[Trajectory], i: int, name: str) -> Array:
     """Return a quantity of phase i, the first row of later phases left out."""
-    values: Array = getattr(flight.phases[i], name)
+    values: Array = getattr(runs[i], name)
     return values[min(i, 1) :]
 
 
-def _joined(flight: Flight, name: str) -> Array:
+def _joined(runs: Sequence[Trajectory], name: str) -> Array:
     """Return a quantity of all phases; of sums that begin at zero the whole."""
     parts, before = [], 0.0
-    for i, run in enumerate(flight.phases):
-        parts.append(_rows(flight, i, name) + before)
+    for i, run in enumerate(runs):
+        parts.append(_rows(runs, i, name) + before)
         if name in SUMS:
             before = before + getattr(run, name)[-1]
     return np.concatenate(parts)
 
 
-def _wrenches(flight: Flight) -> dict[str, Array]:
+def _wrenches(runs: Sequence[Trajectory]) -> dict[str, Array]:
     """Return the wrenches on each link that is pushed in any phase."""
-    links = dict.fromkeys(link for run in flight.phases for link in run.wrenches)
-    none = [np.zeros((len(run), 6)) for run in flight.phases]
-    pairs = list(zip(flight.phases, none, strict=True))
+    links = dict.fromkeys(link for run in runs for link in run.wrenches)
+
+    def on(link: str, i: int, run: Trajectory) -> Array:
+        return run.wrenches.get(link, np.zeros((len(run), 6)))[min(i, 1) :]
+
     return {
-        link: np.concatenate(
-            [run.wrenches.get(link, zero)[min(i, 1) :] for i, (run, zero) in enumerate(pairs)]
-        )
-        for link in links
+        link: np.concatenate([on(link, i, run) for i, run in enumerate(runs)]) for link in links
     }
 
 
@@ -349,7 +328,7 @@ def simulate_phases(
             held.pop()
             start = _holding(held[-1], start, _kept(run, held[-1]))
             events.append(Event(begin, "release", run.q[-1], ""))
-    return Flight(tuple(runs), np.array(begins), tuple(events), tuple(captures), runs[-1].ended)
+    return Flight.joined(runs, begins, events, captures)
 
 
 def _holding(arm: SpaceArm, cfg: Configuration, momentum: Array) -> Configuration:

@@ -16,7 +16,6 @@ from spacearm.mission.budget import MomentumBudget
 from spacearm.mission.level import LevelEnvelope, LevelReach
 from spacearm.mission.reactions import Reaction, WheelSizing
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import (
     draw_arm,
@@ -34,7 +33,7 @@ from spacearm.plots.mission import (
     draw_reaction,
     draw_wheel_sizing,
 )
-from spacearm.plots.motions import draw_flight, draw_motion
+from spacearm.plots.motions import draw_motion
 from spacearm.plots.obstacles import draw_collision_report
 from spacearm.plots.polynomials import draw_polynomial
 from spacearm.plots.reports import (
@@ -76,7 +75,6 @@ DRAWINGS: Mapping[type, Callable[..., Any]] = {
     RiskProfile: draw_profile,
     PoseRisk: draw_pose_risk,
     Motion: draw_motion,
-    Flight: draw_flight,
     FeasibleAttitudes: draw_attitudes,
     Reaction: draw_reaction,
     WheelSizing: draw_wheel_sizing,

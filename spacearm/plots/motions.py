@@ -12,7 +12,6 @@ from matplotlib.patches import Annulus, Circle
 
 from spacearm.arrays import Array, finite, shape_of
 from spacearm.model.arm import Configuration
-from spacearm.motion.flights import Flight
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import draw_stick_figure
@@ -88,11 +87,6 @@ def draw_motion(
         if whole is not None:
             whole.align_ylabels()
     return path.get_figure(root=True)
-
-
-def draw_flight(flight: Flight, target: npt.ArrayLike | None = None, *, ax: Any = None) -> Figure:
-    """Draw the phases of a flight as one motion; see `draw_motion`."""
-    return draw_motion(flight.motion, target, ax=ax)
 
 
 def _in_picture(motion: Motion, target: npt.ArrayLike) -> Array:

@@ -213,8 +213,7 @@ class LoadLayer:
             for name, heads, _ in PARTS:
                 _arrow(self._wrenches[str(i)][name], OLIVE, heads)
         root["bodies"]["held"].delete()
-        flight = getattr(motion, "flight", None)
-        holders = dict.fromkeys(run.arm for run in flight.phases) if flight else ()
+        holders = dict.fromkeys(run.arm for run in getattr(motion, "phases", ()))
         for i, holder in enumerate(holders):
             for link, body in holder.tree.links.items():
                 if link not in cfg.arm.tree.links and body is not None:

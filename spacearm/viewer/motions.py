@@ -14,6 +14,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.mechanics.floating import move, placed
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
+from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion, samples
 from spacearm.viewer.readouts import short_names
 
@@ -54,7 +55,7 @@ def compared(motion: Motion, other: Any) -> Comparison:
     if not isinstance(other, str):
         second = Motion.of(other)
         return Comparison(f"{type(second).__name__}, {second.story}", second)
-    if getattr(motion, "flight", None) is not None:
+    if isinstance(motion, Flight):
         raise UnsupportedError(
             "the arm of a flight grasps and releases bodies; give the motion to compare it with"
         )

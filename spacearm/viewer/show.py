@@ -171,7 +171,6 @@ RULES = (
     _Rule("a SpaceArm", _a(SpaceArm), _arm),
     _Rule("a Configuration", _a(Configuration), _viewer),
     _Rule("a motion (with arm, t, q and base)", _has("arm", "t", "q", "base"), _motion),
-    _Rule("a Flight", _has("phases", "motion"), lambda flight: _motion(flight.motion)),
     _Rule("a Workspace", _has("arm", "pdw", "reachable"), _workspace),
     _Rule("a singular set", _has("arm", "nearest"), _nearest),
     _Rule("feasible attitudes", _has("arm", "motion", "start"), _attitudes),

@@ -23,6 +23,7 @@ from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import name_part, write, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
 from spacearm.model.arm import Configuration
+from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion
 from spacearm.viewer.choices import chosen, number, offered
 from spacearm.viewer.jobs import BackgroundJob, layer, planning
@@ -404,7 +405,7 @@ class Viewer:
         """Return what the page needs of the motion, and what it can be compared with."""
         if not (motion := self._stage.motion):
             return None
-        flown = getattr(motion, "flight", None) is not None
+        flown = isinstance(motion, Flight)
         ways: dict[str, str] = {} if flown else {words: mode for mode, words in WORDS.items()}
         given = {} if self._given is None else {self._given.name: "given"}
         return {**account(motion, self._stage.other), "ways": {**ways, **given}}

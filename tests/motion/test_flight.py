@@ -131,7 +131,7 @@ def carried():
 
 def test_a_flight_as_one_motion():
     flight = carried()
-    motion, (first, held, last) = flight.motion, flight.phases
+    motion, (first, held, last) = flight, flight.phases
     assert isinstance(motion, sa.Trajectory)
     assert len(motion) == len(first) + len(held) - 1 + len(last) - 1
     assert (np.diff(motion.t) > 0.0).all()

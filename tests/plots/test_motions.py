@@ -146,4 +146,4 @@ def test_a_flight_is_drawn_as_one_motion():
     phases = [sa.Phase(law, 1.0, sa.Grasp(mass=3.0)), sa.Phase(law, 1.0)]
     flight = sa.simulate_phases(arm.at([0.3, 0.9]), phases)
     drawn = sa.plot(flight).axes[2]
-    np.testing.assert_array_equal(drawn.lines[0].get_xdata(), flight.motion.t)
+    np.testing.assert_array_equal(drawn.lines[0].get_xdata(), flight.t)

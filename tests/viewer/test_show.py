@@ -104,7 +104,7 @@ def test_a_flight_is_played_with_what_it_holds(arm):
     held = {key.path[3] for key in scene if key.path[:3] == node[:3]}
     assert held == {"1"}
     assert len(viewer.html()) > 1000
-    viewer.compare(flight.motion)
+    viewer.compare(flight)
     viewer.handle({"do": "time", "t": 0.3})
     viewer.draw()
     assert list(viewer.about()["motion"]["ways"].values()) == ["given"]
@@ -157,7 +157,7 @@ def test_a_region_shows_its_first_singular_configuration(arm):
 def test_what_has_no_posture_is_refused(thing):
     message = (
         f"a {type(thing).__name__} cannot be shown; give a SpaceArm, a Configuration, a motion "
-        r"\(with arm, t, q and base\), a Flight, a Workspace, a singular set, feasible attitudes, "
+        r"\(with arm, t, q and base\), a Workspace, a singular set, feasible attitudes, "
         r"a Region, a result with a conf"
     )
     with pytest.raises(sa.ConfigurationError, match=message):
