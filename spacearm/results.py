@@ -197,7 +197,7 @@ class Result(Described):
         return {self.JSON.get(f.name, f.name): plain(getattr(self, f.name)) for f in fields(self)}
 
 
-def joint_values(values: Iterable[float], slides: Iterable[bool], per: str = "") -> list[Cell]:
+def joint_measures(values: Iterable[float], slides: Iterable[bool], per: str = "") -> list[Cell]:
     """Return joint positions, motions or limits [rad] or [m] with units; infinite ones are "none".
 
     Args:

@@ -3,6 +3,7 @@
 import ast
 import inspect
 import pydoc
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -12,15 +13,62 @@ import spacearm as sa
 HOUSE = Path(__file__).resolve().parents[1] / "spacearm"
 MODULES = sorted(HOUSE.rglob("*.py"))
 FOLDERS = sorted({path.parent for path in MODULES} - {HOUSE})
+NESTED = {"description/readers", "planning/strategies"}
+"""Folders in folders: each an idea of its own."""
+MOST_MODULES, MOST_PARAMETERS, MOST_IMPORTS = 220, 12, 0.10
+"""How many there may be; of imports the share of the lines of code."""
 
 
 def named(path):
     return path.relative_to(HOUSE).as_posix()
 
 
+def parts(tree):
+    """The docstrings and the imports in a syntax tree, as sets of line numbers."""
+    documented, imported = set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            imported.update(range(node.lineno, node.end_lineno + 1))
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module) and node.body:
+            first = node.body[0]
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                documented.update(range(first.lineno, first.end_lineno + 1))
+    return documented, imported
+
+
 @pytest.mark.parametrize("path", MODULES, ids=named)
-def test_a_module_is_short(path):
+def test_a_module_is_one_idea(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 700
+
+
+def test_there_are_few_modules_and_few_imports():
+    code = imports = 0
+    for path in MODULES:
+        text = path.read_text(encoding="utf-8")
+        documented, imported = parts(ast.parse(text))
+        lines = enumerate(text.splitlines(), 1)
+        counted = {i for i, line in lines if line.strip() and not line.strip().startswith("#")}
+        code += len(counted - documented)
+        imports += len(counted & imported)
+    assert len([path for path in MODULES if path.name != "__init__.py"]) <= MOST_MODULES
+    assert imports <= MOST_IMPORTS * code
+
+
+def test_no_name_of_a_module_stands_more_than_twice():
+    names = Counter(path.name for path in MODULES if path.name != "__init__.py")
+    assert [name for name, count in names.items() if count > 2] == []
+
+
+def test_a_folder_in_a_folder_is_an_idea_of_its_own():
+    assert {named(folder) for folder in FOLDERS if folder.parent != HOUSE} <= NESTED
+
+
+def test_functions_have_few_parameters():
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                count = len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs)
+                assert count <= MOST_PARAMETERS, f"{named(path)}: {node.name}"
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=named)

@@ -14,8 +14,8 @@ from helpers.sweeps import STUDY
 import spacearm as sa
 from spacearm.arrays import plain
 from spacearm.cli.output import print_result
-from spacearm.reports.page import Section
-from spacearm.results import Column, Description, Measure, Result, Table, joint_values, text
+from spacearm.plots.report_page import Section
+from spacearm.results import Column, Description, Measure, Result, Table, joint_measures, text
 
 PLAIN = (dict, list, str, int, float, bool, type(None))
 
@@ -252,12 +252,12 @@ def test_a_plan_shows_what_was_tried_and_how_it_moves():
     rows = cells(plan)
     assert [row[0] for row in rows[-len(plan.tried) :]] == [a.method for a in plan.tried]
     (joint,) = (row for row in rows if row[0] == "joint_1")
-    both = joint_values(plan.q[[0, -1], 0], [False, False])
+    both = joint_measures(plan.q[[0, -1], 0], [False, False])
     assert joint[1:3] == [text(value, "both") for value in both]
 
 
 def test_values_have_units_and_a_limit_that_is_none_says_so():
-    angle, length, none = joint_values([np.pi, 0.125, -np.inf], [False, True, True])
+    angle, length, none = joint_measures([np.pi, 0.125, -np.inf], [False, True, True])
     assert text(angle, "both") == "180° (3.1416 rad)"
     assert (text(angle, "deg"), text(angle, "rad")) == ("180°", "3.1416 rad")
     assert text(length, "both") == "0.125 m"

@@ -7,10 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from spacearm.cli.options import (
-    AsJson,
-    on_a_model,
-)
+from spacearm.cli.options import AsJson, on_a_model
 from spacearm.cli.output import heading, number, out, print_json, print_result, table
 from spacearm.description.model_catalogue import ModelInfo, arms, catalogue
 from spacearm.model.arm import SpaceArm

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from spacearm import results
 from spacearm.arrays import Array, plain
 from spacearm.cli.options import (
     AsJson,
@@ -46,7 +45,7 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
-from spacearm.results import Cell, Column, Description, Table
+from spacearm.results import Cell, Column, Description, Table, joint_measures
 from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.nearest import GLOBAL_DIMENSION
 from spacearm.singularities.report import TOLERANCE, angle, singularity
@@ -140,7 +139,7 @@ def find_nearest(
         return
     columns: dict[str | Column, Sequence[Cell]] = {"joint": arm.joint_names}
     for name, values in (("q", start), ("nearest singular", nearest), ("turn", nearest - start)):
-        columns[name] = results.joint_values(values, arm.slides)
+        columns[name] = joint_measures(values, arm.slides)
     how = "proven: no singular posture is nearer" if proven else "found by a search"
     print_description(
         Description(
@@ -195,7 +194,7 @@ def _described(
     if proof.at is not None:
         first = 1 + (proof.segment or 0)
         way = f"on the way from posture {first} to {first + 1}"
-        at = results.joint_values(proof.at, arm.slides)
+        at = joint_measures(proof.at, arm.slides)
         tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))
     if distance is not None:
         worst = int(np.argmin(distance))

@@ -19,12 +19,7 @@ from spacearm.cli.options import (
     on_a_model,
     task_rows,
 )
-from spacearm.cli.output import (
-    answer,
-    check_picture,
-    say_stopped,
-    working,
-)
+from spacearm.cli.output import answer, check_picture, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError

@@ -20,14 +20,7 @@ from spacearm.cli.options import (
     on_a_model,
     radians,
 )
-from spacearm.cli.output import (
-    answer,
-    check_picture,
-    err,
-    kept,
-    say_stopped,
-    working,
-)
+from spacearm.cli.output import answer, check_picture, err, kept, say_stopped, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
 from spacearm.files import read

@@ -36,7 +36,7 @@ from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
-from spacearm.results import Cell, Description, Measure, Result, Table, joint_values
+from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
@@ -378,7 +378,7 @@ class Capture(Result):
     def describe(self) -> Description:
         """Describe the velocities, the momentum and the impulse of the grasp."""
         cfg, angular = self.configuration, self.twist[3:]
-        rates = joint_values(self.dq, cfg.arm.slides, per="/s")
+        rates = joint_measures(self.dq, cfg.arm.slides, per="/s")
         facts: dict[str, Cell] = {
             "spacecraft, velocity": Measure(self.twist[:3], "m/s"),
             "spacecraft, angular velocity": Measure(angular, "rad/s"),

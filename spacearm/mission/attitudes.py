@@ -37,7 +37,7 @@ from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, check_rows, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
-from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_values
+from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 
 MARGIN = float(np.radians(1.0))
 """Default least distance to the singular set [rad]."""
@@ -232,8 +232,8 @@ class FeasibleAttitudes(Result):
             title=f"{self.arm.name}, margin {np.degrees(self.margin):.3g}°",
             verdict=self._verdict(),
             notes=[
-                f"path of {self.length:.4g} {unit}, joint limits "
-                + ("count" if self.limits else "do not count")
+                f"the path of {self.length:.4g} {unit} can be followed from {self.share:.2%} of "
+                f"the attitudes, joint limits {'count' if self.limits else 'do not count'}"
             ],
             tables=[Table(("ended", "attitudes tried"), ends)],
         )
@@ -243,7 +243,7 @@ class FeasibleAttitudes(Result):
         facts: dict[str, Cell] = {
             "distance kept to the singular set": Measure(self.distance[self.best], "rad"),
             "attitude, quaternion xyzw": self.attitude[self.best],
-            **dict(zip(best.arm.joint_names, joint_values(best.q, best.arm.slides), strict=True)),
+            **dict(zip(best.arm.joint_names, joint_measures(best.q, best.arm.slides), strict=True)),
             "largest ball of attitudes": Measure(self.ball.radius, "rad"),
             "about the attitude xyzw": self.ball.centre,
         }

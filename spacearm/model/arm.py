@@ -25,7 +25,7 @@ from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
 from spacearm.model.task import Task, complete_task
 from spacearm.model.wheels import Wheel, wheels_of
-from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_values
+from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
 
 MOST_JOINTS = 200
 """Largest number of movable joints that count."""
@@ -351,7 +351,7 @@ class SpaceArm(JointSpace, Described):
         ]
         if self.held:
             held = [self.whole.joints[name] for name in self.held]
-            at = joint_values(self.held.values(), [joint.kind == "prismatic" for joint in held])
+            at = joint_measures(self.held.values(), [joint.kind == "prismatic" for joint in held])
             rows = [
                 (joint.name, joint.kind, joint.child, q) for joint, q in zip(held, at, strict=True)
             ]
@@ -567,9 +567,9 @@ def _joint_table(joints: Sequence[Joint]) -> Table:
     return Table.by_columns(
         {
             "joint": [joint.name for joint in joints],
-            "lower": joint_values(values["lower"], slides),
-            "upper": joint_values(values["upper"], slides),
-            "rate": joint_values(values["velocity"], slides, per="/s"),
+            "lower": joint_measures(values["lower"], slides),
+            "upper": joint_measures(values["upper"], slides),
+            "rate": joint_measures(values["velocity"], slides, per="/s"),
             "effort": [
                 "none" if np.isinf(j.effort) else Measure(j.effort, j.effort_unit) for j in joints
             ],

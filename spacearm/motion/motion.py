@@ -23,7 +23,7 @@ from spacearm.motion.events import Event
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
-from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_values
+from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.singularities.report import singularity
 from spacearm.singularities.sets import prove_regular
 
@@ -275,7 +275,7 @@ class Motion(Result):
         arm, q = self.arm, self.q
         values = {"start": q[0], "end": q[-1], "least": q.min(axis=0), "largest": q.max(axis=0)}
         joints: dict[Column | str, Sequence[Cell]] = {"joint": arm.joint_names}
-        joints |= {name: joint_values(x, arm.slides) for name, x in values.items()}
+        joints |= {name: joint_measures(x, arm.slides) for name, x in values.items()}
         start, end = (self._facts(i) for i in (0, -1))
         ends = [(name, start[name], value) for name, value in end.items()]
         return Description(
@@ -474,5 +474,5 @@ def drift_of(momentum: Array, impulse: Array, brought: Array, free: int) -> floa
 def events_table(arm: SpaceArm, events: Sequence[Event]) -> Table:
     """Return what happened on the way of an arm."""
     columns: list[Column | str] = ["event", Column("time", "s", ".4f"), *arm.joint_names, ""]
-    rows = [(e.kind, e.t, *joint_values(e.q, arm.slides), e.detail) for e in events]
+    rows = [(e.kind, e.t, *joint_measures(e.q, arm.slides), e.detail) for e in events]
     return Table(columns, rows)

@@ -1,4 +1,4 @@
-"""Account: the time that a search may take, and the account of what stops it.
+"""Account: the time that a search may take, the attempts that it makes, and what stops them.
 
 A search that fails says which constraint stopped most of its attempts and what to relax.
 """
@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
-from typing import TypeAlias
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TypeAlias, TypeVar
 
 from spacearm.errors import NoSolutionError, StoppedError
+from spacearm.planning.result import Attempt
 
+T = TypeVar("T")
 Progress: TypeAlias = Callable[[float, float], object]
 """Called now and then as progress(done, total); of a search both are times [s]."""
 
@@ -139,3 +142,59 @@ class SearchAccount:
             parts.append(f"most often ({count}x) {what}")
         story = "; ".join(parts)
         return f"{story}. To relax: {REMEDIES[cause]}" if cause else story
+
+
+class Attempts:
+    """Attempts at a plan.
+
+    Attributes:
+        account: The time that they may take, and what stops it.
+        method: The method of the one under way.
+        failed: Those that have failed, in order.
+        best: What the last of them had to show; None if nothing.
+
+    Args:
+        account: The time that they may take.
+    """
+
+    def __init__(self, account: SearchAccount) -> None:
+        self.account, self.method = account, ""
+        self.best: object = None
+        self.failed: list[Attempt] = []
+        self._last = ""
+
+    def each(self, ways: Iterable[T]) -> Iterator[T]:
+        """Yield ways to a plan until the time is up, or Ctrl-C is pressed."""
+        for way in ways:
+            yield way
+            if self._last:
+                return
+
+    @contextmanager
+    def at(self, method: str) -> Iterator[None]:
+        """Make an attempt; its failure, the end of the time and Ctrl-C are kept."""
+        self.method = method
+        try:
+            yield
+        except TimeUpError as error:
+            self._last = str(error)
+        except KeyboardInterrupt as stop:
+            self.account.end()
+            self.best = getattr(stop, "best", None) or self.best
+            self._last = "stopped by Ctrl-C"
+        except NoSolutionError as error:
+            self.best = error.best or self.best
+            self.failed.append(Attempt(self.method, False, str(error)))
+
+    @property
+    def stories(self) -> tuple[Attempt, ...]:
+        """The last failure of each method, and what ended the last attempt."""
+        told = {attempt.method: attempt for attempt in self.failed}
+        if self._last and (self.account.ended or self.method not in told):
+            told[self.method] = Attempt(self.method, False, self._last)
+        return tuple(told.values())
+
+    @property
+    def told(self) -> str:
+        """The same in words."""
+        return "; ".join(f"{method}: {why}" for method, _, why in self.stories)

@@ -256,7 +256,8 @@ class GuessFinder:
         """Return free loops, among them large ones made from those that turn it most."""
         found = self._free_loops(self.rng.uniform(0.2, 2.0, (MANY, 1, 1)) * self._sines(MANY))
         for _ in range(GENERATIONS if len(found.C) else 0):
-            C = np.resize(found.broadest(BROAD), (MANY, self.waves, self.arm.n))
+            broadest = found.C[np.argsort(-np.linalg.norm(found.turn, axis=1))[:BROAD]]
+            C = np.resize(broadest, (MANY, self.waves, self.arm.n))
             C = C * self.rng.uniform(0.9, 1.3, (MANY, 1, 1))
             more = self._free_loops(C + SPREAD * self.rng.normal(size=C.shape))
             found = Loops(*(np.concatenate(pair) for pair in zip(found, more, strict=True)))
@@ -321,10 +322,6 @@ class Loops(NamedTuple):
     C: Array
     room: Array
     turn: Array
-
-    def broadest(self, m: int) -> Array:
-        """Return the sines (<= m, waves, n) of those that turn the spacecraft most."""
-        return self.C[np.argsort(-np.linalg.norm(self.turn, axis=1))[:m]]
 
 
 def matches(loops: Loops, needed: Rotation) -> tuple[Indices, Indices, Indices]:

@@ -320,39 +320,47 @@ class Wheels:
         Raises:
             NoSolutionError: A wheel holds more than it can at the start.
         """
-        rows = np.linalg.norm(self.shares, axis=1)
-        spins = self.momenta(load.momentum) - self.start
-        most, least = (spins.max(axis=0), spins.min(axis=0))
-        torque = np.abs(load.torque @ self.shares.T).max(axis=0)
+        swing, torque, (spare, _) = self._taken(load)
         found = [(0.0, "no wheel has a limit")]
         for i, name in enumerate(self.names):
-            spare = rows[i] * load.beyond
-            need = torque[i] + spare[1]
-            story = f"wheel {name} gives {need:.4g} of at most {self.torque[i]:.4g} N m"
-            found.append((float(np.sqrt(need / self.torque[i])), story))
-            for sign, end in ((1.0, most[i]), (-1.0, -least[i])):
-                swing, room = end + spare[0], self.capacity[i] - sign * self.start[i]
+            story = f"wheel {name} gives {torque[i]:.4g} of at most {self.torque[i]:.4g} N m"
+            found.append((float(np.sqrt(torque[i] / self.torque[i])), story))
+            for sign, most in zip((1.0, -1.0), swing[:, i], strict=True):
+                held, room = self.start[i], self.capacity[i] - sign * self.start[i]
                 story = (
-                    f"wheel {name} comes to {self.start[i] + sign * swing:.4g} of at most "
+                    f"wheel {name} comes to {held + sign * most:.4g} of at most "
                     f"{self.capacity[i]:.4g} N m s"
                 )
-                if room < 0.0 or (room == 0.0 and end > ROUNDING * self.capacity[i]):
+                still = most - spare[i] <= ROUNDING * self.capacity[i]
+                if room < 0.0 or (room == 0.0 and not still):
                     raise NoSolutionError(
-                        f"wheel {name} holds {self.start[i]:.4g} N m s at the start, of at most "
+                        f"wheel {name} holds {held:.4g} N m s at the start, of at most "
                         f"{self.capacity[i]:.4g}, and any motion brings more; unload it first"
                     )
-                found.append((float(swing / room) if room else 0.0, story))
+                found.append((float(most / room) if room else 0.0, story))
         return max(found)
 
     def story(self, load: Load) -> str:
         """Return what the wheels hold and give at most, and how that is known, in one sentence."""
-        rows = np.linalg.norm(self.shares, axis=1)
-        spins = np.abs(self.momenta(load.momentum)).max(axis=0) + rows * load.beyond[0]
-        torques = np.abs(load.torque @ self.shares.T).max(axis=0)
-        each = zip(self.names, spins, torques + rows * load.beyond[1], strict=True)
+        swing, torque, spare = self._taken(load)
+        held = np.maximum(swing[0] + self.start, swing[1] - self.start)
+        each = zip(self.names, held, torque, strict=True)
         words = [f"wheel {name} at most {h:.4g} N m s and {tau:.4g} N m" for name, h, tau in each]
-        spare = [f"{largest:.2g}" for largest in rows.max() * load.beyond]
+        h, tau = spare.max(axis=1)
         return (
-            f"{'; '.join(words)}: bounds between {len(load.t)} times included, {spare[0]} N m s "
-            f"and {spare[1]} N m of it"
+            f"{'; '.join(words)}: bounds between {len(load.t)} times included, {h:.2g} N m s and "
+            f"{tau:.2g} N m of it"
         )
+
+    def _taken(self, load: Load) -> tuple[Array, Array, Array]:
+        """Return what wheels take of a load at most, bounds between its times included.
+
+        Returns:
+            (2, w) largest momenta on either side [N m s]; (w,) largest torques [N m]; (2, w) how
+            much of momenta and torques is for the times between.
+        """
+        spare = np.outer(load.beyond, np.linalg.norm(self.shares, axis=1))
+        taken = self.momenta(load.momentum) - self.start
+        swing = np.array([taken.max(axis=0), -taken.min(axis=0)]) + spare[0]
+        torque = np.abs(load.torque @ self.shares.T).max(axis=0) + spare[1]
+        return swing, torque, spare

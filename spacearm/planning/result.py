@@ -140,11 +140,8 @@ class Plan(Motion):
         """How near to a singularity the motion comes, in words."""
         least = float(self.distance.min())
         far = f"over {angle(FAR)}" if least > FAR else f"at least {angle(least)}"
-        return f"{far} from a singular posture, {self._sigma}"
-
-    @property
-    def _sigma(self) -> str:
-        return f"sigma_min at least {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
+        sigma = f"sigma_min at least {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
+        return f"{far} from a singular posture, {sigma}"
 
     @property
     def travel(self) -> str:
@@ -189,10 +186,8 @@ class Plan(Motion):
         )
 
     def __repr__(self) -> str:
-        return (
-            f"Plan({self.arm.name}, {self.method}: {self.travel}, "
-            f"{self.t[-1]:.4g} s, {self.nearest}, {len(self)} rows)"
-        )
+        way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
+        return f"Plan({self.arm.name}, {way}, {self.nearest}, {len(self)} rows)"
 
 
 def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()) -> Plan:

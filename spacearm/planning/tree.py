@@ -190,7 +190,8 @@ class Tree:
             travel = np.where(near & (room > self.target.clearance), lengths(W), np.inf)
             for i in np.argsort(travel)[:3]:
                 if travel[i] < lengths(best[None])[0] and self._clear_way(W[i]):
-                    best = _without_repeats(W[i])
+                    moves = np.abs(np.diff(W[i], axis=0)).max(axis=1) > STILL
+                    best = W[i][np.append(True, moves)]
                     break
         return best
 
@@ -239,11 +240,6 @@ class Tree:
         Q = W[:, :-1, None] + self._gauss * step[:, :, None]
         rates = np.broadcast_to((k - 1) * step[:, :, None], Q.shape)
         return spacecraft_turns(self.arm, Q.reshape(K, -1, n), rates.reshape(K, -1, n))
-
-
-def _without_repeats(W: Array) -> Array:
-    """Return corners (m, n) without those that stand on the one before."""
-    return W[np.append(True, np.abs(np.diff(W, axis=0)).max(axis=1) > STILL)]
 
 
 def by_tree(problem: Problem) -> Rows:

@@ -24,7 +24,7 @@ from spacearm.results import (
     Result,
     Table,
     Tone,
-    joint_values,
+    joint_measures,
     without_noise,
 )
 from spacearm.singularities.rounding import error_bars
@@ -194,11 +194,11 @@ class SingularityReport(Result):
         cfg, slides = self.configuration, self.configuration.arm.slides
         joint = "m" if slides.all() else "rad or m" if slides.any() else "rad"
         columns: dict[Column | str, Sequence[Cell]] = {
-            "joint": cfg.arm.joint_names, "q": joint_values(cfg.q, slides)
+            "joint": cfg.arm.joint_names, "q": joint_measures(cfg.q, slides)
         }  # fmt: skip
         if self.nearest is not None:
-            columns["nearest singular"] = joint_values(self.nearest, slides)
-        columns["away, per rad of distance"] = joint_values(self.away, slides)
+            columns["nearest singular"] = joint_measures(self.nearest, slides)
+        columns["away, per rad of distance"] = joint_measures(self.away, slides)
         slope = Column("dsigma_min/dq", f"{cfg.arm.sigma_unit} per {joint}", ".4g")
         columns[slope] = list(without_noise(self.gradient))
         if outside := cfg.outside_limits:

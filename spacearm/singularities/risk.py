@@ -74,7 +74,7 @@ class RiskProfile(Result):
             Column("postures", "", ",.0f"): self.count,
         }
         return Description(
-            title=f"{self.count.sum():,.0f} postures, {nearness(self)}",
+            title=f"share of {self.count.sum():,.0f} postures {nearness(self)}",
             verdict=verdict,
             notes=["R: distance of the tip from the system CM"],
             tables=[Table.by_columns(classes)],
@@ -299,5 +299,5 @@ def uniform(arm: SpaceArm, limits: bool, m: int, rng: np.random.Generator) -> Ar
 def nearness(risk: RiskProfile | PoseRisk) -> str:
     """Return which postures count as near a singularity, in words."""
     if risk.measure == "distance":
-        return f"near: up to {np.degrees(risk.bound):.3g}° from a singular posture, to first order"
-    return f"near: sigma_min up to {risk.bound:.3g} {risk.unit}"
+        return f"within {np.degrees(risk.bound):.3g}° of a singular posture, to first order"
+    return f"with sigma_min up to {risk.bound:.3g} {risk.unit}"

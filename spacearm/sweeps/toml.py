@@ -11,13 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from spacearm.arrays import LARGEST, Array
-from spacearm.errors import (
-    LONGEST_NAME,
-    ConfigurationError,
-    UnsupportedError,
-    shortened,
-    unknown,
-)
+from spacearm.errors import LONGEST_NAME, ConfigurationError, UnsupportedError, shortened, unknown
 from spacearm.files import read
 
 T = TypeVar("T")

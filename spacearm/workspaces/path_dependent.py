@@ -19,15 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import (
-    Array,
-    Progress,
-    finite,
-    named,
-    plain,
-    shape_of,
-    whole,
-)
+from spacearm.arrays import Array, Progress, finite, named, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm

@@ -83,7 +83,7 @@ def test_risk_is_the_profile(tmp_path):
     profile = sa.risk_profile(sa.load("planar2"), bins=4, samples=2000)
     np.testing.assert_array_equal(got["share"], profile.share)
     run = spacearm(*words, cwd=tmp_path)
-    assert "2,000 postures, near: up to 5° from a singular posture, to first order" in run.stdout
+    assert "share of 2,000 postures within 5° of a singular posture" in run.stdout
     assert (tmp_path / "planar2_risk.png").is_file()
 
 

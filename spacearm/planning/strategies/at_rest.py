@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 
-from spacearm.planning.account import SearchAccount
+from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.methods import METHODS
 from spacearm.planning.problem import Problem, Rows
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt
-from spacearm.planning.strategies.attempts import Attempts
 from spacearm.planning.strategies.resolved_motion import reactionless
 
 REACTIONLESS = "reactionless"

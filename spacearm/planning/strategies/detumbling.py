@@ -19,11 +19,11 @@ from scipy.optimize import linprog
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
+from spacearm.planning.account import Attempts
 from spacearm.planning.problem import Problem, recheck
 from spacearm.planning.reactions import Wheels
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt
-from spacearm.planning.strategies.attempts import Attempts
 from spacearm.planning.strategies.drift import ramp_ends, timed
 from spacearm.planning.strategies.rest_motion import WAVES, Bounds, Landing, RestMotion
 from spacearm.planning.timing import PEAK, corners

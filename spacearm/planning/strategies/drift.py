@@ -27,7 +27,7 @@ from spacearm.mechanics.floating import placed
 from spacearm.mechanics.jacobian import base_velocity
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
-from spacearm.planning.account import SearchAccount
+from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.many_curves import (
     Indices,
     drifting_attitudes,
@@ -39,7 +39,6 @@ from spacearm.planning.problem import Problem, Rows, recheck
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt
 from spacearm.planning.strategies.at_rest import at_rest
-from spacearm.planning.strategies.attempts import Attempts
 from spacearm.planning.timing import PEAK, eased
 
 SLACK = 1.2

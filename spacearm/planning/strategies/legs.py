@@ -10,11 +10,11 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
+from spacearm.planning.account import Attempts
 from spacearm.planning.problem import recheck
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan, best_attempt
 from spacearm.planning.strategies.at_rest import at_rest
-from spacearm.planning.strategies.attempts import Attempts
 
 PART, SHORT = 0.5, 2.0
 """Share of the time left that a leg may take, and the least time for it [s]."""
