@@ -110,6 +110,8 @@ def _found(tree: Tree, path: Path) -> Tips:
     candidates = _named_by_srdf(tree, common, path, arms) or found
     if not candidates:
         wheels = [joint.name for joint in tree.leading()]
+        if not wheels:
+            raise ModelError(f"{path}: no joint can move; an arm needs at least one free joint")
         raise ModelError(
             f"{path}: nothing moves but wheels ({listed(wheels)}); an arm needs a joint; if one "
             f"of them is an arm's, name its link: tip={tree.joints[wheels[0]].child!r}"
