@@ -134,7 +134,7 @@ class System:
         """As in `Plant`."""
         return self.plant.pushed
 
-    @property
+    @cached_property
     def parts(self) -> Parts:
         """Where the parts of a state stand."""
         return parts(self.arm.n, len(self.arm.wheels))
