@@ -22,9 +22,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from playwright.sync_api import sync_playwright
 
 import spacearm as sa
+from spacearm.plots.configurations import draw_posture, draw_velocities
 from spacearm.plots.maps import draw_map
 from spacearm.plots.motions import draw_motion
-from spacearm.plots.postures import draw_posture, draw_velocities
 from spacearm.plots.style import BLUE, GREY, RED, style
 from spacearm.plots.workspaces import draw_workspace
 from spacearm.polynomial.level_set import surface

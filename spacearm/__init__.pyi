@@ -99,10 +99,10 @@ from spacearm.planning.result import Attempt as Attempt
 from spacearm.planning.result import Plan as Plan
 from spacearm.planning.retiming import time_optimal as time_optimal
 from spacearm.planning.tracking import Tracking as Tracking
+from spacearm.plots.report_page import design_report as design_report
 from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
-from spacearm.reports.sections import design_report as design_report
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
 from spacearm.singularities.map import SingularMap as SingularMap
 from spacearm.singularities.map import singular_map as singular_map

@@ -14,7 +14,7 @@ from helpers.sweeps import STUDY
 import spacearm as sa
 from spacearm.arrays import plain
 from spacearm.cli.output import print_result
-from spacearm.reports.page import Section
+from spacearm.plots.report_page import Section
 from spacearm.results import Column, Description, Measure, Result, Table, joint_measures, text
 
 PLAIN = (dict, list, str, int, float, bool, type(None))

@@ -155,7 +155,7 @@ def write_report(
 
     Joint values give the working posture; without them it is one far from singularities.
     """
-    from spacearm.reports.sections import design_report  # imports matplotlib
+    from spacearm.plots.report_page import design_report  # imports matplotlib
 
     start = joint_values(arm, q, deg) if q else None
     with working("writing the report") as progress:

@@ -165,7 +165,10 @@ MOST_NODES = 10_000
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
-    """Read the triangles of a mesh file, without textures.
+    """Read the triangles of a mesh file in metres, without textures.
+
+    The unit that a COLLADA file states is applied. Its up axis is not: a robot file places a mesh
+    by the axes of its coordinates, as RViz and Gazebo show it.
 
     Raises:
         ModelError: The format is not one of `FORMATS`, or the file is too large, broken, without
@@ -196,11 +199,11 @@ def _mesh(path: Path) -> trimesh.Trimesh:
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"give one of {', '.join(FORMATS)}")
-    content = read(path, LARGEST_MESH)
+    content, metre = read(path, LARGEST_MESH), 1.0
     if zipfile.is_zipfile(io.BytesIO(content)):
         raise ValueError("it is an archive: unpack it")
     if suffix == ".dae":
-        content = _plain(content)
+        content, metre = _plain(content)
     with np.errstate(all="ignore"):  # what overflows is found below
         scene = trimesh.load_scene(io.BytesIO(content), file_type=suffix[1:], process=False)
         solids = {n: p for n, p in scene.geometry.items() if isinstance(p, trimesh.Trimesh)}
@@ -211,13 +214,17 @@ def _mesh(path: Path) -> trimesh.Trimesh:
         for solid in solids.values():
             solid.merge_vertices()
         mesh: trimesh.Trimesh = scene.to_mesh()
+        mesh.vertices = metre * np.asarray(mesh.vertices)
     if not (np.abs(mesh.vertices) <= LARGEST).all():
         raise ValueError(f"it has coordinates that are not finite or beyond {LARGEST:g}")
     return mesh
 
 
-def _plain(collada: bytes) -> bytes:
-    """Return a COLLADA file, checked for what can grow beyond bounds: entities and nested nodes."""
+def _plain(collada: bytes) -> tuple[bytes, float]:
+    """Return a COLLADA file and its unit [m].
+
+    The file is checked for what can grow beyond bounds: entities and nested nodes.
+    """
     if b"<!DOCTYPE" in collada:
         raise ValueError("it declares a DOCTYPE: remove it")
     root = etree.fromstring(collada, etree.XMLParser(encoding="utf-8", huge_tree=True))
@@ -231,4 +238,8 @@ def _plain(collada: bytes) -> bytes:
 
     if sum(map(placed, root.iter("{*}visual_scene"))) > MOST_NODES:
         raise ValueError(f"it places more than {MOST_NODES:,} nodes")
-    return etree.tostring(root)
+    unit = root.find("{*}asset/{*}unit")
+    metre = 1.0 if unit is None else float(unit.get("meter", "1"))
+    if not 0.0 < metre <= LARGEST:
+        raise ValueError(f"its unit is {metre:g} m; give a positive length")
+    return etree.tostring(root), metre

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -118,15 +118,9 @@ INSTANT = 1e-6
 """Half the time over which the velocity of a moving target is taken [s]."""
 
 
-class Source(NamedTuple):
-    """Where numbers over time come from.
-
-    Attributes:
-        function: A function that is traced: of time, or of a user's law of the array library and
-            the `State`. None if it is called outside.
-    """
-
-    function: Callable[..., Any] | None = None
+Source = Callable[..., Any] | Literal["outside"]
+"""Where numbers over time come from: a function that is traced, of time, or of a user's law of the
+array library and the `State`; "outside" where it is called as the machine code runs."""
 
 
 class Law(NamedTuple):
@@ -183,7 +177,7 @@ class Law(NamedTuple):
 
     def called(self, n: int) -> int:
         """Return how many numbers its function outside gives; 0 if it has none."""
-        if self.source is None or self.source.function is not None:
+        if self.source != "outside":
             return 0
         if self.kind in ("own", "joints"):
             return n
@@ -238,8 +232,8 @@ def law_torques(
             of (1,) time of a target.
     """
     if law.kind == "own":
-        if law.source is not None and law.source.function is not None:
-            tau = xp.asarray(law.source.function(xp, state))
+        if callable(law.source):
+            tau = xp.asarray(law.source(xp, state))
         else:
             tau = called(xp, call, xp.concatenate([xp.stack([state.t]), state.y]))
     elif law.kind == "joints":
@@ -314,12 +308,12 @@ def _target(xp: Any, law: Law, numbers: Mapping[str, Any], call: Any, t: Any) ->
     """Return the target of a law at a time: joint positions (n,), a point (k,) or a `Pose`."""
     if law.source is None:
         values = numbers["target"]
-    elif law.source.function is None:
-        values = called(xp, call, xp.stack([t]))
-    else:
-        values = xp.asarray(law.source.function(t))
+    elif callable(law.source):
+        values = xp.asarray(law.source(t))
         if law.pose:
             return Pose(values[:3, :3], values[:3, 3])
+    else:
+        values = called(xp, call, xp.stack([t]))
     return Pose(values[3:].reshape(3, 3), values[:3]) if law.pose else values
 
 

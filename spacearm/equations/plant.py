@@ -116,7 +116,7 @@ class Setup(NamedTuple):
         counts = [(law.name(i), law.called(n)) for i, law in enumerate(self.laws)]
         sources = [("motors", self.motors, len(self.wheels))]
         sources += [(f"wrench{i}", pushed.source, 6) for i, pushed in enumerate(self.pushed)]
-        counts += [(name, count) for name, source, count in sources if source == Source()]
+        counts += [(name, count) for name, source, count in sources if source == "outside"]
         counts += [(f"event{i}", 1) for i, event in enumerate(self.events) if event.kind == "own"]
         return tuple((name, count) for name, count in counts if count)
 
@@ -316,9 +316,7 @@ def _over_time(xp: Any, source: Source | None, call: Any, t: Any) -> Any:
     """Return the numbers of a source at a time; None if there is none."""
     if source is None:
         return None
-    if source.function is None:
-        return called(xp, call, xp.stack([t]))
-    return xp.asarray(source.function(t))
+    return xp.asarray(source(t)) if callable(source) else called(xp, call, xp.stack([t]))
 
 
 def _loads(xp: Any, now: State, wheels: Any, pushes: Any, spin: Any = ()) -> Loads:

@@ -10,7 +10,9 @@ spacecraft stays at rest while the arm carries all of it, D_q dq = h.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,20 +23,29 @@ from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, prescrib
 from spacearm.mission.attitudes import turning_axis
 from spacearm.model.arguments import BaseMode, of_configuration
 from spacearm.model.arm import Configuration, still_wheels
+from spacearm.motion.events import first_fall
 from spacearm.motion.following import Segment
 from spacearm.motion.goal import goal_rows
 from spacearm.motion.leading import ENDS, Led, Settings, lead_all, table_of
 from spacearm.motion.motion import Motion
 from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
 
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+
 HORIZON = 3600.0
 """Default longest time looked at [s]."""
 SAMPLES = 101
 """Samples of the motions."""
-CARRIED = 1e-9
-"""Share of the momentum that the arm may leave to the spacecraft."""
-STEP = 0.05
-"""Largest joint motion of a step while the arm carries the momentum [rad] or [m]."""
+CARRIED, LACKING = 1e-9, 1e-4
+"""Share of the momentum that the arm may leave to the spacecraft: at rows of the motion that
+carries it, and halfway between them."""
+STEP, FINEST = 0.05, 1e-5
+"""Joint motion of the first step of that motion, and below which it ends [rad] or [m]."""
+RTOL = 1e-9
+"""Error of its steps, relative to joint positions and absolute [rad] or [m]."""
+PARTS = (1, 2, 4, 8, 16, 32, 64)
+"""Rows into which a step is cut, the fewest that lack no more momentum than they may."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -199,40 +210,75 @@ def _hold(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str,
 def _carry(cfg: Configuration, horizon: float, limits: bool) -> tuple[float, str, Motion]:
     """Keep the spacecraft at rest: return how long, what ends it, and the motion.
 
-    The joints have the least rates with D_q dq = h, by the classical Runge-Kutta method.
+    The joints have the least rates with D_q dq = h. Where D_q loses the direction of h these grow
+    beyond all bounds: the steps, whose error is controlled, shrink there, and the motion ends. The
+    straight lines between its rows have the momentum too, but for the share `LACKING`.
     """
-    arm, h, q, t = cfg.arm, cfg.momentum[3:], cfg.q, 0.0
-    rows, times = [q], [t]
+    from scipy.integrate import DOP853  # slow to import
 
-    def rate(q: Array) -> Array:
+    arm, h, q = cfg.arm, cfg.momentum[3:], cfg.q
+    bounds = np.array((arm.lower, arm.upper)) if limits else np.tile([[-np.inf], [np.inf]], arm.n)
+    lower, upper = np.minimum(bounds[0], q), np.maximum(bounds[1], q)
+
+    def carried(q: Array) -> Array:
+        """Return D_q (3, n)."""
+        return momentum_matrix(arm.at(q, base=cfg.base)).A_q[3:]
+
+    def lacking(D_q: Array, dq: Array) -> float:
+        """Return the share of the momentum that joint rates lack."""
+        return float(np.linalg.norm(D_q @ dq - h) / np.linalg.norm(h))
+
+    def rate(_: float, q: Array) -> Array:
         """Return the joint rates (n,), NaN where none have the momentum."""
-        if np.isnan(q).any():
-            return q
-        D_q = momentum_matrix(arm.at(q, base=cfg.base)).A_q[3:]
-        dq = np.linalg.lstsq(D_q, h, rcond=1e-9)[0]
-        carried = np.linalg.norm(D_q @ dq - h) <= CARRIED * np.linalg.norm(h)
-        return dq if carried else np.full(arm.n, np.nan)
+        if np.isfinite(q).all():
+            dq = np.linalg.lstsq(D_q := carried(q), h, rcond=1e-9)[0]
+            if lacking(D_q, dq) <= CARRIED:
+                return dq
+        return np.full(arm.n, np.nan)
 
-    ended = "horizon"
-    while t < horizon and ended == "horizon":
-        k1 = rate(q)
-        step = min(STEP / float(np.abs(k1).max()), horizon - t)
-        k2 = rate(q + 0.5 * step * k1)
-        k3 = rate(q + 0.5 * step * k2)
-        dq = (k1 + 2.0 * k2 + 2.0 * k3 + rate(q + step * k3)) / 6.0
-        if np.isnan(dq).any():
+    def room(q: Array) -> Array:
+        """Return how far (1,) the joints are from their limits, negative beyond."""
+        return np.minimum(q - lower, upper - q).min(keepdims=True)
+
+    def replays(t: Array, q: Array) -> bool:
+        """Whether the straight lines between rows have the momentum."""
+        dq = np.diff(q, axis=0) / np.diff(t)[:, None]
+        middle = 0.5 * (q[1:] + q[:-1])
+        return all(lacking(carried(middle[i]), dq[i]) <= LACKING for i in range(len(dq)))
+
+    times, rows = [np.zeros(1)], [q[None]]
+    fastest = float(np.abs(rate(0.0, q)).max())
+    if np.isnan(fastest):
+        return 0.0, "cannot", _motion(cfg, times[0], rows[0], None)
+    first, ended = min(STEP / fastest, horizon), ""
+    method: Callable[..., OdeSolver] = DOP853
+    solver = method(rate, 0.0, q, horizon, first_step=first, rtol=RTOL, atol=RTOL)
+    while not ended:
+        if solver.step():
             ended = "cannot"
             break
-        if limits:
-            with np.errstate(divide="ignore"):
-                room = np.where(dq > 0.0, arm.upper - q, q - arm.lower) / np.abs(dq)
-            if float(np.nanmin(room)) < step:
-                step, ended = max(float(np.nanmin(room)), 0.0), "joint limit"
-        q, t = q + step * dq, t + step
-        rows.append(q)
-        times.append(t)
-    t_, keep = np.unique(times, return_index=True)
-    return t, ended, _motion(cfg, t_, np.array(rows)[keep], None)
+        piece, begin, end, before = solver.dense_output(), solver.t_old, solver.t, rows[-1][-1]
+
+        def roomy(t: float, piece: Any = piece) -> Array:
+            return room(piece(t))
+
+        fall = first_fall(roomy, room(before), room(solver.y), begin, end)
+        if fall:
+            end, ended = fall[0], "joint limit"
+        elif end == horizon:
+            ended = "horizon"
+        elif np.abs(solver.y - before).max() < FINEST:
+            ended = "cannot"
+        if end > begin:
+            tried = (np.linspace(begin, end, parts + 1) for parts in PARTS)
+            t = next((t for t in tried if replays(t, piece(t).T)), None)
+            if t is None:
+                ended = "cannot"
+            else:
+                times.append(t[1:])
+                rows.append(piece(t[1:]).T)
+    t_, q_ = np.concatenate(times), np.vstack(rows)
+    return float(t_[-1]), ended, _motion(cfg, t_, q_, None)
 
 
 def _motion(cfg: Configuration, t: Array, q: Array, attitude: Array | None) -> Motion:

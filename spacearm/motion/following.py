@@ -247,20 +247,26 @@ class TipCurve:
 
         y = state_of(self.start, 0.0)
         method: Callable[..., OdeSolver] = DOP853
-        solver = method(self.rate, 0.0, y, np.inf, max_step=LOOK, rtol=RTOL, atol=ATOL)
+        solver = method(self.rate, 0.0, y, np.inf, rtol=RTOL, atol=ATOL)
         before, states = self.rooms(y), list[Array]()
         while True:
             if failure := solver.step():
                 raise NoSolutionError(f"{self.arm.name}: the path cannot be followed: {failure}")
             if progress:
                 progress(float(solver.y[-1]), self.segment.length)
-            piece, begin, after = solver.dense_output(), solver.t_old, self.rooms(solver.y)
+            piece, begin, fall = solver.dense_output(), solver.t_old, None
 
             def along(t: float, piece: Any = piece) -> Array:
                 return self.rooms(piece(t))
 
-            fall = first_fall(along, before, after, begin, solver.t)
-            end, before = fall[0] if fall else solver.t, after
+            moved = np.abs((solver.y - piece(begin))[: self.arm.n]).max()
+            looks = np.linspace(begin, solver.t, 2 + int(moved / LOOK))
+            for a, b in pairwise(looks.tolist()):
+                after = along(b)
+                if fall := first_fall(along, before, after, a, b):
+                    break
+                before = after
+            end = fall[0] if fall else solver.t
             steps = 1 + int((end - begin) / SPACING)
             states.append(piece(np.linspace(begin, end, steps + 1)[1:]).T)
             if fall:

@@ -1,4 +1,4 @@
-"""Configurations as stick figures, in the plane or in space, and what is seen at one of them."""
+"""Configurations, in the plane or in space: figures 1 to 3 of Papadopoulos & Dubowsky (1993)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
+from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.plots.postures import GOLD, draw_posture, draw_velocities
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -23,10 +24,11 @@ from spacearm.plots.style import (
     RED,
     annotate,
     axes_for,
+    draws,
     equal_axes,
     flat_rows,
-    style,
 )
+from spacearm.singularities.report import singularity
 from spacearm.workspaces.path_dependent import Region
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
@@ -37,6 +39,7 @@ SIZE = (7.2, 6.0)
 """Width and height of a figure [inch]."""
 
 
+@draws(Configuration)
 def draw_configuration(
     cfg: Configuration,
     *,
@@ -57,14 +60,14 @@ def draw_configuration(
             for planar arms whose task is the position of the tip.
     """
     axes = axes_for(ax, *SIZE, spatial=not in_plane(cfg))
-    with style():
-        draw_stick_figure(axes, cfg, color=color, label=label)
-        if velocities:
-            draw_velocities(axes, cfg)
-        axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM (+)")
+    draw_stick_figure(axes, cfg, color=color, label=label)
+    if velocities:
+        draw_velocities(axes, cfg)
+    axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM (+)")
     return axes.figure
 
 
+@draws(SpaceArm)
 def draw_arm(arm: SpaceArm, *, ax: Any = None, color: str = GREY, label: bool = True) -> Figure:
     """Draw an arm with all joints at zero, or at the limit next to zero.
 
@@ -123,6 +126,7 @@ def draw_stick_figure(
     equal_axes(axes)
 
 
+@draws(VirtualManipulator)
 def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None) -> Figure:
     """Draw the chain of constant links from the system CM to the tip.
 
@@ -133,13 +137,13 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None
     """
     rows = flat_rows(result.points)
     axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
-    with style():
-        _draw_chain(axes, result, rows)
-        lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
-        axes.set_title(f"Virtual Manipulator: links of {lengths} m")
+    _draw_chain(axes, result, rows)
+    lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
+    axes.set_title(f"Virtual Manipulator: links of {lengths} m")
     return axes.figure
 
 
+@draws(Barycentric)
 def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True) -> Figure:
     """Draw the bodies' CMs, their barycentres, equation (8), and the Virtual Manipulator.
 
@@ -154,23 +158,23 @@ def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True)
     barycentres = bodies + result.c @ result.T0.T
     rows = flat_rows(np.vstack((links.points, bodies, barycentres)))
     axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
-    with style():
-        for name, points, marker, color in (
-            ("CM of a body", bodies, "o", BLUE), ("barycentre of a body", barycentres, "D", ORANGE)
-        ):  # fmt: skip
-            axes.plot(*points[:, rows].T, marker, ms=7, color=color, label=name)
-        for first, last in _together(bodies):
-            name = f"{first}" if first == last else f"{first}–{last}"
-            annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), BLUE)
-        if chain:
-            _draw_chain(axes, links, rows)
-        axes.legend(frameon=False)
-        equal_axes(axes, "".join("xyz"[i] for i in rows))
-        also = " and Virtual Manipulator" if chain else ""
-        axes.set_title(f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
+    for name, points, marker, color in (
+        ("CM of a body", bodies, "o", BLUE), ("barycentre of a body", barycentres, "D", ORANGE)
+    ):  # fmt: skip
+        axes.plot(*points[:, rows].T, marker, ms=7, color=color, label=name)
+    for first, last in _together(bodies):
+        name = f"{first}" if first == last else f"{first}–{last}"
+        annotate(axes, name, bodies[first : last + 1, rows].mean(axis=0), BLUE)
+    if chain:
+        _draw_chain(axes, links, rows)
+    axes.legend(frameon=False)
+    equal_axes(axes, "".join("xyz"[i] for i in rows))
+    also = " and Virtual Manipulator" if chain else ""
+    axes.set_title(f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
     return axes.figure
 
 
+@draws(Region)
 def draw_region(result: Region, *, ax: Any = None) -> Figure:
     """Draw what can happen at a point: the singular postures that reach it, or its distance alone.
 
@@ -181,19 +185,18 @@ def draw_region(result: Region, *, ax: Any = None) -> Figure:
     """
     found = result.singular
     axes = axes_for(ax, *SIZE, spatial=bool(found) and not in_plane(found[0]))
-    with style():
-        for cfg, color in zip(found, COLOURS, strict=False):
-            draw_stick_figure(axes, cfg, color=color, label=cfg is found[0])
-        if not found:
-            around = np.linspace(0.0, 2.0 * np.pi, 200)
-            color = GREEN if result.kind == "path independent" else RED
-            axes.plot(result.radius * np.cos(around), result.radius * np.sin(around), color=color)
-            axes.plot(0, 0, marker="P", ms=9, color="black", ls="none")
-            annotate(axes, "CM", np.zeros(2), "black", below=True)
-            where = "from the system CM [m]"
-            axes.set(aspect="equal", xlabel=where, ylabel=where)
-        number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
-        axes.set_title(f"{result.radius:.4g} m from the CM: {result.kind}{number}")
+    for cfg, color in zip(found, COLOURS, strict=False):
+        draw_stick_figure(axes, cfg, color=color, label=cfg is found[0])
+    if not found:
+        around = np.linspace(0.0, 2.0 * np.pi, 200)
+        color = GREEN if result.kind == "path independent" else RED
+        axes.plot(result.radius * np.cos(around), result.radius * np.sin(around), color=color)
+        axes.plot(0, 0, marker="P", ms=9, color="black", ls="none")
+        annotate(axes, "CM", np.zeros(2), "black", below=True)
+        where = "from the system CM [m]"
+        axes.set(aspect="equal", xlabel=where, ylabel=where)
+    number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
+    axes.set_title(f"{result.radius:.4g} m from the CM: {result.kind}{number}")
     return axes.figure
 
 
@@ -232,3 +235,82 @@ def _places(cfg: Configuration, tip: str) -> Array:
     chain = [joint.name for joint in arm.tree.chain(tip) if joint.movable]
     places = [data.oMi[arm.model.getJointId(name)].translation for name in chain]
     return np.array([*places, cfg.tips[arm.tips.index(tip)].translation])
+
+
+GOLD = "#d9b25f"
+SECONDS = 0.75
+"""Time [s] over which velocities are drawn as displacements."""
+
+
+def draw_posture(axes: Any, cfg: Configuration, *, color: str = GREY, label: bool = True) -> None:
+    """Draw a spacecraft, its arm and the system CM.
+
+    Args:
+        axes: Matplotlib axes.
+        cfg: A configuration of a planar arm. Its spacecraft is drawn as a square about its CM with
+            the first joint on its edge.
+        color: Colour of the arm.
+        label: Whether to name the system CM.
+
+    Raises:
+        UnsupportedError: The arm does not move in a plane.
+    """
+    points = _places(cfg, cfg.arm.tip)[:, _rows(cfg)]
+    centre = _flat(cfg, cfg.base.act(cfg.arm.model.inertias[1].lever))
+    reach = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    half = max(float(np.abs(cfg.arm.mount.translation).max()), 0.1 * float(reach))
+    x = _flat(cfg, cfg.base.rotation[:, _rows(cfg)[0]])
+    side = half * np.array([x, (-x[1], x[0])])
+    corners = centre + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ side
+    axes.add_patch(Polygon(corners, facecolor=GOLD, edgecolor=GREY, alpha=0.9))
+    axes.plot(*points.T, "-o", color=color, lw=5, ms=9, mfc="white", mec=color)
+    com = _flat(cfg, cfg.com)
+    axes.plot(*com, marker="P", ms=9, color="black", ls="none", zorder=3)
+    if label:
+        axes.annotate("CM", com, (-6, -18), textcoords="offset points", ha="right")
+    names = ["xyz"[i] for i in _rows(cfg)]
+    axes.set(aspect="equal", xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
+
+
+def draw_velocities(axes: Any, cfg: Configuration) -> None:
+    """Draw the velocities that unit joint rates give to the tip, and the lost direction.
+
+    Args:
+        axes: Matplotlib axes.
+        cfg: A configuration of a planar arm whose task is the position of its tip.
+
+    Raises:
+        UnsupportedError: The arm does not move in a plane, or its task is another one.
+    """
+    rows = _rows(cfg)
+    if tuple(cfg.arm.task.indices) != rows:
+        raise UnsupportedError(
+            f"{cfg.arm.name}: tip velocities are drawn for the task "
+            f"'{' '.join('xyz'[i] for i in rows)}', not {cfg.arm.task.names!r}; use sa.view"
+        )
+    report, tip = singularity(cfg), _flat(cfg, cfg.tip.translation)
+    sides, sigma, _ = np.linalg.svd(report.jacobian)
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    axes.plot(*(tip[:, None] + SECONDS * (sides * sigma) @ circle), color=BLUE, lw=2)
+    for lost in report.lost.T:
+        for sign in (1.0, -1.0):
+            arrow = {"arrowstyle": "-|>", "color": RED, "lw": 2.5}
+            axes.annotate("", tip + sign * 0.8 * lost, tip, arrowprops=arrow)
+        away = np.sign(lost @ (tip - _flat(cfg, cfg.com))) * lost
+        side = "bottom" if away[1] > 0.0 else "top"
+        axes.text(*(tip + 0.85 * away), "no motion\nthis way", color=RED, va=side, ha="center")
+
+
+def _rows(cfg: Configuration) -> tuple[int, int]:
+    """Return which of x, y, z span the plane."""
+    normal = cfg.arm.tree.plane_normal()
+    if normal is None:
+        raise UnsupportedError(f"{cfg.arm.name} does not move in a plane; use sa.view")
+    first, second = (i for i in range(3) if i != normal)
+    return first, second
+
+
+def _flat(cfg: Configuration, vector: Array) -> Array:
+    """Return the (2,) components of a vector in the plane."""
+    return vector[list(_rows(cfg))]

@@ -1,4 +1,4 @@
-"""Singular maps and singular sets over joint angles: figure 4 of Papadopoulos & Dubowsky (1993)."""
+"""Singular maps, sets and polynomials: figure 4 of Papadopoulos & Dubowsky (1993)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
-from spacearm.plots.style import GREY, RED, TITLE, axes_for, style
+from spacearm.plots.style import BLUE, GREY, RED, TITLE, axes_for, draws, write_powers
+from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
 from spacearm.singularities.map import SingularMap
 
@@ -27,6 +28,7 @@ MOST_SAMPLED, MOST_FOUND = 4000, 200
 """Samples drawn of an exact set, and of one whose every sample takes a search."""
 
 
+@draws(SingularMap)
 def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
     """Draw the distance to the singular set over two joints, with the exact curves where known.
 
@@ -37,35 +39,35 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     axes = axes_for(ax, 7.2, 6.0)
-    with style():
-        degrees, distance = np.degrees(result.angles), np.degrees(result.distance.T)
-        most = float(np.max(distance, initial=0.0, where=np.isfinite(distance)))
-        far = next((scale for scale in SCALES if most <= scale), FAR)
-        image = axes.pcolormesh(
-            degrees,
-            degrees,
-            np.minimum(distance, far),
-            vmin=0.0,
-            vmax=far,
-            cmap="cividis",
-            rasterized=True,
-        )
-        label = "least joint motion to a singular posture [deg]"
-        axes.figure.colorbar(
-            image, ax=axes, label=label, shrink=0.9, extend="max" if most > far else "neither"
-        )
-        _draw_curves(axes, result.curves or [])
-        _angle_axes(axes, result.joints)
-        _draw_limits(axes, np.degrees(result.joint_limits))
-        what = "distance to the singular set" if result.curves is None else "singular set (curves)"
-        held = ", ".join(
-            f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
-        )
-        where = "\n" + textwrap.fill(f"{held} deg, others 0", TITLE) if held else ""
-        axes.set_title(f"{result.arm}: {what}{where}")
+    degrees, distance = np.degrees(result.angles), np.degrees(result.distance.T)
+    most = float(np.max(distance, initial=0.0, where=np.isfinite(distance)))
+    far = next((scale for scale in SCALES if most <= scale), FAR)
+    image = axes.pcolormesh(
+        degrees,
+        degrees,
+        np.minimum(distance, far),
+        vmin=0.0,
+        vmax=far,
+        cmap="cividis",
+        rasterized=True,
+    )
+    label = "least joint motion to a singular posture [deg]"
+    axes.figure.colorbar(
+        image, ax=axes, label=label, shrink=0.9, extend="max" if most > far else "neither"
+    )
+    _draw_curves(axes, result.curves or [])
+    _angle_axes(axes, result.joints)
+    _draw_limits(axes, np.degrees(result.joint_limits))
+    what = "distance to the singular set" if result.curves is None else "singular set (curves)"
+    held = ", ".join(
+        f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
+    )
+    where = "\n" + textwrap.fill(f"{held} deg, others 0", TITLE) if held else ""
+    axes.set_title(f"{result.arm}: {what}{where}")
     return axes.figure
 
 
+@draws(SingularSet)
 def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
     """Draw a singular set over the joints that matter to it.
 
@@ -91,19 +93,16 @@ def draw_singular_set(result: SingularSet, *, ax: Any = None) -> Figure:
     names = [arm.joint_names[j] for j in relevant]
     if result.dimension == 2 and len(relevant) == 3:
         axes = axes_for(ax, 6.8, 6.0, spatial=True)
-        with style():
-            _draw_surface(axes, result)
-            _angle_axes(axes, names)
+        _draw_surface(axes, result)
+        _angle_axes(axes, names)
     elif result.dimension == 1:
         axes = axes_for(ax, 6.4, 6.0, spatial=len(relevant) == 3)
-        with style():
-            _draw_curves(axes, [curve[:, relevant] for curve in result.curves()])
-            _angle_axes(axes, names)
+        _draw_curves(axes, [curve[:, relevant] for curve in result.curves()])
+        _angle_axes(axes, names)
     else:
         samples = result.sample(MOST_SAMPLED, np.random.default_rng(0))
         axes = _draw_samples(arm, samples, ax)
-    with style():
-        axes.set_title(f"{arm.name}, {result.mode}: singular set")
+    axes.set_title(f"{arm.name}, {result.mode}: singular set")
     return axes.figure
 
 
@@ -111,9 +110,8 @@ def _draw_found(result: SingularSet, ax: Any) -> Figure:
     """Draw what a search finds of a set that is not known exactly."""
     samples = result.sample(MOST_FOUND, np.random.default_rng(0))
     axes = _draw_samples(result.arm, samples, ax)
-    with style():
-        found = f"{len(samples)} singular configurations found"
-        axes.set_title(f"{result.arm.name}, {result.mode}: {found}")
+    found = f"{len(samples)} singular configurations found"
+    axes.set_title(f"{result.arm.name}, {result.mode}: {found}")
     return axes.figure
 
 
@@ -162,16 +160,15 @@ def _draw_samples(arm: SpaceArm, samples: Array, ax: Any) -> Any:
         f"{name} [{'m' if slides else 'deg'}]"
         for name, slides in zip(arm.joint_names, arm.slides, strict=True)
     ]
-    with style():
-        if arm.n == 1:
-            axes.hist(shown[:, 0], bins=BINS**2, color=RED)
-            axes.set(xlabel=labels[0], ylabel="samples")
-            return axes
-        i, j = max(combinations(range(arm.n), 2), key=lambda pair: _structure(shown[:, pair]))
-        axes.plot(shown[:, i], shown[:, j], ".", color=RED, ms=3, alpha=0.6)
-        if not arm.slides[[i, j]].any():
-            _angle_axes(axes, (arm.joint_names[i], arm.joint_names[j]))
-        axes.set(xlabel=labels[i], ylabel=labels[j])
+    if arm.n == 1:
+        axes.hist(shown[:, 0], bins=BINS**2, color=RED)
+        axes.set(xlabel=labels[0], ylabel="samples")
+        return axes
+    i, j = max(combinations(range(arm.n), 2), key=lambda pair: _structure(shown[:, pair]))
+    axes.plot(shown[:, i], shown[:, j], ".", color=RED, ms=3, alpha=0.6)
+    if not arm.slides[[i, j]].any():
+        _angle_axes(axes, (arm.joint_names[i], arm.joint_names[j]))
+    axes.set(xlabel=labels[i], ylabel=labels[j])
     return axes
 
 
@@ -196,3 +193,63 @@ def _on_screen(curve: Array) -> Array:
     folded = 180.0 - (180.0 - curve) % 360.0
     jumps = np.flatnonzero(np.abs(np.diff(folded, axis=0)).max(axis=1) > 180.0) + 1
     return np.insert(folded, jumps, np.nan, axis=0)
+
+
+POINTS = 361
+"""Values along each angle."""
+
+
+@draws(TrigPolynomial)
+def draw_polynomial(result: TrigPolynomial, *, ax: Any = None) -> Figure:
+    """Draw a polynomial of one or two angles with its zeros, one of more by its coefficients.
+
+    The order of a coefficient c_k is |k_1| + ... + |k_n|.
+
+    Args:
+        result: The polynomial.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.2, 4.4 if result.n != 2 else 6.0)
+    draw = {1: _draw_curve, 2: _draw_map}.get(result.n, _draw_coefficients)
+    draw(axes, result)
+    axes.set_title(f"Trigonometric polynomial of degrees {result.degrees}")
+    return axes.figure
+
+
+def _draw_curve(axes: Any, S: TrigPolynomial) -> None:
+    q = np.linspace(-np.pi, np.pi, POINTS)
+    axes.axhline(0.0, color=GREY, lw=0.8)
+    axes.plot(np.degrees(q), S(q[:, None]), color=BLUE, lw=2)
+    roots = S.roots(np.zeros(1), 0).angles
+    axes.plot(np.degrees(roots), np.zeros(len(roots)), "o", color=RED)
+    axes.set(xlim=(-180, 180), xticks=range(-180, 181, 60), xlabel="q1 [deg]", ylabel="value")
+
+
+def _draw_map(axes: Any, S: TrigPolynomial) -> None:
+    q = np.linspace(-np.pi, np.pi, POINTS)
+    grid = np.stack(np.meshgrid(q, q, indexing="ij"), axis=-1)
+    values = S(grid.reshape(-1, 2)).reshape(POINTS, POINTS).T
+    degrees, most = np.degrees(q), float(np.abs(values).max()) or 1.0
+    image = axes.pcolormesh(
+        degrees, degrees, values, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True
+    )
+    axes.figure.colorbar(image, ax=axes, label="value; zero on the black lines", shrink=0.9)
+    if values.min() < 0.0 < values.max():
+        axes.contour(degrees, degrees, values, levels=[0.0], colors="black", linewidths=1.5)
+    turn = range(-180, 181, 60)
+    axes.set(xlabel="q1 [deg]", ylabel="q2 [deg]", xticks=turn, yticks=turn, aspect="equal")
+
+
+def _draw_coefficients(axes: Any, S: TrigPolynomial) -> None:
+    sizes = np.abs(S.coefficients)
+    order = sum(
+        np.abs(index - degree)
+        for index, degree in zip(np.indices(sizes.shape), S.degrees, strict=True)
+    )
+    kept = sizes > np.finfo(np.float64).eps * max(S.scale, 1e-300)
+    axes.semilogy(
+        np.broadcast_to(order, sizes.shape)[kept], sizes[kept], "o", color=BLUE, alpha=0.4
+    )
+    axes.set(xlabel="order of the coefficient", ylabel="size of the coefficient")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    write_powers(axes.yaxis)

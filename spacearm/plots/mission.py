@@ -21,15 +21,16 @@ from spacearm.plots.style import (
     ORANGE,
     RED,
     axes_for,
+    draws,
     equal_axes,
     panels_for,
-    style,
     write_powers,
 )
 
 AXES = (("x", BLUE), ("y", ORANGE), ("z", GREEN))
 
 
+@draws(FeasibleAttitudes)
 def draw_attitudes(result: FeasibleAttitudes, *, ax: Any = None) -> Figure:
     """Draw the feasible attitudes: a ring of a planar arm, a map of directions of others.
 
@@ -42,15 +43,14 @@ def draw_attitudes(result: FeasibleAttitudes, *, ax: Any = None) -> Figure:
     """
     if result.intervals is not None:
         axes = axes_for(ax, 6.4, 6.0)
-        with style():
-            _draw_ring(axes, result)
+        _draw_ring(axes, result)
     else:
         axes = axes_for(ax, 8.4, 5.0)
-        with style():
-            _draw_directions(axes, result)
+        _draw_directions(axes, result)
     return axes.figure
 
 
+@draws(Reaction)
 def draw_reaction(result: Reaction, *, ax: Any = None) -> Figure:
     """Draw over time what the spacecraft does, and what holding it takes.
 
@@ -60,26 +60,26 @@ def draw_reaction(result: Reaction, *, ax: Any = None) -> Figure:
     """
     _, panels = panels_for(ax, lambda whole: whole.subplots(4, 1, sharex=True), 8.0, 8.4)
     turns, wheels, torque, camera = panels
-    with style():
-        for i, (name, color) in enumerate(AXES):
-            turns.plot(result.t, np.degrees(result.excursion[:, i]), color=color, label=name)
-            wheels.plot(result.t, result.wheels[:, i], color=color)
-            torque.plot(result.t, result.torque[:, i], color=color)
-        turns.plot(result.t, np.degrees(result.angle), color=GREY, ls="--", label="angle")
-        turns.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-        camera.plot(result.t, np.degrees(result.smear), color=RED)
-        turns.set_ylabel("turn, floating [°]")
-        wheels.set_ylabel("wheels, held [N m s]")
-        torque.set_ylabel("torque, held [N m]")
-        camera.set(xlabel="time [s]", ylabel="smear, floating [°/s]")
-        what = "any line of sight" if result.camera is None else "the line of sight"
-        turns.set_title(
-            f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
-            f"{np.degrees(result.pointing.max()):.3g}°"
-        )
+    for i, (name, color) in enumerate(AXES):
+        turns.plot(result.t, np.degrees(result.excursion[:, i]), color=color, label=name)
+        wheels.plot(result.t, result.wheels[:, i], color=color)
+        torque.plot(result.t, result.torque[:, i], color=color)
+    turns.plot(result.t, np.degrees(result.angle), color=GREY, ls="--", label="angle")
+    turns.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    camera.plot(result.t, np.degrees(result.smear), color=RED)
+    turns.set_ylabel("turn, floating [°]")
+    wheels.set_ylabel("wheels, held [N m s]")
+    torque.set_ylabel("torque, held [N m]")
+    camera.set(xlabel="time [s]", ylabel="smear, floating [°/s]")
+    what = "any line of sight" if result.camera is None else "the line of sight"
+    turns.set_title(
+        f"{result.arm.name}: turns by up to {np.degrees(result.angle.max()):.3g}°, {what} by "
+        f"{np.degrees(result.pointing.max()):.3g}°"
+    )
     return turns.figure
 
 
+@draws(WheelSizing)
 def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
     """Draw which share of the cases a momentum of the wheels covers.
 
@@ -88,17 +88,16 @@ def draw_wheel_sizing(result: WheelSizing, *, ax: Any = None) -> Figure:
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     axes = axes_for(ax, 7.2, 4.6)
-    with style():
-        share = 100.0 * (np.arange(len(result.momentum)) + 1.0) / len(result.momentum)
-        axes.plot(np.sort(result.momentum), share, color=GREY, lw=2, label="about any axis")
-        for i, (name, color) in enumerate(AXES):
-            axes.plot(np.sort(result.axes[:, i]), share, color=color, label=f"about {name}")
-        axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=RED, lw=1, ls=":")
-        axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
-        axes.set_ylim(0.0, 101.0)
-        axes.legend(frameon=False)
-        speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g} m/s"
-        axes.set_title(f"{result.arm.name}{speed}: 99 % below the dotted line")
+    share = 100.0 * (np.arange(len(result.momentum)) + 1.0) / len(result.momentum)
+    axes.plot(np.sort(result.momentum), share, color=GREY, lw=2, label="about any axis")
+    for i, (name, color) in enumerate(AXES):
+        axes.plot(np.sort(result.axes[:, i]), share, color=color, label=f"about {name}")
+    axes.axvline(np.percentile(result.momentum, PERCENTILES[-2]), color=RED, lw=1, ls=":")
+    axes.set(xlabel="momentum of the wheels [N m s]", ylabel=f"{result.cases} covered [%]")
+    axes.set_ylim(0.0, 101.0)
+    axes.legend(frameon=False)
+    speed = "" if result.cases == "motions" else f", tip speed {result.tip_speed:g} m/s"
+    axes.set_title(f"{result.arm.name}{speed}: 99 % below the dotted line")
     return axes.figure
 
 
@@ -154,6 +153,7 @@ def _draw_directions(axes: Any, result: FeasibleAttitudes) -> None:
     )
 
 
+@draws(LevelReach)
 def draw_level(result: LevelReach, *, ax: Any = None) -> Figure:
     """Draw where the tip can go with a level spacecraft.
 
@@ -165,25 +165,25 @@ def draw_level(result: LevelReach, *, ax: Any = None) -> Figure:
     spatial = result.axis is None
     axes = axes_for(ax, 6.8, 6.2, spatial=spatial)
     rows = [i for i in range(3) if i != result.axis]
-    with style():
-        ends = (result.tip + result.straight[:, None] * result.direction)[:, rows]
-        cells = result.point[1:, rows]
-        if spatial:
-            axes.scatter(*ends.T, color=BLUE, s=6, label="straight lines end")
-        else:
-            axes.fill(*ends.T, color=BLUE, alpha=0.35, label="straight lines")
-        if len(cells):
-            axes.scatter(*cells.T, color=ORANGE, s=10, marker="s", label="broken lines")
-        axes.scatter(*result.tip[rows][:, None], color="black", marker="P", label="start")
-        equal_axes(axes, "".join("xyz"[i] for i in rows))
-        axes.legend(frameon=False, loc="upper right")
-        axes.set_title(
-            f"{result.arm.name}: the tip, the spacecraft turned by at most "
-            f"{np.degrees(result.tilt):.3g}°\nfrom the system CM"
-        )
+    ends = (result.tip + result.straight[:, None] * result.direction)[:, rows]
+    cells = result.point[1:, rows]
+    if spatial:
+        axes.scatter(*ends.T, color=BLUE, s=6, label="straight lines end")
+    else:
+        axes.fill(*ends.T, color=BLUE, alpha=0.35, label="straight lines")
+    if len(cells):
+        axes.scatter(*cells.T, color=ORANGE, s=10, marker="s", label="broken lines")
+    axes.scatter(*result.tip[rows][:, None], color="black", marker="P", label="start")
+    equal_axes(axes, "".join("xyz"[i] for i in rows))
+    axes.legend(frameon=False, loc="upper right")
+    axes.set_title(
+        f"{result.arm.name}: the tip, the spacecraft turned by at most "
+        f"{np.degrees(result.tilt):.3g}°\nfrom the system CM"
+    )
     return axes.figure
 
 
+@draws(LevelEnvelope)
 def draw_envelope(result: LevelEnvelope, *, ax: Any = None) -> Figure:
     """Draw reach and turn over the mass of the bus.
 
@@ -192,29 +192,29 @@ def draw_envelope(result: LevelEnvelope, *, ax: Any = None) -> Figure:
         ax: Two axes, or a figure or subfigure; None for a new figure.
     """
     _, (reach, turn) = panels_for(ax, lambda whole: whole.subplots(1, 2), 10.0, 4.4)
-    with style():
-        for j, tilt in enumerate(result.tilt):
-            color = COLOURS[j % len(COLOURS)]
-            label = f"turned by {np.degrees(tilt):.3g}°"
-            reach.plot(result.base_mass, result.mean[:, j], "o-", color=color, label=label)
-            reach.plot(result.base_mass, result.least[:, j], ":", color=color)
-        turn.plot(result.base_mass, np.degrees(result.turn), "o-", color=BLUE, label="median")
-        turn.plot(result.base_mass, np.degrees(result.largest_turn), ":", color=BLUE, label="worst")
-        reach.set(xscale="log", xlabel="mass of the bus [kg]", ylabel="straight lines reach [m]")
-        turn.set(
-            xscale="log", yscale="log", xlabel="mass of the bus [kg]",
-            ylabel=f"turn by {result.travel:g} m of the tip [°]",
-        )  # fmt: skip
-        for axes in (reach, turn):
-            axes.set_xticks(result.base_mass, [f"{mass:g}" for mass in result.base_mass])
-            axes.set_xticks([], minor=True)
-        write_powers(turn.yaxis)
-        reach.legend(frameon=False)
-        turn.legend(frameon=False)
-        reach.set_title(f"{result.arm.name}: mean over directions, dotted the worst")
+    for j, tilt in enumerate(result.tilt):
+        color = COLOURS[j % len(COLOURS)]
+        label = f"turned by {np.degrees(tilt):.3g}°"
+        reach.plot(result.base_mass, result.mean[:, j], "o-", color=color, label=label)
+        reach.plot(result.base_mass, result.least[:, j], ":", color=color)
+    turn.plot(result.base_mass, np.degrees(result.turn), "o-", color=BLUE, label="median")
+    turn.plot(result.base_mass, np.degrees(result.largest_turn), ":", color=BLUE, label="worst")
+    reach.set(xscale="log", xlabel="mass of the bus [kg]", ylabel="straight lines reach [m]")
+    turn.set(
+        xscale="log", yscale="log", xlabel="mass of the bus [kg]",
+        ylabel=f"turn by {result.travel:g} m of the tip [°]",
+    )  # fmt: skip
+    for axes in (reach, turn):
+        axes.set_xticks(result.base_mass, [f"{mass:g}" for mass in result.base_mass])
+        axes.set_xticks([], minor=True)
+    write_powers(turn.yaxis)
+    reach.legend(frameon=False)
+    turn.legend(frameon=False)
+    reach.set_title(f"{result.arm.name}: mean over directions, dotted the worst")
     return reach.figure
 
 
+@draws(MomentumBudget)
 def draw_budget(result: MomentumBudget, *, ax: Any = None) -> Figure:
     """Draw the joints over time while they hold the tip, and while they hold the spacecraft.
 
@@ -223,20 +223,19 @@ def draw_budget(result: MomentumBudget, *, ax: Any = None) -> Figure:
         ax: Two axes, or a figure or subfigure; None for a new figure.
     """
     _, panels = panels_for(ax, lambda whole: whole.subplots(1, 2, sharey=True), 10.0, 4.2)
-    with style():
-        for axes, run, title in (
-            (panels[0], result.holding, f"tip held for {result.holds:.4g} s: {result.ended}"),
-            (
-                panels[1],
-                result.carrying,
-                f"spacecraft at rest for {result.carries:.4g} s: {result.carrying_ended}",
-            ),
-        ):
-            for j, name in enumerate(run.arm.joint_names):
-                color = COLOURS[j % len(COLOURS)]
-                axes.plot(run.t, run.q[:, j], color=color, label=name)
-            axes.set(xlabel="time [s]")
-            axes.set_title(title, fontsize=11)
-        panels[0].set_ylabel("joints [rad] or [m]")
-        panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    for axes, run, title in (
+        (panels[0], result.holding, f"tip held for {result.holds:.4g} s: {result.ended}"),
+        (
+            panels[1],
+            result.carrying,
+            f"spacecraft at rest for {result.carries:.4g} s: {result.carrying_ended}",
+        ),
+    ):
+        for j, name in enumerate(run.arm.joint_names):
+            color = COLOURS[j % len(COLOURS)]
+            axes.plot(run.t, run.q[:, j], color=color, label=name)
+        axes.set(xlabel="time [s]")
+        axes.set_title(title, fontsize=11)
+    panels[0].set_ylabel("joints [rad] or [m]")
+    panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return panels[0].figure

@@ -1,21 +1,26 @@
-"""Plots of motions: figures 5 and 6 of Papadopoulos & Dubowsky (1993), for any arm."""
+"""Motions among obstacles: figures 5 and 6 of Papadopoulos & Dubowsky (1993), for any arm."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from matplotlib.figure import Figure
-from matplotlib.patches import Annulus, Circle
+from matplotlib.patches import Annulus, Circle, Polygon
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from scipy.spatial import ConvexHull
 
 from spacearm.arrays import Array, finite, shape_of
+from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.separation import CollisionReport
+from spacearm.collisions.solids import corners
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
 from spacearm.plots.configurations import draw_stick_figure
-from spacearm.plots.obstacles import draw_obstacles
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -23,9 +28,10 @@ from spacearm.plots.style import (
     GREY,
     ORANGE,
     RED,
+    axes_for,
+    draws,
     headline,
     panels_for,
-    style,
 )
 from spacearm.workspaces.path_dependent import Workspace
 
@@ -37,6 +43,7 @@ FAR = 45.0
 """Largest distance to the singular set that is told apart [deg]."""
 
 
+@draws(Motion)
 def draw_motion(
     motion: Motion,
     target: npt.ArrayLike | None = None,
@@ -70,22 +77,21 @@ def draw_motion(
 
     whole, panels = panels_for(ax, parts, 11.0, 6.4)
     path, attitude, joints, *wheels, nearness = panels
-    with style():
-        title = f"{motion.arm.name}, {motion.story}"
-        headline(None if whole is None else path.figure, panels, title)
-        _draw_path(path, motion, mark, workspace)
-        _draw_attitude(attitude, motion)
-        for axes in wheels:
-            _draw_wheels(axes, motion, held)
-        _draw_joints(joints, motion)
-        nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=RED, lw=1.8)
-        nearness.set(ylabel="to a singular\nposture [deg]", xlabel="time [s]", ylim=(0.0, FAR))
-        nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
-        for axes in (attitude, joints, *wheels, nearness):
-            for t in motion.singular_times:
-                axes.axvline(t, color=RED, lw=0.8, ls=":", alpha=0.7)
-        if whole is not None:
-            whole.align_ylabels()
+    title = f"{motion.arm.name}, {motion.story}"
+    headline(None if whole is None else path.figure, panels, title)
+    _draw_path(path, motion, mark, workspace)
+    _draw_attitude(attitude, motion)
+    for axes in wheels:
+        _draw_wheels(axes, motion, held)
+    _draw_joints(joints, motion)
+    nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=RED, lw=1.8)
+    nearness.set(ylabel="to a singular\nposture [deg]", xlabel="time [s]", ylim=(0.0, FAR))
+    nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
+    for axes in (attitude, joints, *wheels, nearness):
+        for t in motion.singular_times:
+            axes.axvline(t, color=RED, lw=0.8, ls=":", alpha=0.7)
+    if whole is not None:
+        whole.align_ylabels()
     return path.get_figure(root=True)
 
 
@@ -241,3 +247,76 @@ def _short(names: tuple[str, ...]) -> list[str]:
     while shared + 1 < least and len({word[shared] for word in words}) == 1:
         shared += 1
     return ["_".join(each[shared:]) for each in words]
+
+
+OPACITY = 0.35
+
+
+def draw_obstacles(
+    axes: Any,
+    obstacles: Sequence[Obstacle],
+    along: Array,
+    times: Sequence[float],
+    normal: int | None,
+) -> None:
+    """Draw obstacles at some times, faint before the last one.
+
+    Args:
+        axes: Matplotlib axes.
+        obstacles: The obstacles.
+        along: (3, 3) the axes of the picture, columns in inertial axes.
+        times: The times [s]; of obstacles at rest the last one only.
+        normal: Which of these axes is left out in a flat picture; None for one in space.
+    """
+    for obstacle in obstacles:
+        label: str | None = obstacle.name
+        for t in times if obstacle.moves else times[-1:]:
+            opacity = OPACITY if t == times[-1] else 0.3 * OPACITY
+            for part, pose in zip(obstacle.parts, obstacle.poses(float(t)), strict=True):
+                points = _placed(corners(part.solid), pose) @ along
+                _draw_hull(axes, points, normal, opacity, label if t == times[-1] else None)
+                label = None if t == times[-1] else label
+
+
+def _placed(points: Array, pose: pin.SE3) -> Array:
+    """Return points (k, 3) of a frame in the inertial frame."""
+    return points @ pose.rotation.T + pose.translation
+
+
+def _draw_hull(
+    axes: Any, points: Array, normal: int | None, opacity: float, label: str | None
+) -> None:
+    """Draw the convex hull of points (k, 3), or its shadow in the plane."""
+    if normal is None:
+        faces = points[ConvexHull(points).simplices]
+        axes.add_collection3d(Poly3DCollection(faces, facecolor=GREY, alpha=opacity, label=label))
+        axes.auto_scale_xyz(*points.T)
+        return
+    flat = np.delete(points, normal, axis=1)
+    edge = flat[ConvexHull(flat).vertices]
+    axes.add_patch(Polygon(edge, facecolor=GREY, edgecolor=GREY, alpha=opacity, label=label))
+
+
+@draws(CollisionReport)
+def draw_collision_report(result: CollisionReport, *, ax: Any = None) -> Figure:
+    """Draw the least distance between bodies, less the margins of obstacles: over time, if any.
+
+    Args:
+        result: The report.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.0, 4.0)
+    label = "least distance, less margins [m]"
+    if len(result.t) == 1:
+        axes.barh([0], result.distance, height=0.5, color=BLUE)
+        axes.bar_label(axes.containers[0], fmt="{:.3g} m", padding=4)
+        axes.axvline(0.0, color=RED, lw=1.2)
+        axes.set(xlabel=label, yticks=[0], yticklabels=["posture"], ylim=(-1.0, 1.0))
+        axes.margins(x=0.15)
+    else:
+        axes.plot(result.t, result.distance, color=BLUE, lw=1.8)
+        axes.axhline(0.0, color=RED, lw=1.2)
+        axes.set(xlabel="time [s]", ylabel=label)
+    a, b = result.nearest
+    axes.set_title(f"{'apart, proven' if result.apart else 'bodies meet'}; nearest:\n{a}, {b}")
+    return axes.figure

@@ -14,7 +14,7 @@ from spacearm.arrays import Array
 from spacearm.mechanics.dynamics import Capture, Dynamics
 from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
 from spacearm.plots.configurations import draw_stick_figure, in_plane
-from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, headline, panels_for, style
+from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, draws, headline, panels_for
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
 
@@ -27,6 +27,7 @@ DECADES = 1e-3
 """Share of the largest entry down to which colours of a matrix are logarithmic."""
 
 
+@draws(SingularityReport)
 def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
     """Draw the posture, the singular values, and the direction of the tip that belongs to each.
 
@@ -48,25 +49,25 @@ def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
         return [posture, values, whole.add_subplot(grid[1, 1], sharex=values)]
 
     whole, (posture, values, directions) = panels_for(ax, parts, 11.0, 5.4)
-    with style():
-        draw_stick_figure(posture, cfg)
-        _draw_lost(posture, result)
-        verdict = textwrap.fill(result.verdict, VERDICT)
-        posture.set_title(f"{arm.name}, {result.mode}\n{verdict}")
-        color = [GREEN] * result.rank + [RED] * (k - result.rank)
-        bars = values.bar(range(k), result.sigma, color=color)
-        values.bar_label(bars, fmt="{:.3g}", fontsize=9)
-        values.set(xticks=range(k), xticklabels=columns, ylabel=f"[{arm.sigma_unit}]")
-        values.margins(y=0.15)
-        values.set_title("Singular values")
-        both = np.hstack((result.available, result.lost))
-        _draw_matrix(directions, both, arm.task.rows, columns)
-        directions.set_title("Directions in the rows of the task")
-        if whole is not None:
-            whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
+    draw_stick_figure(posture, cfg)
+    _draw_lost(posture, result)
+    verdict = textwrap.fill(result.verdict, VERDICT)
+    posture.set_title(f"{arm.name}, {result.mode}\n{verdict}")
+    color = [GREEN] * result.rank + [RED] * (k - result.rank)
+    bars = values.bar(range(k), result.sigma, color=color)
+    values.bar_label(bars, fmt="{:.3g}", fontsize=9)
+    values.set(xticks=range(k), xticklabels=columns, ylabel=f"[{arm.sigma_unit}]")
+    values.margins(y=0.15)
+    values.set_title("Singular values")
+    both = np.hstack((result.available, result.lost))
+    _draw_matrix(directions, both, arm.task.rows, columns)
+    directions.set_title("Directions in the rows of the task")
+    if whole is not None:
+        whole.supxlabel(IN_WORDS, fontsize=9, color=GREY)
     return posture.figure
 
 
+@draws(Capture)
 def draw_capture(result: Capture, *, ax: Any = None) -> Figure:
     """Draw joint rates and the spacecraft's twist just after the grasp.
 
@@ -78,16 +79,16 @@ def draw_capture(result: Capture, *, ax: Any = None) -> Figure:
     shares = [max(arm.n, 3), 3, 3]
     whole, panels = panels_for(ax, lambda new: new.subplots(1, 3, width_ratios=shares), 10.0, 4.0)
     rates, linear, angular = panels
-    with style():
-        unit = "m/s" if arm.slides.all() else "rad/s, m/s" if arm.slides.any() else "rad/s"
-        _bars(rates, arm.joint_names, result.dq, f"[{unit}]", "Joint rates")
-        _bars(linear, "xyz", result.twist[:3], "[m/s]", "Spacecraft, linear")
-        _bars(angular, "xyz", result.twist[3:], "[rad/s]", "Spacecraft, angular")
-        title = f"{arm.name} after the capture: {result.energy_lost:.4g} J lost"
-        headline(whole, panels, title if whole else f"{title}\nJoint rates")
+    unit = "m/s" if arm.slides.all() else "rad/s, m/s" if arm.slides.any() else "rad/s"
+    _bars(rates, arm.joint_names, result.dq, f"[{unit}]", "Joint rates")
+    _bars(linear, "xyz", result.twist[:3], "[m/s]", "Spacecraft, linear")
+    _bars(angular, "xyz", result.twist[3:], "[rad/s]", "Spacecraft, angular")
+    title = f"{arm.name} after the capture: {result.energy_lost:.4g} J lost"
+    headline(whole, panels, title if whole else f"{title}\nJoint rates")
     return rates.figure
 
 
+@draws(Dynamics)
 def draw_dynamics(result: Dynamics, *, ax: Any = None) -> Figure:
     """Draw joint torques and accelerations, the spacecraft's acceleration and the reaction.
 
@@ -98,14 +99,14 @@ def draw_dynamics(result: Dynamics, *, ax: Any = None) -> Figure:
     joints = [f"q{i + 1}" for i in range(len(result.ddq))]
     _, panels = panels_for(ax, lambda whole: whole.subplots(2, 2).ravel(), 10.0, 6.0)
     tau, ddq, base, reaction = panels
-    with style():
-        _bars(tau, joints, result.tau, "[N m] or [N]", "Joint torques")
-        _bars(ddq, joints, result.ddq, "[rad/s²] or [m/s²]", "Joint accelerations")
-        _bars(base, ROWS, result.base_acceleration, "[m/s²], [rad/s²]", "Spacecraft acceleration")
-        _bars(reaction, ROWS, result.reaction, "[N], [N m]", "Reaction on a held spacecraft")
+    _bars(tau, joints, result.tau, "[N m] or [N]", "Joint torques")
+    _bars(ddq, joints, result.ddq, "[rad/s²] or [m/s²]", "Joint accelerations")
+    _bars(base, ROWS, result.base_acceleration, "[m/s²], [rad/s²]", "Spacecraft acceleration")
+    _bars(reaction, ROWS, result.reaction, "[N], [N m]", "Reaction on a held spacecraft")
     return tau.figure
 
 
+@draws(MomentumMatrix)
 def draw_momentum_matrix(result: MomentumMatrix, *, ax: Any = None) -> Figure:
     """Draw A_b and A_q side by side as one matrix.
 
@@ -126,6 +127,7 @@ def draw_momentum_matrix(result: MomentumMatrix, *, ax: Any = None) -> Figure:
     return axes.figure
 
 
+@draws(PrescribedMotion)
 def draw_prescribed_motion(result: PrescribedMotion, *, ax: Any = None) -> Figure:
     """Draw the Jacobian of the free joints, and the drift that the prescribed ones cause.
 
@@ -140,6 +142,7 @@ def draw_prescribed_motion(result: PrescribedMotion, *, ax: Any = None) -> Figur
     return axes.figure
 
 
+@draws(ErrorBars)
 def draw_error_bars(result: ErrorBars, *, ax: Any = None) -> Figure:
     """Draw the bounds for the rounding errors of the entries of J*.
 
@@ -191,9 +194,8 @@ def _bars(axes: Any, names: Any, values: Array, unit: str, title: str) -> None:
 def _matrix(values: Array, rows: Sequence[str], columns: Sequence[str], title: str, ax: Any) -> Any:
     """Draw a labelled matrix alone."""
     axes = axes_for(ax, 2.0 + 0.62 * len(columns), 1.6 + 0.42 * len(rows))
-    with style():
-        _draw_matrix(axes, values, rows, columns)
-        axes.set_title(title)
+    _draw_matrix(axes, values, rows, columns)
+    axes.set_title(title)
     return axes
 
 

@@ -50,8 +50,7 @@ def plot(
         >>> figure.savefig("map.png")
     """
     try:
-        from spacearm.plots.drawings import drawing_of  # imports matplotlib
-        from spacearm.plots.notebooks import shown_once
+        from spacearm.plots.drawings import drawing_of, shown_once  # imports matplotlib
     except ValueError as error:
         raise ConfigurationError(f"MPLBACKEND names no backend of Matplotlib: {error}") from None
     draw, name = drawing_of(thing), type(thing).__name__

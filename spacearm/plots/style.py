@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 import matplotlib as mpl
 import numpy as np
@@ -14,6 +15,8 @@ from matplotlib import figure as mpl_figure
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
+
+P = ParamSpec("P")
 
 BLUE, RED, GREEN, ORANGE, GREY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#5b6470"
 PURPLE, SKY = "#cc79a7", "#56b4e9"
@@ -26,6 +29,8 @@ STYLE: Any = {  # Matplotlib's stubs accept literal names only
     "svg.hashsalt": "spacearm",
     "text.parse_math": False,  # names may hold dollar signs
 }
+DRAWINGS: dict[type, Callable[..., Any]] = {}
+"""What draws each kind of result; see `draws`."""
 PIXELS_PER_INCH = 90
 """Size of figures in notebooks."""
 TITLE = 54
@@ -39,6 +44,25 @@ def style() -> Iterator[None]:
     """Apply the style of the project for as long as the context lasts."""
     with mpl.rc_context(STYLE):
         yield
+
+
+def draws(*kinds: type) -> Callable[[Callable[P, mpl_figure.Figure]], Callable[P, Any]]:
+    """Make a function what draws kinds of results, in the style of the project.
+
+    Args:
+        *kinds: The types of the results.
+    """
+
+    def register(draw: Callable[P, mpl_figure.Figure]) -> Callable[P, Any]:
+        @wraps(draw)
+        def styled(*args: P.args, **options: P.kwargs) -> mpl_figure.Figure:
+            with style():
+                return draw(*args, **options)
+
+        DRAWINGS.update(dict.fromkeys(kinds, styled))
+        return styled
+
+    return register
 
 
 class Figure(mpl_figure.Figure):
@@ -80,9 +104,8 @@ def axes_for(ax: Any, width: float, height: float, *, spatial: bool = False) -> 
         ConfigurationError: `ax` is not Matplotlib axes, or has the wrong number of dimensions.
     """
     if ax is None or isinstance(ax, mpl_figure.FigureBase):
-        with style():
-            whole = figure(width, height) if ax is None else ax
-            return whole.add_subplot(projection="3d" if spatial else None)
+        whole = figure(width, height) if ax is None else ax
+        return whole.add_subplot(projection="3d" if spatial else None)
     if not isinstance(ax, mpl.axes.Axes):
         raise ConfigurationError(
             f"ax is {ax!r}; this drawing has one panel: give Matplotlib axes, a figure or a "
@@ -112,9 +135,8 @@ def panels_for(
         ConfigurationError: `ax` is something else, or has other axes than the drawing needs.
     """
     if ax is None or isinstance(ax, mpl_figure.FigureBase):
-        with style():
-            whole = figure(width, height) if ax is None else ax
-            return whole, list(make(whole))
+        whole = figure(width, height) if ax is None else ax
+        return whole, list(make(whole))
     wanted = list(make(Figure()))
     given = list(np.ravel(np.asarray(ax, dtype=object)))
     kinds = [axes.name if isinstance(axes, mpl.axes.Axes) else repr(axes) for axes in given]

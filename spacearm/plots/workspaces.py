@@ -1,4 +1,4 @@
-"""Workspaces, risk profiles and designs: figure 7 of Papadopoulos & Dubowsky (1993)."""
+"""Workspaces, risk profiles, designs and bands: figure 7 of Papadopoulos & Dubowsky (1993)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
-from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, panels_for, style
+from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, draws, panels_for
 from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile
 from spacearm.workspaces.path_dependent import Workspace
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+from spacearm.uncertainty.robust import DistanceRange, ShellBands
+
+
+@draws(Workspace)
 def draw_workspace(
     result: Workspace,
     path: Array | None = None,
@@ -41,25 +45,23 @@ def draw_workspace(
     """
     if result.planar:
         axes = axes_for(ax, 7.2, 6.4)
-        with style():
-            _draw_rings(axes, result, path)
+        _draw_rings(axes, result, path)
         return axes.figure
     if profile is None:
         axes = axes_for(ax, 6.4, 5.4, spatial=True)
-        with style():
-            _draw_cut_away(axes, result)
+        _draw_cut_away(axes, result)
         return axes.figure
 
     def parts(whole: Any) -> list[Any]:
         return [whole.add_subplot(1, 2, 1, projection="3d"), whole.add_subplot(1, 2, 2)]
 
     _, (space, beside) = panels_for(ax, parts, 11.0, 5.4)
-    with style():
-        _draw_cut_away(space, result)
-        _draw_profile(beside, profile)
+    _draw_cut_away(space, result)
+    _draw_profile(beside, profile)
     return space.figure
 
 
+@draws(RiskProfile)
 def draw_profile(result: RiskProfile, *, ax: Any = None) -> Figure:
     """Draw the share of configurations near a singularity over the distance from the CM.
 
@@ -68,11 +70,11 @@ def draw_profile(result: RiskProfile, *, ax: Any = None) -> Figure:
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     axes = axes_for(ax, 7.2, 4.4)
-    with style():
-        _draw_profile(axes, result)
+    _draw_profile(axes, result)
     return axes.figure
 
 
+@draws(PoseRisk)
 def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
     """Draw the share of near-singular configurations of each pose over its distance from the CM.
 
@@ -81,21 +83,21 @@ def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
         ax: Matplotlib axes to draw into; None for a new figure.
     """
     axes = axes_for(ax, 7.2, 4.4)
-    with style():
-        mean = float(result.share.mean())
-        axes.plot(
-            np.linalg.norm(result.centre, axis=1), 100.0 * result.share, "o", color=RED, alpha=0.6
-        )
-        axes.axhline(100.0 * mean, color=GREY, lw=1, ls=":")
-        axes.set(
-            xlabel="distance of the tip from the system CM [m]",
-            ylabel="configurations near a singularity [%]",
-            ylim=(0.0, None),
-        )
-        axes.set_title(f"{len(result.share)} tip poses, near: {_near(result)}\nmean {mean:.1%}")
+    mean = float(result.share.mean())
+    axes.plot(
+        np.linalg.norm(result.centre, axis=1), 100.0 * result.share, "o", color=RED, alpha=0.6
+    )
+    axes.axhline(100.0 * mean, color=GREY, lw=1, ls=":")
+    axes.set(
+        xlabel="distance of the tip from the system CM [m]",
+        ylabel="configurations near a singularity [%]",
+        ylim=(0.0, None),
+    )
+    axes.set_title(f"{len(result.share)} tip poses, near: {_near(result)}\nmean {mean:.1%}")
     return axes.figure
 
 
+@draws()
 def draw_design(result: xr.Dataset, *, ax: Any = None) -> Figure:
     """Draw the path independent share over one design parameter, or over two as a map.
 
@@ -115,21 +117,20 @@ def draw_design(result: xr.Dataset, *, ax: Any = None) -> Figure:
     share = result["fraction"].isel({name: 0 for name in names if name not in varied[:2]}) * 100.0
     labels = [f"{name} [{result[name].attrs['units']}]" for name in varied]
     axes = axes_for(ax, 7.2, 4.8)
-    with style():
-        if len(varied) == 1:
-            axes.plot(result[varied[0]], share, "o-", color=BLUE, lw=2)
-            top = 1.05 * float(np.nanmax(share)) or 1.0
-            axes.set(xlabel=labels[0], ylabel="path independent share [%]", ylim=(0.0, top))
-        else:
-            image = axes.pcolormesh(
-                result[varied[0]],
-                result[varied[1]],
-                share.transpose(*varied[1::-1]),
-                cmap="cividis",
-            )
-            axes.figure.colorbar(image, ax=axes, label="path independent share [%]")
-            axes.set(xlabel=labels[0], ylabel=labels[1])
-        axes.set_title(f"{result.attrs['arm']}, {result.attrs['base_mode']}")
+    if len(varied) == 1:
+        axes.plot(result[varied[0]], share, "o-", color=BLUE, lw=2)
+        top = 1.05 * float(np.nanmax(share)) or 1.0
+        axes.set(xlabel=labels[0], ylabel="path independent share [%]", ylim=(0.0, top))
+    else:
+        image = axes.pcolormesh(
+            result[varied[0]],
+            result[varied[1]],
+            share.transpose(*varied[1::-1]),
+            cmap="cividis",
+        )
+        axes.figure.colorbar(image, ax=axes, label="path independent share [%]")
+        axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.set_title(f"{result.attrs['arm']}, {result.attrs['base_mode']}")
     return axes.figure
 
 
@@ -231,3 +232,50 @@ def _near(risk: RiskProfile | PoseRisk) -> str:
 def _title(result: Workspace) -> str:
     share = f"{result.fraction:.1%} path independent"
     return f"{result.arm.name}, {result.mode}: {share} ({result.kind})"
+
+
+@draws(DistanceRange)
+def draw_distance_range(result: DistanceRange, *, ax: Any = None) -> Figure:
+    """Draw how the distances of all arms tried are spread.
+
+    Args:
+        result: The range.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.2, 4.2)
+    axes.hist(np.degrees(result.distances), bins=30, color=BLUE, alpha=0.6)
+    axes.axvline(np.degrees(result.nominal), color=RED, label="as described")
+    axes.set(xlabel="distance to the singular set, to first order [°]", ylabel="arms")
+    axes.legend(frameon=False)
+    low, high = np.degrees((result.low, result.high))
+    axes.set_title(f"{result.tried} arms: {low:.4g}° to {high:.4g}°")
+    return axes.figure
+
+
+@draws(ShellBands)
+def draw_shell_bands(result: ShellBands, *, ax: Any = None) -> Figure:
+    """Draw where the workspace is path dependent for all arms tried, and for some.
+
+    Args:
+        result: The bands.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 6.6, 6.2)
+    outer = float(result.sometimes.max(initial=0.0)) or 1.0
+    for ranges, color, label in (
+        (result.sometimes, GREY, "path dependent for some"),
+        (result.always, ORANGE, "path dependent for all"),
+    ):
+        for i, (low, high) in enumerate(ranges):
+            ring = Annulus((0, 0), high, max(high - low, 1e-3 * outer), facecolor=color)
+            ring.set(alpha=0.55, label=label if i == 0 else None)
+            axes.add_patch(ring)
+    axes.plot(0, 0, marker="P", color="black", ms=9)
+    reach = 1.25 * outer
+    axes.set(
+        xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
+        xlabel="from the system CM [m]", ylabel="from the system CM [m]",
+    )  # fmt: skip
+    axes.legend(frameon=False, loc="upper right")
+    axes.set_title(f"{result.tried} arms")
+    return axes.figure

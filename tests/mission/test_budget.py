@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import chains
+from helpers.arms import chains, load_text, random_chain, random_configuration
 from hypothesis import given, settings
 
 import spacearm as sa
@@ -79,6 +79,51 @@ def test_the_spacecraft_rests_while_the_arm_carries_the_momentum(planar):
         sa.momentum_matrix(between).A_q[3:] @ dq, H[3:], rtol=1e-3, atol=1e-6
     )
     np.testing.assert_allclose(sa.reaction(run).momentum[2:-2, 2], 0.5, rtol=2e-3)
+
+
+def turned_along(motion, h):
+    """The turn of the spacecraft [rad] with momentum h, the joints moving along straight lines."""
+    R, most = np.eye(3), 0.0
+    for i, dt in enumerate(np.diff(motion.t)):
+        dq = (motion.q[i + 1] - motion.q[i]) / dt
+        for share in (0.25, 0.75):
+            q = motion.q[i] + share * (motion.q[i + 1] - motion.q[i])
+            base = pin.SE3(R @ motion[0].base.rotation, np.zeros(3))
+            A_b, A_q = sa.momentum_matrix(motion.arm.at(q, base=base))
+            R = pin.exp3(0.5 * dt * np.linalg.solve(A_b[3:, 3:], h - A_q[3:] @ dq)) @ R
+        most = max(most, float(np.linalg.norm(pin.log3(R))))
+    return most
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5, 11, 20, 22])
+def test_the_spacecraft_rests_in_a_replay_as_long_as_claimed(seed):
+    """Of random arms, most of which come to where D_q loses rank; there the motion ends."""
+    arm = load_text(random_chain(seed, 3 + seed % 5), tip="tip")
+    arm = arm if arm.n >= 6 else arm.replace(task="position")
+    cfg, h = random_configuration(arm, seed), np.random.default_rng(seed).normal(size=3)
+    cfg = arm.at(cfg.q, base=cfg.base, momentum=[0.0, 0.0, 0.0, *h])
+    found = sa.momentum_budget(cfg, horizon=20.0, limits=False)
+    run = found.carrying
+    assert run.t[-1] == found.carries > 0.0
+    assert turned_along(run, h) < np.radians(0.05)
+    least = np.linalg.svd(sa.momentum_matrix(run[len(run) - 1]).A_q[3:], compute_uv=False)
+    if found.carrying_ended == "cannot":
+        assert least[2] < 1e-3 * least[0]
+        assert found.carries < 20.0
+    else:
+        assert (found.carrying_ended, found.carries) == ("horizon", 20.0)
+
+
+def test_a_joint_limit_ends_the_rest_of_the_spacecraft_where_it_is_met(planar):
+    arm, run = planar.configuration.arm, planar.carrying
+    assert planar.carrying_ended == "joint limit"
+    assert np.minimum(arm.upper - run.q, run.q - arm.lower).min(axis=1)[:-1].min() > 0.0
+    room = np.minimum(arm.upper - run.q[-1], run.q[-1] - arm.lower)
+    assert room.min() == pytest.approx(0.0, abs=1e-9)
+    free = sa.momentum_budget(planar.configuration, horizon=2.0 * planar.carries, limits=False)
+    i = int(room.argmin())
+    passed = np.interp(planar.carries, free.carrying.t, free.carrying.q[:, i])
+    assert passed == pytest.approx(run.q[-1, i], abs=1e-3)
 
 
 def test_an_arm_that_cannot_carry_it_says_no():

@@ -271,6 +271,13 @@ def test_an_arm_alone_is_no_spacecraft(tmp_path):
     assert sa.mount(saved(massless, tmp_path), SERVICER).n == 1
 
 
+@pytest.mark.parametrize("fixed", ["", frame("tool") + joint("bolt", "block", "tool", "fixed")])
+def test_a_body_without_joints_is_no_arm(fixed, tmp_path):
+    path = saved(robot(link("block"), fixed), tmp_path)
+    with pytest.raises(sa.ModelError, match=r"no joint can move; an arm needs"):
+        sa.mount(path, SERVICER)
+
+
 def test_robots_whose_package_is_not_installed_say_so(monkeypatch):
     from spacearm.description import model_catalogue as catalogue
 

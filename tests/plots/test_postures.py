@@ -6,11 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import spacearm as sa
-from spacearm.plots.postures import (
-    SECONDS,
-    draw_posture,
-    draw_velocities,
-)
+from spacearm.plots.configurations import SECONDS, draw_posture, draw_velocities
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
 

@@ -9,9 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import spacearm as sa
-from spacearm.plots.drawings import DRAWINGS
 from spacearm.plots.show import plot
-from spacearm.plots.style import COLOURS, figure, style
+from spacearm.plots.style import COLOURS, DRAWINGS, figure, style
 
 Q6 = np.radians([0, 60, -100, -50, 30, 0])
 SINGULAR = np.radians([-65, -11.4108])

@@ -8,7 +8,8 @@ joints is left that moves no mass at all.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,15 +43,17 @@ def checked(source: Source, tree: Tree) -> Tree:
     Warns:
         ModelWarning: Something was assumed or left out.
     """
+    estimated: dict[str, Inertial] = {}
     if source.reading.density is not None:
-        tree = with_density(source, tree, source.reading.density)
+        estimated = of_density(source, tree, source.reading.density)
+        tree = replace(tree, links={**tree.links, **estimated})
     _require_masses(source, tree)
     tree = with_flat_bodies(source, tree)
     _check_links(source, tree)
     if source.reading.check != "accept":
         tree = _without_idle_leaves(source, tree)
     _check_motions(source, tree)
-    for doubt in implausible(tree):
+    for doubt in implausible(tree, estimated):
         source.warn(doubt)
     return tree
 
@@ -206,8 +209,8 @@ def _quoted(names: Iterable[str]) -> str:
     return listed([repr(name) for name in names])
 
 
-def with_density(source: Source, tree: Tree, density: float) -> Tree:
-    """Return the tree with mass properties for the links that have shapes and no mass.
+def of_density(source: Source, tree: Tree, density: float) -> dict[str, Inertial]:
+    """Return mass properties for the links that have shapes and no mass, by link.
 
     Shapes are taken as solid; where shapes of a link overlap, both count, but for the ends of
     capsules. Those for collisions are used, else those that are drawn. A mesh that is not closed is
@@ -240,7 +243,7 @@ def with_density(source: Source, tree: Tree, density: float) -> Tree:
     if bare:
         names = ", ".join(map(repr, bare))
         source.warn(f"density gives no mass to {names}: their shapes are missing or unusable")
-    return replace(tree, links={**tree.links, **found})
+    return found
 
 
 def _solid(solids: Sequence[shapes.Shape]) -> pin.Inertia | None:
@@ -363,12 +366,16 @@ LEAST_SIZE = 1.0
 """Length [m] that a robot is taken to have at least, where its joints are close together."""
 
 
-def implausible(tree: Tree) -> list[str]:
+def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
     """Return what a body can have and no spacecraft has, as from wrong units, a sentence each.
 
     Inertias in kg mm^2, lengths in millimetres and masses in grams load without a fault. What
     betrays them is the radius of gyration of a body, sqrt(I / m), which is no longer than the robot
-    itself.
+    itself. Meshes in millimetres give links whose mass is farther away than the robot is long.
+
+    Args:
+        tree: Its links and joints.
+        estimated: Mass properties of the links that got them from their shapes.
     """
     lengths = {
         name: float(np.linalg.norm(joint.origin.translation)) for name, joint in tree.joints.items()
@@ -378,14 +385,33 @@ def implausible(tree: Tree) -> list[str]:
         for name, length in lengths.items()
         if length > LONGEST
     ]
-    levers = [float(np.linalg.norm(body.origin.translation)) for body in tree.bodies.values()]
+    described = {
+        link: body
+        for link, body in tree.bodies.items()
+        if estimated.keys().isdisjoint(tree.lumps()[link])
+    }
+    levers = [float(np.linalg.norm(body.origin.translation)) for body in described.values()]
     size = max(LEAST_SIZE, sum(lengths.values()), *levers)
-    for link, body in tree.bodies.items():
-        largest = float(np.linalg.eigvalsh(body.inertia)[-1])
-        if body.mass > 0.0 and (radius := np.sqrt(max(largest, 0.0) / body.mass)) > FAR * size:
+    for link, body in described.items():
+        largest, radius = _gyration(body)
+        if radius > FAR * size:
             found.append(
                 f"body {link!r} of {body.mass:.4g} kg has an inertia of {largest:.4g} kg m^2, as "
                 f"if its mass were {radius:.4g} m from its CM; the robot is {size:.3g} m long (SI "
                 "units: kg m^2)"
             )
+    for link, part in estimated.items():
+        far = float(np.hypot(np.linalg.norm(part.origin.translation), _gyration(part)[1]))
+        if far > min(FAR * size, LONGEST):
+            found.append(
+                f"link {link!r} has {part.mass:.4g} kg by its shapes, {far:.4g} m from its frame, "
+                f"as if in millimetres; the robot is {size:.3g} m long: give its meshes a scale, "
+                "as in scale='0.001 0.001 0.001'"
+            )
     return found
+
+
+def _gyration(body: Inertial) -> tuple[float, float]:
+    """Return the largest moment of inertia [kg m^2] and radius of gyration [m] of a body."""
+    largest = float(np.linalg.eigvalsh(body.inertia)[-1])
+    return largest, math.sqrt(max(largest, 0.0) / body.mass) if body.mass > 0.0 else 0.0
