@@ -93,8 +93,9 @@ def simulate_motion(
     laws = controller_of(arm, law)
     seconds = asked.take("duration", float, 60.0) if duration is None else duration
     options: dict[str, Any] = {key: asked.values[key] for key in PLAIN if key in asked.values}
-    if isinstance(options.get("stop"), str):
-        options["stop"] = (options["stop"],)
+    if isinstance(asked.values.get("stop"), str):
+        asked.values["stop"] = [asked.values["stop"]]
+    options["stop"] = asked.texts("stop")
     with working("simulating") as progress:
         run = simulate(
             start,
