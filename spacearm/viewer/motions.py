@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,6 +141,7 @@ def account(motion: Motion, other: Comparison | None = None) -> dict[str, Any]:
         beside = {(group.name, group.unit): group.at(t, known) for group in second}
     return {
         "story": f"{type(motion).__name__}, {motion.story}",
+        "described": _described(motion),
         "events": [
             {"t": float(event.t), "kind": event.kind, "detail": event.detail}
             for event in getattr(motion, "events", ())
@@ -150,6 +152,16 @@ def account(motion: Motion, other: Comparison | None = None) -> dict[str, Any]:
         "t": t.tolist(),
         "curves": [group.plain(beside.get((group.name, group.unit))) for group in curves],
     }
+
+
+@lru_cache(maxsize=2)
+def _described(motion: Motion) -> dict[str, Any]:
+    """Return notes and tables of the description of a motion, as texts."""
+    said = motion.describe()
+    tables = [
+        {"title": t.title, "head": t.head("both"), "rows": t.body("both")} for t in said.parts
+    ]
+    return {"notes": [said.headline, *said.notes], "tables": tables}
 
 
 def _sampled(motion: Motion) -> tuple[Array, list[Curves]]:

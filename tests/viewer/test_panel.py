@@ -107,6 +107,9 @@ def test_a_motion_has_curves_in_degrees_and_its_events():
     np.testing.assert_allclose(first, np.degrees([0.3, 1.2]))
     assert all(len(column) == len(told["t"]) for c in told["curves"] for column in c["values"])
     assert told["events"] == [{"t": 0.5, "kind": "joint limit", "detail": "joint_1"}]
+    joints = told["described"]["tables"][0]
+    assert joints["head"][:3] == ["joint", "start", "end"]
+    assert joints["rows"][1][1] == "68.755° (1.2 rad)"
     json.dumps(told, allow_nan=False)
 
 

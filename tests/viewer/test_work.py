@@ -183,6 +183,7 @@ def test_a_plan_is_made_to_a_picked_goal_and_played(browser):
     page.page.wait_for_selector("#work:not([hidden])")
     page.move(0, 25)  # the page goes on meanwhile
     page.wait_text("#story", "Plan,")
+    page.wait_text("#described table:last-child", "arrives")
     page.page.wait_for_selector("#work[hidden]", state="attached")
     assert viewer.q == pytest.approx(np.radians([20, -60])), "it starts where it was asked for"
     page.page.select_option("#speed", "10")

@@ -22,6 +22,7 @@ export function createPlayback(onTime) {
     Object.assign(slider, { min: first, max: last, step: "any" });
     byId("story").textContent = motion.compared
       ? `Solid: ${motion.story}. Dashed, and the blue ghost: ${motion.compared}.` : motion.story;
+    byId("described").querySelector("div").replaceChildren(...described(motion.described));
     const key = JSON.stringify([motion.story, motion.events]);
     if (loaded !== key) {
       loaded = key;
@@ -30,6 +31,20 @@ export function createPlayback(onTime) {
     }
     mark(motion.events);
     show(Math.min(Math.max(now, first), last));
+  }
+
+  /* Returns what there is to say of a motion: its notes and tables, texts and no markup. */
+  function described({ notes, tables }) {
+    const row = (tag, texts) => {
+      const made = element("tr");
+      made.append(...texts.map((text) => element(tag, text)));
+      return made;
+    };
+    return [...notes.map((note) => element("p", note)), ...tables.flatMap(({ title, head, rows }) => {
+      const table = element("table");
+      table.append(row("th", head), ...rows.map((texts) => row("td", texts)));
+      return [element("h3", title), table];
+    })];
   }
 
   function mark(events) {
