@@ -19,11 +19,11 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.joints import warn_outside
 from spacearm.model.loading import load
-from spacearm.motion.controllers import Controller
+from spacearm.motion.controllers import LAWS, Controller
 from spacearm.motion.goal import Goal, goal_of
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.request import Constraints, Joints, Search
-from spacearm.sweeps.motion_tables import LAWS, read_laws
+from spacearm.sweeps.motion_tables import read_laws
 from spacearm.sweeps.toml import Table, parse, text_of
 
 T = TypeVar("T")
@@ -81,7 +81,7 @@ def _value(text: str) -> Any:
     """Return what a text means as JSON: a number, true, false, a list, a table; else itself."""
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
 
 
@@ -186,7 +186,9 @@ def constraints_of(given: Table) -> Constraints:
         Constraints,
         given,
         wheels=lambda _: built(WheelHold, Table(f"{given.where}: wheels", wheels)),
-        obstacles=lambda value: tuple(_obstacle(one, given) for one in value),
+        obstacles=lambda value: tuple(
+            _obstacle(one, given) for one in (value if isinstance(value, list) else [value])
+        ),
     )
 
 
@@ -221,6 +223,10 @@ def _obstacle(value: Any, given: Table) -> Obstacle:
         raise own.fail("obstacles", f"give one of {', '.join(SHAPES)} for each")
     rest = dict(own.values)
     kind, shape = kinds[0], rest.pop(kinds[0])
+    if kind in ("mesh", "robot"):
+        shape = own.take(kind, str)
+    elif kind == "cylinder" and len(own.numbers(kind)) != 2:
+        raise own.fail(kind, "give [radius, length]")
     at = pose(**{key: rest.pop(key) for key in ("xyz", "rpy") if key in rest})
     if kind == "robot":
         robot = load(shape)

@@ -4,7 +4,8 @@ Where nobody names it, the tip is looked for on every arm, that is on every body
 nothing but fingers moves: the frame there that has a name for tips, such as tool0 or hand_tcp, else
 the hand, else the last link before the fingers branch, else the link farthest out. Of several arms
 one that ends in such a frame or in a gripper comes before others, then the one with the most
-joints. Where two are equally right the question is asked.
+joints. Of frames at one place the one with the shortest name is taken. Where two are equally right
+the question is asked.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
+import numpy as np
 from lxml import etree
 
 from spacearm.description.grippers import fingers, is_hand, is_wheel, measures, shared, tip_rank
@@ -21,6 +23,9 @@ from spacearm.errors import ConfigurationError, ModelError, UnsupportedError, li
 
 MOST_JOINTS = 300
 """Largest number of movable joints among which a tip is looked for."""
+
+SAME_PLACE = 1e-6
+"""Distance of two links that are at one place, as a share of the way to them."""
 
 
 class Tips(NamedTuple):
@@ -119,7 +124,7 @@ def _found(tree: Tree, path: Path) -> Tips:
     most = max(candidate.joints for candidate in candidates)
     sure = [c for c in candidates if c.sure and 2 * c.joints >= most] or candidates
     most = max(candidate.joints for candidate in sure)
-    best = [candidate for candidate in sure if candidate.joints == most]
+    best = _without_twins(tree, [candidate for candidate in sure if candidate.joints == most])
     links = [candidate.link for candidate in best]
     others = [
         c.link
@@ -136,6 +141,31 @@ def _found(tree: Tree, path: Path) -> Tips:
             f"tip=({links[0]!r}, {links[1]!r}){rest}"
         )
     return Tips((links[0],), best[0].reason + rest)
+
+
+def _without_twins(tree: Tree, candidates: Sequence[_Candidate]) -> list[_Candidate]:
+    """Return the candidates, of several at one place of one body that with the shortest name.
+
+    Which of them is taken makes no difference to what the arm can do.
+    """
+    kept: dict[str, _Candidate] = {}
+    for candidate in sorted(candidates, key=lambda candidate: len(candidate.link)):
+        link = candidate.link
+        twin = next((other for other in kept if _at_one_place(tree, other, link)), None)
+        if twin is None:
+            kept[link] = candidate
+        else:
+            reason = f"{kept[twin].reason}, and {link!r} is at the same place"
+            kept[twin] = kept[twin]._replace(reason=reason)
+    return [kept[candidate.link] for candidate in candidates if candidate.link in kept]
+
+
+def _at_one_place(tree: Tree, link: str, other: str) -> bool:
+    """Whether the origins of two links are one point of one body."""
+    if tree.body_of[link] != tree.body_of[other]:
+        return False
+    apart = tree.frames[link].translation - tree.frames[other].translation
+    return float(np.linalg.norm(apart)) <= SAME_PLACE * tree.way_to(link)
 
 
 def _arms(tree: Tree) -> dict[str, tuple[str, ...]]:

@@ -39,21 +39,27 @@ CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DistanceRange(Result):
-    """The distance to the singular set over all arms tried.
+    """The distance to the singular set over all arms tried, to first order.
+
+    Each is `sa.singularity(cfg).distance` of its arm: near the singular set the distance, far away
+    a hint. The range is no bound, except where an arm is `singular`.
 
     Attributes:
         nominal: That of the arm as described [rad].
-        low: The least [rad].
+        low: The least [rad]; 0 where `singular`.
         high: The largest [rad].
-        least: The values at which it is least, by name.
+        singular: Whether det(J*) changes its sign between two arms tried: an arm between them is
+            singular. False says nothing.
+        least: The values at which it is least, by name; those of that arm where `singular`.
         distances: (m,) those of all arms tried, random ones first [rad].
-        tried: Number of arms tried; between them it may be a little less or more.
+        tried: Number of arms tried; between them it may be less or more.
         random: How many of them are random, as the distributions have it.
     """
 
     nominal: float
     low: float
     high: float
+    singular: bool
     least: dict[str, float]
     distances: Array
     tried: int
@@ -66,15 +72,17 @@ class DistanceRange(Result):
     def describe(self) -> Description:
         """Describe the range, and the values at which the distance is least."""
         low, high, nominal = np.degrees([self.low, self.high, self.nominal])
+        least = "0°, an arm between is singular," if self.singular else f"{low:.4g}°"
         facts: dict[str, Cell] = {
-            "as described": Measure(self.nominal, "rad"),
-            "least": Measure(self.low, "rad"),
-            "largest": Measure(self.high, "rad"),
+            "as described, to first order": Measure(self.nominal, "rad"),
+            "least found": Measure(self.low, "rad"),
+            "det(J*) changes its sign": self.singular,
+            "largest, to first order": Measure(self.high, "rad"),
             **{f"least with {name}": value for name, value in self.least.items()},
         }
         return Description(
             title=f"distance to the singular set of {self.tried:,} arms",
-            verdict=f"{low:.4g}° to {high:.4g}°, {nominal:.4g}° as described",
+            verdict=f"{least} to {high:.4g}°, {nominal:.4g}° as described, to first order",
             tables=[Table.facts(facts)],
         )
 
@@ -122,7 +130,8 @@ def distance_range(
     """Compute the range of the distance to the singular set over arms from the intervals.
 
     The arms are random ones, and those with all parameters at ends of their intervals if there are
-    up to 8 parameters; the range is that of these arms, the true one may be a little wider.
+    up to 8 parameters. Their distances are those of `singularity`, to first order, and the true
+    range may be wider. It begins at 0 where det(J*) changes its sign between two of them.
 
     Args:
         uncertain: The arm; see `uncertain`.
@@ -145,18 +154,36 @@ def distance_range(
     arm = uncertain.arm
     q = joint_vector(arm, q, "q")
     shares = uncertain.tried(samples, seed, MOST_CORNERS)
-    found = np.array([singularity(uncertain.realise(t).at(q)).distance for t in shares])
+    reports = [singularity(uncertain.realise(t).at(q)) for t in shares]
+    found = np.array([report.distance for report in reports])
     nominal = float(singularity(arm.at(q)).distance)
-    least = int(np.argmin(found))
+    least, low = shares[int(np.argmin(found))], min(nominal, float(found.min()))
+    values = np.array([report.determinant or 0.0 for report in reports])
+    singular = bool(arm.n == arm.task.k and values.min() <= 0.0 <= values.max())
+    if singular:
+        least, low = _singular_between(uncertain, q, shares, values), 0.0
     return DistanceRange(
         nominal=nominal,
-        low=min(nominal, float(found[least])),
+        low=low,
         high=max(nominal, float(found.max())),
-        least=uncertain.named(shares[least]),
+        singular=singular,
+        least=uncertain.named(least),
         distances=found,
         tried=len(found),
         random=samples,
     )
+
+
+def _singular_between(uncertain: UncertainArm, q: Array, shares: Array, values: Array) -> Array:
+    """Return the shares (p,) of a singular arm between the two of least and largest det(J*)."""
+    from scipy.optimize import brentq  # slow to import
+
+    low, high = shares[int(np.argmin(values))], shares[int(np.argmax(values))]
+
+    def determinant(s: float) -> float:
+        return singularity(uncertain.realise(low + s * (high - low)).at(q)).determinant or 0.0
+
+    return low + float(brentq(determinant, 0.0, 1.0)) * (high - low)
 
 
 def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCertificate:

@@ -171,6 +171,10 @@ END = "</robot>"
 CHANGES = {
     "a namespace": ("<robot ", '<robot xmlns="http://www.ros.org" '),
     "another namespace": ("<robot ", '<robot xmlns:sensor="http://a.org/b#sensor" '),
+    "namespaces that are not declared": (
+        END,
+        '<drake:joint name="elbow" ignition:frame="arm"/></robot>',
+    ),
     "a blank line before the declaration": ("<?xml", "\n  <?xml"),
     "no name": (' name="r"', ""),
     "gazebo": (END, "<gazebo><plugin name='a'/></gazebo></robot>"),
@@ -189,6 +193,14 @@ def test_what_makes_no_difference(case):
     J = sa.generalized_jacobian(arm.at(q))
     assert np.array_equal(J, sa.generalized_jacobian(same.at(q)))
     assert same.name in ("r", "robot")
+
+
+@pytest.mark.parametrize("blanks", ["", "\n", "\n \n\n"])
+def test_lines_are_those_of_the_file(blanks):
+    text = f"{blanks}{robot(*two_links())}".replace(END, f"\n{link('arm')}<a:b/></robot>")
+    first, second = (n + blanks.count("\n") for n in (4, 7))
+    with pytest.raises(sa.ModelError, match=rf"'arm' \(line {first} and line {second}\)"):
+        load_text(text)
 
 
 @pytest.mark.parametrize(("encoding", "declared"), [("utf-8-sig", "utf-8"), ("utf-16", "utf-16")])

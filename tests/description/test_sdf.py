@@ -348,3 +348,12 @@ def test_bad_sdf_is_refused_with_file_element_and_remedy(case, tmp_path):
         load(text, tmp_path)
     assert str(error.value).startswith(str(tmp_path / "robot.sdf"))
     assert "; " in str(error.value)
+
+
+def test_namespaces_of_simulators_need_no_declaration(tmp_path):
+    collision = "<collision name='c'><geometry><sphere><radius>1</radius></sphere></geometry>"
+    hint = "<drake:properties gz:a='1'><drake:mu>1</drake:mu></drake:properties>"
+    arm = load(
+        sdf(model(BUS, link("arm", inside=f"{collision}{hint}</collision>"), elbow())), tmp_path
+    )
+    assert arm.tree.visuals["arm"].collision[0].geometry == Sphere(1.0)

@@ -92,7 +92,27 @@ def test_frames_side_by_side():
     arm = found(*ARM, *pads)
     assert (arm.tip, arm.tip_reason) == ("l_4", "it is the last link before others branch")
     with pytest.raises(sa.ModelError, match="2 links could be the tip: tool_a, tool_b; choose"):
-        found(*ARM, *fixed("tool_a", "l_4"), *fixed("tool_b", "l_4"))
+        found(*ARM, *fixed("tool_a", "l_4"), *fixed("tool_b", "l_4", xyz=(0.1, 0.05, 0)))
+
+
+@pytest.mark.parametrize("rpy", [(0, 0, 0), (0, 1.57, 0)])
+def test_twins_at_one_place_are_one_tip(rpy):
+    kuka = [frame("r_ee_kuka"), joint("kuka", "l_4", "r_ee_kuka", "fixed", rpy=rpy)]
+    twin = [frame("r_ee"), joint("twin", "l_4", "r_ee", "fixed")]
+    arm = found(*ARM, *kuka, *twin)
+    assert arm.tip == "r_ee"
+    assert arm.tip_reason == "its name is one for tips, and 'r_ee_kuka' is at the same place"
+    beside = [frame("r_ee"), joint("twin", "l_4", "r_ee", "fixed", xyz=(0.5, 0.001, 0))]
+    with pytest.raises(sa.ModelError, match="2 links could be the tip: r_ee_kuka, r_ee; choose"):
+        found(*ARM, *kuka, *beside)
+
+
+def test_twins_on_two_arms_are_a_question_of_two():
+    left = [frame("left_ee_b"), joint("lb", "left_3", "left_ee_b", "fixed")]
+    left += [frame("left_ee"), joint("la", "left_3", "left_ee", "fixed")]
+    right = [frame("right_ee"), joint("ra", "right_3", "right_ee", "fixed")]
+    with pytest.raises(sa.ModelError, match="2 links could be the tip: left_ee, right_ee; choose"):
+        found(BUS, *arm_of(3, "left"), *arm_of(3, "right"), *left, *right)
 
 
 def test_what_an_arm_carries_is_no_tip():

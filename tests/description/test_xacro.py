@@ -438,3 +438,21 @@ def test_sources_expand_as_by_the_program_itself(tmp_path):
     facts = [[(e.tag, dict(e.attrib)) for e in tree] for tree in trees]
     assert facts[0] == facts[1]
     assert ("note", {"text": "half of pi: 1.571"}) in facts[0]
+
+
+def test_a_name_given_twice_is_found_where_it_is_written(tmp_path):
+    write(tmp_path / "parts.xacro", PARTS)
+    again = source(
+        '<xacro:include filename="parts.xacro"/>' + ARM + '<xacro:body name="arm" mass="1"/>'
+    )
+    path = write(tmp_path / "robot.xacro", again)
+    where = r"'arm' \(line 4 of robot\.xacro and line 2 of parts\.xacro\); rename one"
+    with pytest.raises(sa.ModelError, match=where):
+        sa.load(path)
+
+
+def test_namespaces_need_no_declaration(tmp_path):
+    write(tmp_path / "parts.xacro", PARTS.replace(SPACE, ""))
+    extra = '<drake:joint name="elbow" ignition:frame="arm"/>'
+    path = write(tmp_path / "robot.xacro", of_bodies(extra).replace(SPACE, ""))
+    assert sa.load(path).joint_names == ("elbow",)

@@ -199,6 +199,31 @@ def test_the_range_of_the_distance_holds_that_of_the_arm(arm, about):
     assert less.high - less.low < found.high - found.low
 
 
+def test_the_range_begins_at_zero_where_one_of_the_arms_is_singular(arm):
+    """The determinant changes its sign between two arms; the singular one between is named."""
+    about = sa.uncertain(arm, {"link_1": {"mass": 0.1}, "link_2": {"mass": 0.1}})
+    posture = sa.singularity(arm.at(np.radians([-65.0, 30.0])), exact=True).nearest
+    singular = 0
+    for offset in np.radians([-3.0, -0.6, -0.25, 0.2, 0.35, 3.0]):
+        q = posture + np.array([0.0, offset])
+        signs = {
+            np.sign(sa.singularity(about.realise([a, b]).at(q)).determinant)
+            for a in np.linspace(0.0, 1.0, 9)
+            for b in np.linspace(0.0, 1.0, 9)
+        }
+        found = sa.distance_range(about, q, samples=3)
+        assert found.singular == (found.low == 0.0) == (len(signs) == 2)
+        if found.singular:
+            singular += 1
+            assert found.distances.min() > 0.0
+            shares = [(found.least[p.name] - p.low) / (p.high - p.low) for p in about.parameters]
+            assert sa.singularity(about.realise(shares).at(q)).distance < 1e-9
+            assert found.describe().verdict.startswith("0°, an arm between is singular,")
+        else:
+            assert "to first order" in found.describe().verdict
+    assert 1 <= singular <= 4
+
+
 def test_shells_become_bands_around_those_of_the_arm(arm):
     about = sa.uncertain(arm, {"link_2": {"mass": 0.1}})
     bands = sa.shell_bands(about, samples=4)

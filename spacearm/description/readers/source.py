@@ -142,6 +142,12 @@ SHOWN = 3
 """Missing meshes that the warning about them names; the note names all."""
 LONGEST = 300
 """Characters of a name that a note shows."""
+MOST_PREFIXES = 20
+"""Largest number of namespace prefixes that are declared in place of the file."""
+UNDECLARED = re.compile(r"Namespace prefix ([\w.-]+) (on|for) .* is not defined")
+ROOT_TAG = re.compile(rb"(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*<[\w:.-]+", re.DOTALL)
+WRITTEN = "written-on"
+"""Attribute of a link or joint from a xacro source: the line and file where it is written."""
 
 
 class Source:
@@ -244,7 +250,10 @@ class Source:
         return self.parsed(text)
 
     def parsed(self, text: bytes) -> etree._Element:
-        """Parse XML without entities, network access or DOCTYPE; its own namespace is dropped."""
+        """Parse XML without entities, network access or DOCTYPE; its own namespace is dropped.
+
+        Namespaces need no declaration. Lines are those of the text, which may begin with blanks.
+        """
         parser = etree.XMLParser(
             resolve_entities=False,
             no_network=True,
@@ -253,7 +262,7 @@ class Source:
             remove_pis=True,
         )
         try:
-            root = etree.fromstring(text.lstrip(), parser)
+            root = etree.fromstring(declared(text), parser)
         except etree.XMLSyntaxError as error:
             self.fail(f"is not XML ({error.msg})", "correct it there")
         if etree.ElementTree(root).docinfo.doctype:
@@ -273,7 +282,7 @@ class Source:
             if not name:
                 self.fail(f"the <{tag}> on line {element.sourceline} has no name", "name it")
             if name in elements:
-                lines = f"lines {elements[name].sourceline} and {element.sourceline}"
+                lines = " and ".join(dict.fromkeys(map(line_of, (elements[name], element))))
                 self.fail(f"two {tag}s are named {name!r} ({lines})", "rename one")
             elements[name] = element
         return elements
@@ -343,5 +352,30 @@ def describe(element: etree._Element) -> str:
     """Describe an element by its owner and line, as in: <mass> of link 'boom' (line 12)."""
     owner = next((e for e in (element, *element.iterancestors()) if e.get("name")), element)
     where = "" if owner is element else f"<{element.tag!s}> of "
-    line = f" (line {element.sourceline})" if (element.sourceline or 0) > 1 else ""
+    known = WRITTEN in element.attrib or (element.sourceline or 0) > 1
+    line = f" ({line_of(element)})" if known else ""
     return f"{where}{owner.tag!s} {owner.get('name')!r}{line}"
+
+
+def line_of(element: etree._Element) -> str:
+    """Say on which line an element was written, and in which file if that is another one."""
+    return element.get(WRITTEN) or f"line {element.sourceline}"
+
+
+def declared(text: bytes) -> bytes:
+    """Return XML with every namespace prefix declared that it uses, without blanks before it."""
+    body = text.lstrip()
+    if body.startswith(b"<?xml"):  # which must come first; the number of lines stays
+        text = body.replace(b"?>", b"?>" + b"\n" * text[: -len(body)].count(b"\n"), 1)
+    for _ in range(MOST_PREFIXES):
+        try:
+            etree.fromstring(text, etree.XMLParser(resolve_entities=False, no_network=True))
+        except etree.XMLSyntaxError as error:
+            undeclared, root = UNDECLARED.match(error.msg or ""), ROOT_TAG.match(text)
+            if undeclared is None or root is None:
+                break
+            prefix = undeclared[1].encode()
+            text = b'%b xmlns:%b="%b"%b' % (root[0], prefix, prefix, text[root.end() :])
+        else:
+            break
+    return text

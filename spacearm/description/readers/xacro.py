@@ -12,7 +12,7 @@ from typing import NoReturn
 from lxml import etree
 
 from spacearm.description.readers.packages import Packages
-from spacearm.description.readers.source import Source
+from spacearm.description.readers.source import WRITTEN, Source, declared
 from spacearm.description.readers.xacro_expansion import (
     Expansion,
     MissingArgumentError,
@@ -51,6 +51,9 @@ def expanded(source: Source, written: etree._Element) -> etree._Element:
     for text in expansion.warnings:
         source.warn(f"xacro: {text}")
     robot = source.parsed(urdf)
+    for element, line in zip(robot.iter(etree.Element), expansion.lines, strict=True):
+        if line:
+            element.set(WRITTEN, line)
     if robot.tag == "robot" and robot.find("link") is None:
         _fail_as_part(source, written)
     return robot
@@ -266,7 +269,7 @@ def _document(file: Path) -> etree._Element | None:
         return None
     try:
         parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-        return etree.fromstring(read(file), parser)
+        return etree.fromstring(declared(read(file)), parser)
     except (OSError, etree.XMLSyntaxError):
         return None
 

@@ -20,7 +20,10 @@ from typing import Any
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
+from lxml import etree
+
 from spacearm.description.readers.packages import Packages
+from spacearm.description.readers.source import WRITTEN, declared
 from spacearm.description.readers.xacro_expressions import BOUNDED, Evaluator, ExpressionError
 from spacearm.files import read
 
@@ -44,12 +47,14 @@ class Expansion:
         known: Names of the arguments that were declared or used so far.
         files: The files read so far, the source first.
         warnings: What the source or xacro warned of.
+        lines: Where the elements of the URDF were written, in order; "" but for links and joints.
     """
 
     def __init__(self, path: Path, packages: Packages, given: Mapping[str, str]) -> None:
         self.arguments = dict(given)
         self.known: set[str] = set()
         self.warnings: list[str] = []
+        self.lines: list[str] = []
         self._left_out = False
         self._path = path
         self._packages = packages
@@ -78,6 +83,10 @@ class Expansion:
                 robot.setAttribute("name", str(xacro.eval_text(name, symbols)))
         except Exception as error:  # whatever xacro makes of a faulty file
             raise self._explained(error) from None
+        for node in document.getElementsByTagName("*"):
+            self.lines.append(node.getAttribute(WRITTEN))
+            if self.lines[-1]:
+                node.removeAttribute(WRITTEN)
         return document.toxml().replace("\n", " ").encode()  # one line: nobody has seen the others
 
     def _explained(self, error: Exception) -> XacroError:
@@ -218,10 +227,16 @@ class Expansion:
             raise self._xacro.XacroException(exc=error) from None
         if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
             raise XacroError(f"{file.name} declares a DOCTYPE", "remove it: it is not expanded")
+        content = declared(content)
         try:
-            return minidom.parseString(content)
+            document = minidom.parseString(content)
         except ExpatError as error:
             raise XacroError(f"{file.name} is not XML ({error})", "correct it there") from None
+        written = etree.fromstring(content).iter(etree.Element)
+        for node, element in zip(document.getElementsByTagName("*"), written, strict=True):
+            if node.tagName in ("link", "joint"):
+                node.setAttribute(WRITTEN, f"line {element.sourceline} of {file.name}")
+        return document
 
     def _load_yaml(self, filename: str) -> Any:
         """Load a YAML file, with xacro's units."""
