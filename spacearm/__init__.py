@@ -46,9 +46,9 @@ quaternion   xyzw, as Pinocchio and scipy have it
 pose         pin.SE3, also given as a (4, 4) matrix or made by `pose(xyz=, rpy=)`; `base` and `tip`
              are placements in the inertial frame
 points       in the inertial frame. The spacecraft's frame starts at its origin (`base` puts it
-             elsewhere), as in `SpaceArm.at`; with origin="cm" (--origin cm) the system CM does.
-             `Workspace`, which knows no start, takes points from the system CM, or with `start=`
-             in the frame of a configuration. Answers say which (`origin`)
+             elsewhere), as in `SpaceArm.at`; with origin="cm" (--with origin=cm) the system CM
+             does. `Workspace`, which knows no start, takes points from the system CM, or with
+             `start=` in the frame of a configuration. Answers say which (`origin`)
 angles       rad; the command line takes degrees with --deg
 q            (n,) one number per joint that counts, in the model's order, spacecraft excluded
 task         rows named "x y z rx ry rz"; aliases "pose", "position", "orientation"; a length [m]

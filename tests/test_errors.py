@@ -130,7 +130,7 @@ def test_large_results_are_shown_in_a_line():
     nobody = sa.risk_profile(arm(), bins=[10.0, 11.0], samples=2000)
     assert "no configuration in any class" in repr(nobody)
     shown = repr(sa.pose_risk(arm(), poses=50, samples=500))
-    assert shown.startswith("PoseRisk(50 poses, near: up to 5°")
+    assert shown.startswith("PoseRisk(50 poses, within 5° of a singular posture")
     assert len(shown) < 150
     shells = [repr(component) for component in sa.singular_set(arm()).components()]
     assert any(shell.endswith("R from 0.3510638 to 0.5536773 m)") for shell in shells)

@@ -8,28 +8,43 @@ from typing import Annotated, Any
 import typer
 
 from spacearm.cli.options import AsJson, on_a_model
-from spacearm.cli.output import heading, number, out, print_json, print_result, table
+from spacearm.cli.output import (
+    out,
+    print_description,
+    print_json,
+    print_result,
+)
 from spacearm.description.model_catalogue import ModelInfo, arms, catalogue
 from spacearm.model.arm import SpaceArm
 from spacearm.model.loading import load
 from spacearm.model.task import Task
+from spacearm.results import Cell, Column, Description, Table
 
 
 def list_models(as_json: AsJson = False) -> None:
     """List the models of the catalogue, and the arms that can be mounted on a bus."""
     if as_json:
         return print_json([_entry(info) for info in catalogue()])
-    rows = table("name", "n", "tip", "task", "spacecraft", "arm", "what it is", "source")
-    for info in catalogue():
-        spacecraft, arm = (f"{number(mass)} kg" for mass in _masses(info.name).values())
-        facts = (info.name, str(info.n), info.tip, info.task, spacecraft, arm)
-        rows.add_row(*facts, info.summary, info.source)
-    out.print(rows)
-    heading("Arms for sa.mount")
-    rows = table("name", "tip", "what it is", "source")
-    for arm_info in arms():
-        rows.add_row(arm_info.name, arm_info.tip, arm_info.summary, arm_info.source)
-    out.print(rows)
+    models: list[tuple[Cell, ...]] = [
+        (
+            info.name,
+            info.n,
+            info.tip,
+            info.task,
+            *_masses(info.name).values(),
+            info.summary,
+            info.source,
+        )
+        for info in catalogue()
+    ]
+    mounted = [(info.name, info.tip, info.summary, info.source) for info in arms()]
+    columns: list[Column | str] = ["name", "n", "tip", "task", Column("spacecraft", "kg", ".6g")]
+    columns += [Column("arm", "kg", ".6g"), "what it is", "source"]
+    tables = (
+        Table(columns, models),
+        Table(("name", "tip", "what it is", "source"), mounted, "Arms for sa.mount"),
+    )
+    print_description(Description(title="models", tables=tables))
 
 
 def _entry(info: ModelInfo) -> dict[str, Any]:
@@ -68,4 +83,4 @@ def write_model(
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")
-    out.print(f"{path}: {arm.name}, {arm.n} joints, {number(arm.mass)} kg, tip {arm.tip}")
+    out.print(f"{path}: {arm.name}, {arm.n} joints, {arm.mass:.6g} kg, tip {arm.tip}")

@@ -8,14 +8,13 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
@@ -63,8 +62,6 @@ out = Terminal(width=None if sys.stdout and sys.stdout.isatty() else WIDE)
 
 err = Terminal(stderr=True, width=None if sys.stderr and sys.stderr.isatty() else WIDE)
 
-ROUNDING = 1e-12
-"""Joint positions up to this [rad] or [m] print as 0."""
 FIRST, EVERY = 2.0, 10.0
 """Seconds after which a command tells what it does where stderr is no terminal, and how often."""
 STYLES: Mapping[Tone, str] = {
@@ -246,23 +243,6 @@ def write_picture(path: Path, figure: Figure) -> None:
     write(path, buffer.getvalue())
 
 
-def table(*columns: str) -> Table:
-    """Make an empty table in the common style."""
-    result = Table(*(Column(name, overflow="fold") for name in columns), box=None, pad_edge=False)
-    result.show_header = any(columns)
-    return result
-
-
-def heading(text: str) -> None:
-    """Print a heading for the table that follows."""
-    out.print(f"\n{text}", style="bold underline")
-
-
-def unit_power(unit: str, power: int) -> str:
-    """Return a unit to a power, as in (m/rad)^2."""
-    return unit if power == 1 else f"({unit})^{power}"
-
-
 def print_result(result: Any, *, deg: bool = False, as_json: bool = False) -> None:
     """Print a result: as JSON, or what its description holds.
 
@@ -286,47 +266,15 @@ def print_description(said: Description, deg: bool = False) -> None:
         out.print(in_own_words(note))
     for part in said.parts:
         if part.title:
-            heading(in_own_words(part.title))
+            out.print(f"\n{in_own_words(part.title)}", style="bold underline")
         if part.rows:
-            rows = table(*part.head(angles))
+            heads = [Column(name, overflow="fold") for name in part.head(angles)]
+            shown = Table(*heads, box=None, pad_edge=False, show_header=any(part.head(angles)))
             for row in part.body(angles):
-                rows.add_row(*map(in_own_words, row))
-            out.print(rows)
+                shown.add_row(*map(in_own_words, row))
+            out.print(shown)
     if said.limits:
         out.print(said.limits)
-
-
-def rotation(values: npt.ArrayLike, deg: bool) -> str:
-    """Format a rotation vector [rad] with its unit."""
-    array = np.asarray(values, dtype=np.float64)
-    return f"{vector(np.degrees(array) if deg else array)} {'°' if deg else 'rad'}, rotation vector"
-
-
-def number(value: float, digits: int = 6) -> str:
-    """Format a number; rounding errors of numbers around 1 print as 0."""
-    return f"{0.0 if abs(value) < 1e-15 else value:.{digits}g}"
-
-
-def vector(values: npt.ArrayLike | Sequence[float], digits: int = 5) -> str:
-    """Format a vector; what is rounding beside its largest entry prints as 0."""
-    array = np.asarray(values, dtype=np.float64)
-    noise = 1e-14 * np.abs(array).max(initial=0.0)
-    return "(" + ", ".join(number(x if abs(x) > noise else 0.0, digits) for x in array) + ")"
-
-
-def component(value: float) -> str:
-    """Format a component of a unit vector; rounding errors print as 0."""
-    return number(value if abs(value) > 1e-12 else 0.0, 4)
-
-
-def joint_value(value: float, kind: str, deg: bool) -> str:
-    """Format an angle or a displacement with its unit."""
-    if math.isinf(value):
-        return "none"
-    value = value if abs(value) > ROUNDING else 0.0
-    if kind == "prismatic":
-        return f"{number(value, 5)} m"
-    return f"{number(math.degrees(value), 5)}°" if deg else f"{number(value, 5)} rad"
 
 
 def print_json(value: Any) -> None:

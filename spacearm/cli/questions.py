@@ -19,11 +19,11 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.joints import warn_outside
 from spacearm.model.loading import load
-from spacearm.motion.controllers import Controller
+from spacearm.motion.controllers import LAWS, Controller
 from spacearm.motion.goal import Goal, goal_of
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.request import Constraints, Joints, Search
-from spacearm.sweeps.motion_tables import LAWS, read_laws
+from spacearm.sweeps.motion_tables import read_laws
 from spacearm.sweeps.toml import Table, parse, text_of
 
 T = TypeVar("T")

@@ -24,13 +24,13 @@ from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.controllers import TipLaw
+from spacearm.motion.controllers import LAWS, TipLaw
 from spacearm.motion.flights import Flight, simulate_phases
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import Integration
 from spacearm.motion.simulation import simulate
-from spacearm.sweeps.motion_tables import LAWS, read_integration, read_phases, read_plant
+from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant
 from spacearm.sweeps.toml import Table
 
 PLAIN = ("mode", "origin", "stop", "period", "delay", "dq")

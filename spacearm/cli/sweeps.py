@@ -15,10 +15,11 @@ import typer
 from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.text import Text
 
-from spacearm.cli.output import err, out, table, working
+from spacearm.cli.output import err, out, print_description, working
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, SweepError
+from spacearm.results import Column, Description, Table
 from spacearm.sweeps.runner import Tally, estimate, run_chunks, status
 from spacearm.sweeps.study import Study
 from spacearm.sweeps.workers import connect
@@ -104,40 +105,38 @@ def _client(scheduler: str | None) -> Iterator[Client | None]:
 
 
 def _print_status(study: Study, store: Path) -> int:
-    rows = table("quantity", "chunks", "done", "failed", "")
     found = status(study, store)
-    for quantity, chunks, done, failed in found:
-        share = f"{done / chunks:.1%}"
-        rows.add_row(quantity, f"{chunks:,}", f"{done:,}", f"{len(failed):,}", share)
-    out.print(rows)
-    errors = [(q.quantity, i, text) for q in found for i, text in q.failed.items()]
-    for quantity, number, text in errors[:10]:
-        out.print(f"{quantity} {number}: {text}")
+    rows = [
+        (name, chunks, done, len(failed), done / chunks) for name, chunks, done, failed in found
+    ]
+    errors = [(f"{q.quantity} {i}", text) for q in found for i, text in q.failed.items()]
+    tables = [Table(("quantity", "chunks", "done", "failed", Column("", "", ".1%")), rows)]
+    if errors:
+        tables.append(Table(("chunk", "error"), errors[:10], "Failed"))
+    ready, total = sum(q.done for q in found), sum(q.chunks for q in found)
+    verdict = f"{ready:,} of {total:,} chunks done"
+    print_description(Description(title=store.name, verdict=verdict, tables=tables))
     return 1 if errors else 0
 
 
 def _print_estimate(study: Study, store: Path, cores: int) -> None:
     done = {s.quantity: s.done for s in status(study, store)} if store.exists() else {}
-    rows = table("quantity", "chunks", "to do", "s a chunk", "core hours", "disk [MB]")
-    seconds = size = 0.0
+    rows, seconds, size = [], 0.0, 0.0
     for quantity, chunks, each, nbytes in estimate(study):
         left = chunks - done.get(quantity, 0)
         seconds += left * each
         size += nbytes
-        rows.add_row(
-            quantity,
-            f"{chunks:,}",
-            f"{left:,}",
-            f"{each:.3g}",
-            f"{left * each / 3600:.3g}",
-            f"{nbytes / 1e6:.3g}",
-        )
-    out.print(rows)
-    if not cores:
-        out.print("the cluster has no workers yet")
-    else:
+        rows.append((quantity, chunks, left, each, left * each / 3600, nbytes / 1e6))
+    columns = (
+        "quantity", "chunks", "to do", Column("a chunk", "s", ".3g"),
+        Column("in all", "core h", ".3g"), Column("disk", "MB", ".3g"),
+    )  # fmt: skip
+    verdict = "the cluster has no workers yet"
+    if cores:
         time = timedelta(seconds=math.ceil(seconds / cores))
-        out.print(f"about {time} on {cores} cores, start of the workers apart")
+        verdict = f"about {time} on {cores} cores, start of the workers apart"
     folder = next(p for p in (store.absolute(), *store.absolute().parents) if p.exists())
     free = shutil.disk_usage(folder).free
-    out.print(f"disk: at most {size / 1e6:,.3g} MB of {free / 1e6:,.0f} MB free")
+    disk = f"disk: at most {size / 1e6:,.3g} MB of {free / 1e6:,.0f} MB free"
+    tables = [Table(columns, rows)]
+    print_description(Description(title=store.name, verdict=verdict, notes=[disk], tables=tables))

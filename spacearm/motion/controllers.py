@@ -257,6 +257,13 @@ class JointPD(Law):
         return joint_vector(cfg.arm, target, "target") - cfg.q
 
 
+LAWS: dict[str, Any] = {
+    kind.__name__: kind
+    for kind in (TransposedJacobian, ResolvedRate, DampedLeastSquares, Reactionless, JointPD)
+}
+"""The control laws that a file or an option can name."""
+
+
 def _by_numbers(function: Callable[..., Any], *arguments: Any) -> Array:
     """Return what an equation gives for numbers."""
     with np.errstate(all="ignore"):

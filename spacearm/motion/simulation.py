@@ -18,6 +18,7 @@ import numpy.typing as npt
 from spacearm.arrays import finite, positive, shape_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
+from spacearm.mechanics.arm_kernels import structure_of
 from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
@@ -195,7 +196,8 @@ def simulate_many(
     plain array code run in parallel; a controller called in Python holds the others up.
 
     Args:
-        starts: m configurations of one arm, as in `simulate`; one if all start alike.
+        starts: m configurations of one arm, as in `simulate`, or of arms that differ by masses
+            only; one if all start alike.
         controller: The controller of all runs, or m of one kind: with their own gains and targets.
         duration: How long each run is [s].
         dq: (m, n) or (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
@@ -253,7 +255,7 @@ def simulate_many(
     m, rates = max(sizes, default=1), np.zeros((max(sizes, default=1), arm.n))
     if dq is not None:
         rates[:] = finite(dq, (m, arm.n) if each else (arm.n,), "dq")
-    arms = _with_payloads(arm, payload, m)
+    arms = _with_payloads([listed[i % len(listed)].arm for i in range(m)], payload)
 
     def system(i: int) -> System:
         cfg, own = listed[i % len(listed)], arms[i]
@@ -333,7 +335,7 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
     """Return the arm of all starts.
 
     Raises:
-        ConfigurationError: Something else is given, or several arms.
+        ConfigurationError: Something else is given, or arms that differ by more than masses.
         UnsupportedError: It has several tips.
     """
     if not starts or any(not isinstance(cfg, Configuration) for cfg in starts):
@@ -341,23 +343,22 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
             "sa.simulate_many takes configurations of one arm: [arm.at(q) for q in Q0]"
         )
     arm = starts[0].arm
-    if any(cfg.arm is not arm for cfg in starts):
+    if any(structure_of(own) != structure_of(arm) for own in {cfg.arm for cfg in starts}):
         raise ConfigurationError("the starts are of several arms; give configurations of one arm")
     arm.require_one_tip()
     return arm
 
 
-def _loaded(cfg: Configuration, arm: SpaceArm) -> Configuration:
-    """Return the same start of an arm with a load."""
-    return arm.at(cfg.q, base=cfg.base, wheels=cfg.wheels, momentum=cfg.momentum)
-
-
-def _with_payloads(arm: SpaceArm, payload: npt.ArrayLike | None, m: int) -> Sequence[SpaceArm]:
+def _with_payloads(arms: Sequence[SpaceArm], payload: npt.ArrayLike | None) -> Sequence[SpaceArm]:
     """Return the arm of each run."""
     if payload is None:
-        return [arm] * m
-    masses = finite(payload, (m,), "payload", "[kg], one for each run")
-    kinds = {mass: arm.replace(payload=mass) if mass > 0.0 else arm for mass in set(masses)}
-    if min(kinds) < 0.0:
-        raise ConfigurationError(f"payload has {min(kinds):g} kg; give masses from 0 on")
-    return [kinds[mass] for mass in masses]
+        return arms
+    masses = finite(payload, (len(arms),), "payload", "[kg], one for each run")
+    if masses.min() < 0.0:
+        raise ConfigurationError(f"payload has {masses.min():g} kg; give masses from 0 on")
+    pairs = list(zip(arms, masses.tolist(), strict=True))
+    kinds = {
+        (arm, mass): arm.replace(payload=mass) if mass else arm
+        for arm, mass in dict.fromkeys(pairs)
+    }
+    return [kinds[pair] for pair in pairs]

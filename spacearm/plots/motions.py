@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from matplotlib.figure import Figure
-from matplotlib.patches import Annulus, Circle, Polygon
+from matplotlib.patches import Circle, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.spatial import ConvexHull
 
@@ -33,6 +33,7 @@ from spacearm.plots.style import (
     headline,
     panels_for,
 )
+from spacearm.plots.workspaces import draw_ring
 from spacearm.workspaces.path_dependent import Workspace
 
 FADES = (0.15, 0.25, 0.35, 0.55)
@@ -181,20 +182,10 @@ def _draw_shells(axes: Any, com: Array, workspace: Workspace) -> None:
     outer = float(workspace.reachable[0, 1])
     axes.add_patch(Circle((x, y), outer, facecolor="none", edgecolor=GREY, lw=1.2))
     for low, high in workspace.pdw:
-        if high > low:
-            ring = Annulus((x, y), high, high - low) if low > 0.0 else Circle((x, y), high)
-            ring.set(facecolor=ORANGE, alpha=0.3, lw=0)
-            axes.add_patch(ring)
+        draw_ring(axes, (x, y), low, high, 0.0, facecolor=ORANGE, alpha=0.3, lw=0)
     low, high = workspace.pdw[-1] if len(workspace.pdw) else (outer, outer)
-    axes.text(
-        x,
-        y - 0.5 * (low + high),
-        "path dependent",
-        ha="center",
-        va="center",
-        fontsize=9,
-        color=GREY,
-    )
+    at, look = (x, y - 0.5 * (low + high)), {"ha": "center", "va": "center", "fontsize": 9}
+    axes.text(*at, "path dependent", color=GREY, **look)
     axes.plot(x, y, "P", color="black", ms=7)
 
 

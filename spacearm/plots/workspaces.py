@@ -13,7 +13,7 @@ from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError
 from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, draws, panels_for
 from spacearm.singularities.polynomials import tips_from_centre
-from spacearm.singularities.risk import PoseRisk, RiskProfile
+from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
 from spacearm.workspaces.path_dependent import Workspace
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
         ylabel="configurations near a singularity [%]",
         ylim=(0.0, None),
     )
-    axes.set_title(f"{len(result.share)} tip poses, near: {_near(result)}\nmean {mean:.1%}")
+    axes.set_title(f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
     return axes.figure
 
 
@@ -140,10 +140,7 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
     regions = (("path independent", result.piw, GREEN), ("path dependent", result.pdw, ORANGE))
     for label, radii, color in regions:
         for low, high in radii:
-            width = max(high - low, 1e-3 * outer)  # a shell may be a circle
-            shape = Annulus((0, 0), high, width) if width < high else Circle((0, 0), high)
-            shape.set(facecolor=color, alpha=0.45)
-            axes.add_patch(shape)
+            draw_ring(axes, (0.0, 0.0), low, high, 1e-3 * outer, facecolor=color, alpha=0.45)
         if len(radii):
             low, high = radii[np.argmax(radii[:, 1] - radii[:, 0])]
             at = 0.5 * (low + high)
@@ -156,19 +153,31 @@ def _draw_rings(axes: Any, result: Workspace, path: Array | None) -> None:
             f"{R:.4g}", R * towards, 1.15 * outer * towards, va="center", ha="center",
             arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.8},
         )  # fmt: skip
-    axes.plot(0, 0, marker="P", color="black", ms=9)
     if path is not None:
         rows = [i for i in range(3) if i != result.arm.tree.plane_normal()]
         x, y = path.T if path.shape[1] == 2 else path[:, rows].T
         axes.plot(x, y, color=BLUE, lw=2)
         axes.plot(x[0], y[0], "o", color=BLUE)
         axes.annotate("tip path", (x[0], y[0]), (8, 8), textcoords="offset points", color=BLUE)
-    reach = 1.3 * outer
-    axes.set(
-        xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
-        xlabel="from the system CM [m]", ylabel="from the system CM [m]",
-    )  # fmt: skip
+    _about_cm(axes, 1.3 * outer)
     axes.set_title(_title(result))
+
+
+def draw_ring(
+    axes: Any, centre: tuple[float, float], low: float, high: float, least: float, **look: Any
+) -> None:
+    """Draw the ring between two radii; one that is narrower than `least` gets this width."""
+    width = max(high - low, least)
+    ring = Annulus(centre, high, width) if width < high else Circle(centre, high)
+    ring.set(**look)
+    axes.add_patch(ring)
+
+
+def _about_cm(axes: Any, reach: float) -> None:
+    """Mark the system CM in the middle of axes that reach so far."""
+    axes.plot(0, 0, marker="P", color="black", ms=9)
+    where, span = "from the system CM [m]", (-reach, reach)
+    axes.set(xlim=span, ylim=span, aspect="equal", xlabel=where, ylabel=where)
 
 
 def _draw_cut_away(axes: Any, result: Workspace) -> None:
@@ -219,14 +228,7 @@ def _draw_profile(axes: Any, profile: RiskProfile) -> None:
         ylabel="configurations near a singularity [%]",
         ylim=(0.0, None),
     )
-    axes.set_title(f"near: {_near(profile)}")
-
-
-def _near(risk: RiskProfile | PoseRisk) -> str:
-    """Say what near a singularity means."""
-    if risk.measure == "distance":
-        return f"up to {np.degrees(risk.bound):.3g}° of joint motion from a singular posture"
-    return f"sigma_min up to {risk.bound:.3g} {risk.unit}"
+    axes.set_title(f"postures {nearness(profile)}")
 
 
 def _title(result: Workspace) -> str:
@@ -267,15 +269,9 @@ def draw_shell_bands(result: ShellBands, *, ax: Any = None) -> Figure:
         (result.always, ORANGE, "path dependent for all"),
     ):
         for i, (low, high) in enumerate(ranges):
-            ring = Annulus((0, 0), high, max(high - low, 1e-3 * outer), facecolor=color)
-            ring.set(alpha=0.55, label=label if i == 0 else None)
-            axes.add_patch(ring)
-    axes.plot(0, 0, marker="P", color="black", ms=9)
-    reach = 1.25 * outer
-    axes.set(
-        xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal",
-        xlabel="from the system CM [m]", ylabel="from the system CM [m]",
-    )  # fmt: skip
+            look = {"facecolor": color, "alpha": 0.55, "label": label if i == 0 else None}
+            draw_ring(axes, (0.0, 0.0), low, high, 1e-3 * outer, **look)
+    _about_cm(axes, 1.25 * outer)
     axes.legend(frameon=False, loc="upper right")
     axes.set_title(f"{result.tried} arms")
     return axes.figure

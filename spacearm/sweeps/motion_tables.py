@@ -15,23 +15,12 @@ import numpy.typing as npt
 
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.motion.controllers import (
-    Controller,
-    DampedLeastSquares,
-    JointPD,
-    Reactionless,
-    ResolvedRate,
-    TipLaw,
-    TransposedJacobian,
-)
+from spacearm.motion.controllers import LAWS, Controller, TipLaw
 from spacearm.motion.flights import Grasp, Phase, Release
 from spacearm.motion.goal import goal_of
 from spacearm.motion.plant import Integration, PassiveJoint, Plant, WheelHold, Wrench
 from spacearm.sweeps.toml import Table
 
-KINDS = (TransposedJacobian, ResolvedRate, DampedLeastSquares, Reactionless, JointPD)
-LAWS: dict[str, Any] = {kind.__name__: kind for kind in KINDS}
-"""The control laws that a file can name."""
 MODES: tuple[BaseMode, ...] = get_args(BaseMode)
 
 

@@ -265,9 +265,13 @@ class _Socket(_Door, tornado.websocket.WebSocketHandler):
     """The connection to one browser."""
 
     def prepare(self) -> None:
+        """Refuse other pages: the framework asks `check_origin` only for what it takes for one."""
         super().prepare()
         if not self._has_token():
             raise tornado.web.HTTPError(403, reason="the token is not that of this server")
+        for header in ("Origin", "Sec-WebSocket-Origin"):
+            if not all(map(self.check_origin, self.request.headers.get_list(header))):
+                raise tornado.web.HTTPError(403, reason="pages of other origins are not served")
 
     def check_origin(self, origin: str) -> bool:
         return origin in {f"http://{host}" for host in self._hosts}

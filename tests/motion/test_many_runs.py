@@ -93,7 +93,7 @@ def test_what_is_no_list_of_starts_of_one_arm_is_refused():
     with pytest.raises(sa.ConfigurationError, match=r"\[arm.at\(q\) for q in Q0\]"):
         sa.simulate_many(Q0, LAW, 1.0)
     with pytest.raises(sa.ConfigurationError, match="several arms"):
-        sa.simulate_many([STARTS[0], ARM.replace(payload=1.0).at(Q0[1])], LAW, 1.0)
+        sa.simulate_many([STARTS[0], sa.load("planar3", task="x y").at(np.zeros(3))], LAW, 1.0)
 
 
 def test_wheels_and_wrenches_act_as_in_one_run():
@@ -112,3 +112,13 @@ def test_wheels_and_wrenches_act_as_in_one_run():
         one = sa.simulate(start, law, 3.0, plant=plant, integration=COARSE)
         np.testing.assert_allclose(many["q"][i], one.q[-1], atol=1e-9)
         np.testing.assert_allclose(many["base"][i], one.base[-1], atol=1e-9)
+
+
+def test_loaded_arms_may_start_about_their_own_cm():
+    arms = [ARM.replace(payload=mass) for mass in (1.0, 4.0)]
+    starts = [arm.at(Q0[0]).centred(np.zeros(3)) for arm in arms]
+    many = sa.simulate_many(starts, LAW, 2.0)
+    for i, start in enumerate(starts):
+        one = sa.simulate(start, LAW, 2.0, integration=COARSE)
+        np.testing.assert_allclose(many["q"][i], one.q[-1], atol=1e-12)
+        np.testing.assert_allclose(many["base"][i], one.base[-1], atol=1e-12)

@@ -244,11 +244,22 @@ def test_other_host_names_are_refused(viewer, path):
 
 
 def test_other_origins_are_refused(viewer):
+    """Whatever else the request says, with the right token, in either header and beside our own."""
     url = viewer.serve()
-    assert talk(url, "{}", headers={"Origin": url.partition("/?")[0]})
-    for origin in ("http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"):
-        with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
-            talk(url, "{}", headers={"Origin": origin})
+    own, host = url.partition("/?")[0], f"127.0.0.1:{port_of(url)}"
+    assert talk(url, "{}", headers={"Origin": own})
+    assert talk(url, "{}", headers={"Origin": own, "Sec-WebSocket-Origin": own})
+    evil = ["http://evil.example", "null", "", "https://127.0.0.1", "http://127.0.0.1:1"]
+    for origin in (*evil, f"https://{host}", f"ftp://{host}", f"HTTP://{host}/", host):
+        for headers in (
+            {"Origin": origin},
+            {"Sec-WebSocket-Origin": origin},
+            {"Origin": own, "Sec-WebSocket-Origin": origin},
+            {"Origin": origin, "Sec-Fetch-Site": "same-origin"},
+            {"Origin": origin, "Sec-Fetch-Site": "none"},
+        ):
+            with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+                talk(url, "{}", headers=headers)
 
 
 def test_files_outside_the_page_are_not_served(viewer):
