@@ -194,13 +194,13 @@ def constraints_of(given: Table) -> Constraints:
 
 def obstacle_of(text: str, deg: bool) -> Obstacle:
     """Parse an obstacle, such as "box:1.2,0,0.5:0.3,0.3,0.6:0,0,45@0.05"."""
-    option = f"--obstacle {text!r}:"
+    option = f"--obstacle {text!r}: a part"
     body, _, margin = text.partition("@")
     kind, *parts = body.split(":")
     if kind not in SHAPES:
-        raise ConfigurationError(f"{option} {unknown('kind', kind, SHAPES)}")
+        raise ConfigurationError(f"--obstacle {text!r}: {unknown('kind', kind, SHAPES)}")
     if not 2 <= len(parts) <= 3:
-        raise ConfigurationError(f"{option} give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
+        raise ConfigurationError(f"--obstacle {text!r}: give KIND:X,Y,Z:WHAT[:R,P,Y][@MARGIN]")
     what: Any = parts[1]
     if kind not in ("mesh", "robot"):
         count = {"sphere": 1, "cylinder": 2, "box": 3 if "," in what else 1}[kind]
@@ -211,7 +211,7 @@ def obstacle_of(text: str, deg: bool) -> Obstacle:
     given["rpy"] = np.radians(turn) if deg else turn
     if margin:
         given["margin"] = float(numbers(option, margin, 1)[0])
-    return _obstacle(given, Table(option, {}))
+    return _obstacle(given, Table(f"--obstacle {text!r}", {}))
 
 
 def _obstacle(value: Any, given: Table) -> Obstacle:

@@ -210,7 +210,7 @@ def test_a_run_that_was_stopped_says_how_far_it_came(tmp_path, monkeypatch):
 
         return sa.simulate(*_, **(options | {"progress": tell}))
 
-    monkeypatch.setattr("spacearm.cli.motions.simulations.simulate", interrupted)
+    monkeypatch.setattr("spacearm.cli.simulations.simulate", interrupted)
     words = (0.3, 0.9, "--target", 0.3, 0.8, "--controller", "JointPD", "--duration", 50)
     run = spacearm("simulate", "planar2", *words, "--save", "run.npz", cwd=tmp_path)
     assert run.returncode == 130

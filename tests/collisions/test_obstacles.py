@@ -365,7 +365,7 @@ def test_command_with_obstacles(tmp_path):
     assert told["obstacles"][0]["margin"] == 0.1
     for wrong, message in (
         ("ball:0,0,0:1", "unknown kind 'ball'"),
-        ("sphere:0,0:1", "must be 3 finite numbers"),
+        ("sphere:0,0:1", "give 3 finite numbers"),
         ("sphere", "give KIND:X,Y,Z:WHAT"),
     ):
         done = spacearm(*words, "--obstacle", wrong, cwd=tmp_path)

@@ -47,7 +47,7 @@ def test_a_changed_equation_is_compiled_anew(tmp_path):
     before = float(run(MANY, "-P", env=os.environ | there)[0])
     report = sa.singularity(sa.load("planar2").at([0.3, 0.9]))
     assert before == pytest.approx(report.sigma_min, abs=1e-12)
-    equation = house / "equations" / "jacobian.py"
+    equation = house / "equations" / "kinematics.py"
     text = equation.read_text(encoding="utf-8")
     assert "linear = reaches * v" in text
     changed = text.replace("linear = reaches * v", "linear = 2.0 * reaches * v")

@@ -26,7 +26,7 @@ SHARE = (
     "tests/model/test_mount.py", "tests/model/test_wheels.py", "tests/motion/test_motion.py",
     "tests/planning/test_guesses.py", "tests/plots/test_postures.py",
     "tests/polynomial/test_trig.py", "tests/singularities/test_rounding.py",
-    "tests/sweeps/test_study_arms.py",
+    "tests/sweeps/test_study.py",
     "tests/planning/test_retiming.py::test_what_makes_no_sense_is_refused", "tests/test_files.py",
     "tests/tools/test_robots.py", "tests/uncertainty", "tests/viewer/test_show.py",
     "tests/workspaces/test_design.py",
