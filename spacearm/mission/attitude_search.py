@@ -25,7 +25,7 @@ from spacearm.mission.rotations import (
     spacing,
 )
 from spacearm.motion import leading
-from spacearm.motion.leading import Settings, Table, lead_all
+from spacearm.motion.leading import PathTable, Settings, lead_all
 
 Flags = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.signedinteger[Any]]
@@ -102,7 +102,7 @@ class PathTrials(NamedTuple):
     """
 
     start: HeldTip
-    paths: Table
+    paths: PathTable
     settings: Settings
     q0: Array | None
     first: Array

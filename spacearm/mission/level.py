@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm import results
 from spacearm.arrays import Array, Progress, finite, positive, whole
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
@@ -27,8 +26,8 @@ from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import as_goal
-from spacearm.motion.leading import Led, Settings, Table, lead_all
-from spacearm.results import Cell, Description, Measure, Result
+from spacearm.motion.leading import Led, PathTable, Settings, lead_all
+from spacearm.results import Cell, Column, Description, Measure, Result, Table
 
 RAYS = {2: 360, 3: 1000}
 """Default number of directions, in the plane and in space."""
@@ -143,7 +142,7 @@ class LevelReach(Result):
         return Description(
             title=f"{self.arm.name}, turned by at most {np.degrees(self.tilt):.3g}°",
             verdict=f"straight lines from {reach.min():.4g} to {reach.max():.4g} m",
-            tables=[results.Table.facts(facts)],
+            tables=[Table.facts(facts)],
         )
 
 
@@ -182,19 +181,19 @@ class LevelEnvelope(Result):
         """Describe the turn of the bus and the reach of the tip, by the mass of the bus."""
         pairs = zip(self.turn, self.base_mass, strict=True)
         turns = ", ".join(f"{np.degrees(turn):.3g}° at {mass:g} kg" for turn, mass in pairs)
-        columns: dict[results.Column | str, Array] = {
-            results.Column("bus", "kg"): self.base_mass,
-            results.Column("median turn", "rad"): self.turn,
-            results.Column("largest turn", "rad"): self.largest_turn,
-            results.Column("followed", "", ".1%"): self.followed,
+        columns: dict[Column | str, Array] = {
+            Column("bus", "kg"): self.base_mass,
+            Column("median turn", "rad"): self.turn,
+            Column("largest turn", "rad"): self.largest_turn,
+            Column("followed", "", ".1%"): self.followed,
         }
         for j, tilt in enumerate(np.degrees(self.tilt)):
-            columns[results.Column(f"mean reach, up to {tilt:.3g}°", "m")] = self.mean[:, j]
-            columns[results.Column(f"worst, up to {tilt:.3g}°", "m")] = self.least[:, j]
+            columns[Column(f"mean reach, up to {tilt:.3g}°", "m")] = self.mean[:, j]
+            columns[Column(f"worst, up to {tilt:.3g}°", "m")] = self.least[:, j]
         return Description(
             title=self.arm.name,
             verdict=f"{self.travel:g} m of the tip turn the bus by {turns}",
-            tables=[results.Table.by_columns(columns)],
+            tables=[Table.by_columns(columns)],
         )
 
 
@@ -397,12 +396,12 @@ def _along_rays(
     return lead_all(start.arm, q, attitude, paths, np.arange(m), ends, progress)
 
 
-def _straight(start: Array, end: Array, attitude: Array) -> Table:
+def _straight(start: Array, end: Array, attitude: Array) -> PathTable:
     """Return straight paths (m, 3) to (m, 3), the attitude (3, 3) of the tip kept."""
     m, way = len(start), end - start
     length, none = np.linalg.norm(way, axis=1), np.zeros(m)
     turns = np.tile(np.append(attitude.ravel(), np.zeros(9)), (m, 1))
-    return Table(
+    return PathTable(
         first=np.arange(m + 1),
         pieces=np.column_stack((none, length, np.arange(m), none + 1.0)),
         intervals=np.hstack((start, end, way, way, turns)),

@@ -39,7 +39,7 @@ POINTS = 128
 Integers = npt.NDArray[np.int64]
 
 
-class Table(NamedTuple):
+class PathTable(NamedTuple):
     """Paths in smooth pieces, each in equal intervals that are cubic in position and turn.
 
     Attributes:
@@ -109,7 +109,7 @@ def lead_all(
     arm: SpaceArm,
     q: Array,
     attitude: Array,
-    paths: Table,
+    paths: PathTable,
     which: npt.NDArray[np.int_] | None = None,
     settings: Settings | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -149,7 +149,7 @@ def lead_all(
 
 
 def lead_with_stops(
-    arm: SpaceArm, q: Array, attitude: Array, paths: Table, stops: int, settings: Settings
+    arm: SpaceArm, q: Array, attitude: Array, paths: PathTable, stops: int, settings: Settings
 ) -> tuple[Led, Array]:
     """Lead the tip along the first of the paths from one start, and keep where it stops.
 
@@ -172,13 +172,13 @@ def lead_with_stops(
     return _led(arm, settings, *ends), rows[rows[:, 0] > 0.0, 1:]
 
 
-def _of_path(paths: Table, which: Integers) -> Array:
+def _of_path(paths: PathTable, which: Integers) -> Array:
     """Return (m, 3) first and last piece of paths, and their lengths."""
     first, last = paths.first[which], paths.first[which + 1] - 1
     return np.column_stack((first, last, paths.pieces[last, 1]))
 
 
-def _tables(paths: Table) -> dict[str, Array]:
+def _tables(paths: PathTable) -> dict[str, Array]:
     """Return the tables of `equations.lines.lead`."""
     return {"pieces": paths.pieces, "intervals": paths.intervals}
 
@@ -221,7 +221,7 @@ def _led(arm: SpaceArm, how: Settings, q: Array, attitude: Array, values: Array)
     return Led(ended, s, distance, where, slack, tilt, steps, q, attitude)
 
 
-def table_of(paths: Sequence[Sequence[Segment]], knots: int = KNOTS) -> Table:
+def table_of(paths: Sequence[Sequence[Segment]], knots: int = KNOTS) -> PathTable:
     """Return paths of the tip as a table.
 
     Args:
@@ -243,7 +243,7 @@ def table_of(paths: Sequence[Sequence[Segment]], knots: int = KNOTS) -> Table:
                 )
             s += piece.length
         first.append(len(pieces))
-    return Table(np.array(first), np.array(pieces), np.array(intervals))
+    return PathTable(np.array(first), np.array(pieces), np.array(intervals))
 
 
 def _interval(a: pin.SE3, b: pin.SE3, da: Array, db: Array, ds: float) -> Array:
