@@ -72,7 +72,7 @@ class Bodies:
         self.by_collision: list[str] = []
         self.by_visual: list[str] = []
         self.without: list[str] = []
-        for leader, links in arm.tree.lumps().items():
+        for leader, links in arm.tree.lumps.items():
             found = [link for link in links if self._add(arm, link)]
             if not found and any(arm.tree.links[link] for link in links):
                 self.without.append(leader)

@@ -71,7 +71,7 @@ class _Grippers:
     """The grippers of one robot."""
 
     def __init__(self, tree: Tree) -> None:
-        self._tree, self._lumps, moving = tree, tree.lumps(), tree.movable()
+        self._tree, self._lumps, moving = tree, tree.lumps, tree.movable()
         self._common = shared(j.name for j in moving) | shared(j.child for j in moving)
         behind: dict[str, list[_Branch]] = {link: [] for link in tree.links}
         self._branches: dict[str, _Branch] = {}

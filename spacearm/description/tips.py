@@ -205,7 +205,7 @@ def _on(tree: Tree, common: Collection[str], body: str, begin: Sequence[str]) ->
         body: The body.
         begin: The joints on it at which fingers begin.
     """
-    links, count = tree.lumps()[body], _count(tree, body)
+    links, count = tree.lumps[body], _count(tree, body)
     ranks = {link: tip_rank(link, common) for link in links}
     if named := _outermost(tree, [link for link, rank in ranks.items() if rank is not None]):
         surest = min(rank for link in named if (rank := ranks[link]) is not None)
@@ -251,7 +251,7 @@ def _outermost(tree: Tree, links: Sequence[str]) -> list[str]:
 
 def _cargo(tree: Tree, body: str, link: str) -> str | None:
     """Return the first link behind a body, on the way to a link, that outweighs the arm, if any."""
-    lumps = tree.lumps()
+    lumps = tree.lumps
     mass = {name: 0.0 if part is None else part.mass for name, part in tree.links.items()}
     way = [joint.child for joint in tree.chain(link)]
     arm = sum(mass[other] for joint in tree.movable(body)[:-1] for other in lumps[joint.child])

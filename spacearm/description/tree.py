@@ -94,7 +94,7 @@ class Tree:
     def bodies(self) -> dict[str, Inertial]:
         """The rigid bodies, in link axes at their CM, by the link nearest to the root."""
         inertias = list(self.pinocchio().inertias)[1:]
-        return dict(zip(self.lumps(), map(Inertial.of_spatial, inertias), strict=True))
+        return dict(zip(self.lumps, map(Inertial.of_spatial, inertias), strict=True))
 
     @cached_property
     def body_of(self) -> dict[str, str]:
@@ -104,8 +104,9 @@ class Tree:
             leader[joint.child] = joint.child if joint.movable else leader[joint.parent]
         return leader
 
+    @cached_property
     def lumps(self) -> dict[str, list[str]]:
-        """Return the links that move as one body, by the one of them nearest to the root."""
+        """The links that move as one body, by the one of them nearest to the root."""
         lumps: dict[str, list[str]] = {}
         for link, first in self.body_of.items():
             lumps.setdefault(first, []).append(link)
@@ -253,7 +254,7 @@ class Tree:
         Raises:
             ModelError: No rigid body can have this mass and inertia.
         """
-        lump, body = self.lumps()[self.root], self.bodies[self.root]
+        lump, body = self.lumps[self.root], self.bodies[self.root]
         spacecraft = Inertial.of(
             body.mass if mass is None else mass,
             body.inertia if inertia is None else inertia,
@@ -322,15 +323,16 @@ def free_name(name: str, taken: Callable[[str], bool]) -> str:
 
 def coupling(tree: Tree) -> tuple[Array, Array]:
     """Return C and c of (positions of all movable joints) = C q + c, mimic joints included."""
-    movable, leading = tree.movable(), [joint.name for joint in tree.leading()]
-    C, c = np.zeros((len(movable), len(leading))), np.zeros(len(movable))
+    movable = tree.movable()
+    column = {joint.name: j for j, joint in enumerate(tree.leading())}
+    C, c = np.zeros((len(movable), len(column))), np.zeros(len(movable))
     for i, joint in enumerate(movable):
         scale = 1.0
         while joint.mimic:
             c[i] += scale * joint.mimic.offset
             scale *= joint.mimic.multiplier
             joint = tree.joints[joint.mimic.leader]
-        C[i, leading.index(joint.name)] = scale
+        C[i, column[joint.name]] = scale
     return C, c
 
 

@@ -130,7 +130,7 @@ class SpaceArm(JointSpace, Described):
     @property
     def bodies(self) -> dict[str, pin.Inertia]:
         """The rigid bodies, the spacecraft first, by the names of their links that have mass."""
-        lumps, links = self.tree.lumps().values(), self.tree.links
+        lumps, links = self.tree.lumps.values(), self.tree.links
         names = (" + ".join(link for link in lump if links[link]) for lump in lumps)
         return dict(zip(names, list(self.model.inertias)[1:], strict=True))
 

@@ -64,7 +64,7 @@ def shapes(arm: SpaceArm) -> list[DrawnShape]:
         if (shape := _drawn(arm, link, part)) is not None
     ]
     seen = {shape.link for shape in drawn}
-    bare = {leader: lump for leader, lump in arm.tree.lumps().items() if not seen & set(lump)}
+    bare = {leader: lump for leader, lump in arm.tree.lumps.items() if not seen & set(lump)}
     for leader, lump in bare.items():
         drawn += _plain_body(arm, leader, lump)
     if without := [leader for leader, lump in bare.items() if not any(map(visuals.get, lump))]:

@@ -90,7 +90,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
 def _check_links(source: Source, tree: Tree) -> None:
     """Refuse links that no rigid body can be, unless they are part of a body that is sound."""
     whole, check = tree.bodies, source.reading.check
-    for leader, lump in tree.lumps().items():
+    for leader, lump in tree.lumps.items():
         parts = {link: part for link in lump if (part := tree.links[link]) is not None}
         sound = whole[leader].mass > 0.0 and whole[leader].fault() is None
         for link, part in parts.items():
@@ -388,7 +388,7 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
     described = {
         link: body
         for link, body in tree.bodies.items()
-        if estimated.keys().isdisjoint(tree.lumps()[link])
+        if estimated.keys().isdisjoint(tree.lumps[link])
     }
     levers = [float(np.linalg.norm(body.origin.translation)) for body in described.values()]
     size = max(LEAST_SIZE, sum(lengths.values()), *levers)
