@@ -150,7 +150,7 @@ def nearest(name: str) -> None:
     found.nearest(points[0])  # compiles, once
     for q in points:
         start = time.perf_counter()
-        _, distance = found.nearest(q)
+        distance = found.nearest(q).distance
         seconds += time.perf_counter() - start
         offsets = np.angle(np.exp(1j * (sample - q)))
         closest = offsets[np.argsort(np.linalg.norm(offsets, axis=1))[:20]]

@@ -144,7 +144,8 @@ def construction() -> Figure:
 def distance() -> Figure:
     """What the distance to the singular set is: the radius of the largest circle free of it."""
     arm, q = sa.load("planar2"), np.radians([40.0, 60.0])
-    nearest, radius = sa.singular_set(arm).nearest(q)
+    near = sa.singular_set(arm).nearest(q)
+    nearest, radius = near.q, near.distance
     figure, axes = plt.subplots(figsize=(6.4, 5.6), layout="constrained")
     for curve in sa.singular_set(arm).curves():
         for turns in product((-360.0, 0.0, 360.0), repeat=2):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import Enum
 from io import BytesIO
 from pathlib import Path
@@ -45,10 +44,10 @@ from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
-from spacearm.results import Cell, Column, Description, Table, joint_measures
+from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.map import SingularMap, singular_map
-from spacearm.singularities.nearest import GLOBAL_DIMENSION
-from spacearm.singularities.report import TOLERANCE, angle, singularity
+from spacearm.singularities.nearest import angle
+from spacearm.singularities.report import TOLERANCE, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 
 SINGULAR = 3
@@ -122,34 +121,8 @@ def find_nearest(
     """Find the singular posture nearest to a posture, in joint space."""
     start = joint_values(arm, q or [], deg)
     with working("searching") as progress:
-        found = singular_set(arm, mode=mode.value)
-        nearest, distance = found.nearest(start, limits=limits, progress=progress)
-    square = found.complete and found.codimension == 1 and not arm.slides.any()
-    proven = square and not limits and 0 < len(found.relevant) <= GLOBAL_DIMENSION
-    if as_json:
-        facts: dict[str, Any] = {"arm": arm, "mode": mode.value, "joints": arm.joint_names}
-        facts |= {
-            "q": start,
-            "nearest": nearest,
-            "distance": distance,
-            "proven": proven,
-            "limits": limits,
-        }
-        print_json(plain(facts))
-        return
-    columns: dict[str | Column, Sequence[Cell]] = {"joint": arm.joint_names}
-    for name, values in (("q", start), ("nearest singular", nearest), ("turn", nearest - start)):
-        columns[name] = joint_measures(values, arm.slides)
-    how = "proven: no singular posture is nearer" if proven else "found by a search"
-    print_description(
-        Description(
-            title=f"{arm.name}, {mode.value}",
-            verdict=f"{'' if proven else 'at most '}{np.degrees(distance):.5g}° away",
-            notes=(f"{how}; joint limits {'count' if limits else 'do not count'}",),
-            tables=(Table.by_columns(columns),),
-        ),
-        deg,
-    )
+        found = singular_set(arm, mode=mode.value).nearest(start, limits=limits, progress=progress)
+    print_result(found, deg=deg, as_json=as_json)
 
 
 @on_a_model

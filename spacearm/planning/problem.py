@@ -33,7 +33,8 @@ from spacearm.planning.reactions import largest_turn
 from spacearm.planning.request import Joints, PlanRequest
 from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.singularities.report import NO_INVERSE, TOLERANCE, angle, singularity
+from spacearm.singularities.nearest import angle
+from spacearm.singularities.report import NO_INVERSE, TOLERANCE, singularity
 from spacearm.singularities.sets import prove_regular
 
 Rows: TypeAlias = list[Configuration]

@@ -16,7 +16,8 @@ from spacearm.motion.motion import Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
 from spacearm.results import Cell, Description, Measure, Table
-from spacearm.singularities.report import FAR, angle
+from spacearm.singularities.nearest import angle
+from spacearm.singularities.report import FAR
 
 IGNORED = "collisions NOT checked (collisions=False)"
 FAILED = "collisions NOT checked of this attempt"

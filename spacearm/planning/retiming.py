@@ -25,7 +25,7 @@ from spacearm.planning.reactions import Wheels, load_of, momentum_and_torque
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.planning.timing import corners, for_each_joint, largest_rates
-from spacearm.singularities.report import angle
+from spacearm.singularities.nearest import angle
 
 
 class Limits:

@@ -1,4 +1,4 @@
-"""Proofs by halving boxes: the range of a polynomial on the roots of another; the nearest root.
+"""Proof by halving boxes: the range of a polynomial on the roots of another.
 
 On S = 0 the functions F and G = F + lambda S are the same, whatever lambda. In a box with centre c
 and half widths h, with lambda chosen so that the gradient of G at c is small, G differs from G(c)
@@ -10,7 +10,6 @@ suffice.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple
 
@@ -103,39 +102,3 @@ def _overhang(least: Array, most: Array, intervals: Array) -> Array:
     """Compute by how much each range exceeds the interval that fits it best, (m,)."""
     out = np.maximum(intervals[:, :1] - least, most - intervals[:, 1:])
     return np.maximum(out.min(axis=0), 0.0) if len(intervals) else np.full(len(least), np.inf)
-
-
-GAP = 1e-4
-"""It is proven that no root is nearer than the one found by more than this [rad]; the one found is
-exact to rounding."""
-STARTS, FEW_BOXES = 4, 256
-"""Boxes from whose centres nearer roots are sought, where there are many boxes or no root."""
-
-
-def nearest_root(
-    S: TrigPolynomial, best: Array | None, improve: Callable[[Array], Array | None]
-) -> Array | None:
-    """Find the root nearest to the origin by halving the boxes that may hold a nearer one.
-
-    Args:
-        S: The polynomial of up to three angles.
-        best: (n,) the best root known, or None.
-        improve: Returns a root (n,) found from starts (m, n), or None.
-    """
-    corners = np.array(list(product((-1.0, 1.0), repeat=S.n)))
-    centres, half = np.zeros((1, S.n)), np.pi
-    while len(centres) and half > GAP / 2.0:
-        half /= 2.0
-        centres = (centres[:, None] + half * corners).reshape(-1, S.n)
-        bound = np.inf if best is None else float(np.linalg.norm(best))
-        distance = np.linalg.norm(np.maximum(np.abs(centres) - half, 0.0), axis=1)
-        centres = centres[distance < bound - GAP]
-        centres = centres[S.sign(centres, np.full_like(centres, half)) == 0]
-        if not len(centres):
-            break
-        if best is not None and len(centres) < FEW_BOXES and half > GAP / 2.0:
-            continue
-        found = improve(centres[np.argsort(np.linalg.norm(centres, axis=1))[:STARTS]])
-        if found is not None and np.linalg.norm(found) < bound:
-            best = found
-    return best

@@ -105,21 +105,15 @@ class ExactSet(SingularSet):
         return len(self.triangle.equations)
 
     @property
-    def _polynomial(self) -> TrigPolynomial | None:
-        """S, of one equation of revolute joints."""
-        one = self.codimension == 1 and not self.chart.slides.any()
-        return self.triangle.polynomials[0] if one else None
-
-    @property
     def S(self) -> TrigPolynomial:
         """The singularity polynomial of an arm with as many revolute joints as task rows."""
-        if self._polynomial is None:
+        if self.codimension > 1 or self.chart.slides.any():
             raise UnsupportedError(
                 f"{self.arm.name}: only arms with as many revolute joints as task rows have a "
                 f"singularity polynomial; this set is given by {self.codimension} of the angles "
                 "in .triangle.polynomials"
             )
-        return self._polynomial
+        return self.triangle.polynomials[0]
 
     @property
     def relevant(self) -> tuple[int, ...]:

@@ -7,14 +7,15 @@ ends are then moved onto the set and along it, by Newton's method on T(x) = x, i
 as differences, or by shorter steps towards T(x) where that is no nearer.
 
 J* itself and its derivative are all that this takes, so it works for every arm, and nothing is
-found that is not singular. That nothing nearer is missed is proven only by `nearest_root`, for
-sets with one equation in up to three joints.
+found that is not singular. That nothing nearer is missed is proven by the minors of J*, where it
+has any (`polynomial.free_regions`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,14 +27,20 @@ from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
-from spacearm.polynomial.branch_and_bound import nearest_root
+from spacearm.polynomial.free_regions import Roots, Tube, prove
+from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import shortened
-from spacearm.polynomial.trig import TrigPolynomial
+from spacearm.results import Cell, Description, Result, Table, joint_measures
 
 Booleans = npt.NDArray[np.bool_]
 
-GLOBAL_DIMENSION = 3
-"""Up to this many joints the nearest root of one polynomial is proven."""
+SHARE, GAP = 0.99, 1e-4
+"""Share of the distance found up to which it is proven that none is nearer; in up to three joints
+that matter all but so much [rad]."""
+MOST_BOXES, MOST_TERMS = 20_000, 2.5e9
+"""Boxes that such a proof may take, and how many coefficients are summed up in them."""
+NEARER = 1e-6
+"""Share of a distance by which another one is nearer."""
 STARTS = 128, 96
 """Starts within reach of the configuration, and within that of the best found so far."""
 REACH, BEYOND = 2.0, 1.2
@@ -67,14 +74,73 @@ RESTING = 1e-13
 """Offsets that come nearer by less than this are at rest [rad]."""
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class NearestSingular(Result):
+    """The nearest singular configuration that was found, and how near none is.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft does.
+        start: (n,) where it was looked from.
+        limits: Whether only configurations within the joint limits count.
+        q: (n,) the configuration, no whole turns away.
+        distance: How far it is [rad]: the root of the sum of the squares of the joints' ways,
+            sliding ones as in `SingularityReport.radian`. The nearest one of all is no farther.
+        distance_proven: No singular configuration is nearer than this [rad]: proven, rounding
+            included. Zero where nothing is proven.
+    """
+
+    arm: SpaceArm
+    mode: BaseMode
+    start: Array
+    limits: bool
+    q: Array
+    distance: float
+    distance_proven: float
+
+    JSON: ClassVar[Mapping[str, str]] = {"q": "nearest", "start": "q"}
+
+    def describe(self) -> Description:
+        """Describe the configuration, and what is proven of the distance."""
+        slides = self.arm.slides
+        values = {"q": self.start, "nearest singular": self.q, "turn": self.q - self.start}
+        columns: dict[str, Sequence[Cell]] = {"joint": self.arm.joint_names}
+        columns |= {name: joint_measures(q, slides) for name, q in values.items()}
+        return Description(
+            title=f"{self.arm.name}, {self.mode}",
+            verdict=nearness(self.distance, self.distance_proven),
+            notes=[f"Joint limits {'count' if self.limits else 'do not count'}."],
+            tables=[Table.by_columns(columns)],
+        )
+
+
+def nearness(found: float, proven: float) -> str:
+    """Say how far the nearest singular posture is [rad]: found at most, proven at least."""
+    if not found:
+        return "the posture itself is singular"
+    least = (
+        f"none within {angle(proven, down=True)}, proven" if proven else "a nearer one may exist"
+    )
+    return f"a singular posture found {angle(found)} away; {least}"
+
+
+def angle(value: float, down: bool = False) -> str:
+    """Return an angle [rad] in degrees, in words for people, to three digits."""
+    degrees = float(np.degrees(value))
+    if down and degrees:
+        unit = 10.0 ** (np.floor(np.log10(degrees)) - 2)
+        degrees = float(np.floor(degrees / unit) * unit)
+    return f"{degrees:.3g}°"
+
+
 def nearest_singular(
     arm: SpaceArm,
     mode: BaseMode,
     q: Array,
     limits: bool = False,
-    S: TrigPolynomial | None = None,
+    minors: Sequence[Jets] = (),
     progress: Progress | None = None,
-) -> tuple[Array, float]:
+) -> NearestSingular:
     """Find the singular configuration nearest to q.
 
     Args:
@@ -82,32 +148,46 @@ def nearest_singular(
         mode: What the spacecraft does.
         q: (n,) configuration.
         limits: Whether only configurations within the joint limits count.
-        S: The polynomial of all n joint angles that vanishes on the set and nowhere else, to prove
-            that none is nearer.
-        progress: Called as progress(done, most), in configurations that the set is linearised at.
-
-    Returns:
-        (n,) configuration and its distance [rad], sliding joints in units of `joint_scales`.
+        minors: Functions of the joint positions that vanish together on the whole set, to prove
+            that none is nearer; a proof that stops at a place leads to nearer ones there.
+        progress: Called as progress(done, most), in steps of the search and of the proof.
 
     Raises:
         NoSolutionError: None was found.
     """
-    unit, most, done = joint_scales(arm), _most(arm.n), 0
+    unit, done = joint_scales(arm), 0
     low, high = ((arm.lower - q) / unit, (arm.upper - q) / unit) if limits else (-np.inf, np.inf)
+    terms = sum(f.polynomial.coefficients.size for f in minors)
+    boxes = int(min(MOST_BOXES, MOST_TERMS / terms)) if terms else 0
+    most = _most(arm.n) + boxes
 
-    def linearised(m: int) -> None:
+    def worked(m: int) -> None:
         nonlocal done
-        done = min(done + m, most)  # branch and bound is beyond
+        done = min(done + m, most)
         if progress:
             progress(done, most)
 
-    search = NearestSearch(arm, mode, q[None], low, high, linearised=linearised)
-    best = search.nearest()
-    if S is not None and not limits:
-        best = _proven(S, q, best, search)
+    search = NearestSearch(arm, mode, q[None], low, high, linearised=worked)
+    best, proven = search.nearest(), 0.0
+    while best is not None and boxes > 0:
+        distance = float(np.linalg.norm(best))
+        ends = np.maximum(low, -distance), np.minimum(high, distance)
+        roots = Roots(minors, q, unit, *np.broadcast_arrays(*ends, np.zeros(arm.n))[:2])
+        wanted = distance * SHARE
+        if roots.relevant.sum() <= 3:
+            wanted = max(wanted, distance - GAP)
+        proof = prove(roots, Tube(np.zeros(arm.n), wanted), boxes, worked)
+        proven, boxes = max(proven, proof.radius), boxes - proof.tried
+        if not len(proof.open):
+            break
+        nearer = search.settled(search.descended(proof.open[: STARTS[1]])[0])
+        if nearer is None or not np.linalg.norm(nearer) < distance * (1.0 - NEARER):
+            break
+        best = nearer
     if best is None:
         raise NoSolutionError(f"{arm.name}: no singular configuration was found")
-    return q + unit * best, float(np.linalg.norm(best))
+    distance = float(np.linalg.norm(best))
+    return NearestSingular(arm, mode, q, limits, q + unit * best, distance, min(proven, distance))
 
 
 def nearest_locally(arm: SpaceArm, mode: BaseMode, q: Array) -> tuple[Array, float] | None:
@@ -316,27 +396,6 @@ def _apart(X: Array, merit: Array, most: int) -> Array:
         if len(chosen) == most:
             break
     return np.array(chosen)
-
-
-def _proven(S: TrigPolynomial, q: Array, best: Array | None, search: NearestSearch) -> Array | None:
-    """Improve an offset from q by branch and bound, if few joints matter."""
-    chosen = [j for j, degree in enumerate(S.degrees) if degree]
-    if not 0 < len(chosen) <= GLOBAL_DIMENSION:
-        return best
-    others = {j: float(q[j]) for j in range(S.n) if j not in chosen}
-    centred = (S.fix(others) if others else S).shifted(q[chosen])
-
-    def whole(X: Array) -> Array:
-        full = np.zeros((len(X), S.n))
-        full[:, chosen] = X
-        return full
-
-    def improve(X: Array) -> Array | None:
-        found = search.settled(search.descended(whole(X))[0])
-        return None if found is None else found[chosen]
-
-    found = nearest_root(centred, None if best is None else best[chosen], improve)
-    return None if found is None else whole(found[None])[0]
 
 
 LOST = 1e-10

@@ -311,6 +311,8 @@ MOST_MINORS = 500
 """Largest number of maximal minors."""
 MOST_COEFFICIENTS = 1_000_000
 """Largest number of coefficients of minors that are used together."""
+MOST_OF_SEVERAL_TIPS = 20_000
+"""The same of several tips, for a proof that nobody has asked for by itself."""
 BASES = 3
 """Number of choices of the columns B that are tried."""
 SEARCHES = 8
@@ -359,6 +361,11 @@ class Minors:
             (f,) = TrigPolynomial.fit_each(sampler, self.arm.n, highest=HIGHEST)
             self._fitted[columns] = Jets.of(f, self.chart)
         return self._fitted[columns]
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients of all minors."""
+        return self._size(list(self.degrees))
 
     def every(self) -> list[Jets]:
         """Return all minors that do not vanish identically."""
@@ -523,6 +530,21 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
     degrees = degrees_of(_of_angles(arm, mode, own, some), n, HIGHEST, rng)
     each = zip(some.tolist(), degrees.T.tolist(), strict=True)
     return Minors(arm, mode, own, {tuple(C): tuple(d) for C, d in each})
+
+
+def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
+    """Return minors of which one that is not zero proves a configuration regular.
+
+    All, or where these have too many coefficients a few; none where J* has no minors, or they
+    would take too long to fit: those of several tips are computed one by one.
+    """
+    if not has_minors(arm):
+        return ()
+    minors = minors_of(arm, mode)
+    size = minors.size
+    if size > (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
+        return minors.few if len(arm.tips) == 1 else ()
+    return minors.every()
 
 
 def _of_angles(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Iterable[Columns]) -> Sampler:

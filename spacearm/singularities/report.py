@@ -27,6 +27,7 @@ from spacearm.results import (
     joint_measures,
     without_noise,
 )
+from spacearm.singularities.nearest import angle, nearness
 from spacearm.singularities.rounding import error_bars
 from spacearm.singularities.sets import nearest_posture
 
@@ -49,8 +50,6 @@ FAR = np.pi / 2.0
 LED = 0.2
 """Joints with less than this share of the way out are not named in it."""
 TONES: Mapping[Kind, Tone] = {"regular": "good", "kinematic": "caution", "dynamic": "bad"}
-PLAIN = np.radians(1.0)
-"""Distances to first order beyond this are told as about so much [rad]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,9 +68,12 @@ class SingularityReport(Result):
         sigma_min: Least singular value.
         error: Bound of the rounding errors of the singular values, from `error_bars`. One that is
             not above it may be zero, and counts as zero.
-        distance: How far in joint space the nearest singular configuration is [rad]; see
-            `singularity`. Zero where sigma_min is not above `error`; inf where no small motion of
-            the joints makes it vanish.
+        distance: How far in joint space the nearest singular configuration is [rad]: with
+            `nearest` that of the one found, so that none that is nearest of all is farther; else to
+            first order, see `singularity`. Zero where sigma_min is not above `error`; inf where no
+            small motion of the joints makes it vanish.
+        distance_proven: No singular configuration is nearer than this [rad]: proven, rounding
+            included. Zero where nothing is proven, as without `exact`.
         distances: (k,) the same to first order for several singular values: entry j is how far it
             is to where sigma[j] and all after it vanish. Zeros where the arm has fewer joints than
             the task has rows.
@@ -105,6 +107,7 @@ class SingularityReport(Result):
     sigma_min: float
     error: float
     distance: float
+    distance_proven: float
     distances: Array
     away: Array
     nearest: Array | None
@@ -139,10 +142,11 @@ class SingularityReport(Result):
     def verdict(self) -> str:
         """The answer in one sentence."""
         kind = self.kind if self.rank == len(self.sigma) else f"{self.kind} singularity"
-        if self.nearest is None and self.distance > FAR:
+        if self.nearest is not None:
+            return f"{kind}: {nearness(self.distance, self.distance_proven)}"
+        if self.distance > FAR:
             return f"{kind}: no singular posture is near, to first order"
-        about = "about " if self.nearest is None and self.distance > PLAIN else ""
-        return f"{kind}: the nearest singular posture is {about}{angle(self.distance)} away"
+        return f"{kind}: a singular posture about {angle(self.distance)} away, to first order"
 
     @property
     def way_out(self) -> str:
@@ -261,10 +265,10 @@ def singularity(
     size, the masses and the units of an arm, as singular values and their ratios do: to first order
     sigma_min over the norm of its gradient, for redundant arms of that part of the gradient which
     keeps the null space (see `mechanics.distance`). Below 4 degrees a second step, from the point
-    that the first one leads to, corrects it where the set is bent. Near the set it is right, within
-    20 percent up to about a degree; far away it tells only that the set is far. A sliding joint
-    counts by
-    `SingularityReport.radian`. Three cases in which one derivative does not tell the distance:
+    that the first one leads to, corrects it where the set is bent. It is an estimate: within 20
+    percent up to about a degree as a rule; far away it tells only that the set is far. A sliding
+    joint counts by `SingularityReport.radian`. Three cases in which one derivative does not tell
+    the distance:
 
     - sigma_min may be zero by its error bar: the distance is zero, whatever the gradient;
     - the gradient vanishes and sigma_min does not, as at a largest or least sigma_min: the distance
@@ -272,17 +276,16 @@ def singularity(
     - sigma_min is zero without changing at first order, as where two singular surfaces touch: the
       distance is too short by a factor of up to two.
 
-    `exact` looks for the nearest singular configuration itself.
+    `exact` looks for the nearest singular configuration itself, and proves that none is nearer.
 
     Args:
         cfg: The configuration.
         mode: What the spacecraft does; see `generalized_jacobian`.
         tolerance: Distance up to which a configuration is singular [rad]. Singular values that
             vanish together within it count as zero together.
-        exact: Whether to find the nearest singular configuration, and the distance to it: proven
-            for square tasks of revolute joints if no more than three of them matter, else the best
-            of some 200 descents (`SingularSet.nearest`). Takes 10 to 30 ms once the equations of
-            the arm are compiled. Rank and kind stay decided to first order.
+        exact: Whether to find the nearest singular configuration, and to prove that none is nearer
+            than 99 % of its distance, as `SingularSet.nearest`. Rank and kind stay decided to first
+            order.
         progress: As in `SingularSet.nearest`, for `exact`.
 
     Returns:
@@ -309,15 +312,16 @@ def singularity(
     dJ, error = task_jacobian_derivative(cfg, mode=mode), error_bars(cfg, mode=mode).sigma
     found = rank_distances_of(cfg.arm, J, dJ, error)
     rank = int(np.count_nonzero(found.distances > tolerance))
-    nearest = None
+    nearest, proven = None, 0.0
     distance, away = refined_at(cfg, found, mode)
     distances = np.append(np.maximum(found.distances[:-1], distance), distance)
     if exact:
-        nearest, found_at = nearest_posture(cfg, mode, progress)
-        if nearest is not None or distance > tolerance:
-            distance = found_at
-        if nearest is not None and distance > tolerance:
-            away = (cfg.q - nearest) / distance
+        near = nearest_posture(cfg, mode, progress)
+        if near is not None:
+            nearest, distance, proven = near.q, near.distance, near.distance_proven
+            away = (cfg.q - nearest) / distance if distance > tolerance else away
+        elif distance > tolerance:
+            distance = np.inf
     return SingularityReport(
         configuration=cfg,
         mode=mode,
@@ -325,6 +329,7 @@ def singularity(
         sigma_min=float(sigma[-1]),
         error=error,
         distance=distance,
+        distance_proven=proven,
         distances=distances,
         away=away,
         nearest=nearest,
@@ -343,11 +348,6 @@ def singularity(
         length=task.length if task.mixed else None,
         tolerance=tolerance,
     )
-
-
-def angle(value: float) -> str:
-    """Return an angle [rad] in degrees, in words for people."""
-    return f"{np.degrees(value):.3g}°"
 
 
 def _kind(cfg: Configuration, tolerance: float) -> Kind:

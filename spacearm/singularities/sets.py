@@ -7,6 +7,7 @@ path is free of them can be proven all the same, as long as the arm has minors (
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
@@ -18,16 +19,17 @@ from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.certificate import Certificate
-from spacearm.polynomial.jets import Chart
+from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle
 from spacearm.singularities.abstract_set import SingularSet, prove_free
 from spacearm.singularities.exact_set import ExactSet
-from spacearm.singularities.nearest import lose_rank, nearest_singular
+from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
 from spacearm.singularities.polynomials import (
     MIMIC,
     chart_of,
     has_minors,
     minors_of,
+    proving_minors,
     singularity_polynomial,
     to_square,
 )
@@ -174,20 +176,17 @@ def prove_regular(
 
 def nearest_posture(
     cfg: Configuration, mode: BaseMode, progress: Progress | None = None
-) -> tuple[Array | None, float]:
-    """Find the singular configuration nearest to cfg, and its distance, as `SingularSet.nearest`.
+) -> NearestSingular | None:
+    """Find the singular configuration nearest to cfg, as `SingularSet.nearest`; None if none was.
 
-    Returns:
-        (n,) the configuration and its distance [rad]; None and inf if none was found. An arm that
-        can never do its task is singular where it is.
+    An arm that can never do its task is singular where it is.
     """
-    arm, S = cfg.arm, None
+    arm = cfg.arm
     if arm.n < arm.task.k:
-        return cfg.q.copy(), 0.0
-    if arm.n == arm.task.k:
-        with suppress(UnsupportedError):  # sliding or mimic joints, several tips
-            S = singularity_polynomial(arm, mode=mode)
-    try:
-        return nearest_singular(arm, mode, cfg.q, S=S, progress=progress)
-    except NoSolutionError:
-        return None, np.inf
+        return NearestSingular(arm, mode, cfg.q, False, cfg.q, 0.0, 0.0)
+    minors: Sequence[Jets] = ()
+    with suppress(UnsupportedError):  # the task is one that the arm can never do
+        minors = proving_minors(arm, mode)
+    with suppress(NoSolutionError):
+        return nearest_singular(arm, mode, cfg.q, minors=minors, progress=progress)
+    return None

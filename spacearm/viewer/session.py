@@ -17,7 +17,8 @@ from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.singularities.report import SingularityReport, angle, singularity
+from spacearm.singularities.nearest import angle
+from spacearm.singularities.report import SingularityReport, singularity
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement
 from spacearm.viewer.motions import mode_named, moved

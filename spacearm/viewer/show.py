@@ -126,7 +126,7 @@ def _workspace(space: Any) -> Viewer:
 
 def _nearest(found: Any) -> Viewer:
     """Show the posture of a singular set that is nearest to zeros in joint space."""
-    return _viewer(found.arm.at(found.nearest(_home(found.arm).q)[0]))
+    return _viewer(found.arm.at(found.nearest(_home(found.arm).q).q))
 
 
 def _attitudes(found: Any) -> Viewer:

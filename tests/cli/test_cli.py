@@ -32,12 +32,15 @@ def test_options_and_negative_numbers_in_any_order(words):
 
 def test_the_verdict_comes_first_and_says_how_to_get_away():
     first, second, third, *_ = spacearm("query", "planar2", "--deg", 30, 40).stdout.splitlines()
-    assert first == "planar2, free-floating: regular: the nearest singular posture is 31.7° away"
+    assert first == (
+        "planar2, free-floating: regular: a singular posture found 31.7° away; "
+        "none within 31.6°, proven"
+    )
     assert second == "To get away, per degree: joint_2 +0.99°"
     assert third.startswith("Distance to the singular set")
     assert "about 28° away" in spacearm("query", "planar2", "--deg", 10, 30, "--first-order").stdout
     words = spacearm("query", "planar2", "--deg", -65, -11.41).stdout.splitlines()[0]
-    assert "dynamic singularity: the nearest singular posture is 0.000802° away, 1 of 2" in words
+    assert "dynamic singularity: a singular posture found 0.000802° away;" in words
 
 
 def test_tolerance_is_an_angle():

@@ -117,7 +117,7 @@ def test_the_planar_example(tmp_path):
         assert_bounds(library, q)
         library.assert_dynamics(q)
         library.assert_distance(q)
-    on_it = sa.singular_set(arm).nearest([1.0, 0.5])[0]
+    on_it = sa.singular_set(arm).nearest([1.0, 0.5]).q
     lower, upper = library.bounds(on_it)
     assert lower == 0.0
     assert upper < 1e-12

@@ -32,12 +32,13 @@ def across(arm, rng):
 
 def check_of_the_exact_set(arm, event, before):
     """At the event the set is half a degree away, by a search of its own, and not before."""
-    nearest, distance = sa.singular_set(arm).nearest(event.q)
+    near = sa.singular_set(arm).nearest(event.q)
+    nearest, distance = near.q, near.distance
     assert distance == pytest.approx(NEAR, abs=1e-8)
     np.testing.assert_allclose(event.nearest, nearest, atol=1e-6)
     assert sa.singularity(arm.at(event.nearest)).sigma_min < 1e-9
     for q in before:
-        assert sa.singular_set(arm).nearest(q)[1] > NEAR
+        assert sa.singular_set(arm).nearest(q).distance > NEAR
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -63,7 +64,8 @@ def test_a_path_of_the_tip_ends_at_the_exact_set_of_a_redundant_arm():
     beyond.translation *= 20.0 / np.linalg.norm(beyond.translation)
     motion = sa.follow(start, [beyond], limits=False)
     assert motion.ended == "singularity"
-    nearest, distance = sa.singular_set(arm).nearest(motion.q[-1])
+    near = sa.singular_set(arm).nearest(motion.q[-1])
+    nearest, distance = near.q, near.distance
     assert distance == pytest.approx(NEAR, abs=1e-7)
     assert f"at q = {arm.in_words(nearest)}:" in motion.reason
-    assert sa.singular_set(arm).nearest(motion.q[-5])[1] > NEAR
+    assert sa.singular_set(arm).nearest(motion.q[-5]).distance > NEAR

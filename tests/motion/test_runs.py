@@ -108,7 +108,7 @@ def test_the_implicit_steps_leave_out_only_columns_that_do_not_count(case):
 def test_a_redundant_arm_meets_the_singular_set_when_its_distance_says_so():
     """Between looks at the distance, which costs many rates, nothing is missed."""
     arm, q0 = sa.load("planar3", task="x y"), np.array([0.2, 0.6, -0.4])
-    beyond = q0 + 1.3 * (sa.singular_set(arm).nearest(q0)[0] - q0)
+    beyond = q0 + 1.3 * (sa.singular_set(arm).nearest(q0).q - q0)
 
     def law(_, cfg, dq):
         return sa.inverse_dynamics(cfg, dq, beyond - cfg.q - 2.0 * dq).tau

@@ -73,7 +73,7 @@ def test_distances_are_right_to_a_fifth_below_one_degree(name):
 def test_the_exact_distance_is_that_of_the_set(name):
     arm, rng = sa.load(name), np.random.default_rng(0)
     for q in rng.uniform(-np.pi, np.pi, (3, arm.n)):
-        report, (_, d) = sa.singularity(arm.at(q), exact=True), sa.singular_set(arm).nearest(q)
+        report, d = sa.singularity(arm.at(q), exact=True), sa.singular_set(arm).nearest(q).distance
         assert report.distance == pytest.approx(d, abs=1e-7)
         assert (report.away * report.distance) == pytest.approx(q - report.nearest, abs=1e-9)
 
@@ -85,9 +85,10 @@ def test_the_exact_distance_is_that_of_the_set(name):
 def test_the_exact_distance_is_one_and_the_same(name):
     arm, rng = ARMS[name](), np.random.default_rng(3)
     q = beside(arm, rng, 1, 3.0)[0]
-    report, (nearest, d) = sa.singularity(arm.at(q), exact=True), sa.singular_set(arm).nearest(q)
-    assert report.distance == d
-    assert np.array_equal(report.nearest, nearest)
+    report, near = sa.singularity(arm.at(q), exact=True), sa.singular_set(arm).nearest(q)
+    assert report.distance == near.distance
+    assert report.distance_proven == near.distance_proven
+    assert np.array_equal(report.nearest, near.q)
 
 
 @pytest.mark.parametrize("name", ["mda6", "chaser7", "6 joints, some slide"])
@@ -249,7 +250,7 @@ def test_where_the_gradient_vanishes_the_distance_is_infinite_and_the_posture_re
     assert "no singular posture is near" in report.verdict
     exact = sa.singularity(cfg, mode="fixed", exact=True)
     assert exact.distance == pytest.approx(np.pi / 2, abs=1e-7)  # the arm along x
-    assert exact.verdict == "regular: the nearest singular posture is 90° away"
+    assert exact.verdict == "regular: a singular posture found 90° away; none within 89.9°, proven"
 
 
 def test_what_rounding_may_have_made_counts_as_zero():

@@ -246,7 +246,8 @@ def test_a_square_arm_with_a_sliding_joint():
         assert ((roots >= t[i]) & (roots <= t[i + 1])).any()
     with pytest.raises(sa.ConfigurationError, match=r"'joint_2' is 3; the set is known from -0.4"):
         found.roots([0.3, 3.0, 1.0], 0)
-    nearest, distance = found.nearest(q)
+    near = found.nearest(q)
+    nearest, distance = near.q, near.distance
     assert sigma_ratio(arm, nearest) < 1e-9
     assert np.linalg.norm((nearest - q) / joint_scales(arm)) == pytest.approx(distance)
     dense = offsets(arm, found.sample(20_000, rng), q) / joint_scales(arm)
@@ -350,7 +351,8 @@ def test_no_independent_search_finds_a_nearer_one(name):
     found = sa.singular_set(arm)
     rng = np.random.default_rng(11)
     for q in rng.uniform(-np.pi, np.pi, (12, arm.n)):
-        nearest, distance = found.nearest(q)
+        near = found.nearest(q)
+        nearest, distance = near.q, near.distance
         assert sigma_ratio(arm, nearest) < 1e-9
         assert np.linalg.norm(nearest - q) == pytest.approx(distance)
         assert distance <= independent_distance(found, q, rng, 12) + 1e-7
@@ -362,7 +364,8 @@ def test_nearest_of_chaser7_is_nearer_than_any_sample_and_a_short_search():
     rng = np.random.default_rng(12)
     Q = found.sample(20_000, rng)
     for q in rng.uniform(-np.pi, np.pi, (3, 7)):
-        nearest, distance = found.nearest(q)
+        near = found.nearest(q)
+        nearest, distance = near.q, near.distance
         assert sigma_ratio(arm, nearest) < 1e-9
         assert distance <= np.linalg.norm(offsets(arm, Q, q), axis=1).min()
         assert distance <= independent_distance(found, q, rng, 4) + 1e-7
@@ -373,12 +376,13 @@ def test_nearest_within_limits():
     found = sa.singular_set(arm)
     rng = np.random.default_rng(13)
     for q in rng.uniform(arm.lower, arm.upper, (3, 6)):
-        nearest, distance = found.nearest(q, limits=True)
+        near = found.nearest(q, limits=True)
+        nearest, distance = near.q, near.distance
         assert (nearest >= arm.lower).all()
         assert (nearest <= arm.upper).all()
         assert sigma_ratio(arm, nearest) < 1e-9
         assert np.linalg.norm(nearest - q) == pytest.approx(distance)
-        assert distance >= found.nearest(q)[1] - 1e-9
+        assert distance >= found.nearest(q).distance - 1e-9
         best = independent_distance(found, q, rng, 4, arm.lower, arm.upper)
         assert distance <= best + 1e-7
 
@@ -389,7 +393,8 @@ def test_nearest_of_a_searched_set_is_a_stationary_point():
     assert isinstance(found, sa.FoundSet)
     rng = np.random.default_rng(0)
     for q in rng.uniform(-np.pi, np.pi, (2, 4)):
-        nearest, distance = found.nearest(q)
+        near = found.nearest(q)
+        nearest, distance = near.q, near.distance
         assert sigma_ratio(arm, nearest) < 1e-9
         assert np.linalg.norm(nearest - q) == pytest.approx(distance)
         for _ in range(20):  # other members about it are no nearer

@@ -417,7 +417,8 @@ def test_nearest_is_global(name):
     rng = np.random.default_rng(2)
     points = np.concatenate(found.curves())
     for q in rng.uniform(-np.pi, np.pi, (10, found.S.n)):
-        nearest, distance = found.nearest(q)
+        near = found.nearest(q)
+        nearest, distance = near.q, near.distance
         assert abs(found.S(nearest)) < 1e-12 * found.S.scale
         assert np.linalg.norm(nearest - q) == pytest.approx(distance)
         relevant = list(found.relevant)
@@ -432,7 +433,7 @@ def test_nearest_beside_a_valley_of_sigma_min_that_leads_nowhere():
     valley = np.array([0.4881274, 1.8919902, 2.7440739, -2.6875366, -0.0001708, 1.5337097])
     rng = np.random.default_rng(0)
     for q in (valley, *(valley + 0.05 * rng.normal(size=(4, 6)))):
-        _, distance = found.nearest(q)
+        distance = found.nearest(q).distance
         others = [_by_slsqp(found.S, q, 0.3 * rng.normal(size=6)) for _ in range(4)]
         assert distance <= min(others) + 1e-6
 
@@ -461,7 +462,8 @@ def test_nearest_of_a_spatial_arm_beats_a_blind_search():
     rng = np.random.default_rng(3)
     sample = found.sample(20_000, rng)
     for q in rng.uniform(-np.pi, np.pi, (3, 6)):
-        nearest, distance = found.nearest(q)
+        near = found.nearest(q)
+        nearest, distance = near.q, near.distance
         assert abs(found.S(nearest)) < 1e-12 * found.S.scale
         offsets = np.angle(np.exp(1j * (sample - q)))
         assert distance <= np.linalg.norm(offsets, axis=1).min() + 1e-9
@@ -476,7 +478,8 @@ def test_a_whole_turn_of_a_joint_that_another_follows_is_none():
     arm = load_text(robot(*two_links(), *hand), task="x")
     found = sa.singular_set(arm)
     for q in np.linspace(-6.0, 6.0, 9):
-        nearest, distance = found.nearest([q])
+        near = found.nearest([q])
+        nearest, distance = near.q, near.distance
         assert sa.singularity(arm.at(nearest)).sigma_min <= 1e-10  # its Jacobian is one number
         assert abs(nearest[0] - q) == pytest.approx(distance)
 

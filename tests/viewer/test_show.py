@@ -141,7 +141,7 @@ def test_a_singular_set_shows_the_posture_nearest_to_home(name):
     session = shown(found)
     home = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
     assert session.report.kind != "regular"
-    np.testing.assert_allclose(session.cfg.q, found.nearest(home)[0])
+    np.testing.assert_allclose(session.cfg.q, found.nearest(home).q)
 
 
 def test_a_region_shows_its_first_singular_configuration(arm):

@@ -1,0 +1,79 @@
+"""Distances that are proven: no singular configuration is nearer, however it is looked for."""
+
+import numpy as np
+import pytest
+import spacearm as sa
+from helpers.arms import load_text, random_chain
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from spacearm.model.joints import joint_scales
+from spacearm.singularities.nearest import lose_rank
+
+TASKS = {2: "x", 3: "position", 4: "position", 5: "position"}
+
+
+def contradictions(arm, q, near, mode, rng, starts=40):
+    """Search singular configurations within the proven distance, from starts within it."""
+    unit, found = joint_scales(arm), []
+    for _ in range(starts):
+        way = rng.normal(size=arm.n)
+        start = q + unit * way / np.linalg.norm(way) * near.distance_proven * rng.uniform()
+        other = lose_rank(arm, start, mode)
+        if other is not None:
+            found.append(np.linalg.norm((other - q) / unit))
+    return [d for d in found if d < near.distance_proven * (1 - 1e-9)]
+
+
+@settings(max_examples=25)
+@given(
+    st.integers(2, 5),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(["free-floating", "attitude-controlled"]),
+    st.booleans(),
+)
+def test_nothing_singular_is_found_within_a_proven_distance(n, seed, mode, sliding):
+    kinds = ("revolute", "prismatic") if sliding else ("revolute", "continuous")
+    arm = load_text(random_chain(seed % 1000, n, kinds), task=TASKS[n])
+    rng = np.random.default_rng(seed)
+    q = np.clip(rng.uniform(-2, 2, n), arm.lower, arm.upper)
+    near = sa.singular_set(arm, mode=mode).nearest(q)
+    assert 0.0 <= near.distance_proven <= near.distance
+    assert near.distance == pytest.approx(np.linalg.norm((near.q - q) / joint_scales(arm)))
+    assert not contradictions(arm, q, near, mode, rng)
+
+
+@pytest.mark.parametrize("name", ["mda6", "ets7", "servicer_ur5"])
+def test_of_square_arms_99_percent_are_proven(name):
+    arm, rng = sa.load(name), np.random.default_rng(0)
+    for q in rng.uniform(-np.pi, np.pi, (5, arm.n)):
+        near = sa.singular_set(arm).nearest(q)
+        assert near.distance_proven >= 0.98999 * near.distance
+        assert not contradictions(arm, q, near, "free-floating", rng, 10)
+
+
+def test_of_redundant_arms_most_is_proven():
+    arm, rng = sa.load("chaser7"), np.random.default_rng(1)
+    shares = []
+    for q in rng.uniform(-np.pi, np.pi, (5, arm.n)):
+        near = sa.singular_set(arm).nearest(q)
+        shares.append(near.distance_proven / near.distance)
+        assert not contradictions(arm, q, near, "free-floating", rng, 10)
+    assert np.median(shares) > 0.9
+
+
+def test_mimic_joints_have_no_proof_and_say_so():
+    arm = load_text(random_chain(3, 3).replace("</robot>", "</robot>"), task="position")
+    assert sa.singular_set(arm).nearest(np.full(3, 0.3)).distance_proven > 0.0
+    near = sa.singularity(sa.load("planar2").at([0.3, 0.7]))
+    assert near.distance_proven == 0.0
+    assert "to first order" in near.verdict
+
+
+def test_the_limits_are_kept_and_leave_more_room():
+    arm = sa.load("servicer_ur5").limited(lower=np.full(6, -0.5), upper=np.full(6, 0.5))
+    q = np.full(6, 0.2)
+    found = sa.singular_set(arm)
+    free, kept = found.nearest(q), found.nearest(q, limits=True)
+    assert kept.distance >= free.distance - 1e-6
+    assert kept.distance_proven >= 0.9 * kept.distance
+    assert ((kept.q >= arm.lower - 1e-9) & (kept.q <= arm.upper + 1e-9)).all()
