@@ -213,6 +213,7 @@ class SpaceArm(JointSpace, Described):
         joints: Counting | None = None,
         locked: Mapping[str, float] | None = None,
         wheels: Collection[str] = (),
+        ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> SpaceArm:
         """Return a new arm with some things changed.
 
@@ -227,13 +228,14 @@ class SpaceArm(JointSpace, Described):
             joints: Which joints count besides; see `load`.
             locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.
             wheels: Joints to take as momentum wheels.
+            ranges: Least and largest position of joints [rad] or [m], as `FreeBox.ranges` has them.
 
         Raises:
             ModelError: No rigid body can have this mass and inertia, or there is no such link.
             ConfigurationError: An argument is of the wrong kind, or names what does not exist.
             UnsupportedError: The arm has several tips, and `mount` or `payload` need one.
         """
-        tree = self.whole
+        tree = self.whole if ranges is None else self.whole.with_ranges(ranges)
         if base_mass is not None or base_inertia is not None:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
