@@ -75,6 +75,6 @@ def find_box(
             progress=progress,
         )
     print_result(box, deg=deg, as_json=as_json)
-    for path in (save and box.save(save), urdf and arm.replace(ranges=box.ranges).to_urdf(urdf)):
+    for path in (save and box.save(save), urdf and arm.limited(box.ranges).to_urdf(urdf)):
         if path and not as_json:
             out.print(f"wrote {path}")

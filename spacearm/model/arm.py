@@ -214,7 +214,6 @@ class SpaceArm(JointSpace, Described):
         joints: Counting | None = None,
         locked: Mapping[str, float] | None = None,
         wheels: Collection[str] = (),
-        ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> SpaceArm:
         """Return a new arm with some things changed.
 
@@ -232,14 +231,13 @@ class SpaceArm(JointSpace, Described):
             joints: Which joints count besides; see `load`.
             locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.
             wheels: Joints to take as momentum wheels.
-            ranges: Least and largest position of joints [rad] or [m], as `FreeBox.ranges` has them.
 
         Raises:
             ModelError: No rigid body can have this mass and inertia, or there is no such link.
             ConfigurationError: An argument is of the wrong kind, or names what does not exist.
             UnsupportedError: The arm has several tips, and `mount` or `payload` need one.
         """
-        tree = self.whole if ranges is None else self.whole.with_ranges(ranges)
+        tree = self.whole
         if base_mass is not None or base_inertia is not None:
             tree = tree.with_spacecraft(base_mass, base_inertia)
         if mount is not None:
@@ -282,6 +280,17 @@ class SpaceArm(JointSpace, Described):
         I = np.zeros((3, 3)) if inertia is None else inertia
         tree = holding(self.whole, self.tip, Inertial.of(mass, I, com, body="the payload"))
         return self.on(tree)
+
+    def limited(self, ranges: Mapping[str, tuple[float, float]]) -> SpaceArm:
+        """Return the arm with other limits of some joints.
+
+        Args:
+            ranges: Least and largest position [rad] or [m] by joint, as `FreeBox.ranges` has them.
+
+        Raises:
+            ConfigurationError: A joint does not exist, or the least position does not come first.
+        """
+        return self.on(self.whole.with_ranges(ranges))
 
     def on(self, tree: Tree) -> SpaceArm:
         """Return the arm with the same tips, task and joints on another tree of bodies."""

@@ -115,7 +115,7 @@ class FreeBox(Result):
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """The ends of each joint's range by its name, as `SpaceArm.replace` takes them."""
+        """The ends of each joint's range by its name, as `SpaceArm.limited` takes them."""
         ends = zip(self.lower.tolist(), self.upper.tolist(), strict=True)
         return dict(zip(self.arm.joint_names, ends, strict=True))
 

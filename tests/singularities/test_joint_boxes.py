@@ -122,13 +122,13 @@ def test_the_files_hold_the_ranges(tmp_path):
     box = sa.free_box(arm.at(np.radians([20, 60, -100, -50, 30, 0])))
     written = tomllib.loads(box.save(tmp_path / "box.toml").read_text())
     assert {name: tuple(ends) for name, ends in written["ranges"].items()} == box.ranges
-    limited = sa.load(arm.replace(ranges=box.ranges).to_urdf(tmp_path / "limited.urdf"))
+    limited = sa.load(arm.limited(box.ranges).to_urdf(tmp_path / "limited.urdf"))
     np.testing.assert_allclose(limited.lower, box.lower)
     np.testing.assert_allclose(limited.upper, box.upper)
     with pytest.raises(sa.ConfigurationError, match="unknown joint"):
-        arm.replace(ranges={"elbow": (0.0, 1.0)})
+        arm.limited({"elbow": (0.0, 1.0)})
     with pytest.raises(sa.ConfigurationError, match="least position first"):
-        arm.replace(ranges={arm.joint_names[0]: (1.0, 0.0)})
+        arm.limited({arm.joint_names[0]: (1.0, 0.0)})
 
 
 @pytest.mark.parametrize(
