@@ -270,6 +270,27 @@ class Tree:
         links = {name: None if name in lump else part for name, part in self.links.items()}
         return replace(self, links={**links, self.root: spacecraft})
 
+    def with_ranges(self, ranges: Mapping[str, tuple[float, float]]) -> Tree:
+        """Return the tree with other limits of joints [rad] or [m].
+
+        Raises:
+            ConfigurationError: A joint does not exist or cannot move, or its limits are no two
+                numbers in growing order.
+        """
+        movable = {joint.name: joint for joint in self.movable()}
+        changed = []
+        for name, (lower, upper) in ranges.items():
+            if name not in movable:
+                raise ConfigurationError(f"ranges: {unknown('joint', name, list(movable))}")
+            if not lower <= upper:
+                raise ConfigurationError(
+                    f"ranges of {name!r} is ({lower}, {upper}); give the least position first"
+                )
+            joint = movable[name]
+            kind = "revolute" if joint.kind == "continuous" else joint.kind
+            changed.append(replace(joint, kind=kind, lower=float(lower), upper=float(upper)))
+        return self.with_joints(*changed)
+
     def with_mass(self, link: str, mass: float) -> Tree:
         """Return the tree with another mass of a link [kg], its inertia scaled in proportion.
 
