@@ -55,7 +55,8 @@ def placed(arm, attitude):
 def main():
     """Print how near both laws come to the goal."""
     arm = sa.load("planar2")
-    real = arm.replace(base_mass=1.05 * arm.model.inertias[1].mass)
+    bus = arm.model.inertias[1]
+    real = arm.replace(base_mass=1.05 * bus.mass, base_inertia=bus.inertia)
     fly, cfg = sa.to_casadi(arm), placed(real, ATTITUDE)
     guess = np.tile(np.append(ATTITUDE, START)[:, None], NODES + 1), np.zeros((2, NODES))
     least, path = np.inf, [cfg.tip.translation[:2]]

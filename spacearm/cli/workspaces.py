@@ -27,7 +27,7 @@ from spacearm.files import read
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Described, Description, Table
 from spacearm.singularities.risk import risk_profile
-from spacearm.workspaces.design import workspaces
+from spacearm.workspaces.design import unit_of, workspaces
 from spacearm.workspaces.path_dependent import EFFORT, workspace
 
 COUNT = 9
@@ -142,8 +142,9 @@ def sweep_designs(
     vary: Annotated[
         list[str],
         typer.Option(
-            help="A parameter and its values: base_mass, payload, mass:LINK [kg], base_inertia (a "
-            "factor at constant mass), mount_x, mount_y, mount_z [m]; may be repeated.",
+            help="A parameter and its values: base_mass (the inertia grows with it), payload, "
+            "mass:LINK [kg], length:LINK [m], base_inertia (a factor), mount_x, mount_y, mount_z "
+            "[m]; may be repeated.",
             metavar="NAME=A[:B[:COUNT]]",
         ),
     ],
@@ -188,8 +189,7 @@ class Designs(Described):
                 values = (values[i] for values, i in zip(self.grid.values(), at, strict=True))
                 shells = "  ".join(f"{low:.4f}..{high:.4f}" for low, high in pdw) or "none"
                 rows.append((*values, f"{found['fraction'].values[at]:.2%}", shells))
-        units = {"base_inertia": "times"} | dict.fromkeys(("mount_x", "mount_y", "mount_z"), "m")
-        heads = [Column(name, units.get(name, "kg"), ".6g") for name in self.grid]
+        heads = [Column(name, unit_of(name).split()[0], ".6g") for name in self.grid]
         return Description(
             title=f"{found.attrs['arm']}, {found.attrs['base_mode']}",
             verdict=f"{len(rows)} of {found['done'].size} designs",

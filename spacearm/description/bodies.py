@@ -84,6 +84,18 @@ class Inertial(NamedTuple):
         """Whether it is a point mass, without inertia about its CM."""
         return self.mass > 0.0 and not self.inertia.any()
 
+    def with_mass(self, mass: float) -> Inertial:
+        """Return a body of the same shape with another mass [kg]: I grows in proportion."""
+        return self._replace(mass=mass, inertia=self.inertia * (mass / self.mass))
+
+    def scaled(self, factor: float) -> Inertial:
+        """Return a body of the same shape and mass, enlarged by a factor about the link's origin.
+
+        Its CM is `factor` times as far away, its inertia `factor`^2 times as large.
+        """
+        origin = pin.SE3(self.origin.rotation, factor * self.origin.translation)
+        return self._replace(origin=origin, inertia=factor**2 * self.inertia)
+
     def spatial(self) -> pin.Inertia:
         """Return it as a Pinocchio spatial inertia in the link frame."""
         inertia = pin.Inertia.Zero()

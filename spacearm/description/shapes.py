@@ -82,6 +82,21 @@ class Unusable(NamedTuple):
 Geometry: TypeAlias = Box | Sphere | Cylinder | Mesh | Unusable
 
 
+def _scaled(geometry: Geometry, factor: float) -> Geometry:
+    """Return a geometry enlarged by a factor."""
+    match geometry:
+        case Box(size):
+            return Box(tuple(factor * x for x in size))
+        case Sphere(radius):
+            return Sphere(factor * radius)
+        case Cylinder(radius, length):
+            return Cylinder(factor * radius, factor * length)
+        case Mesh():
+            return geometry._replace(scale=tuple(factor * x for x in geometry.scale))
+        case _:
+            return geometry
+
+
 class Shape(NamedTuple):
     """A geometry fixed to a link.
 
@@ -94,6 +109,11 @@ class Shape(NamedTuple):
     pose: pin.SE3
     geometry: Geometry
     rgba: tuple[float, ...] | None = None
+
+    def scaled(self, factor: float) -> Shape:
+        """Return the shape enlarged by a factor about the origin of the link."""
+        pose = pin.SE3(self.pose.rotation, factor * self.pose.translation)
+        return self._replace(pose=pose, geometry=_scaled(self.geometry, factor))
 
 
 class Visuals(NamedTuple):
@@ -108,6 +128,13 @@ class Visuals(NamedTuple):
     visual: tuple[Shape, ...] = ()
     collision: tuple[Shape, ...] = ()
     stands_in: bool = False
+
+    def scaled(self, factor: float) -> Visuals:
+        """Return the shapes enlarged by a factor about the origin of the link."""
+        return self._replace(
+            visual=tuple(shape.scaled(factor) for shape in self.visual),
+            collision=tuple(shape.scaled(factor) for shape in self.collision),
+        )
 
 
 def capsule(

@@ -19,6 +19,8 @@ from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 
 ROOT_JOINT = "root_joint"
 """Name of the free-flyer joint of the spacecraft; the one that Pinocchio's URDF reader uses."""
+LEAST_LENGTH = 1e-6
+"""Length of a link up to which it has none [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +251,8 @@ class Tree:
 
         Args:
             mass: Mass of the spacecraft with all that is fixed to it [kg]; as it is if None.
-            inertia: (3, 3) its inertia about its CM [kg m^2]; as it is if None.
+            inertia: (3, 3) its inertia about its CM [kg m^2]; that of a body of the same shape if
+                None, in proportion to the mass.
 
         Raises:
             ModelError: No rigid body can have this mass and inertia.
@@ -262,8 +265,31 @@ class Tree:
             body="the spacecraft",
             prefix="base_",
         )
+        if inertia is None:
+            spacecraft = body.with_mass(spacecraft.mass)
         links = {name: None if name in lump else part for name, part in self.links.items()}
         return replace(self, links={**links, self.root: spacecraft})
+
+    def with_ranges(self, ranges: Mapping[str, tuple[float, float]]) -> Tree:
+        """Return the tree with other limits of joints [rad] or [m].
+
+        Raises:
+            ConfigurationError: A joint does not exist or cannot move, or its limits are no two
+                numbers in growing order.
+        """
+        movable = {joint.name: joint for joint in self.movable()}
+        changed = []
+        for name, (lower, upper) in ranges.items():
+            if name not in movable:
+                raise ConfigurationError(f"ranges: {unknown('joint', name, list(movable))}")
+            if not lower <= upper:
+                raise ConfigurationError(
+                    f"ranges of {name!r} is ({lower}, {upper}); give the least position first"
+                )
+            joint = movable[name]
+            kind = "revolute" if joint.kind == "continuous" else joint.kind
+            changed.append(replace(joint, kind=kind, lower=float(lower), upper=float(upper)))
+        return self.with_joints(*changed)
 
     def with_mass(self, link: str, mass: float) -> Tree:
         """Return the tree with another mass of a link [kg], its inertia scaled in proportion.
@@ -272,16 +298,86 @@ class Tree:
             ModelError: The link does not exist or has no mass, or the new mass is not positive.
         """
         part = self.links.get(link)
-        if part is None:
+        if part is None or not part.mass:
             raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.massive())}")
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
-        part = Inertial(mass, part.origin, part.inertia * (mass / part.mass))
-        return replace(self, links={**self.links, link: part})
+        return replace(self, links={**self.links, link: part.with_mass(mass)})
+
+    def length(self, link: str, tips: Iterable[str]) -> float:
+        """Compute the length of a link [m]: from the joint that moves it to the next one.
+
+        The next joint is the one on the way to a tip, or the only one; of the last link it is the
+        tip. The length is zero where both are in one place.
+
+        Args:
+            link: Name of a link, or of one that is fixed to it.
+            tips: Names of the tip links.
+
+        Raises:
+            ModelError: The link does not exist, is the spacecraft, or nothing is next.
+        """
+        if link not in self.links:
+            raise ModelError(unknown("link", link, self.links))
+        first = self.body_of[link]
+        if first == self.root:
+            raise ModelError(
+                f"link {link!r} is part of the spacecraft, which has no length; name a link of the "
+                f"arm: {listed([name for name in self.lumps if name != self.root])}"
+            )
+        lump = self.lumps[first]
+        after = [joint for joint in self.movable() if joint.parent in lump]
+        ways = [joint for tip in tips for joint in self.movable(tip) if joint.parent in lump]
+        ends = [tip for tip in tips if tip in lump]
+        if joint := next(iter(ways or after[: len(after) == 1]), None):
+            end = self.frames[joint.parent] * joint.origin
+        elif ends:
+            end = self.frames[ends[0]]
+        else:
+            raise ModelError(
+                f"link {link!r} has {len(after)} joints after it, none on the way to the tip; "
+                "name a link on the way"
+            )
+        return float(np.linalg.norm(end.translation - self.frames[first].translation))
+
+    def with_length(self, link: str, length: float, tips: Iterable[str]) -> Tree:
+        """Return the tree with another length of a link, see `length`; masses stay.
+
+        The link, with all that is fixed to it, is enlarged to a body of the same shape: lengths by
+        the factor k, inertias by k^2, shapes for drawings and collisions by k.
+
+        Args:
+            link: Name of the link.
+            length: Its length [m].
+            tips: Names of the tip links.
+
+        Raises:
+            ModelError: As `length`; or it has no length, or the new one is not positive.
+        """
+        before = self.length(link, tips)
+        if before < LEAST_LENGTH:
+            raise ModelError(
+                f"link {link!r} has no length: the next joint is where its own is; name another"
+            )
+        if not LEAST_LENGTH <= length <= LARGEST:
+            raise ModelError(f"the length of {link!r} is {length:g} m; give a positive one")
+        k, lump = length / before, self.lumps[self.body_of[link]]
+        moved = [
+            replace(joint, origin=pin.SE3(joint.origin.rotation, k * joint.origin.translation))
+            for joint in self.joints.values()
+            if joint.parent in lump
+        ]
+        parts = {name: part.scaled(k) for name in lump if (part := self.links[name])}
+        shapes = {name: self.visuals[name].scaled(k) for name in lump if name in self.visuals}
+        return replace(
+            self.with_joints(*moved),
+            links={**self.links, **parts},
+            visuals={**self.visuals, **shapes},
+        )
 
     def massive(self) -> list[str]:
         """Return the names of the links that have mass."""
-        return [name for name, part in self.links.items() if part is not None]
+        return [name for name, part in self.links.items() if part is not None and part.mass]
 
     def with_mount(self, joint: Joint, mount: pin.SE3) -> Tree:
         """Return the tree with a joint moved to a pose in the spacecraft frame."""

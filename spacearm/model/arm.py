@@ -207,6 +207,7 @@ class SpaceArm(JointSpace, Described):
         base_inertia: npt.ArrayLike | None = None,
         mount: pin.SE3 | None = None,
         link_mass: Mapping[str, float] | None = None,
+        link_length: Mapping[str, float] | None = None,
         payload: float | None = None,
         tip: str | Sequence[str] | None = None,
         task: str | Task | None = None,
@@ -218,9 +219,12 @@ class SpaceArm(JointSpace, Described):
 
         Args:
             base_mass: Mass of the spacecraft (with all that is fixed to it) [kg]; its CM stays.
-            base_inertia: (3, 3) inertia of the spacecraft about its CM, spacecraft axes [kg m^2].
+            base_inertia: (3, 3) inertia of the spacecraft about its CM, spacecraft axes [kg m^2];
+                if None it grows in proportion to the mass, as that of a body of the same shape.
             mount: Pose of the first joint on the way to the tip, in the spacecraft frame.
             link_mass: Masses of links [kg]; their inertias grow in proportion.
+            link_length: Lengths of links from their joint to the next, or to the tip [m]. The link
+                and all that is fixed to it keep mass and shape: a length times k, an inertia k^2.
             payload: A point mass held at the tip [kg]; `grasp` takes bodies.
             tip: Link whose frame is the tip, or several; the joints on the way to it count.
             task: The twist rows. Default: those asked for; if none were, the default of `load`.
@@ -240,6 +244,8 @@ class SpaceArm(JointSpace, Described):
             tree = tree.with_mount(tree.movable(self.tip)[0], sound_pose(mount, "mount"))
         for link, mass in (link_mass or {}).items():
             tree = tree.with_mass(link, mass)
+        for link, length in (link_length or {}).items():
+            tree = tree.with_length(link, length, self.tips)
         tree = tree.locked({} if locked is None else locked).with_wheels(wheels)
         tips = (
             Tips(self.tips, self.tip_reason) if tip is None else choose_tips(tree, self.path, tip)
@@ -274,6 +280,17 @@ class SpaceArm(JointSpace, Described):
         I = np.zeros((3, 3)) if inertia is None else inertia
         tree = holding(self.whole, self.tip, Inertial.of(mass, I, com, body="the payload"))
         return self.on(tree)
+
+    def limited(self, ranges: Mapping[str, tuple[float, float]]) -> SpaceArm:
+        """Return the arm with other limits of some joints.
+
+        Args:
+            ranges: Least and largest position [rad] or [m] by joint, as `FreeBox.ranges` has them.
+
+        Raises:
+            ConfigurationError: A joint does not exist, or the least position does not come first.
+        """
+        return self.on(self.whole.with_ranges(ranges))
 
     def on(self, tree: Tree) -> SpaceArm:
         """Return the arm with the same tips, task and joints on another tree of bodies."""

@@ -27,7 +27,7 @@ from spacearm.model.task import Task
 from spacearm.sweeps import quantities
 from spacearm.sweeps.quantities import Box, Quantity, Shape, box_of, counts
 from spacearm.sweeps.toml import Table, parse, text_of
-from spacearm.workspaces.design import PARAMETERS, vary
+from spacearm.workspaces.design import unit_of, vary
 
 CHUNK = 2**22
 """Configurations in a chunk, if the study does not say."""
@@ -199,7 +199,7 @@ class Study:
         labels: dict[str, tuple[Array, Mapping[str, Any]]] = {}
         labels["arm"] = np.array(list(self.arms), dtype=object), {}
         for name, values in self.axes.items():
-            labels[name] = values, {"units": PARAMETERS.get(name, "kg")}
+            labels[name] = values, {"units": unit_of(name)}
         for quantity in self.quantities.values():
             labels |= quantity.coords
         return labels

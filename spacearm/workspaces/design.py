@@ -29,12 +29,19 @@ __all__ = ["Mounted", "optimise_mount", "shell_measures", "vary", "workspaces"]
 MOUNTS = ("mount_x", "mount_y", "mount_z")
 PARAMETERS = {
     "base_mass": "kg",
-    "base_inertia": "times the inertia, at the same mass",
+    "base_inertia": "times the inertia",
     **dict.fromkeys(MOUNTS, "m"),
     "payload": "kg at the tip",
     "mass:LINK": "kg",
+    "length:LINK": "m",
 }
 """Design parameters and their units."""
+
+
+def unit_of(parameter: str) -> str:
+    """Return the unit of a design parameter."""
+    kind, sign, _ = parameter.partition(":")
+    return PARAMETERS[f"{kind}:LINK" if sign else parameter]
 
 
 class Mounted(NamedTuple):
@@ -62,9 +69,11 @@ def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
 
     Args:
         arm: The arm.
-        parameters: Values by name: "base_mass" [kg], "base_inertia" (factor at constant mass),
-            "mount_x", "mount_y", "mount_z" (first joint in the spacecraft frame [m]), "payload"
-            (point mass at the tip [kg]), "mass:LINK" (mass of a link [kg]).
+        parameters: Values by name: "base_mass" (mass of the spacecraft [kg], its inertia in
+            proportion), "base_inertia" (a factor of that inertia), "mount_x", "mount_y", "mount_z"
+            (first joint in the spacecraft frame [m]), "payload" (point mass at the tip [kg]),
+            "mass:LINK" and "length:LINK" (mass [kg] and length [m] of a link, as a body of the same
+            shape; see `SpaceArm.replace`).
 
     Returns:
         Another arm; the one given stays as it is.
@@ -79,20 +88,26 @@ def vary(arm: SpaceArm, parameters: Mapping[str, float]) -> SpaceArm:
         >>> sa.design.vary(arm, {"payload": 10.0, "mount_x": 0.2})
         SpaceArm(planar2: 2 joints, 57 kg, tip 'tip', task 'x y')
     """
-    mount, link_mass = arm.mount, {}
+    mount = arm.mount
+    links: dict[str, dict[str, float]] = {"mass": {}, "length": {}}
     for name, value in parameters.items():
         if name in MOUNTS:
             mount.translation[MOUNTS.index(name)] = value
-        elif name.startswith("mass:"):
-            link_mass[name.removeprefix("mass:")] = float(value)
+        elif name.partition(":")[0] in links and ":" in name:
+            kind, _, link = name.partition(":")
+            links[kind][link] = float(value)
         elif name not in PARAMETERS:
             raise ConfigurationError(unknown("design parameter", name, PARAMETERS))
-    factor = parameters.get("base_inertia")
+    inertia, base_mass = None, parameters.get("base_mass")
+    if "base_inertia" in parameters:
+        spacecraft = arm if base_mass is None else arm.replace(base_mass=base_mass)
+        inertia = parameters["base_inertia"] * spacecraft.model.inertias[1].inertia
     return arm.replace(
-        base_mass=parameters.get("base_mass"),
-        base_inertia=None if factor is None else factor * arm.model.inertias[1].inertia,
+        base_mass=base_mass,
+        base_inertia=inertia,
         mount=mount if set(MOUNTS) & set(parameters) else None,
-        link_mass=link_mass,
+        link_mass=links["mass"],
+        link_length=links["length"],
         payload=parameters.get("payload"),
     )
 
@@ -208,7 +223,7 @@ def workspaces(
         data["risk"] = (*names, "class"), risk
     coords: dict[str, Any] = {"bound": ["least", "largest"]}
     for name, x in axes.items():
-        coords[name] = name, x, {"units": PARAMETERS.get(name, "kg")}
+        coords[name] = name, x, {"units": unit_of(name)}
     return xr.Dataset(data, coords, {"arm": arm.name, "base_mode": mode, "limits": int(limits)})
 
 

@@ -222,7 +222,10 @@ def test_masses_and_mounts_in_a_struct(name, task, tmp_path):
     assert S(nominal) == pytest.approx(plain.S(q), rel=1e-13)
     gradient = type(nominal)()
     assert S(nominal, gradient) == S(nominal)
-    h, bus = 1e-4, arm.model.inertias[1].mass
+    h, bus = 1e-4, arm.model.inertias[1]
+
+    def heavier(d):
+        return arm.replace(base_mass=bus.mass + d, base_inertia=bus.inertia)
 
     def moved(d, axis):
         mount = arm.mount
@@ -230,7 +233,7 @@ def test_masses_and_mounts_in_a_struct(name, task, tmp_path):
         return arm.replace(mount=mount)
 
     changes = [(gradient.joint_positions[axis], partial(moved, axis=axis)) for axis in (0, 1)]
-    changes.append((gradient.masses[0], lambda d: arm.replace(base_mass=bus + d)))
+    changes.append((gradient.masses[0], heavier))
     for slope, changed in changes:
         pair = [structure(parameters_of(changed(d)), names) for d in (h, -h)]
         assert slope == pytest.approx((S(pair[0]) - S(pair[1])) / (2 * h), rel=1e-6)

@@ -74,8 +74,8 @@ def test_derivatives_by_masses_and_a_mount():
         mount.translation = mount.translation + np.array([d, 0.0, 0.0])
         return arm.replace(mount=mount)
 
-    bus = arm.model.inertias[1].mass
-    slope(masses[0], lambda d: arm.replace(base_mass=bus + d))
+    bus = arm.model.inertias[1]
+    slope(masses[0], lambda d: arm.replace(base_mass=bus.mass + d, base_inertia=bus.inertia))
     slope(positions[0, 0], shifted)
 
 

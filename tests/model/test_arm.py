@@ -169,6 +169,11 @@ def test_replace_gives_a_new_arm_and_leaves_the_old():
     mass, J = arm.mass, sa.generalized_jacobian(arm.at([0.3, 0.4]))
     heavy = arm.replace(base_mass=400.0)
     assert heavy.mass == pytest.approx(mass + 360.0)
+    bus = arm.model.inertias[1]
+    grown = heavy.model.inertias[1].inertia  # of a body of the same shape
+    assert np.allclose(grown, 400.0 / bus.mass * bus.inertia, rtol=1e-12)
+    dense = arm.replace(base_mass=400.0, base_inertia=bus.inertia)
+    assert np.allclose(dense.model.inertias[1].inertia, bus.inertia, rtol=1e-12)
     stiff = arm.replace(base_inertia=10 * arm.model.inertias[1].inertia)
     assert np.allclose(stiff.model.inertias[1].inertia, 10 * arm.model.inertias[1].inertia)
     moved = arm.replace(mount=pin.SE3(np.eye(3), np.array([0.0, 0.2, 0.0])))

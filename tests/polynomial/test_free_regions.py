@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from spacearm.polynomial.free_regions import Roots, Tube, prove
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.trig import TrigPolynomial

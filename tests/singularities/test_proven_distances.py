@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-import spacearm as sa
 from helpers.arms import load_text, random_chain
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+import spacearm as sa
 from spacearm.model.joints import joint_scales
 from spacearm.singularities.nearest import lose_rank
 

@@ -1,10 +1,12 @@
 """Design sweeps: physics, labels, interruption."""
 
 import json
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import load_text, random_chain
 from helpers.commands import spacearm
 
 import spacearm as sa
@@ -23,6 +25,75 @@ def test_vary_changes_what_it_names():
     link = [arm.model.getJointId("joint_1"), ARM.model.getJointId("joint_1")]
     heavy, light = arm.model.inertias[link[0]], ARM.model.inertias[link[1]]
     np.testing.assert_allclose(heavy.inertia, 2 * light.inertia)
+
+
+def rebuilt(text, link, length, mass):
+    """The robot's file with one link of the same shape: lengths and masses times factors."""
+    root = ElementTree.fromstring(text)
+
+    def times(element, names, factor):
+        for name in names:
+            values = [factor * float(x) for x in element.get(name).split()]
+            element.set(name, " ".join(map(repr, values)))
+
+    (part,) = (each for each in root.iter("link") if each.get("name") == link)
+    for origin in part.iter("origin"):
+        times(origin, ["xyz"], length)
+    for joint in root.iter("joint"):
+        if joint.find("parent").get("link") == link:
+            times(joint.find("origin"), ["xyz"], length)
+    times(part.find("inertial/mass"), ["value"], mass)
+    axes = [f"i{a}{b}" for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")]
+    times(part.find("inertial/inertia"), axes, mass * length**2)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("link", ["link_1", "link_3", "link_4"])
+def test_links_of_other_length_and_mass_are_those_of_a_file_written_by_hand(seed, link):
+    """Of the same shape, whether another joint, the tip or the frame of a fixed one is next."""
+    text, k, m = random_chain(seed, 4), 1.7, 0.6
+    arm = load_text(text, tip="tip", task="position")
+    before, part = arm.tree.length(link, arm.tips), arm.tree.links[link]
+    changed = vary(arm, {f"length:{link}": k * before, f"mass:{link}": m * part.mass})
+    wanted = load_text(rebuilt(text, link, k, m), tip="tip", task="position")
+    assert changed.tree.length(link, arm.tips) == pytest.approx(k * before, rel=1e-12)
+    q = np.random.default_rng(seed).uniform(-1, 1, arm.n)
+    for got, want in ((changed.at(q).A, wanted.at(q).A), (changed.at(q).J, wanted.at(q).J)):
+        np.testing.assert_allclose(got, want, atol=1e-12 * np.abs(want).max())
+
+
+def test_all_lengths_of_an_arm_scale_its_jacobian():
+    """Lengths and the bus times k: the linear rows of J* are k times as large."""
+    k, q = 2.5, [0.4, 1.1]
+    change = {
+        f"length:{link}": k * ARM.tree.length(link, ARM.tips) for link in ("link_1", "link_2")
+    }
+    larger = vary(ARM, {**change, "base_inertia": k**2, "mount_x": k * ARM.mount.translation[0]})
+    J, wanted = sa.generalized_jacobian(larger.at(q)), k * sa.generalized_jacobian(ARM.at(q))
+    np.testing.assert_allclose(J[:2], wanted[:2], atol=1e-12 * np.abs(wanted).max())
+
+
+def test_shapes_grow_with_their_link():
+    """Those of the link and of all that is fixed to it, for collisions too."""
+    arm = sa.load("mda6")
+    link = arm.tree.movable(arm.tip)[2].child
+    k, length, compared = 1.5, arm.tree.length(link, arm.tips), 0
+    longer = arm.replace(link_length={link: k * length})
+    for name in arm.tree.lumps[arm.tree.body_of[link]]:
+        old, new = arm.tree.visuals.get(name), longer.tree.visuals.get(name)
+        for a, b in zip(old.collision if old else (), new.collision if new else (), strict=True):
+            np.testing.assert_allclose(b.pose.translation, k * a.pose.translation)
+            first, second = (np.hstack(list(shape.geometry)) for shape in (a, b))
+            np.testing.assert_allclose(second, k * first)
+            compared += 1
+    assert compared
+
+
+def test_a_heavier_bus_is_of_the_same_shape_in_designs_too():
+    bus = ARM.model.inertias[1]
+    found = vary(ARM, {"base_mass": 3 * bus.mass, "base_inertia": 2}).model.inertias[1]
+    np.testing.assert_allclose(found.inertia, 6 * bus.inertia, rtol=1e-12)
 
 
 def test_a_payload_moves_the_cm_and_no_singularity():
@@ -121,6 +192,10 @@ def test_bad_commands(arguments, message, tmp_path):
         (lambda: vary(ARM, {"base_weight": 3}), sa.ConfigurationError, "base_mass"),
         (lambda: vary(ARM, {"base_mass": -3}), sa.ModelError, "positive"),
         (lambda: vary(ARM, {"mass:wing": 3}), sa.ModelError, "wing"),
+        (lambda: vary(ARM, {"length:wing": 3}), sa.ModelError, "wing"),
+        (lambda: vary(ARM, {"length:link_1": 0}), sa.ModelError, "positive"),
+        (lambda: vary(ARM, {f"length:{ARM.tree.root}": 2}), sa.ModelError, "spacecraft"),
+        (lambda: vary(ARM, {"width:link_1": 2}), sa.ConfigurationError, "length:LINK"),
         (lambda: vary(ARM, {"payload": -1}), sa.ModelError, "payload"),
         (lambda: workspaces(ARM, {}), sa.ConfigurationError, "one or more"),
         (lambda: workspaces(ARM, {"base_mass": []}), sa.ConfigurationError, "one or more"),
