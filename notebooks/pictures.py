@@ -174,8 +174,8 @@ def payload() -> Figure:
     for mass, colour in ((0.0, BLUE), (50.0, GREEN), (500.0, GREY)):
         sigma = sa.evaluate(arm.replace(payload=mass), Q, ("sigma_min",))["sigma_min"]
         axes.plot(turn, sigma, color=colour, lw=2, label=f"{mass:g} kg in the hand")
-    axes.set(xlabel="q3 [deg]", ylabel="least singular value of J*", xlim=(-180, 180), ylim=(0, None))
-    axes.set(xticks=range(-180, 181, 90), title="mda6: the zeros stand still")
+    axes.set(xlabel="q3 [deg]", xlim=(-180, 180), xticks=range(-180, 181, 90), ylim=(0, None))
+    axes.set(ylabel="least singular value of J*", title="mda6: the zeros stand still")
     axes.legend()
     return figure
 
