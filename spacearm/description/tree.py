@@ -298,7 +298,7 @@ class Tree:
             ModelError: The link does not exist or has no mass, or the new mass is not positive.
         """
         part = self.links.get(link)
-        if part is None:
+        if part is None or not part.mass:
             raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.massive())}")
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
@@ -377,7 +377,7 @@ class Tree:
 
     def massive(self) -> list[str]:
         """Return the names of the links that have mass."""
-        return [name for name, part in self.links.items() if part is not None]
+        return [name for name, part in self.links.items() if part is not None and part.mass]
 
     def with_mount(self, joint: Joint, mount: pin.SE3) -> Tree:
         """Return the tree with a joint moved to a pose in the spacecraft frame."""
