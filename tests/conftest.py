@@ -26,7 +26,7 @@ if MOVED:
     def moved(seed=None):
         """Return a generator whose seed is moved where a test asks for it."""
         by_test = sys._getframe(1).f_code.co_filename.startswith(TESTS)
-        return seeded(np.add(seed, MOVED) if by_test and seed is not None else seed)
+        return seeded(seed + MOVED if by_test and isinstance(seed, int | np.integer) else seed)
 
     np.random.default_rng = moved
 
