@@ -104,6 +104,8 @@ from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
+from spacearm.singularities.joint_boxes import FreeBox as FreeBox
+from spacearm.singularities.joint_boxes import free_box as free_box
 from spacearm.singularities.map import SingularMap as SingularMap
 from spacearm.singularities.map import singular_map as singular_map
 from spacearm.singularities.polynomials import singularity_polynomial as singularity_polynomial

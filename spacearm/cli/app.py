@@ -44,6 +44,10 @@ COMMANDS = {
         "queries.find_nearest",
         "Find the singular posture nearest to a posture, in joint space.",
     ),
+    "box": (
+        "boxes.find_box",
+        "Find joint ranges about a posture or a motion in which no posture is singular, proven.",
+    ),
     "path": (
         "queries.check_path",
         "Prove that straight joint motions from posture to posture meet no singularity.",

@@ -41,11 +41,13 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.files import read, write
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import capture
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Cell, Column, Description, Table, joint_measures
+from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.nearest import GLOBAL_DIMENSION
 from spacearm.singularities.report import TOLERANCE, angle, singularity
@@ -180,17 +182,23 @@ def check_path(
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
         facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
-        print_json(plain(facts | {"distance": distance, "mode": mode.value}))
+        whom = {"any_payload": any_payload(arm, mode.value)}
+        print_json(plain(facts | {"distance": distance, "mode": mode.value} | whom))
     else:
-        print_description(_described(arm, Q, proof, distance, outside), deg)
+        print_description(_described(arm, mode.value, Q, proof, distance, outside), deg)
     return SINGULAR if fail_on_singular and not proof.free else 0
 
 
 def _described(
-    arm: SpaceArm, Q: Array, proof: Certificate, distance: Array | None, outside: list[str]
+    arm: SpaceArm,
+    mode: BaseMode,
+    Q: Array,
+    proof: Certificate,
+    distance: Array | None,
+    outside: list[str],
 ) -> Description:
     """Return what the proof of a path says."""
-    notes, tables = [], []
+    notes, tables = [payload_note(arm, mode)], []
     if proof.at is not None:
         first = 1 + (proof.segment or 0)
         way = f"on the way from posture {first} to {first + 1}"

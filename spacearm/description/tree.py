@@ -270,6 +270,27 @@ class Tree:
         links = {name: None if name in lump else part for name, part in self.links.items()}
         return replace(self, links={**links, self.root: spacecraft})
 
+    def with_ranges(self, ranges: Mapping[str, tuple[float, float]]) -> Tree:
+        """Return the tree with other limits of joints [rad] or [m].
+
+        Raises:
+            ConfigurationError: A joint does not exist or cannot move, or its limits are no two
+                numbers in growing order.
+        """
+        movable = {joint.name: joint for joint in self.movable()}
+        changed = []
+        for name, (lower, upper) in ranges.items():
+            if name not in movable:
+                raise ConfigurationError(f"ranges: {unknown('joint', name, list(movable))}")
+            if not lower <= upper:
+                raise ConfigurationError(
+                    f"ranges of {name!r} is ({lower}, {upper}); give the least position first"
+                )
+            joint = movable[name]
+            kind = "revolute" if joint.kind == "continuous" else joint.kind
+            changed.append(replace(joint, kind=kind, lower=float(lower), upper=float(upper)))
+        return self.with_joints(*changed)
+
     def with_mass(self, link: str, mass: float) -> Tree:
         """Return the tree with another mass of a link [kg], its inertia scaled in proportion.
 
@@ -277,7 +298,7 @@ class Tree:
             ModelError: The link does not exist or has no mass, or the new mass is not positive.
         """
         part = self.links.get(link)
-        if part is None:
+        if part is None or not part.mass:
             raise ModelError(f"link {link!r} has no mass; name one of: {listed(self.massive())}")
         if not LEAST_MASS <= mass <= LARGEST:
             raise ModelError(f"the mass of {link!r} is {mass:g} kg; give a positive one")
@@ -356,7 +377,7 @@ class Tree:
 
     def massive(self) -> list[str]:
         """Return the names of the links that have mass."""
-        return [name for name, part in self.links.items() if part is not None]
+        return [name for name, part in self.links.items() if part is not None and part.mass]
 
     def with_mount(self, joint: Joint, mount: pin.SE3) -> Tree:
         """Return the tree with a joint moved to a pose in the spacecraft frame."""

@@ -281,6 +281,17 @@ class SpaceArm(JointSpace, Described):
         tree = holding(self.whole, self.tip, Inertial.of(mass, I, com, body="the payload"))
         return self.on(tree)
 
+    def limited(self, ranges: Mapping[str, tuple[float, float]]) -> SpaceArm:
+        """Return the arm with other limits of some joints.
+
+        Args:
+            ranges: Least and largest position [rad] or [m] by joint, as `FreeBox.ranges` has them.
+
+        Raises:
+            ConfigurationError: A joint does not exist, or the least position does not come first.
+        """
+        return self.on(self.whole.with_ranges(ranges))
+
     def on(self, tree: Tree) -> SpaceArm:
         """Return the arm with the same tips, task and joints on another tree of bodies."""
         tips = Tips(self.tips, self.tip_reason)

@@ -1,8 +1,8 @@
 """Planner: the doors to planning, and which strategy solves a request.
 
 Papadopoulos & Dubowsky (1993) end on an open problem, "the efficient construction of paths to reach
-points in the path dependent workspace". A motion counts as a solution only if it arrives when its
-rows are replayed, with the clearance asked for.
+points in the path dependent workspace". A motion counts as a solution only if it arrives as
+`sa.Tracking` flies it, with the clearance asked for.
 """
 
 from __future__ import annotations

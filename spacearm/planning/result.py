@@ -8,12 +8,17 @@ from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
+from spacearm.errors import NoSolutionError
+from spacearm.mechanics.floating import placed
+from spacearm.model.arguments import FLOATING
 from spacearm.model.arm import AT_REST, Configuration
-from spacearm.motion.motion import Motion, samples
+from spacearm.motion.motion import AnyMotion, Motion, samples
 from spacearm.motion.motion_file import Quantity
+from spacearm.planning.flown import FlownRows
 from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
 from spacearm.results import Cell, Description, Measure, Table
 from spacearm.singularities.report import FAR, angle
@@ -41,11 +46,25 @@ class Attempt(NamedTuple):
         return self._asdict()
 
 
+class ArrivalError(NamedTuple):
+    """How far from its last row a plan ends as flown.
+
+    Attributes:
+        tip: Distance of the tip from where it should be, of several tips the largest [m].
+        attitude: Angle between the attitude of the spacecraft and that of the last row [rad].
+    """
+
+    tip: float
+    attitude: float
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Plan(Motion):
     """A motion of the joints from rest to rest, from `sa.plan`: a `Motion` with more to it.
 
-    The joints move straight from row to row, within the velocity limits of the URDF.
+    `sa.Tracking` leads the joints through the rows along quintic splines, which arrive:
+    `arrival_error` says how exactly. Clearance and collisions are checked along the straight lines
+    between the rows, which keep the velocity limits of the URDF.
 
     Attributes:
         method: The method that found it.
@@ -130,6 +149,20 @@ class Plan(Motion):
         rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
         return read_only(rates)
 
+    @cached_property
+    def arrival_error(self) -> ArrivalError:
+        """How far from its last row the plan ends as `sa.Tracking` flies it, through its rows."""
+        if self.mode != FLOATING or len(self) == 1:
+            return ArrivalError(0.0, 0.0)
+        end, T = self[-1], self._flown.attitudes(parts=2)[-1]
+        pairs = zip(placed(end, end.q, T).tips, end.tips, strict=True)
+        off = max(float(np.linalg.norm(a.translation - b.translation)) for a, b in pairs)
+        return ArrivalError(off, float(np.linalg.norm(pin.log3(T.T @ end.base.rotation))))
+
+    @property
+    def _flown(self) -> FlownRows:
+        return FlownRows(self[0], self.t, self.q, self.wheels)
+
     @property
     def length(self) -> float:
         """Joint travel, the sum over all joints [rad] or [m]."""
@@ -157,8 +190,10 @@ class Plan(Motion):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
         return super().to_dict() | {
-            "travel": self.length, "certificate": plain(self.certificate)
-        }  # fmt: skip
+            "travel": self.length,
+            "certificate": plain(self.certificate),
+            "arrival_error": self.arrival_error._asdict(),
+        }
 
     def describe(self) -> Description:
         """Describe the motion, what is proven of it, and the methods that were tried."""
@@ -170,6 +205,8 @@ class Plan(Motion):
             "asked for": Measure(self.clearance, "rad"),
             "singularities": met[proof],
             "collisions": met[self.apart],
+            "flown, the tip ends off by": Measure(self.arrival_error.tip, "m", ".1e"),
+            "flown, the spacecraft ends off by": Measure(self.arrival_error.attitude, "rad", ".1e"),
         }
         if self.wheel_load:
             facts["wheels"] = self.wheel_load
@@ -188,6 +225,27 @@ class Plan(Motion):
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
         return f"Plan({self.arm.name}, {way}, {self.nearest}, {len(self)} rows)"
+
+
+def landed(plan: AnyMotion) -> AnyMotion:
+    """Return a plan bent a little, so that it ends as flown with the attitude that it had.
+
+    Motions that are no plans stay.
+
+    Raises:
+        NoSolutionError: It cannot be; carries the rows.
+    """
+    if not isinstance(plan, Plan) or plan.mode != FLOATING or len(plan) == 1:
+        return plan
+    start, h = plan[0], plan.momentum[0, :3]
+    try:
+        rows = plan._flown.landed(plan[-1].base.rotation)
+    except NoSolutionError as error:
+        raise NoSolutionError(str(error), [*plan]) from None
+    pairs = zip(rows.q, rows.attitudes(), strict=True)
+    base = samples([placed(start, q, T) for q, T in pairs])["base"]
+    base[:, :3] += np.outer(plan.t, h / plan.arm.mass)
+    return replace(plan, q=rows.q, base=base)
 
 
 def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()) -> Plan:

@@ -22,7 +22,7 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.reactions import Wheels, load_of, momentum_and_torque
-from spacearm.planning.result import Plan
+from spacearm.planning.result import Plan, landed
 from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.planning.timing import corners, for_each_joint, largest_rates
 from spacearm.singularities.report import angle
@@ -364,7 +364,7 @@ def _timed(motion: AnyMotion, pieces: list[CubicSpline], along: list[CubicSpline
         held["momentum"] = np.tile(motion.momentum[0], (len(rows), 1))
         held["wheels"] = np.zeros((len(rows), len(motion.arm.wheels)))
     q = np.array([cfg.q for cfg in rows])
-    return replace(motion, t=np.concatenate(t), q=q, base=base, **held)
+    return landed(replace(motion, t=np.concatenate(t), q=q, base=base, **held))
 
 
 def _walked(motion: Motion, q: Array) -> list[Configuration]:

@@ -183,15 +183,24 @@ class Jets:
 
     def curvature(self, reach: Array) -> Array:
         """Bound the second derivatives, (n, n), wherever |(d - centre) / half| <= reach (n,)."""
-        weights = []
+        return self._derivative_bounds(2, reach)
+
+    def derivative_bounds(self, order: int, Q: Array) -> Array:
+        """Bound the derivatives of an order, (n, ..., n), in the box between positions Q (2, n)."""
+        return self._derivative_bounds(
+            order, np.abs((Q - self.chart.centre) / self.chart.half).max(axis=0)
+        )
+
+    def _derivative_bounds(self, order: int, reach: Array) -> Array:
+        powers, weights = np.arange(order + 1.0), []
         for j, d in enumerate(self.polynomial.degrees):
             k = np.abs(orders(d)).astype(int)
             if self.chart.slides[j]:
-                T = chebyshev(np.array([max(1.0, float(reach[j]))]), d, 2)[0]
-                weights.append((T / self.chart.half[j] ** np.arange(3))[k])
+                T = chebyshev(np.array([max(1.0, float(reach[j]))]), d, order)[0]
+                weights.append((T / self.chart.half[j] ** powers)[k])
             else:
-                weights.append(k[:, None].astype(np.float64) ** np.arange(3))
-        return derivative_bounds(self._sizes, weights, 2)
+                weights.append(k[:, None] ** powers)
+        return derivative_bounds(self._sizes, weights, order)
 
     def bound(self, reach: Array, half_step: Array, rho: float) -> float:
         """Bound the values along a segment, its variable in the Bernstein ellipse rho.

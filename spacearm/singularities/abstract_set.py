@@ -25,6 +25,7 @@ from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
+from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
 from spacearm.singularities.nearest import nearest_singular
 from spacearm.singularities.polynomials import minors_of
 from spacearm.singularities.rounding import error_bars
@@ -159,6 +160,21 @@ class SingularSet(Described, ABC):
     @abstractmethod
     def codimension(self) -> int:
         """Number of equations that singular configurations fulfil: n - k + 1 as a rule."""
+
+    @property
+    def any_payload(self) -> bool:
+        """Whether the set is the same for every rigid body held at the tips, whatever its mass.
+
+        So it is if the task has all rows of the tip's twist: the full pose, or "x y rz" for an arm
+        in the plane and bodies that keep it planar. Distances and certificates then hold for every
+        payload too, and for every mass, inertia and CM of the links `any_mass`.
+        """
+        return any_payload(self.arm, self.mode)
+
+    @property
+    def any_mass(self) -> tuple[str, ...]:
+        """Links whose mass, inertia and CM do not change the set: those that move as the tip."""
+        return immaterial_links(self.arm, self.mode)
 
     @abstractmethod
     def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
@@ -314,12 +330,14 @@ class SingularSet(Described, ABC):
         """
 
     def to_dict(self) -> dict[str, Any]:
-        """Describe the set as plain JSON data: arm, mode, complete, codimension."""
+        """Describe the set as plain JSON data: arm, mode, complete, codimension, payload."""
         return {
             "arm": self.arm.name,
             "mode": self.mode,
             "complete": self.complete,
             "codimension": self.codimension,
+            "any_payload": self.any_payload,
+            "any_mass": list(self.any_mass),
         }
 
     def describe(self) -> Description:
@@ -333,5 +351,6 @@ class SingularSet(Described, ABC):
             verdict="every singular configuration"
             if self.complete
             else "the singular configurations that a search finds; others may exist",
+            notes=[payload_note(self.arm, self.mode)],
             tables=[Table.facts(facts)],
         )

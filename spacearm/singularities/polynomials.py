@@ -525,6 +525,20 @@ def minors_of(arm: SpaceArm, mode: BaseMode) -> Minors:
     return Minors(arm, mode, own, {tuple(C): tuple(d) for C, d in each})
 
 
+def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
+    """Return minors of which one that is not zero proves a configuration regular.
+
+    All, or where these have too many coefficients a few; none where J* has no minors.
+    """
+    if not has_minors(arm):
+        return ()
+    minors = minors_of(arm, mode)
+    try:
+        return minors.every()
+    except UnsupportedError:
+        return minors.few
+
+
 def _of_angles(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Iterable[Columns]) -> Sampler:
     """Return the function that computes minors (m, len(columns)) at angles (m, n)."""
     sampler = minor_sampler(arm, columns, mode)

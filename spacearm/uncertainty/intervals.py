@@ -15,8 +15,9 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, whole
 from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
-from spacearm.model.arguments import of_arm
+from spacearm.model.arguments import FLOATING, of_arm
 from spacearm.model.arm import SpaceArm
+from spacearm.singularities.immaterial_masses import immaterial_links
 
 KINDS = ("mass", "inertia", "com")
 TAIL = 0.00135
@@ -84,6 +85,26 @@ class UncertainArm:
                 links[parameter.link] = _changed(part, parameter.kind, float(value))
         whole = replace(self.arm.whole, links=links)
         return self.arm.on(whole)
+
+    def relevant(self) -> UncertainArm:
+        """Return the same without the numbers on which no singular configuration depends.
+
+        These are all of the links that move as one body with the tip, where the task has all rows
+        of the tip's twist (`SingularSet.any_mass`). They stay as described. In the plane they are
+        left out only if no value of any number makes the arm leave its plane.
+        """
+        links = immaterial_links(self.arm, FLOATING)
+        if links and len({i % 6 for i in self.arm.task.indices}) < 6:
+            p = len(self.parameters)
+            ends = np.full((2, p, p), 0.5)
+            ends[:, range(p), range(p)] = [[0.0], [1.0]]
+            if not all(immaterial_links(self.realise(t), FLOATING) for t in ends.reshape(-1, p)):
+                return self
+        return replace(self, parameters=tuple(p for p in self.parameters if p.link not in links))
+
+    def beside(self, other: UncertainArm) -> tuple[str, ...]:
+        """Return the names of the numbers that are uncertain here and not in another."""
+        return tuple(p.name for p in self.parameters if p not in other.parameters)
 
     def values(self, shares: Array) -> Array:
         """Return the values (..., p) at shares (..., p) of the intervals."""

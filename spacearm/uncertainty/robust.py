@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, Origin
@@ -19,8 +19,10 @@ from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Joints, Search
 from spacearm.planning.result import Plan
 from spacearm.polynomial.certificate import certify
+from spacearm.polynomial.jets import Jets
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, Tone
 from spacearm.singularities.abstract_set import path_rows
+from spacearm.singularities.polynomials import check_square, singularity_polynomial
 from spacearm.singularities.report import singularity
 from spacearm.uncertainty.family import Family, family_of
 from spacearm.uncertainty.intervals import UncertainArm
@@ -54,6 +56,8 @@ class DistanceRange(Result):
         distances: (m,) those of all arms tried, random ones first [rad].
         tried: Number of arms tried; between them it may be less or more.
         random: How many of them are random, as the distributions have it.
+        immaterial: Names of the uncertain numbers on which no singular configuration depends, and
+            so no distance; they stay as described.
     """
 
     nominal: float
@@ -64,6 +68,7 @@ class DistanceRange(Result):
     distances: Array
     tried: int
     random: int
+    immaterial: tuple[str, ...]
 
     def percentile(self, share: float) -> float:
         """Return the distance that so many per cent of the random arms do not exceed [rad]."""
@@ -80,6 +85,8 @@ class DistanceRange(Result):
             "largest, to first order": Measure(self.high, "rad"),
             **{f"least with {name}": value for name, value in self.least.items()},
         }
+        if self.immaterial:
+            facts["whatever the"] = listed(self.immaterial)
         return Description(
             title=f"distance to the singular set of {self.tried:,} arms",
             verdict=f"{least} to {high:.4g}°, {nominal:.4g}° as described, to first order",
@@ -95,9 +102,11 @@ class RobustCertificate(Result):
         free: Whether it is free for all of them: proven, rounding included.
         verdict: "free"; "singular": at the values `values` S changes sign at `at`, which is proven;
             "undecided": the boxes of `MOST_BOXES` did not decide.
-        values: The counterexample, by name; None unless singular.
+        values: The counterexample, by name, without `immaterial`; None unless singular.
         at: (n,) where on the path that arm is singular; None unless singular.
         boxes: Number of boxes of parameters looked at.
+        immaterial: Names of the uncertain numbers on which no singular configuration depends; the
+            verdict holds for any value of theirs (see `UncertainArm.relevant`).
     """
 
     free: bool
@@ -105,6 +114,7 @@ class RobustCertificate(Result):
     values: dict[str, float] | None
     at: Array | None
     boxes: int
+    immaterial: tuple[str, ...]
 
     def __bool__(self) -> bool:
         return self.free
@@ -114,6 +124,8 @@ class RobustCertificate(Result):
         facts: dict[str, Cell] = {"boxes of parameters": self.boxes, **(self.values or {})}
         if self.at is not None:
             facts["joint positions there [rad]"] = self.at
+        if self.immaterial:
+            facts["whatever the"] = listed(self.immaterial)
         with_ = ", ".join(f"{name} {value:.5g}" for name, value in (self.values or {}).items())
         tones: dict[str, Tone] = {"free": "good", "singular": "bad"}
         return Description(
@@ -133,6 +145,9 @@ def distance_range(
     up to 8 parameters. Their distances are those of `singularity`, to first order, and the true
     range may be wider. It begins at 0 where det(J*) changes its sign between two of them.
 
+    Numbers of the last link and of what it holds stay as described where the task is the full pose:
+    the distance does not depend on them.
+
     Args:
         uncertain: The arm; see `uncertain`.
         q: (n,) joint positions [rad] or [m].
@@ -151,8 +166,9 @@ def distance_range(
         >>> found.low < found.nominal < found.high
         True
     """
-    arm = uncertain.arm
-    q = joint_vector(arm, q, "q")
+    arm, immaterial = uncertain.arm, uncertain.beside(uncertain.relevant())
+    q, uncertain = joint_vector(arm, q, "q"), uncertain.relevant()
+    samples = samples if uncertain.parameters else 1
     shares = uncertain.tried(samples, seed, MOST_CORNERS)
     reports = [singularity(uncertain.realise(t).at(q)) for t in shares]
     found = np.array([report.distance for report in reports])
@@ -171,6 +187,7 @@ def distance_range(
         distances=found,
         tried=len(found),
         random=samples,
+        immaterial=immaterial,
     )
 
 
@@ -193,6 +210,9 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
     polynomials of the joints, between which S lies. The path is free if they all keep one sign on
     it; else the box is halved. A corner at which S changes sign is a counterexample.
 
+    Numbers of the last link and of what it holds are left out where the task is the full pose: the
+    proof holds for any value of theirs.
+
     Args:
         uncertain: An arm of revolute joints, as many as its task has rows.
         path: (m, n) joint positions, joined by straight segments.
@@ -213,6 +233,18 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
         True
     """
     rows = path_rows(uncertain.arm, path)
+    check_square(uncertain.arm)
+    relevant = uncertain.relevant()
+    return replace(_decided(relevant, rows), immaterial=uncertain.beside(relevant))
+
+
+def _decided(uncertain: UncertainArm, rows: Array) -> RobustCertificate:
+    """Prove that no value of the numbers makes a path through rows (m, n) singular."""
+    if not uncertain.parameters:
+        proof = certify([Jets.of(singularity_polynomial(uncertain.arm))], rows)
+        if proof.verdict == "singular":
+            return RobustCertificate(False, "singular", {}, proof.at, 0, ())
+        return RobustCertificate(proof.free, proof.verdict, None, None, 0, ())
     open_, looked = [family_of(uncertain)], 0
     while open_ and looked < MOST_BOXES:
         box = open_.pop()
@@ -222,7 +254,7 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
         for number, corner in zip(numbers, corners, strict=True):
             if proofs[number].verdict == "singular":
                 at = proofs[number].at
-                return RobustCertificate(False, "singular", uncertain.named(corner), at, looked)
+                return RobustCertificate(False, "singular", uncertain.named(corner), at, looked, ())
         signs = {bool(f(rows[0]) > 0.0) for f in box.control}
         ends = {bool(box.control[number](rows[0]) > 0.0) for number in numbers}
         if all(proofs) and len(signs) == 1:
@@ -231,7 +263,7 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
             return _at_start(box, uncertain, rows[0], looked)
         open_ += box.halves(int(np.argmax(box.high - box.low)))
     verdict = "undecided" if open_ else "free"
-    return RobustCertificate(not open_, verdict, None, None, looked)
+    return RobustCertificate(not open_, verdict, None, None, looked, ())
 
 
 def _at_start(box: Family, uncertain: UncertainArm, q: Array, looked: int) -> RobustCertificate:
@@ -242,7 +274,7 @@ def _at_start(box: Family, uncertain: UncertainArm, q: Array, looked: int) -> Ro
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if box(q, middle[None])[0] < 0.0 else (low, middle)
-    return RobustCertificate(False, "singular", uncertain.named(low), q.copy(), looked)
+    return RobustCertificate(False, "singular", uncertain.named(low), q.copy(), looked, ())
 
 
 def robust_plan(

@@ -25,6 +25,7 @@ COMMANDS = {
     "info": ("mda6",),
     "query": ("planar2", *CM),
     "nearest": ("planar2", *CM),
+    "box": ("planar2", *CM),
     "path": ("planar2", "run.npz"),
     "map": ("planar2", "--points", 3),
     "workspace": ("planar2", "--free"),
@@ -106,9 +107,8 @@ def told_by(folder):
 
     @cache
     def told(command, more=False):
-        drawn = () if command in ("models", "info", "query", "nearest", "path", "capture") else (
-            "--output", "p.svg"
-        )  # fmt: skip
+        plain = ("models", "info", "query", "nearest", "box", "path", "capture")
+        drawn = () if command in plain else ("--output", "p.svg")
         words = (MORE if more else COMMANDS)[command]
         run = spacearm(command, *words, "--json", *drawn, cwd=folder)
         assert run.returncode == 0, run.stderr

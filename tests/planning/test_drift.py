@@ -4,39 +4,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import joint, link, load_text, random_chain
-from scipy.integrate import solve_ivp
+from helpers.replay import replay
 
 import spacearm as sa
 from spacearm.planning.many_curves import drifting_attitudes
 
 H = np.array([0.5, 0.2, 0.0, 0.0, 0.0, 0.5])
-
-
-def stored(plan, cfg):
-    """What wheels on the spacecraft hold, its frame theirs, inertial axes."""
-    h = np.zeros(6)
-    for wheel, spin in zip(plan.arm.wheels, plan.wheels[0], strict=True):
-        h[3:] += cfg.base.rotation @ wheel.axis * spin
-    return h
-
-
-def replay(plan):
-    """The end by DOP853 on w = D^-1 (h - D_q dq), rows linear in time, and a CM that moves on."""
-    arm, start, h = plan.arm, plan[0], plan.momentum[0]
-    T = start.base.rotation.ravel()
-    for i, dt in enumerate(np.diff(plan.t)):
-        rates = (plan.q[i + 1] - plan.q[i]) / dt
-
-        def rate(t, T, i=i, rates=rates):
-            U, _, Vt = np.linalg.svd(T.reshape(3, 3))
-            cfg = arm.at(plan.q[i] + t * rates, base=pin.SE3(U @ Vt, np.zeros(3)))
-            w = sa.base_velocity(cfg.with_momentum(h - stored(plan, cfg)), rates)[3:]
-            return (pin.skew(w) @ T.reshape(3, 3)).ravel()
-
-        T = solve_ivp(rate, (0.0, dt), T, method="DOP853", rtol=1e-9, atol=1e-11).y[:, -1]
-    U, _, Vt = np.linalg.svd(T.reshape(3, 3))
-    com = start.com + h[:3] / arm.mass * plan.t[-1]
-    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(com)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +23,7 @@ def found(arm):
 
 
 def test_the_tip_arrives_at_the_stated_time(arm, found):
-    end = replay(found)
+    end = replay(found)[0]
     assert found.t[-1] == 8.0
     np.testing.assert_allclose(end.tip.translation[:2], (0.9, 1.4), atol=2e-8)
     np.testing.assert_allclose(found.tip[-1, :2], (0.9, 1.4), atol=2e-8)
@@ -91,7 +64,7 @@ def test_wheels_that_spin_on_count(total):
     text = sa.load("planar2").path.read_text().replace("</robot>", rotor + "</robot>")
     arm, h = load_text(text), [0.0, 0.0, 0.0, 0.0, 0.0, total]
     plan = sa.plan(arm.at([0.3, 1.2], wheels=[0.3], momentum=h), (0.9, 1.4), duration=8.0)
-    end = replay(plan)
+    end = replay(plan)[0]
     np.testing.assert_allclose(end.tip.translation[:2], (0.9, 1.4), atol=2e-8)
     np.testing.assert_array_equal(plan.wheels, [[0.3]] * len(plan))
     np.testing.assert_array_equal(plan.momentum, [h] * len(plan))
@@ -149,5 +122,30 @@ def test_spatial_arms_arrive(seed):
     T = drifting_attitudes(arm, np.eye(3), t, Q[None], h, np.zeros(3))[0, -1]
     goal = arm.at(Q[-1], base=pin.SE3(T, np.zeros(3))).centred(arm.at(Q[0]).com).tip
     plan = sa.plan(arm.at(Q[0], momentum=[0, 0, 0, *h]), goal, duration=10.0)
-    end = replay(plan)
+    end = replay(plan)[0]
     np.testing.assert_allclose(end.tip.homogeneous, goal.homogeneous, atol=1e-7)
+
+
+MOVING = [("planar2", 4), ("planar3", 5), ("mda6", 6), ("chaser7", 7)]
+
+
+@pytest.mark.parametrize("momentum", [False, True], ids=["at rest", "with momentum"])
+@pytest.mark.parametrize(("name", "seed"), MOVING)
+def test_plans_arrive_as_they_are_flown(name, seed, momentum):
+    """Tracking follows the spline through the rows, which `sa.simulate` integrates on its own."""
+    arm, rng = sa.load(name), np.random.default_rng(seed)
+    q = rng.uniform(np.maximum(arm.lower, -1.5), np.minimum(arm.upper, 1.5))
+    h = rng.normal(scale=0.002 * arm.mass, size=6) * momentum
+    if arm.tree.plane_normal() is not None:
+        h[2:5] = 0.0
+    goal = arm.at(q + rng.uniform(0.1, 0.4, arm.n)).tip
+    there = goal if max(arm.task.indices) > 2 else goal.translation[arm.task.indices]
+    loose = sa.Constraints(collisions=False, limits=False)
+    plan = sa.plan(arm.at(q, momentum=h), there, constraints=loose)
+    exact = sa.Integration(rtol=1e-11, atol=1e-12)
+    end = sa.simulate(plan[0], sa.Tracking(plan), plan.t[-1], integration=exact)[-1]
+    rows = [i for i in arm.task.indices if i < 3]
+    assert np.abs(end.tip.translation - goal.translation)[rows].max() < 1e-7
+    assert np.linalg.norm(pin.log3(end.base.rotation.T @ plan[-1].base.rotation)) < 1e-7
+    assert plan.arrival_error.tip < 1e-7
+    assert plan.arrival_error.attitude < 1e-7

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from helpers.arms import planar_pair, planar_pair_text
 from helpers.commands import spacearm
-from scipy.integrate import solve_ivp
+from helpers.replay import replay
 
 import spacearm as sa
 from spacearm.planning.reactions import largest_turn
@@ -30,26 +30,6 @@ def arm():
 @pytest.fixture(scope="module")
 def dual():
     return sa.load("dual_ur5", tip=TIPS)
-
-
-def replay(plan):
-    """The end, and all attitudes, by DOP853 on the momentum equation, straight between rows."""
-    arm, start = plan.arm, plan[0]
-    T, all_T = start.base.rotation.ravel(), []
-    for q, dq in zip(plan.q[:-1], np.diff(plan.q, axis=0), strict=True):
-
-        def rate(s, t, q=q, dq=dq):
-            w = sa.base_velocity(arm.at(q + s * dq), dq)[3:]
-            return (t.reshape(3, 3) @ pin.skew(w)).ravel()
-
-        run = solve_ivp(rate, (0, 1), T, method="DOP853", rtol=1e-9, atol=1e-10,
-                        t_eval=np.linspace(0, 1, 5))  # fmt: skip
-        T = run.y[:, -1]
-        all_T += [column.reshape(3, 3) for column in run.y.T]
-    U, _, Vt = np.linalg.svd(T.reshape(3, 3))
-    end = arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(start.com)
-    angles = [np.linalg.norm(pin.log3(start.base.rotation.T @ T)) for T in all_T]
-    return end, np.max(angles)
 
 
 def test_both_tips_arrive_at_once(arm):

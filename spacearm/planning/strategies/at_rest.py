@@ -8,12 +8,16 @@ limits, clearance from the singular set, distance between bodies, turn of the sp
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
 
+import numpy as np
+
+from spacearm.arrays import Array
 from spacearm.planning.account import Attempts, SearchAccount
 from spacearm.planning.methods import METHODS
-from spacearm.planning.problem import Problem, Rows
+from spacearm.planning.problem import Problem, Rows, recheck
 from spacearm.planning.request import PlanRequest
-from spacearm.planning.result import Plan, best_attempt
+from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.resolved_motion import reactionless
 
 REACTIONLESS = "reactionless"
@@ -53,13 +57,23 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
                 clearance=problem.target.clearance,
                 obstacles=problem.request.obstacles,
             )
-            return problem.arrived(found, attempts.stories)
+            found = paced(landed(found), problem.rates)
+            problem.check([*found])
+            return problem.arrived(recheck(found, account), attempts.stories)
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
     parts = (f"no plan found in {account.elapsed:.1f} s, {rounds}", account.verdict, attempts.told)
     raise account.failure(
         f"{problem.start.arm.name}: {'. '.join(filter(None, parts))}",
         best_attempt(problem.start, problem.best or attempts.best, attempts.stories),
     )
+
+
+def paced(found: Plan, rates: Array) -> Plan:
+    """Return a plan at zero momentum slowed down until its joints keep their rates (n,)."""
+    if len(found) == 1:
+        return found
+    over = (np.abs(np.diff(found.q, axis=0)) / np.diff(found.t)[:, None] / rates).max()
+    return replace(found, t=found.t * over) if over > 1.0 else found
 
 
 def _in_rounds(methods: Collection[str], method: str, account: SearchAccount) -> Iterator[str]:

@@ -23,7 +23,7 @@ from spacearm.planning.account import Attempts
 from spacearm.planning.problem import Problem, recheck
 from spacearm.planning.reactions import Wheels
 from spacearm.planning.request import PlanRequest
-from spacearm.planning.result import Plan, best_attempt
+from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.drift import ramp_ends, timed
 from spacearm.planning.strategies.rest_motion import WAVES, Bounds, Landing, RestMotion
 from spacearm.planning.timing import PEAK, corners
@@ -181,8 +181,8 @@ class Detumbling:
         u, rows = landing.rows(motion)
         t, wheels = motion.duration * u, motion.at(u)[:, self.start.arm.n :]
         found = timed(self.request, problem, METHOD, rows, t, wheels)
-        self.best = found = replace(found, wheel_load=landing.bounds.load(motion))
-        problem.check(rows)
+        self.best = found = landed(replace(found, wheel_load=landing.bounds.load(motion)))
+        problem.check([*found])
         return recheck(problem.arrived(found, self.attempts.failed), self.account)
 
 

@@ -37,7 +37,7 @@ from spacearm.planning.many_curves import (
 from spacearm.planning.optimiser import ARRIVED, Target
 from spacearm.planning.problem import Problem, Rows, recheck
 from spacearm.planning.request import PlanRequest
-from spacearm.planning.result import Plan, best_attempt
+from spacearm.planning.result import Plan, best_attempt, landed
 from spacearm.planning.strategies.at_rest import at_rest
 from spacearm.planning.timing import PEAK, eased
 
@@ -192,8 +192,9 @@ class Drift:
             NoSolutionError: They do not.
         """
         wheels = np.tile(self.start.wheels, (len(t), 1))
-        self.best = found = timed(self.request, problem, self.attempts.method, rows, t, wheels)
-        problem.check(rows)
+        found = timed(self.request, problem, self.attempts.method, rows, t, wheels)
+        self.best = found = landed(found)
+        problem.check([*found])
         over = (np.abs(np.diff(found.q, axis=0)) / np.diff(t)[:, None]).max(axis=0) / problem.rates
         if over.max() > 1.0:
             name = found.arm.joint_names[int(over.argmax())]

@@ -13,8 +13,8 @@ from dataclasses import replace
 from spacearm.planning.account import Attempts
 from spacearm.planning.problem import recheck
 from spacearm.planning.request import PlanRequest
-from spacearm.planning.result import Plan, best_attempt
-from spacearm.planning.strategies.at_rest import at_rest
+from spacearm.planning.result import Plan, best_attempt, landed
+from spacearm.planning.strategies.at_rest import at_rest, paced
 
 PART, SHORT = 0.5, 2.0
 """Share of the time left that a leg may take, and the least time for it [s]."""
@@ -47,7 +47,9 @@ def by_way_of_goals(request: PlanRequest) -> Plan:
                     account=request.account.part(max(PART * request.account.left, SHORT)),
                 )
                 legs.append(at_rest(leg))
-            return recheck(_joined(legs, request), request.account)
+            whole = landed(_joined(legs, request))
+            whole = paced(whole, request.constraints.joint_rates(whole.arm))
+            return recheck(whole, request.account)
     told = dict.fromkeys(f"{method}: {why}" for method, _, why in attempts.failed)
     nothing = f"{request.start.arm.name}: no leg found in {request.account.elapsed:.1f} s"
     best = attempts.best if isinstance(attempts.best, Plan) else best_attempt(request.start, None)

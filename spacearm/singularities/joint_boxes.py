@@ -1,0 +1,590 @@
+"""Free boxes: ranges of the joints in which no configuration is singular, proven.
+
+A box is grown from a configuration, or from the ranges of a motion, one side at a time: a side
+moves on as soon as the slab that it adds is proven free (`polynomial.free_regions`), and stops
+where a singular configuration is found in the slab. With a clearance the slab counts with
+everything that is no farther from it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from spacearm.arrays import Array, Progress, positive
+from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
+from spacearm.files import write
+from spacearm.model.arguments import BaseMode
+from spacearm.model.arm import SpaceArm
+from spacearm.model.joints import joint_name, joint_scales
+from spacearm.polynomial.free_regions import Roots, halved
+from spacearm.polynomial.jets import Jets
+from spacearm.results import Cell, Description, Result, Table, joint_measures
+from spacearm.singularities.nearest import lose_rank
+from spacearm.singularities.polynomials import proving_minors
+
+STEP = 0.2
+"""By how much a side moves at first, in units of `joint_scales`."""
+SHARE, LEAST_WIDTH = 0.004, 0.02
+"""How far before a singular configuration a side stops, as a share of the width of its joint, which
+counts as no less than so much."""
+MOST_CELLS, MOST_OF_A_SLAB = 400_000, 20_000
+"""Cells that the proofs of a box may take, and that of one slab."""
+BATCH = 512
+"""Cells, and random configurations, that are looked at together."""
+POLISHED = 14
+"""Clouds of configurations about a singular one, each half as wide, among which nearer ones are
+looked for."""
+DESCENTS = 6
+"""Searches for a singular configuration in a slab of a redundant arm that is not proven."""
+NARROW = 1e-7
+"""Half width of cells that are not halved."""
+TURN = 2.0 * np.pi
+
+Side = Literal["lower", "upper"]
+SIDES: tuple[Side, Side] = ("lower", "upper")
+Why = Literal["singular", "limit", "turn", "irrelevant", "undecided"]
+WORDS: dict[Why, str] = {
+    "singular": "a singular posture",
+    "limit": "its limit",
+    "turn": "nothing: a whole turn is free",
+    "irrelevant": "nothing: it does not matter",
+    "undecided": "the proof ended here",
+}
+
+
+class Postures(Protocol):
+    """What has an arm and joint positions: a `Configuration` or a `Motion`."""
+
+    @property
+    def arm(self) -> SpaceArm:
+        """The arm."""
+
+    @property
+    def q(self) -> Array:
+        """(n,) or (m, n) joint positions."""
+
+
+class Stop(NamedTuple):
+    """What stops a side of a box.
+
+    Attributes:
+        joint: Name of the joint.
+        side: Which end of its range.
+        why: "singular": `at` is singular, just beyond the side, or nearer to it than the clearance;
+            "limit": the range allowed ends; "turn": all angles are free; "irrelevant": no singular
+            configuration depends on the joint; "undecided": the budget of the proof ended.
+        at: (n,) the singular configuration; None if there is none.
+    """
+
+    joint: str
+    side: Side
+    why: Why
+    at: Array | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeBox(Result):
+    """Ranges of the joints in which no configuration is singular: proven, rounding included.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft does.
+        lower: (n,) least position of each joint [rad] or [m]; -inf where any is free.
+        upper: (n,) largest position; inf where any is free.
+        clearance: Every singular configuration is farther than this from every one in the box
+            [rad]; sliding joints count as in `SingularityReport.radian`.
+        stops: What stops each side, lower and upper of one joint after the other.
+        cells: Number of cells that the proof took.
+    """
+
+    arm: SpaceArm
+    mode: BaseMode
+    lower: Array
+    upper: Array
+    clearance: float
+    stops: tuple[Stop, ...]
+    cells: int
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """The ends of each joint's range by its name, as `SpaceArm.limited` takes them."""
+        ends = zip(self.lower.tolist(), self.upper.tolist(), strict=True)
+        return dict(zip(self.arm.joint_names, ends, strict=True))
+
+    def contains(self, postures: Postures | npt.ArrayLike) -> bool:
+        """Check whether all joint positions are within the box.
+
+        Of a motion these are its samples; the straight ways between them are then in it, too.
+
+        Args:
+            postures: A configuration, a motion, or (n,) or (m, n) joint positions.
+
+        Raises:
+            ConfigurationError: They have another shape.
+        """
+        q = np.asarray(getattr(postures, "q", postures), dtype=np.float64)
+        if q.ndim not in (1, 2) or q.shape[-1] != self.arm.n:
+            raise ConfigurationError(
+                f"joint positions have shape {q.shape}; give ({self.arm.n},) or (m, {self.arm.n})"
+            )
+        return bool(((q >= self.lower) & (q <= self.upper)).all())
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the box as a TOML file, in radians and metres.
+
+        Args:
+            path: The file to write.
+
+        Returns:
+            The path.
+
+        Raises:
+            SpaceArmError: The file cannot be written.
+        """
+        lines = [
+            f"# No configuration of {json.dumps(self.arm.name)} in these ranges is singular.",
+            f"arm = {json.dumps(self.arm.name)}",
+            f"mode = {json.dumps(self.mode)}",
+            f"clearance = {float(self.clearance)!r}",
+            "",
+            "[ranges]",
+            *(f"{json.dumps(name)} = [{a!r}, {b!r}]" for name, (a, b) in self.ranges.items()),
+        ]
+        return write(Path(path), ("\n".join(lines) + "\n").encode())
+
+    def describe(self) -> Description:
+        """Describe the ranges, and what stops each side."""
+        slides, names = self.arm.slides, self.arm.joint_names
+        why = [WORDS[stop.why] for stop in self.stops]
+        ends = {
+            "joint": names,
+            "lower": joint_measures(self.lower, slides),
+            "upper": joint_measures(self.upper, slides),
+            "width": joint_measures(self.upper - self.lower, slides),
+            "lower stopped by": why[::2],
+            "upper stopped by": why[1::2],
+        }
+        found = {
+            f"{stop.joint}, {stop.side}": joint_measures(stop.at, slides)
+            for stop in self.stops
+            if stop.at is not None
+        }
+        columns: dict[str, Sequence[Cell]] = {"joint": names, **found}
+        tables = [Table.by_columns(ends)]
+        if found:
+            tables.append(Table.by_columns(columns, "Singular postures that stop a side"))
+        open_ = sum(stop.why == "undecided" for stop in self.stops)
+        return Description(
+            title=f"{self.arm.name}, {self.mode}",
+            verdict=f"no posture in these joint ranges is singular, proven{self._with_clearance}",
+            tone="good",
+            notes=[f"{open_} sides may go on: the proof ended there."] if open_ else [],
+            tables=tables,
+            not_checked="collisions, rates, whether another box has more volume",
+        )
+
+    @property
+    def _with_clearance(self) -> str:
+        degrees = np.degrees(self.clearance)
+        return f", nor any within {degrees:.4g}° of them" if self.clearance else ""
+
+
+def free_box(
+    about: Postures,
+    *,
+    joints: Sequence[str] = (),
+    at_least: float | None = None,
+    within: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    clearance: float = 0.0,
+    mode: BaseMode = "free-floating",
+    progress: Progress | None = None,
+) -> FreeBox:
+    """Find joint ranges about a configuration or a motion in which nothing is singular, proven.
+
+    All sides grow at the same pace until each is stopped, so that the box is large and balanced;
+    that no other box has more volume is not proven. Sides stop within 1 % of the width of their
+    joint before a singular configuration. Joints on which no singular configuration depends get
+    their whole range.
+
+    Args:
+        about: A configuration, or a motion, whose joint positions are all in the box.
+        joints: Joints whose ranges grow first, as wide as they can; the others grow afterwards.
+        at_least: Width that every range must have [rad], grown first; sliding joints count as in
+            `SingularityReport.radian`.
+        within: (n,) least and (n,) largest positions allowed; the joint limits if None.
+        clearance: How far every singular configuration must be from every one in the box [rad].
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        progress: Called now and then as progress(done, most); it may end before.
+
+    Returns:
+        The box.
+
+    Raises:
+        ConfigurationError: `about` is outside the range allowed, or an argument makes no sense.
+        UnsupportedError: J* has no minors that a proof could use, as with mimic joints.
+        NoSolutionError: The ranges of `about` are not proven free, or are not as wide as asked for.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> box = sa.free_box(arm.at([0.3, 1.2]))
+        >>> box.contains([0.4, 1.3]), box.contains([0.3, 0.0])
+        (True, False)
+    """
+    arm, rows = about.arm, np.atleast_2d(np.asarray(about.q, dtype=np.float64))
+    if clearance:
+        positive(clearance, "clearance", "angle [rad]")
+    named = [arm.joint_names.index(joint_name(arm, name)) for name in joints]
+    widths = None if at_least is None else positive(at_least, "at_least", "width [rad]")
+    ends = np.array(_ends(arm, rows, within))
+    growth = _Growth(_minors(arm, mode), arm, mode, rows, ends, clearance, progress)
+    growth.start()
+    if widths is not None:
+        growth.grow(growth.relevant, widths)
+        growth.check_widths(widths)
+    growth.grow(named)
+    growth.grow(growth.relevant)
+    return growth.box()
+
+
+def _minors(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
+    """Return the minors that prove configurations regular, the smallest first.
+
+    Raises:
+        UnsupportedError: There are none.
+    """
+    minors = sorted(proving_minors(arm, mode), key=lambda f: f.polynomial.coefficients.size)
+    if not minors:
+        raise UnsupportedError(
+            f"{arm.name}: J* has no minors that a proof could use, as with joints that mimic "
+            "others, or too many of them; lock joints"
+        )
+    return minors
+
+
+def _ends(
+    arm: SpaceArm, rows: Array, within: tuple[npt.ArrayLike, npt.ArrayLike] | None
+) -> tuple[Array, Array]:
+    """Return the least and largest positions allowed, (n,) each.
+
+    Raises:
+        ConfigurationError: They do not hold all rows (m, n).
+    """
+    low, high = arm.lower, arm.upper
+    if within is not None:
+        given = np.asarray(within, dtype=np.float64)
+        if given.shape != (2, arm.n) or np.isnan(given).any():
+            raise ConfigurationError(
+                f"within has shape {given.shape}; give (lower, upper), {arm.n} numbers each"
+            )
+        low, high = given
+    outside = (rows < low) | (rows > high)
+    if outside.any():
+        i, j = np.argwhere(outside)[0]
+        raise ConfigurationError(
+            f"joint {arm.joint_names[j]!r} is at {rows[i, j]:.6g}, outside the range allowed, "
+            f"{low[j]:.6g} to {high[j]:.6g}; give another with within="
+        )
+    return low, high
+
+
+class _Growth:
+    """A box that grows, in x = (q - origin) / unit; its sides are numbered (joint, 0 or 1).
+
+    Args:
+        minors: Polynomials whose common roots count.
+        arm: The arm.
+        mode: What the spacecraft does.
+        rows: (m, n) configurations that it starts from.
+        ends: (2, n) least and largest positions allowed.
+        clearance: How far from the box singular configurations must be.
+        progress: What is told of the cells.
+    """
+
+    def __init__(
+        self,
+        minors: Sequence[Jets],
+        arm: SpaceArm,
+        mode: BaseMode,
+        rows: Array,
+        ends: Array,
+        clearance: float,
+        progress: Progress | None,
+    ) -> None:
+        self.arm, self.mode, self.ends = arm, mode, ends
+        self.clearance, self.progress = clearance, progress
+        unit, origin, chart = joint_scales(arm), rows[0], minors[0].chart
+        far = np.where(arm.slides, chart.half, TURN)
+        middle = np.where(arm.slides, chart.centre, origin)
+        allowed = np.clip(ends, middle - far, middle + far)
+        x = (rows - origin) / unit
+        self.extent = np.stack((-x.min(axis=0), x.max(axis=0)), axis=1)  # of each side, outwards
+        self.bound = np.maximum(np.abs(allowed - origin).T / unit[:, None], self.extent)
+        low, high = -self.bound[:, 0] - clearance, self.bound[:, 1] + clearance
+        self.roots = Roots(minors, origin, unit, low, high)
+        self.relevant = [int(j) for j in np.flatnonzero(self.roots.relevant)]
+        self.clear = np.where(self.roots.relevant, clearance, 0.0)
+        self.stopped: dict[tuple[int, int], tuple[Why, Array | None]] = {}
+        self.found: list[Array] = []
+        self.cells = 0
+        self.rng = np.random.default_rng(0)
+        self.sign = np.sign(self.values(np.zeros((1, arm.n)))[0])
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is one minor, which changes its sign at a singular configuration."""
+        return len(self.roots.polynomials) == 1
+
+    def values(self, X: Array) -> Array:
+        """Return the first minor at x (m, n)."""
+        at = self.roots.origin + self.roots.unit * X
+        return self.roots.polynomials[0](at).value
+
+    def corners(self) -> tuple[Array, Array]:
+        """Return the corners of the box, (n,) each; zeros of joints that do not matter."""
+        return self.reduced(-self.extent[:, 0]), self.reduced(self.extent[:, 1])
+
+    def reduced(self, X: Array) -> Array:
+        """Return x (..., n) with zeros for the joints that do not matter."""
+        return np.where(self.roots.relevant, X, 0.0)
+
+    def start(self) -> None:
+        """Prove the box that is there before any side has moved.
+
+        Raises:
+            NoSolutionError: It is not proven; carries the singular configuration if one is there.
+        """
+        low, high = self.corners()
+        free, root = self.prove(low, high, None)
+        if not free:
+            near = "" if root is None else ": a singular posture is in them or too near"
+            raise NoSolutionError(
+                f"{self.arm.name}: the joint ranges of the start are not proven free of "
+                f"singularities{near}; give a part of the motion, or a smaller clearance",
+                None if root is None else self.positions(root),
+            )
+
+    def check_widths(self, least: float) -> None:
+        """Check that all ranges are as wide as asked for.
+
+        Raises:
+            NoSolutionError: One is not; carries the box that there is.
+        """
+        widths = self.extent.sum(axis=1)
+        short = [j for j in self.relevant if widths[j] < least * (1.0 - 1e-9)]
+        if short:
+            j = short[0]
+            raise NoSolutionError(
+                f"{self.arm.name}: the range of {self.arm.joint_names[j]!r} is proven to "
+                f"{np.degrees(widths[j]):.4g} of the {np.degrees(least):.4g} degrees asked for; "
+                "ask for less, or start elsewhere",
+                self.box(),
+            )
+
+    def positions(self, x: Array) -> Array:
+        """Return the joint positions of x (n,)."""
+        return np.asarray(self.roots.origin + self.roots.unit * x)
+
+    def grow(self, joints: Sequence[int], widest: float = np.inf) -> None:
+        """Move the sides of joints outwards, in turn, until all are stopped or as wide as asked."""
+        step = dict.fromkeys([(j, s) for j in joints for s in (0, 1)], STEP)
+        moving = [side for side in step if side not in self.stopped]
+        while moving:
+            for side in moving:
+                self.move(side, step, widest)
+            moving = [
+                (j, s)
+                for j, s in moving
+                if (j, s) not in self.stopped and self.extent[j].sum() < widest
+            ]
+
+    def move(
+        self, side: tuple[int, int], step: dict[tuple[int, int], float], widest: float
+    ) -> None:
+        """Move one side outwards by its step, or less; or say why it has stopped."""
+        (j, s), here = side, self.extent[side]
+        width = float(self.extent[j].sum())
+        if width >= widest:
+            return
+        margin = SHARE * max(width, LEAST_WIDTH)
+        root, cap = self.nearest_to(side)
+        turn = np.inf if self.arm.slides[j] else TURN - self.extent[j, 1 - s]
+        if here >= min(self.bound[side], turn):
+            self.stopped[side] = ("turn" if here >= turn else "limit", None)
+        elif cap - here <= 2.0 * margin:
+            self.stopped[side] = ("singular", root)
+        elif step[side] < margin / 4.0 or self.cells >= MOST_CELLS:
+            self.stopped[side] = ("undecided", None)
+        else:
+            wanted = here + widest - width
+            to = min(here + step[side], self.bound[side], turn, cap - margin, wanted)
+            low, high = self.corners()
+            start, end = (low, high) if s else (high, low)
+            start[j], end[j] = (here, to) if s else (-here, -to)
+            free, root = self.prove(*((start, end) if s else (end, start)), side)
+            if free:
+                self.extent[side] = to
+            elif root is None:
+                step[side] = (to - here) / 2.0
+            else:
+                self.found.append(root)
+
+    def nearest_to(self, side: tuple[int, int]) -> tuple[Array | None, float]:
+        """Return the singular x that stops a side first, and how far the side may be."""
+        if not self.found:
+            return None, np.inf
+        j, s = side
+        X = np.array(self.found)
+        low, high = self.corners()
+        beyond = np.maximum(np.maximum(low - X, X - high), 0.0)
+        beyond[:, j] = 0.0
+        gap = self.clear.max() ** 2 - (beyond**2).sum(axis=1)
+        outwards = X[:, j] if s else -X[:, j]
+        ahead = (gap >= -1e-12) & (outwards > self.extent[side] - 1e-9)
+        far = np.where(ahead, outwards - np.sqrt(np.maximum(gap, 0.0)), np.inf)
+        best = int(np.argmin(far))
+        return X[best], float(far[best])
+
+    def box(self) -> FreeBox:
+        """Return the box."""
+        lower, upper = self.positions(-self.extent[:, 0]), self.positions(self.extent[:, 1])
+        stops = []
+        for j, name in enumerate(self.arm.joint_names):
+            whole = any(self.stopped.get((j, s), ("",))[0] == "turn" for s in (0, 1))
+            if whole or j not in self.relevant:
+                lower[j], upper[j] = self.ends[:, j]
+            for s, side in enumerate(SIDES):
+                why, x = self.stopped.get((j, s), ("undecided", None))
+                if whole or j not in self.relevant:
+                    why, x = ("turn" if j in self.relevant else "irrelevant"), None
+                stops.append(Stop(name, side, why, None if x is None else self.positions(x)))
+        return FreeBox(
+            arm=self.arm,
+            mode=self.mode,
+            lower=lower,
+            upper=upper,
+            clearance=float(self.clearance),
+            stops=tuple(stops),
+            cells=self.cells,
+        )
+
+    # --- the proof of a slab ------------------------------------------------------------------
+
+    def prove(
+        self, low: Array, high: Array, side: tuple[int, int] | None
+    ) -> tuple[bool, Array | None]:
+        """Prove that no singular x is in a slab or nearer than the clearance, or find one."""
+        root = self.crossing(low, high, side)
+        if root is not None:
+            return False, root
+        outer = np.array((low - self.clear, high + self.clear))
+        stack = [(outer.mean(axis=0)[None], 0.5 * (outer[1] - outer[0])[None])]
+        looked, descents = 0, 0
+        while stack:
+            centre, half = stack.pop()
+            if len(centre) > BATCH:
+                stack.append((centre[BATCH:], half[BATCH:]))
+                centre, half = centre[:BATCH], half[:BATCH]
+            looked += len(centre)
+            free, taken = self.roots.free(centre, half)
+            centre, half, taken = centre[~free], half[~free], taken[~free]
+            if not len(centre):
+                continue
+            root = self.crossing(low, high, side, centre)
+            if root is None and not self.alone and descents < DESCENTS and looked > BATCH:
+                descents += 1
+                root = self.descended(centre[np.argmin(half.max(axis=1))], low, high)
+            narrow = half.max(axis=1).min() < NARROW
+            if root is not None or looked >= MOST_OF_A_SLAB or narrow:
+                self.count(looked)
+                return False, root
+            centre, half = halved(centre, half, taken)
+            near = self.away(centre, half, low, high) <= self.clearance
+            stack.append((centre[near], half[near]))
+        self.count(looked)
+        return True, None
+
+    def count(self, looked: int) -> None:
+        """Count cells, and tell of them."""
+        self.cells += looked
+        if self.progress:
+            self.progress(min(self.cells, MOST_CELLS), MOST_CELLS)
+
+    def away(self, centre: Array, half: Array | float, low: Array, high: Array) -> Array:
+        """Return how far cells are from a slab, rounded down."""
+        beyond = np.maximum(np.maximum(low - centre - half, centre - half - high), 0.0)
+        return np.asarray(np.linalg.norm(beyond, axis=1) * (1.0 - 1e-12))
+
+    def descended(self, x: Array, low: Array, high: Array) -> Array | None:
+        """Search a singular configuration from x (n,); None if it is not in a slab."""
+        q = lose_rank(self.arm, self.positions(x), self.mode)
+        if q is None:
+            return None
+        found = self.reduced((q - self.roots.origin) / self.roots.unit)
+        return found if self.away(found[None], 0.0, low, high)[0] <= self.clearance else None
+
+    def crossing(
+        self, low: Array, high: Array, side: tuple[int, int] | None, X: Array | None = None
+    ) -> Array | None:
+        """Return a root of the one minor in a slab, a near one to the box; None if none is seen.
+
+        Args:
+            low: (n,) lower corner of the slab.
+            high: (n,) upper corner.
+            side: The side that moves.
+            X: Where to look first, (m, n); random ones if None.
+        """
+        if not self.alone:
+            return None
+        best: Array | None = None
+        start, end = low - self.clear, high + self.clear
+        width = end - start
+        for i in range(POLISHED):
+            if X is None:
+                spread = self.rng.uniform(-0.5, 0.5, (BATCH, len(low))) * width * 0.6**i
+                X = np.clip((0.5 * (start + end) if best is None else best) + spread, start, end)
+            X = X[self.away(X, 0.0, low, high) <= self.clearance]
+            other = X[self.values(X) * self.sign < 0.0]
+            if len(other):
+                gap = np.linalg.norm(other - self.clipped(other, low, high, side), axis=1)
+                nearest = self.between(other[np.argmin(gap)], low, high, side)
+                if best is None or self.gap(nearest, low, high, side) < self.gap(
+                    best, low, high, side
+                ):
+                    best = nearest
+            X = None
+            if best is None:
+                break
+        return best
+
+    def clipped(self, X: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
+        """Return the points nearest to x (m, n) on the side from which a slab grows."""
+        if side is None:
+            return np.zeros_like(X)
+        j, s = side
+        low, high = low.copy(), high.copy()
+        low[j] = high[j] = low[j] if s else high[j]
+        return np.clip(X, low, high)
+
+    def gap(self, x: Array, low: Array, high: Array, side: tuple[int, int] | None) -> float:
+        """Return how far x (n,) is from that side."""
+        return float(np.linalg.norm(x - self.clipped(x[None], low, high, side)[0]))
+
+    def between(self, x: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
+        """Return the root between x (n,), where the sign is another, and that side."""
+        here, there = self.clipped(x[None], low, high, side)[0], x
+        for _ in range(60):
+            middle = 0.5 * (here + there)
+            if self.values(middle[None])[0] * self.sign < 0.0:
+                there = middle
+            else:
+                here = middle
+        return there

@@ -1,0 +1,41 @@
+"""Replays of plans by an integrator that shares nothing with the planner."""
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+from scipy.interpolate import make_interp_spline
+
+import spacearm as sa
+
+
+def replay(plan):
+    """The end, and the largest turn on the way, by DOP853 on w = D^-1 (h - D_q dq).
+
+    The joints follow what `sa.Tracking` wants of them, the wheels a quintic spline.
+    """
+    arm, start, h = plan.arm, plan[0], plan.momentum[0]
+    wanted = sa.Tracking(plan).wanted
+    held = None
+    if plan.wheels.any():
+        still = [(order, np.zeros(plan.wheels.shape[1])) for order in (1, 2)]
+        held = make_interp_spline(plan.t, plan.wheels, k=5, bc_type=(still, still))
+
+    def rate(t, T):
+        U, _, Vt = np.linalg.svd(T.reshape(3, 3))
+        q, dq, _ = wanted(t)
+        kept = h.copy()
+        if held is not None:
+            for wheel, spin in zip(arm.wheels, held(t), strict=True):
+                kept[3:] -= U @ Vt @ wheel.axis * spin
+        cfg = arm.at(q, base=pin.SE3(U @ Vt, np.zeros(3)), momentum=kept)
+        return (pin.skew(sa.base_velocity(cfg, dq)[3:]) @ T.reshape(3, 3)).ravel()
+
+    T, attitudes = start.base.rotation.ravel(), []
+    for t in zip(plan.t, plan.t[1:], strict=False):
+        run = solve_ivp(rate, t, T, method="DOP853", rtol=1e-10, atol=1e-11)
+        T = run.y[:, -1]
+        attitudes += [column.reshape(3, 3) for column in run.y.T]
+    U, _, Vt = np.linalg.svd(T.reshape(3, 3))
+    turn = max(np.linalg.norm(pin.log3(start.base.rotation.T @ A)) for A in attitudes)
+    com = start.com + h[:3] / arm.mass * plan.t[-1]
+    return arm.at(plan.q[-1], base=pin.SE3(U @ Vt, np.zeros(3))).centred(com), turn

@@ -1,0 +1,146 @@
+"""Free boxes against the zero set itself, postures at random, and the files they are written to."""
+
+import numpy as np
+import pytest
+import tomllib
+
+import spacearm as sa
+
+
+def inside(box, rng, m=4000):
+    """Random joint positions in a box; where any angle is free, a whole turn."""
+    low, high = np.clip(box.lower, -np.pi, None), np.clip(box.upper, None, np.pi)
+    return low + (high - low) * rng.uniform(size=(m, box.arm.n))
+
+
+def ends(box):
+    return np.stack((box.lower, box.upper), axis=1).ravel()
+
+
+def check_stops(box):
+    """Every singular posture that stops a side is one, in the ranges of the other joints."""
+    width = np.repeat(box.upper - box.lower, 2)
+    for stop, end, size in zip(box.stops, ends(box), width, strict=True):
+        if stop.why == "singular":
+            j = box.arm.joint_names.index(stop.joint)
+            assert sa.singularity(box.arm.at(stop.at)).sigma_min < 1e-9
+            assert 0.0 <= (stop.at[j] - end) * (1 if stop.side == "upper" else -1) <= 0.01 * size
+            others = np.arange(box.arm.n) != j
+            assert (stop.at >= box.lower - 1e-9)[others].all()
+            assert (stop.at <= box.upper + 1e-9)[others].all()
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_in_a_box_of_a_planar_arm_is_singular_and_its_stops_are(seed):
+    arm, rng = sa.load("planar2"), np.random.default_rng(seed)
+    q = rng.uniform(-np.pi, np.pi, 2)
+    box, S = sa.free_box(arm.at(q)), sa.singularity_polynomial(arm)
+    assert box.contains(q)
+    assert (S(inside(box, rng)) * S(q) > 0.0).all()
+    members = sa.singular_set(arm).sample(2000, rng)
+    assert not any(map(box.contains, members))
+    assert sum(stop.why == "singular" for stop in box.stops) >= 2
+    check_stops(box)
+
+
+@pytest.mark.filterwarnings("ignore::spacearm.ModelWarning")
+def test_the_clearance_is_kept_from_every_singular_posture():
+    arm, rng = sa.load("planar2"), np.random.default_rng(1)
+    clearance = 0.15
+    box = sa.free_box(arm.at([0.3, 1.2]), clearance=clearance)
+    members = np.concatenate(
+        [sa.singular_set(arm).sample(20_000, rng) + 2 * np.pi * turn for turn in (-1, 0, 1)]
+    )
+    away = np.linalg.norm(
+        np.maximum(np.maximum(box.lower - members, members - box.upper), 0), axis=1
+    )
+    assert away.min() > clearance
+    assert away.min() < clearance + 0.05  # and it is no smaller than it need be
+    assert sa.free_box(arm.at([0.3, 1.2])).contains(np.array([box.lower, box.upper]))
+
+
+def test_joints_that_do_not_matter_have_their_whole_range():
+    arm = sa.load("mda6")
+    q, rng = np.radians([20, 60, -100, -50, 30, 0]), np.random.default_rng(0)
+    box, S = sa.free_box(arm.at(q)), sa.singularity_polynomial(arm)
+    assert (box.lower[5], box.upper[5]) == (arm.lower[5], arm.upper[5])
+    assert [stop.why for stop in box.stops[10:]] == ["irrelevant"] * 2
+    assert (S(inside(box, rng, 20_000)) * S(q) > 0.0).all()
+    check_stops(box)
+
+
+def test_a_sliding_joint_and_a_redundant_arm_have_boxes_too(moving):
+    for arm, q in moving:
+        box = sa.free_box(arm.at(q), at_least=0.05)
+        sigma = [
+            sa.singularity(arm.at(x)).sigma_min for x in inside(box, np.random.default_rng(0), 50)
+        ]
+        assert min(sigma) > 0.0
+        assert (box.upper - box.lower >= 0.05 - 1e-9).all()
+
+
+@pytest.fixture
+def moving():
+    """A planar arm with one joint too many."""
+    return [(sa.load("planar3", task="x y"), np.array([0.2, 1.1, -0.7]))]
+
+
+def test_named_joints_are_at_least_as_wide_as_in_any_order():
+    arm = sa.load("planar2")
+    cfg = arm.at([0.3, 1.2])
+    first = sa.free_box(cfg, joints=["joint_1"])
+    width = first.upper - first.lower
+    assert width[0] >= (sa.free_box(cfg).upper - sa.free_box(cfg).lower)[0] - 1e-9
+
+
+def test_a_box_holds_the_whole_motion():
+    arm = sa.load("planar2")
+    motion = sa.follow(arm.at([0.3, 1.2]), [arm.at([0.5, 1.5]).tip])
+    box = sa.free_box(motion)
+    assert box.contains(motion)
+    assert not box.contains(motion.q + 3.0)
+
+
+def test_a_width_that_cannot_be_is_refused_with_the_box_that_there_is():
+    arm = sa.load("planar2")
+    with pytest.raises(sa.NoSolutionError, match="degrees asked for") as error:
+        sa.free_box(arm.at([0.3, 1.2]), at_least=3.1)
+    assert isinstance(error.value.best, sa.FreeBox)
+    assert sa.free_box(arm.at([0.3, 1.2]), at_least=1.0).contains([0.3, 1.2])
+
+
+def test_a_singular_start_has_no_box():
+    arm = sa.load("planar2")
+    q = sa.singular_set(arm).sample(1, np.random.default_rng(0))[0]
+    with pytest.raises(sa.NoSolutionError, match="not proven free"):
+        sa.free_box(arm.at(q))
+
+
+def test_the_files_hold_the_ranges(tmp_path):
+    arm = sa.load("mda6")
+    box = sa.free_box(arm.at(np.radians([20, 60, -100, -50, 30, 0])))
+    written = tomllib.loads(box.save(tmp_path / "box.toml").read_text())
+    assert {name: tuple(ends) for name, ends in written["ranges"].items()} == box.ranges
+    limited = sa.load(arm.limited(box.ranges).to_urdf(tmp_path / "limited.urdf"))
+    np.testing.assert_allclose(limited.lower, box.lower)
+    np.testing.assert_allclose(limited.upper, box.upper)
+    with pytest.raises(sa.ConfigurationError, match="unknown joint"):
+        arm.limited({"elbow": (0.0, 1.0)})
+    with pytest.raises(sa.ConfigurationError, match="least position first"):
+        arm.limited({arm.joint_names[0]: (1.0, 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"within": ([0, 0], [1, 1])}, "outside the range allowed"),
+        ({"within": [0, 1, 2]}, "give .lower, upper."),
+        ({"clearance": -1.0}, "clearance is -1.0"),
+        ({"at_least": 0.0}, "at_least is 0.0"),
+        ({"joints": ["elbow"]}, "elbow"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_named(options, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.free_box(sa.load("planar2").at([0.3, 1.2]), **options)
