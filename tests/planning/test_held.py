@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from scipy.interpolate import CubicSpline
 
 import spacearm as sa
-from spacearm.planning.reactions import load_of, momentum_and_torque, momentum_bounds
+from spacearm.mechanics.dynamics import momentum_and_torque
+from spacearm.planning.reactions import load_of, momentum_bounds
 from spacearm.planning.timing import rest_to_rest_spline
 
 Q0, GOAL = [0.3, 1.2], (0.9, 1.4)
