@@ -380,6 +380,11 @@ class Followed(Motion):
         return f"{self.mode}: {'arrived' if self.arrived else f'ended by {self.ended}'}"
 
     @property
+    def ended_singular(self) -> bool:
+        """Whether a singularity ended it, which the tip was led into at a constant speed."""
+        return self.ended == "singularity"
+
+    @property
     def singular_times(self) -> tuple[float, ...]:
         """The time of the singularity that ended the motion, if one did [s]."""
         return (float(self.t[-1]),) if self.ended == "singularity" else ()
