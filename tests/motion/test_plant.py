@@ -203,7 +203,9 @@ def test_a_thruster_turns_with_its_link():
     assert np.linalg.norm(turning.impulse[-1, :3]) < 2e-3
     for i in (0, 300, 700):
         R = turning[i].base.rotation
-        np.testing.assert_allclose(turning.wrenches[root][i], [*(0.01 * R[:, 0]), 0, 0, 0])
+        np.testing.assert_allclose(
+            turning.wrenches[root][i], [*0.01 * R[:, 0], 0, 0, 0], atol=1e-12
+        )
     assert np.ptp(fixed.wrenches[root], axis=0).max() == 0.0
     assert turning.imbalance < 1e-6
 
