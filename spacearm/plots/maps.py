@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
@@ -27,6 +28,7 @@ from spacearm.plots.style import (
 )
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
+from spacearm.singularities.box_graph import FreeBoxes
 from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.map import SingularMap
 
@@ -290,6 +292,37 @@ def draw_free_box(result: FreeBox, *, ax: Any = None) -> Figure:
     axes.invert_yaxis()
     axes.set(xlabel="joint position [°] or [m]")
     axes.set_title(f"{arm.name}, {result.mode}: no singular posture in the green ranges, proven")
+    return axes.figure
+
+
+@draws(FreeBoxes)
+def draw_free_boxes(result: FreeBoxes, *, ax: Any = None) -> Figure:
+    """Draw the boxes over two joints; of more joints the share that the largest of them cover.
+
+    Args:
+        result: The boxes.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    arm, axes = result.arm, axes_for(ax, 7.2, 5.2)
+    covered = 100.0 * np.cumsum(np.sort(result.volumes)[::-1])
+    if arm.n == 2:
+        scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
+        for low, high in zip(scale * result.lower, scale * result.upper, strict=True):
+            axes.add_patch(
+                Rectangle(low, *(high - low), facecolor=GREEN, edgecolor="white", lw=0.3)
+            )
+        axes.autoscale_view()
+        labels = [f"{name} [{'m' if slides else '°'}]"
+                  for name, slides in zip(arm.joint_names, arm.slides, strict=True)]  # fmt: skip
+        axes.set(xlabel=labels[0], ylabel=labels[1])
+    else:
+        axes.plot(np.arange(1, len(covered) + 1), covered, color=GREEN, lw=2)
+        axes.set(xlabel="largest boxes", ylabel="share of the range covered [%]")
+    whole = covered[-1] if len(covered) else 0.0
+    axes.set_title(
+        f"{arm.name}, {result.mode}: {len(covered):,} boxes without singular posture, proven\n"
+        f"{whole:.3g} % of the range"
+    )
     return axes.figure
 
 

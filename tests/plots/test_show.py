@@ -111,6 +111,8 @@ def results():
         "many runs": (sa.simulate_many([planar.at([0.3, 1.2])] * 3, law, 0.2), 2),
         "an uncertain arm": (unsure(planar), 1),
         "a free box": (sa.free_box(cfg), 1),
+        "free boxes of two joints": (sa.free_boxes(planar, most=50), 1),
+        "free boxes": (sa.free_boxes(spatial, most=50), 1),
         "a connection": (sa.connected(planar.at([0.3, 1.2]), planar.at([0.4, 1.2])), 1),
         **{what: (store, 1 + ("one arm" in what)) for what, store in stores().items()},
     }
