@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import spacearm as sa
+from spacearm.plots.drawings import MODULES
 from spacearm.plots.show import plot
 from spacearm.plots.style import COLOURS, DRAWINGS, figure, style
 from spacearm.results import Result
@@ -111,7 +112,7 @@ def results():
         "many runs": (sa.simulate_many([planar.at([0.3, 1.2])] * 3, law, 0.2), 2),
         "an uncertain arm": (unsure(planar), 1),
         "a free box": (sa.free_box(cfg), 1),
-        "free boxes of two joints": (sa.free_boxes(planar, most=50), 1),
+        "free boxes of two joints": (sa.free_boxes(planar, most=400), 1),
         "free boxes": (sa.free_boxes(spatial, most=50), 1),
         "a connection": (sa.connected(planar.at([0.3, 1.2]), planar.at([0.4, 1.2])), 1),
         **{what: (store, 1 + ("one arm" in what)) for what, store in stores().items()},
@@ -281,6 +282,7 @@ def test_every_public_result_class_has_a_drawing():
     classes = [getattr(sa, name) for name in sa.__all__]
     results = [kind for kind in classes if isinstance(kind, type) and issubclass(kind, Result)]
     assert len(results) > 20
+    assert len(MODULES) > 5  # their import enters all drawings
     left = {kind.__name__ for kind in results if not set(kind.__mro__) & set(DRAWINGS)}
     assert left == set(WORDS_ALONE)
 
