@@ -384,3 +384,13 @@ def test_a_missing_mesh_is_no_proof(tmp_path):
         arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
     plan = sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
     assert plan.checked.endswith("NOT checked, without shapes: hull")
+
+
+def test_the_verdict_names_the_links_that_were_not_checked():
+    bus = sa.Bus(100.0, inertia=20.0 * np.eye(3))
+    report = sa.collision_check(sa.mount("vispa", bus).at(np.zeros(sa.load("vispa").n)))
+    assert report.unchecked == ("bus",)
+    assert "NOT checked, without shapes: bus" in report.story
+    assert report.describe().verdict == report.story
+    whole = sa.collision_check(sa.load("vispa").at(np.zeros(sa.load("vispa").n)))
+    assert whole.unchecked == () and "NOT" not in whole.story
