@@ -16,14 +16,14 @@ query        singularity generalized_jacobian generalized_jacobian_derivative
 dynamics     momentum_matrix base_velocity generalized_inertia forward_dynamics inverse_dynamics
              joint_accelerations kinetic_energy capture barycentric MomentumMatrix Dynamics Capture
              Barycentric VirtualManipulator
-sets         singular_set singular_map singularity_polynomial free_box SingularSet FoundSet
-             SingularMap TrigPolynomial Certificate FreeBox
+sets         singular_set singular_map singularity_polynomial free_box free_boxes SingularSet
+             FoundSet SingularMap TrigPolynomial Certificate FreeBox FreeBoxes
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless Plant Integration PassiveJoint WheelHold
              Phase Grasp Release Motion Trajectory Followed Flight Event
-planning     plan detumble time_optimal Tracking collision_check Joints Constraints Search Plan
-             Attempt Obstacle CollisionReport
+planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
+             Search Plan Attempt Connection Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
              FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
@@ -33,7 +33,7 @@ export       to_jax to_casadi to_c to_mjcf to_sdf write_motion GeneralizedJacobi
              MomentumConservation SingularityBarrier
 show         plot view design_report
 errors       SpaceArmError ModelError ConfigurationError UnsupportedError NoSolutionError
-             StoppedError StoreError SweepError ModelWarning
+             ImpossibleError StoppedError StoreError SweepError ModelWarning
 ===========  ====================================================================================
 
 Conventions, everywhere:

@@ -9,6 +9,7 @@ from spacearm.description.model_catalogue import ModelInfo as ModelInfo
 from spacearm.description.model_catalogue import arms as arms
 from spacearm.description.model_catalogue import catalogue as catalogue
 from spacearm.errors import ConfigurationError as ConfigurationError
+from spacearm.errors import ImpossibleError as ImpossibleError
 from spacearm.errors import ModelError as ModelError
 from spacearm.errors import ModelWarning as ModelWarning
 from spacearm.errors import NoSolutionError as NoSolutionError
@@ -90,12 +91,14 @@ from spacearm.motion.plant import Plant as Plant
 from spacearm.motion.plant import WheelHold as WheelHold
 from spacearm.motion.simulation import simulate as simulate
 from spacearm.motion.simulation import simulate_many as simulate_many
+from spacearm.planning.planner import connected as connected
 from spacearm.planning.planner import detumble as detumble
 from spacearm.planning.planner import plan as plan
 from spacearm.planning.request import Constraints as Constraints
 from spacearm.planning.request import Joints as Joints
 from spacearm.planning.request import Search as Search
 from spacearm.planning.result import Attempt as Attempt
+from spacearm.planning.result import Connection as Connection
 from spacearm.planning.result import Plan as Plan
 from spacearm.planning.retiming import time_optimal as time_optimal
 from spacearm.planning.tracking import Tracking as Tracking
@@ -104,6 +107,8 @@ from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
+from spacearm.singularities.box_graph import FreeBoxes as FreeBoxes
+from spacearm.singularities.box_graph import free_boxes as free_boxes
 from spacearm.singularities.joint_boxes import FreeBox as FreeBox
 from spacearm.singularities.joint_boxes import free_box as free_box
 from spacearm.singularities.map import SingularMap as SingularMap

@@ -60,6 +60,10 @@ class NoSolutionError(SpaceArmError):
         self.best = best
 
 
+class ImpossibleError(NoSolutionError):
+    """It is proven that there is no solution; the message names the argument and what to relax."""
+
+
 class StoppedError(KeyboardInterrupt):
     """Ctrl-C has stopped a computation; what there was by then is kept.
 

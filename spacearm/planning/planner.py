@@ -9,15 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.errors import ConfigurationError, UnsupportedError, unknown
+from spacearm.errors import (
+    ConfigurationError,
+    ImpossibleError,
+    NoSolutionError,
+    UnsupportedError,
+    unknown,
+)
 from spacearm.model.arguments import FLOATING, HELD, BaseMode, of_configuration
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import Goal, Origin
 from spacearm.planning.request import Constraints, Joints, PlanRequest, Search
-from spacearm.planning.result import Plan
+from spacearm.planning.result import Connection, Plan
+from spacearm.singularities.sets import singular_set
 
 
 @of_configuration
@@ -76,6 +84,8 @@ def plan(
         ConfigurationError: An argument does not make sense.
         UnsupportedError: The arm has several tips, fewer joints than its task has rows, wheels
             that cannot hold the attitude, or no shapes that obstacles could meet.
+        ImpossibleError: It is proven that there is no such motion: det J* changes its sign between
+            start and goal, or the goal is out of reach. A NoSolutionError, too.
         NoSolutionError: No motion was found; says which constraint stopped most attempts and what
             to relax, and why every method failed, and carries the best attempt (the start alone,
             where there is no better).
@@ -157,6 +167,80 @@ def detumble(
 
     request = PlanRequest.of(start, goal, origin, constraints, search, (), final_attitude, duration)
     return Detumbling(request).plan()
+
+
+@of_configuration
+def connected(
+    start: Configuration,
+    goal: Configuration,
+    *,
+    limits: bool = True,
+    search: Search = Search(timeout=10.0),
+) -> Connection:
+    """Tell whether a joint path leads from one posture to another without a singularity.
+
+    The spacecraft floats; where it is does not matter. Of a square arm the answer is "no" where
+    det J* has one sign at the start and the other at the goal, rounding included. It is "yes" by
+    the straight line, or by a path of the planner, each with its certificate.
+
+    Args:
+        start: The posture at one end.
+        goal: The posture at the other end, of the same arm.
+        limits: Whether the path stays within the joint limits.
+        search: How long to look for a path, and how.
+
+    Returns:
+        The answer, with the path or the reason.
+
+    Raises:
+        ConfigurationError: The two are of different arms.
+        UnsupportedError: The arm has fewer joints than its task has rows, or several tips.
+        StoppedError: Ctrl-C.
+
+    Example:
+        >>> import spacearm as sa
+        >>> arm = sa.load("planar2")
+        >>> sa.connected(arm.at([0.3, 1.2]), arm.at([0.3, -1.2])).answer
+        'no'
+    """
+    from spacearm.planning.problem import OTHER_POSTURE, parted  # slow to import
+
+    arm = start.arm
+    if goal.arm is not arm:
+        raise ConfigurationError(
+            f"goal is a configuration of {goal.arm!r}, start of {arm!r}; make both by at of one arm"
+        )
+    if apart := parted(start, goal):
+        return Connection(arm, "no", f"{apart}; {OTHER_POSTURE}")
+    ends = {"start": start, "goal": goal}
+    if limits and (beyond := [name for name, cfg in ends.items() if cfg.outside_limits]):
+        joint = ends[beyond[0]].outside_limits[0]
+        why = f"joint {joint!r} is beyond its limits at the {beyond[0]}; limits=False ignores them"
+        return Connection(arm, "no", why)
+    straight = np.array([start.q, goal.q])
+    proof = singular_set(arm).clearance(straight)
+    if proof:
+        return Connection(arm, "yes", "straight from one to the other", straight, proof)
+    for name, cfg in ends.items():
+        if (there := singular_set(arm).clearance(cfg.q[None])).verdict == "singular":
+            why = f"the {name} is singular itself; leave it along sa.singularity(cfg).gradient"
+            return Connection(arm, "no", why, certificate=there)
+    try:
+        found = plan(
+            arm.at(start.q),
+            Joints(goal.q),
+            constraints=Constraints(limits=limits, collisions=False, clearance=0.0),
+            search=search,
+        )
+    except ImpossibleError as error:
+        return Connection(arm, "no", str(error))
+    except NoSolutionError as error:
+        return Connection(arm, "unknown", f"no path found: {error}")
+    path = np.vstack((found.q[:-1], goal.q))  # ends there exactly
+    proof = singular_set(arm).clearance(path)
+    if not proof:
+        return Connection(arm, "unknown", "a path was found that could not be proven free")
+    return Connection(arm, "yes", f"by the planner: {found.method}", path, proof)
 
 
 def _floating(request: PlanRequest) -> Plan:

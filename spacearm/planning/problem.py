@@ -14,7 +14,7 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite
 from spacearm.collisions.separation import Collisions, Contact, collision_geometry
 from spacearm.collisions.swept_motion import Floating, Recorded, SweptMotion
-from spacearm.errors import NoSolutionError, UnsupportedError
+from spacearm.errors import ImpossibleError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.floating import walk
@@ -33,7 +33,8 @@ from spacearm.planning.reactions import largest_turn
 from spacearm.planning.request import Joints, PlanRequest
 from spacearm.planning.result import IGNORED, Attempt, Plan, best_attempt
 from spacearm.planning.timing import rest_to_rest_times
-from spacearm.singularities.report import NO_INVERSE, TOLERANCE, angle, singularity
+from spacearm.singularities.report import NO_INVERSE, TOLERANCE, angle
+from spacearm.singularities.rounding import proven_sign
 from spacearm.singularities.sets import prove_regular
 
 Rows: TypeAlias = list[Configuration]
@@ -47,6 +48,11 @@ LEAST = float(np.radians(0.1))
 """The clearance where none is asked for, but no more than half of what the start has [rad]."""
 AMPLE = float(np.radians(6.0))
 """The clearance that is aimed at first, likewise."""
+OTHER_POSTURE = (
+    "another posture of the same pose may do (lead the tip there and leave the joints open), or "
+    "another tip"
+)
+"""What to relax where det J* has another sign at the goal."""
 
 
 @dataclass
@@ -98,7 +104,7 @@ class Problem:
                 _check_joints(cfg, q, target)
             return cls(request, target, ample, bodies_apart(request, target))
         except NoSolutionError as error:
-            raise NoSolutionError(str(error), best_attempt(cfg, error.best)) from None
+            raise type(error)(str(error), best_attempt(cfg, error.best)) from None
 
     @property
     def start(self) -> Configuration:
@@ -334,28 +340,41 @@ def _reachable(cfg: Configuration, goal: pin.SE3, limits: bool) -> pin.SE3:
     """Return the goal if the stretched virtual manipulator is long enough for it.
 
     Raises:
-        NoSolutionError: It is not; carries the motion towards the goal as far as J* leads.
+        ImpossibleError: It is not; carries the motion towards the goal as far as J* leads.
     """
     if far := out_of_reach(cfg, goal):
         line = follow(cfg, [as_goal(cfg, goal)], limits=limits)
-        raise NoSolutionError(far, list(line))
+        raise ImpossibleError(f"impossible, proven: {far}", list(line))
     return goal
 
 
 def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
-    """Raise a NoSolutionError if no motion can lead to joint positions q (n,)."""
+    """Raise a NoSolutionError if no motion can lead to joint positions q (n,).
+
+    An ImpossibleError where that is proven.
+    """
     _check_within(cfg.arm, "goal", q, target.lower, target.upper)
-    here, there = (singularity(cfg.arm.at(x)).determinant for x in (cfg.q, q))
-    if here is not None and there is not None and here * there <= 0.0:
-        raise NoSolutionError(
-            f"det J* is {here:.3g} at the start and {there:.3g} at the goal: every way between "
-            "them meets a singularity; lead the tip there and leave the joints open"
-        )
+    if apart := parted(cfg, cfg.arm.at(q)):
+        raise ImpossibleError(f"impossible, proven: {apart}; {OTHER_POSTURE}")
     if (distance := distance_at(cfg.arm.at(q), "free-floating")) < target.clearance:
         raise NoSolutionError(
             f"the goal has a distance of {angle(distance)} to the singular set, below the "
             f"clearance of {angle(target.clearance)}"
         )
+
+
+def parted(start: Configuration, goal: Configuration) -> str:
+    """Return the proof that every joint path between two configurations is singular, or nothing."""
+    if start.arm.n != start.arm.task.k:
+        return ""
+    here, there = (proven_sign(cfg) for cfg in (start, goal))
+    if here * there >= 0:
+        return ""
+    signs = {1: "positive", -1: "negative"}
+    return (
+        f"det J* is {signs[here]} at the start and {signs[there]} at the goal, so that every way "
+        "between them meets a singularity"
+    )
 
 
 def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
@@ -368,9 +387,9 @@ def _attitude(cfg: Configuration, attitude: npt.ArrayLike | pin.SE3) -> Array:
     axes = turning_axes(cfg.arm)
     turn = pin.log3(cfg.base.rotation.T @ rotation)
     if len(axes) == 1 and np.linalg.norm(np.delete(turn, axes[0])) > ARRIVED:
-        raise NoSolutionError(
-            f"final_attitude is no turn about {'xyz'[axes[0]]} of the spacecraft from its start, "
-            f"and {cfg.arm.name} turns it about nothing else"
+        raise ImpossibleError(
+            f"impossible, proven: final_attitude is no turn about {'xyz'[axes[0]]} of the "
+            f"spacecraft from its start, and {cfg.arm.name} turns it about nothing else"
         )
     return rotation
 

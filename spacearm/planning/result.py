@@ -1,11 +1,11 @@
-"""Plan: a joint motion that arrives, with what was tried before it."""
+"""Results of planning: a joint motion that arrives, or whether two postures are connected."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -15,12 +15,13 @@ from spacearm.collisions.obstacles import Obstacle
 from spacearm.errors import NoSolutionError
 from spacearm.mechanics.floating import placed
 from spacearm.model.arguments import FLOATING
-from spacearm.model.arm import AT_REST, Configuration
+from spacearm.model.arm import AT_REST, Configuration, SpaceArm
 from spacearm.motion.motion import AnyMotion, Motion, samples
 from spacearm.motion.motion_file import Quantity
-from spacearm.planning.flown import FlownRows
+from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
-from spacearm.results import Cell, Description, Measure, Table
+from spacearm.polynomial.certificate import Certificate
+from spacearm.results import Cell, Description, Measure, Result, Table
 from spacearm.singularities.report import FAR, angle
 
 IGNORED = "collisions NOT checked (collisions=False)"
@@ -187,6 +188,11 @@ class Plan(Motion):
         way = f"{self.method}: {self.travel}, {self.t[-1]:.3g} s"
         return way if self.apart else f"{way}, collisions NOT checked"
 
+    @property
+    def momentum_on_board(self) -> Array:
+        """(m, 3) angular momentum of the whole system, axes of the spacecraft, which is held."""
+        return np.asarray(self.momentum[:, 3:] @ self[0].base.rotation)
+
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
         return super().to_dict() | {
@@ -214,13 +220,25 @@ class Plan(Motion):
         return replace(
             motion,
             verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
-            notes=[*motion.notes, self.checked],
+            notes=[*motion.notes, self.checked, *self._drifting()],
             tables=[
                 *motion.tables,
                 Table.facts(facts, "On the way"),
                 Table(("method", "", ""), tried, "Tried"),
             ],
         )
+
+    def _drifting(self) -> list[str]:
+        """Say what no motion of arm and wheels takes away: the linear momentum."""
+        p = self.momentum[-1, :3]
+        if not p.any():
+            return []
+        speed = float(np.linalg.norm(p)) / self.arm.mass
+        words = ", ".join(f"{x:.4g}" for x in p)
+        return [
+            f"linear momentum of ({words}) kg m/s stays: the system CM drifts on at {speed:.4g} "
+            "m/s, and only thrusters stop it"
+        ]
 
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
@@ -252,3 +270,46 @@ def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()
     """Return the best attempt: rows that do not solve the problem, or the start alone."""
     best = rows if isinstance(rows, list) else [cfg]
     return Plan.of_rows("best attempt", best, largest_rates(cfg.arm), tried=tuple(tried))
+
+
+Answer: TypeAlias = Literal["yes", "no", "unknown"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Connection(Result):
+    """Whether a joint path without singularities leads from one posture to another.
+
+    Attributes:
+        arm: The arm.
+        answer: "yes", by `path`; "no", proven; "unknown", where a search found no path and nothing
+            proves that there is none.
+        reason: How it is known, or what was tried.
+        path: (m, n) joint positions, straight between the rows; no rows where the answer is not
+            "yes".
+        certificate: The proof that the path meets no singularity, else None.
+    """
+
+    arm: SpaceArm
+    answer: Answer
+    reason: str
+    path: Array = field(default_factory=lambda: np.empty((0, 0)))
+    certificate: Certificate | None = None
+
+    def __repr__(self) -> str:
+        return f"Connection({self.arm.name}, {self.answer}: {self.reason})"
+
+    def describe(self) -> Description:
+        """Describe the answer and how it is known."""
+        proven = {"yes": "yes, by a path that is proven free", "no": "no, proven"}
+        facts: dict[str, Cell] = {"reason": self.reason}
+        if self.answer == "yes":
+            facts["joint travel"] = Measure(
+                float(np.abs(np.diff(self.path, axis=0)).sum()), self.arm.travel_unit
+            )
+            facts["rows"] = len(self.path)
+        return Description(
+            title=f"{self.arm.name}: connected without a singularity",
+            verdict=proven.get(self.answer, self.answer),
+            notes=["NOT checked: collisions"],
+            tables=[Table.facts(facts)],
+        )

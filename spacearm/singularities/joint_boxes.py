@@ -244,8 +244,8 @@ def free_box(
         positive(clearance, "clearance", "angle [rad]")
     named = [arm.joint_names.index(joint_name(arm, name)) for name in joints]
     widths = None if at_least is None else positive(at_least, "at_least", "width [rad]")
-    ends = np.array(_ends(arm, rows, within))
-    growth = _Growth(_minors(arm, mode), arm, mode, rows, ends, clearance, progress)
+    ends = np.array(range_allowed(arm, rows, within))
+    growth = _Growth(minors_for_proofs(arm, mode), arm, mode, rows, ends, clearance, progress)
     growth.start()
     if widths is not None:
         growth.grow(growth.relevant, widths)
@@ -255,7 +255,7 @@ def free_box(
     return growth.box()
 
 
-def _minors(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
+def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
     """Return the minors that prove configurations regular, the smallest first.
 
     Raises:
@@ -270,7 +270,7 @@ def _minors(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
     return minors
 
 
-def _ends(
+def range_allowed(
     arm: SpaceArm, rows: Array, within: tuple[npt.ArrayLike, npt.ArrayLike] | None
 ) -> tuple[Array, Array]:
     """Return the least and largest positions allowed, (n,) each.

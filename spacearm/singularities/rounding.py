@@ -36,7 +36,7 @@ import numpy as np
 import pinocchio as pin
 
 from spacearm.arrays import Array, named
-from spacearm.mechanics.jacobian import generalized_jacobian
+from spacearm.mechanics.jacobian import generalized_jacobian, task_jacobian
 from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 
@@ -106,6 +106,21 @@ def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Error
     of_J = np.linalg.norm(scale * _norms(generalized_jacobian(cfg, mode=mode), 1))
     sigma = np.linalg.norm(scale * E) + rounding * of_J
     return ErrorBars(float(sigma), np.repeat(E, 3, axis=0))
+
+
+def proven_sign(cfg: Configuration, *, mode: BaseMode = "free-floating") -> int:
+    """Return the sign of det J*, 1 or -1, if it is proven; 0 where rounding could change it.
+
+    No matrix nearer than sigma_min is singular, so that the sign is right where sigma_min is more
+    than its error bar.
+
+    Args:
+        cfg: The configuration, of a square task.
+        mode: What the spacecraft does.
+    """
+    J = task_jacobian(cfg, mode=mode)
+    certain = np.linalg.svd(J, compute_uv=False)[-1] > error_bars(cfg, mode=mode).sigma
+    return int(np.sign(np.linalg.det(J))) if certain else 0
 
 
 def _norms(matrix: Array, columns: int) -> Array:

@@ -414,7 +414,7 @@ def test_one_row_of_the_tip():
     """What the task leaves open counts neither for reach nor for arriving."""
     arm = sa.load("planar2", task="x")
     plan = sa.plan(arm.at([0.8, 0.6]), [2.0])
-    assert replay(plan).tip.translation[0] == pytest.approx(2.0, abs=1e-6)
+    assert replay(plan)[0].tip.translation[0] == pytest.approx(2.0, abs=1e-6)
 
 
 # --- the command line -----------------------------------------------------------------------

@@ -123,8 +123,8 @@ def test_the_files_hold_the_ranges(tmp_path):
     written = tomllib.loads(box.save(tmp_path / "box.toml").read_text())
     assert {name: tuple(ends) for name, ends in written["ranges"].items()} == box.ranges
     limited = sa.load(arm.limited(box.ranges).to_urdf(tmp_path / "limited.urdf"))
-    np.testing.assert_allclose(limited.lower, box.lower)
-    np.testing.assert_allclose(limited.upper, box.upper)
+    np.testing.assert_allclose(limited.lower, box.lower, atol=1e-12)
+    np.testing.assert_allclose(limited.upper, box.upper, atol=1e-12)
     with pytest.raises(sa.ConfigurationError, match="unknown joint"):
         arm.limited({"elbow": (0.0, 1.0)})
     with pytest.raises(sa.ConfigurationError, match="least position first"):

@@ -1,0 +1,96 @@
+"""Whether postures are connected: paths that are proven, and proofs that there is none."""
+
+import numpy as np
+import pytest
+from helpers.arms import load_text, random_chain
+
+import spacearm as sa
+
+FEW = sa.Search(timeout=5.0)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return sa.load("planar2")
+
+
+def side(arm, q):
+    return np.sign(sa.singularity(arm.at(q)).determinant)
+
+
+def test_signs_part_postures_of_square_arms_and_no_path_is_free_between_them():
+    """Whatever curve leads from one to the other: det J* falls through zero on it."""
+    arm, rng = sa.load("mda6"), np.random.default_rng(3)
+    q = rng.uniform(arm.lower, arm.upper, (20, 6))
+    sides = np.array([side(arm, x) for x in q])
+    a, b = q[sides > 0][0], q[sides < 0][0]
+    answer = sa.connected(arm.at(a), arm.at(b))
+    assert answer.answer == "no"
+    assert "every way between them meets a singularity" in answer.reason
+    assert not len(answer.path)
+    for bend in rng.normal(size=(3, 6)):
+        s = np.linspace(0.0, 1.0, 40)[:, None]
+        curve = a + s * (b - a) + np.sin(np.pi * s) * bend
+        assert not sa.singular_set(arm).clearance(curve)
+
+
+def test_the_answer_yes_comes_with_a_path_that_is_proven(arm):
+    """Also where the straight line is singular: another way about leads there."""
+    rng, found = np.random.default_rng(0), set()
+    for _ in range(12):
+        a, b = rng.uniform(-3.0, 3.0, (2, 2))
+        answer = sa.connected(arm.at(a), arm.at(b), limits=False, search=FEW)
+        assert (answer.answer == "no") == (side(arm, a) != side(arm, b))
+        if answer.answer == "yes":
+            np.testing.assert_array_equal(answer.path[0], a)
+            np.testing.assert_array_equal(answer.path[-1], b)
+            assert sa.singular_set(arm).clearance(answer.path)
+            found.add(answer.reason.split(":")[0])
+    assert "straight from one to the other" in found
+
+
+def test_redundant_arms_have_no_sides():
+    arm = sa.load("chaser7")
+    rng = np.random.default_rng(1)
+    q = rng.uniform(np.maximum(arm.lower, -1.0), np.minimum(arm.upper, 1.0), (2, arm.n))
+    answer = sa.connected(*(arm.at(x) for x in q), search=FEW)
+    assert answer.answer == "yes"
+    assert sa.singular_set(arm).clearance(answer.path)
+
+
+def test_limits_and_singular_ends(arm):
+    lower, upper = sa.load("mda6").lower, sa.load("mda6").upper
+    mda6 = sa.load("mda6")
+    inside = 0.5 * (np.maximum(lower, -2.0) + np.minimum(upper, 2.0))
+    j = int(np.flatnonzero(np.isfinite(upper))[0])
+    outside = inside.copy()
+    outside[j] = upper[j] + 0.1
+    with pytest.warns(sa.ModelWarning, match="outside its limits"):
+        beyond = mda6.at(outside)
+    answer = sa.connected(mda6.at(inside), beyond)
+    assert answer.answer == "no"
+    assert ("beyond its limits" in answer.reason) == (side(mda6, inside) == side(mda6, outside))
+    singular = sa.singular_set(arm).solve([0.3, 1.2])[0]
+    answer = sa.connected(arm.at([0.3, 1.2]), arm.at(singular), limits=False, search=FEW)
+    assert answer.answer != "yes"
+
+
+def test_ends_of_different_arms_are_refused(arm):
+    with pytest.raises(sa.ConfigurationError, match="one arm"):
+        sa.connected(arm.at([0.3, 1.2]), sa.load("planar3").at([0.1, 0.2, 0.3]))
+
+
+def test_plans_say_that_they_are_impossible(arm):
+    with pytest.raises(sa.ImpossibleError, match="impossible, proven: det J"):
+        sa.plan(arm.at([0.3, 1.2]), sa.Joints([0.3, -1.2]))
+    with pytest.raises(sa.ImpossibleError, match="impossible, proven: the goal is"):
+        sa.plan(arm.at([0.3, 1.2]), (40.0, 0.0))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_arms(seed):
+    arm = load_text(random_chain(seed, 6))
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(-1.0, 1.0, (2, arm.n))
+    answer = sa.connected(arm.at(a), arm.at(b), limits=False, search=sa.Search(timeout=2.0))
+    assert (answer.answer == "no") == (side(arm, a) != side(arm, b))
