@@ -36,7 +36,9 @@ def test_a_planar_spacecraft_is_drawn_as_its_visuals_at_their_size(axes, name):
     visuals = arm.tree.visuals[arm.tree.root].visual
     for patch, shape in zip(axes.patches, visuals, strict=True):
         corners = (shape.points() - shape.pose.translation) @ shape.pose.rotation
-        np.testing.assert_allclose(np.ptp(corners, axis=0), sizes(shape.geometry), rtol=1e-9)
+        np.testing.assert_allclose(
+            np.ptp(corners, axis=0), sizes(shape.geometry), rtol=1e-9, atol=1e-9
+        )
         flat = TURNED.rotation.T @ np.c_[patch.get_xy(), np.zeros(len(patch.get_xy()))].T
         drawn = flat[:2].T - (TURNED.rotation.T @ TURNED.translation)[:2]
         np.testing.assert_allclose(drawn.max(axis=0), shape.points().max(axis=0)[:2], atol=1e-9)
