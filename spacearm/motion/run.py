@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -274,6 +275,8 @@ def nearing(
 
 REPORT = 50
 """Samples of a controller of fixed rate between two reports of progress."""
+SAME = 1e-9
+"""Share of the period of a controller up to which two instants are the same but for rounding."""
 PROBES = np.append(0.0, np.geomspace(1e-15, 1e-3, 13))
 """How far beyond the last state it is looked for what failed [s]."""
 
@@ -346,22 +349,27 @@ class Runs:
         self.ended = ["interrupted" if e == "duration" else e for e in self.ended]
 
     def advance_sampled(self, end: float, period: float, delay: float, progress: Progress) -> None:
-        """Go on with torques that are sampled and held; of one run."""
-        batch, k, every = self.batch, 0, np.zeros(1, np.int64)
+        """Go on with torques that are sampled, act after a delay and are then held; of one run."""
+        batch, k, t, every = self.batch, 0, 0.0, np.zeros(1, np.int64)
         batch.held = np.zeros((1, batch.n))
-        while self.ended[0] == "duration" and k * period < end:
-            tau = batch.compute(torques, every, {"t": batch.t, "y": batch.y})
-            if not np.isfinite(tau).all():
-                self._fail(0)
-                return
-            for until in (k * period + delay, (k + 1) * period):
-                if until > batch.t[0] and self.ended[0] == "duration":
-                    batch.stiff[:] = 0.0
-                    self.advance(min(until, end), progress if k % REPORT == 0 else None)
-                if until == k * period + delay:
-                    batch.held = tau
-                    self.torques.append((float(until), tau[0]))
-            k += 1
+        waiting: deque[tuple[float, Array]] = deque()
+        while self.ended[0] == "duration" and t < end:
+            due = waiting[0][0] if waiting else np.inf
+            until = min(k * period, due, end)
+            if until > batch.t[0] + SAME * period:
+                batch.stiff[:] = 0.0
+                self.advance(until, progress if k % REPORT == 0 else None)
+            t = until
+            if k * period <= t + SAME * period and t < end and self.ended[0] == "duration":
+                tau = batch.compute(torques, every, {"t": batch.t, "y": batch.y})
+                if not np.isfinite(tau).all():
+                    self._fail(0)
+                    return
+                waiting.append((k * period + delay, tau))
+                k += 1
+            while waiting and waiting[0][0] <= t + SAME * period:
+                _, batch.held = waiting.popleft()
+                self.torques.append((t, batch.held[0]))
 
     def _note(self, found: Found, steps: Steps | None) -> None:
         """Note events in the order of their times; end the runs that some of them stop."""
@@ -449,12 +457,14 @@ class Runs:
         self.finish()
         batch, system, n, at = self.batch, self.systems[0], self.batch.n, self.at
         t, Y = self._times(0), self.outputs[0, : self.written[0]]
-        seen = batch.compute(observe, np.zeros(len(t), np.int64), {"t": t, "y": Y})
-        torque, seen = seen[:, :n].copy(), seen[:, n:]
-        if self.torques:
+        given = {"t": t, "y": Y}
+        if batch.held is not None:
             times = np.array([time for time, _ in self.torques])
-            held = np.vstack((np.zeros(n), [tau for _, tau in self.torques]))
-            torque = held[np.searchsorted(times, t, side="right")]
+            held = np.vstack((np.zeros((1, n)), *(tau[None] for _, tau in self.torques)))
+            given["held"] = held[np.searchsorted(times, t, side="right")]
+        seen = batch.compute(observe, np.zeros(len(t), np.int64), given)
+        w = len(system.arm.wheels)
+        torque, ddq, spin, seen = np.split(seen, np.cumsum((n, n, w)), axis=1)
         base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
         base = np.tile(base[0], (len(t), 1)) if system.mode == "fixed" else base.copy()
         impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
@@ -468,11 +478,13 @@ class Runs:
             q=(q := Y[:, at.q].copy()),
             dq=Y[:, at.dq].copy(),
             base=base,
-            torque=torque,
+            ddq=ddq.copy(),
+            torque=torque.copy(),
             momentum=kept.copy(),
             impulse=impulse,
             wrenches=system.acting(t, q, base) if system.pushed else {},
             wheels=Y[:, at.wheels].copy(),
+            wheel_torque=spin.copy(),
             energy=energy[:, 0].copy(),
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
@@ -500,8 +512,8 @@ class Runs:
         ends = np.stack((self.outputs[:, 0], self.outputs[every, last]), axis=1)
         t = np.stack((np.zeros(m), batch.t), axis=1)
         given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
-        seen = batch.compute(observe, np.repeat(every, 2), given)[:, n:].reshape(m, 2, -1)
-        energy, works = seen[:, :, 19], ends[:, 1, at.works].sum(axis=1)
+        seen = batch.compute(observe, np.repeat(every, 2), given)[:, -20:].reshape(m, 2, -1)
+        energy, works = seen[:, :, -1], ends[:, 1, at.works].sum(axis=1)
         turnover = energy.max(axis=1) + batch.exchanged
         off = np.abs(energy[:, 1] - energy[:, 0] - works)
         first = {kind: [min((e.t for e in events if e.kind == kind), default=np.nan)

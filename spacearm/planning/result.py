@@ -172,11 +172,11 @@ class Plan(Motion):
 
     @property
     def nearest(self) -> str:
-        """How near to a singularity the motion comes, in words."""
+        """How near to a singularity the rows come, to first order, in words."""
         least = float(self.distance.min())
-        far = f"over {angle(FAR)}" if least > FAR else f"at least {angle(least)}"
-        sigma = f"sigma_min at least {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
-        return f"{far} from a singular posture, {sigma}"
+        far = f"over {angle(FAR)}" if least > FAR else angle(least)
+        sigma = f"sigma_min down to {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
+        return f"to first order {far} from a singular posture, {sigma}"
 
     @property
     def travel(self) -> str:
@@ -188,6 +188,11 @@ class Plan(Motion):
         """The method that found the plan, its joint travel and its duration, in one line."""
         way = f"{self.method}: {self.travel}, {self.t[-1]:.3g} s"
         return way if self.apart else f"{way}, collisions NOT checked"
+
+    @property
+    def momentum_on_board(self) -> Array:
+        """(m, 3) angular momentum of the whole system, axes of the spacecraft, which is held."""
+        return np.asarray(self.momentum[:, 3:] @ self[0].base.rotation)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
@@ -201,12 +206,13 @@ class Plan(Motion):
         """Describe the motion, what is proven of it, and the methods that were tried."""
         motion = super().describe()
         met = {True: "none, proven", False: "not proven", None: "not checked"}
+        apart = "none between the bodies checked, proven" if self.apart else met[self.apart]
         proof = None if self.certificate is None else bool(self.certificate)
         facts: dict[str, Cell] = {
-            "clear by": self.nearest,
+            "nearest row": self.nearest,
             "asked for": Measure(self.clearance, "rad"),
             "singularities": met[proof],
-            "collisions": met[self.apart],
+            "collisions": apart,
             "flown, the tip ends off by": Measure(self.arrival_error.tip, "m", ".1e"),
             "flown, the spacecraft ends off by": Measure(self.arrival_error.attitude, "rad", ".1e"),
         }
@@ -216,13 +222,25 @@ class Plan(Motion):
         return replace(
             motion,
             verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
-            notes=[*motion.notes, self.checked],
+            notes=[*motion.notes, self.checked, *self._drifting()],
             tables=[
                 *motion.tables,
                 Table.facts(facts, "On the way"),
                 Table(("method", "", ""), tried, "Tried"),
             ],
         )
+
+    def _drifting(self) -> list[str]:
+        """Say what no motion of arm and wheels takes away: the linear momentum."""
+        p = self.momentum[-1, :3]
+        if not p.any():
+            return []
+        speed = float(np.linalg.norm(p)) / self.arm.mass
+        words = ", ".join(f"{x:.4g}" for x in p)
+        return [
+            f"linear momentum of ({words}) kg m/s stays: the system CM drifts on at {speed:.4g} "
+            "m/s, and only thrusters stop it"
+        ]
 
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"

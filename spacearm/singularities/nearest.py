@@ -173,7 +173,7 @@ def nearest_singular(
         distance = float(np.linalg.norm(best))
         ends = np.maximum(low, -distance), np.minimum(high, distance)
         roots = Roots(minors, q, unit, *np.broadcast_arrays(*ends, np.zeros(arm.n))[:2])
-        wanted = distance * SHARE
+        wanted = distance * (SHARE if len(minors) == 1 else SHARE_OF_SEVERAL)
         if roots.relevant.sum() <= 3:
             wanted = max(wanted, distance - GAP)
         proof = prove(roots, Tube(np.zeros(arm.n), wanted), boxes, worked)

@@ -1,5 +1,6 @@
 """MJCF: what MuJoCo makes of it, what is left out, and what is refused."""
 
+import os
 import sys
 import warnings
 
@@ -55,8 +56,10 @@ def test_defaults_classes_and_geom_inertias_are_those_of_mujoco(tmp_path):
     assert arm.name == "m"
     body = arm.tree.links["a"]
     assert body.mass == pytest.approx(100 * np.pi * 0.01 * (0.8 + 4 / 3 * 0.1), rel=1e-12)
-    np.testing.assert_allclose(np.diag(body.inertia), model.body("a").inertia, rtol=1e-12)
-    np.testing.assert_allclose([arm.lower[0], arm.upper[0]], np.radians([-10, 20]))
+    np.testing.assert_allclose(
+        np.diag(body.inertia), model.body("a").inertia, rtol=1e-12, atol=1e-12
+    )
+    np.testing.assert_allclose([arm.lower[0], arm.upper[0]], np.radians([-10, 20]), atol=1e-12)
     assert tuple(arm.tree.joints["a"].axis) == (0, 1, 0)
 
 
@@ -109,7 +112,9 @@ def test_a_ball_joint_is_three_hinges_and_says_so(tmp_path):
     assert any("singular configuration" in note for note in arm.notes)
     q = {"j_x": 0.3, "j_y": -0.4, "j_z": 0.5}
     R = arm.at([q[name] for name in arm.joint_names]).tip.rotation
-    np.testing.assert_allclose(R, Rotation.from_euler("XYZ", [0.3, -0.4, 0.5]).as_matrix())
+    np.testing.assert_allclose(
+        R, Rotation.from_euler("XYZ", [0.3, -0.4, 0.5]).as_matrix(), atol=1e-12
+    )
 
 
 def test_joints_tied_by_an_equality_follow(tmp_path):
@@ -175,7 +180,9 @@ def test_sites_are_frames_and_no_leaves(tmp_path):
     assert load(text, tmp_path).tip == "a"
     axes = "".join(f'<site name="{name}" pos="0 0 1"/>' for name in ("a:x", "p_y", "other_z"))
     assert load(text.replace(marks, marks + axes), tmp_path).tree.marks == ("p", "q", "other_z")
-    np.testing.assert_allclose(load(text, tmp_path, tip="q").at([0.0]).tip.translation, [0.5, 1, 0])
+    np.testing.assert_allclose(
+        load(text, tmp_path, tip="q").at([0.0]).tip.translation, [0.5, 1, 0], atol=1e-12
+    )
 
 
 def test_names_are_made_where_there_are_none(tmp_path):
@@ -206,7 +213,7 @@ def test_missing_meshes_do_not_stop_a_model(tmp_path):
     assert arm.mass == 51.0
     shape = arm.tree.visuals["a"].visual[0]
     assert shape.geometry == Mesh("m.stl", None, (2.0, 2.0, 2.0))
-    np.testing.assert_allclose(shape.pose.translation, [1, 0, 0])
+    np.testing.assert_allclose(shape.pose.translation, [1, 0, 0], atol=1e-12)
 
 
 def test_an_inertia_of_a_missing_mesh_is_unknown_and_said(tmp_path):
@@ -299,3 +306,57 @@ def test_a_urdf_named_xml_is_a_urdf(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert load(robot(*two_links()), tmp_path).joint_names == ("elbow",)
+
+
+# --- work and memory are bounded before they are spent ------------------------------------------
+
+MANY = {
+    "a height field": (
+        mjcf(free(link("a")), '<asset><hfield name="h" nrow="1000000" ncol="1000000" '
+             'size="1 1 1 1"/></asset>'),
+        "<hfield> asks for 1e+12 numbers by nrow, ncol; ask for at most 10,000,000",
+    ),
+    "keys": (mjcf(free(link("a")), '<size nkey="1000000000"/>'), "<size> asks for 1e+09 numbers"),
+    "copies": (
+        mjcf(free('<replicate count="1e9">' + link("a") + "</replicate>")),
+        "asks for more than 100,000 elements",
+    ),
+    "copies of copies": (
+        mjcf(free('<replicate count="100">' * 3 + link("a") + "</replicate>" * 3)),
+        "asks for more than 100,000 elements",
+    ),
+    "a grid": (
+        mjcf(free('<flexcomp name="f" type="grid" count="1000 1000 1000"/>' + link("a"))),
+        "asks for more than 100,000 elements",
+    ),
+    "itself": (mjcf('<include file="robot.xml"/>'), "is made of more than 200 files"),
+    "models of itself": (
+        mjcf(free(link("a")), '<asset><model name="m" file="robot.xml"/></asset>'),
+        "is made of more than 200 files",
+    ),
+    "an included pipe": (mjcf('<include file="pipe"/>'), "a device or a pipe; name a file"),
+    "a pipe of a folder": (
+        mjcf(free(link("a")), '<asset><mesh name="m" file="pipe"/></asset>', 'meshdir="sub"'),
+        "a device or a pipe; name a file",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MANY)
+def test_what_asks_for_too_much_is_refused_before_it_is_compiled(case, tmp_path, monkeypatch):
+    text, message = MANY[case]
+    (tmp_path / "sub").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    os.mkfifo(tmp_path / "sub" / "pipe")
+    monkeypatch.setattr(mujoco.MjSpec, "from_file", None)
+    with pytest.raises(sa.ModelError) as caught:
+        load(text, tmp_path)
+    assert message in str(caught.value)
+
+
+def test_copies_and_parts_within_the_bounds_are_read(tmp_path):
+    (tmp_path / "part.xml").write_text(f"<mujocoinclude>{link('b')}</mujocoinclude>")
+    copies = '<replicate count="3" offset="1 0 0"><geom size=".1" mass="1"/></replicate>'
+    arm = load(mjcf(free(link("a", inside='<include file="part.xml"/>') + copies)), tmp_path)
+    assert arm.n == 2
+    assert arm.mass == pytest.approx(55.0)

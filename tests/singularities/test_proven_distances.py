@@ -76,7 +76,7 @@ def test_a_distance_to_first_order_says_so_and_proves_nothing():
 
 def test_the_limits_are_kept_and_leave_more_room():
     arm = sa.load("servicer_ur5")
-    arm = arm.limited({name: (-0.5, 0.5) for name in arm.joint_names})
+    arm = arm.limited(dict.fromkeys(arm.joint_names, (-0.5, 0.5)))
     q = np.full(6, 0.2)
     found = sa.singular_set(arm)
     free, kept = found.nearest(q), found.nearest(q, limits=True)
