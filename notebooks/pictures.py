@@ -25,7 +25,7 @@ import spacearm as sa
 from spacearm.plots.configurations import draw_posture, draw_velocities
 from spacearm.plots.maps import draw_map
 from spacearm.plots.motions import draw_motion
-from spacearm.plots.style import BLUE, GREY, RED, style
+from spacearm.plots.style import BLUE, GREEN, GREY, RED, style
 from spacearm.plots.workspaces import draw_workspace
 from spacearm.polynomial.level_set import surface
 from spacearm.polynomial.univariate import wrap
@@ -163,6 +163,24 @@ def distance() -> Figure:
     return figure
 
 
+def payload() -> Figure:
+    """A heavy hand lowers sigma_min, and moves no singular posture."""
+    arm, q = sa.load("mda6"), np.radians([20.0, 60.0, -100.0, -50.0, 30.0, 0.0])
+    turn = np.linspace(-180.0, 180.0, 721)
+    Q = np.tile(q, (len(turn), 1))
+    Q[:, 2] = np.radians(turn)
+    figure, axes = plt.subplots(figsize=(7.2, 4.0), layout="constrained")
+    for root in np.degrees(sa.singular_set(arm).roots(q, "joint_3").angles):
+        axes.axvline(root, color=RED, lw=1.5, ls=":")
+    for mass, colour in ((0.0, BLUE), (50.0, GREEN), (500.0, GREY)):
+        sigma = sa.evaluate(arm.replace(payload=mass), Q, ("sigma_min",))["sigma_min"]
+        axes.plot(turn, sigma, color=colour, lw=2, label=f"{mass:g} kg in the hand")
+    axes.set(xlabel="q3 [deg]", xlim=(-180, 180), xticks=range(-180, 181, 90), ylim=(0, None))
+    axes.set(ylabel="least singular value of J*", title="mda6: the zeros stand still")
+    axes.legend()
+    return figure
+
+
 def closed_loop() -> Figure:
     """The joints go once round a square and come back; the spacecraft does not."""
     arm, steps = sa.load("planar2"), np.radians([(0, 0), (110, 0), (110, 110), (0, 110), (0, 0)])
@@ -182,7 +200,7 @@ def closed_loop() -> Figure:
 
 PICTURES = (
     singular_posture, distance, closed_loop, map_planar2, workspace_planar2, simulation_planar2,
-    figure_7, plan_planar2, view, construction,
+    figure_7, plan_planar2, view, construction, payload,
 )  # fmt: skip
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ query        singularity generalized_jacobian generalized_jacobian_derivative
 dynamics     momentum_matrix base_velocity generalized_inertia forward_dynamics inverse_dynamics
              joint_accelerations kinetic_energy capture barycentric MomentumMatrix Dynamics Capture
              Barycentric VirtualManipulator
-sets         singular_set singular_map singularity_polynomial free_box SingularSet FoundSet
-             SingularMap TrigPolynomial Certificate FreeBox
+sets         singular_set singular_map singularity_polynomial free_box free_boxes SingularSet
+             FoundSet SingularMap TrigPolynomial Certificate FreeBox FreeBoxes
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
              ResolvedRate DampedLeastSquares Reactionless Plant Integration PassiveJoint WheelHold

@@ -107,6 +107,8 @@ from spacearm.plots.show import plot as plot
 from spacearm.polynomial.certificate import Certificate as Certificate
 from spacearm.polynomial.trig import TrigPolynomial as TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet as SingularSet
+from spacearm.singularities.box_graph import FreeBoxes as FreeBoxes
+from spacearm.singularities.box_graph import free_boxes as free_boxes
 from spacearm.singularities.joint_boxes import FreeBox as FreeBox
 from spacearm.singularities.joint_boxes import free_box as free_box
 from spacearm.singularities.map import SingularMap as SingularMap

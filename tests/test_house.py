@@ -109,3 +109,12 @@ def test_the_tests_mirror_the_package():
     tests = HOUSE.parent / "tests"
     for path in tests.glob("*/test_*.py"):
         assert (HOUSE / path.parent.name).is_dir() or path.parent.name in ("tools", "against"), path
+
+
+def test_each_comparison_states_its_tolerance_near_zero():
+    """A relative tolerance says nothing of zeros: `atol=0` stands where none can be."""
+    for path in sorted(HOUSE.parent.joinpath("tests").rglob("*.py")):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(call, ast.Call) and ast.unparse(call.func).endswith("assert_allclose"):
+                stated = {keyword.arg for keyword in call.keywords}
+                assert "atol" in stated, f"{path.name}, line {call.lineno}: give atol="

@@ -387,10 +387,11 @@ def observe(
     xp: Any, tree: Structure, p: Parameters, t: Any, y: Any, laws: Any, plant: Any, *,
     setup: Setup, held: Any = None, **calls: Callable[..., Any],
 ) -> Any:  # fmt: skip
-    """Compute what is reported of a state (n + 20,); arguments as of `state_rate`.
+    """Compute what is reported of a state (2 n + w + 20,); arguments as of `state_rate`.
 
     Returns:
-        The torques (n,) [N m]; the pose of the spacecraft, position and quaternion (7,); the
+        The torques (n,) [N m]; the accelerations of the joints (n,); the torques of the motors of
+        the wheels (w,) [N m]; the pose of the spacecraft, position and quaternion (7,); the
         momentum [linear; angular about the system CM] (6,), and of it what the joints bring alone
         (6,), inertial axes; the kinetic energy [J].
     """
@@ -410,9 +411,12 @@ def observe(
         energy = energy + 0.5 * (linear @ linear) / at.M[0]
     angular = R @ (spins + xp.cross(at.centres, own) + loads.held).sum(axis=0)
     quaternion = y[parts(tree.n, 0).attitude]
+    rate = state_rate(xp, tree, p, t, y, laws, plant, setup=setup, held=held, **calls)
+    where = parts(tree.n, len(setup.wheels))
     return xp.concatenate([
-        tau, now.base.translation, quaternion / xp.sqrt((quaternion * quaternion).sum()),
-        linear, angular, R @ brought[:3], R @ brought[3:], xp.stack([energy]),
+        tau, rate[where.dq], rate[where.wheels], now.base.translation,
+        quaternion / xp.sqrt((quaternion * quaternion).sum()), linear, angular,
+        R @ brought[:3], R @ brought[3:], xp.stack([energy]),
     ])  # fmt: skip
 
 

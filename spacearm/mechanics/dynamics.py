@@ -397,6 +397,30 @@ class Capture(Result):
         )
 
 
+def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
+    """Compute D_q dq (p, 3) and its derivative, the attitude held: what wheels must take up.
+
+    [N m s] and [N m], about the system CM, spacecraft axes.
+
+    Args:
+        arm: The arm.
+        q: (p, n) joint positions [rad] or [m].
+        dq: (p, n) rates.
+        ddq: (p, n) accelerations.
+    """
+    model, data, full = arm.model, arm.borrow(), pin.neutral(arm.model)
+    C = np.eye(arm.n) if arm.coupling is None else arm.coupling
+    v, a = np.zeros((2, len(q), model.nv))
+    v[:, 6:], a[:, 6:] = dq @ C.T, ddq @ C.T
+    momentum, torque = np.empty((2, len(q), 3))
+    for i, row in enumerate(q):
+        full[7:] = arm.all_joints(row)
+        pin.computeCentroidalMomentumTimeVariation(model, data, full, v[i], a[i])
+        momentum[i], torque[i] = data.hg.angular, data.dhg.angular
+    arm.give_back(data)
+    return momentum, torque
+
+
 @of_configuration
 def capture(
     cfg: Configuration,

@@ -24,7 +24,8 @@ from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jacobian
 from spacearm.model.arguments import HELD, of_arm
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.motion import Motion, Playable, Trajectory
+from spacearm.model.wheels import WheelLoad, carried
+from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.singularities.risk import NEAR, uniform
@@ -52,6 +53,8 @@ class Reaction(Result):
         torque: (m, 3) torque on the spacecraft that holds its attitude, the derivative of
             `momentum` [N m].
         camera: (3,) unit vector of a camera's line of sight; None for the worst one.
+        unbounded: Whether the motion ends at a singularity that the tip is led into at a constant
+            speed: rates, momentum and torque have no bound there, the last rows say little.
     """
 
     arm: SpaceArm
@@ -62,6 +65,7 @@ class Reaction(Result):
     on_board: Array
     torque: Array
     camera: Array | None = field(default=None)
+    unbounded: bool = field(default=False)
 
     JSON: ClassVar[Mapping[str, str]] = {"momentum": "joint_momentum", "torque": "holding_torque"}
 
@@ -104,9 +108,20 @@ class Reaction(Result):
         turning = self.rate if self.camera is None else np.cross(self.rate, self.camera)
         return np.linalg.norm(turning, axis=1)
 
+    @cached_property
+    def load(self) -> WheelLoad | None:
+        """What each wheel of the spacecraft holds and gives at most.
+
+        None if it has no wheels, or has some on links that move with the arm.
+        """
+        if not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
+            return None
+        return WheelLoad.of(self.arm.model, self.arm.wheels, self.wheels, self.torque)
+
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data, with the largest of each kind and the impulse."""
         return super().to_dict() | {
+            "exceeded": [] if self.load is None else self.load.exceeded,
             "largest_angle": float(self.angle.max()),
             "largest_pointing": float(self.pointing.max()),
             "largest_smear": float(self.smear.max()),
@@ -131,12 +146,22 @@ class Reaction(Result):
             "turn of the line of sight": Measure(float(self.pointing.max()), "rad"),
             "at up to": Measure(float(self.smear.max()), "rad/s"),
         }
+        load = None if self.unbounded else self.load
+        exceeded = [] if load is None else load.exceeded
+        held = f"held, wheels take {wheels:.4g} N m s and {torque:.4g} N m"
+        if self.unbounded:
+            held = "held, " + UNBOUNDED
+            rows = [
+                row if "held" not in str(row[0]) else (row[0], *3 * ("no bound",)) for row in rows
+            ]
         which = "worst line of sight" if self.camera is None else "line of sight of the camera"
         return Description(
             title=f"{self.arm.name}, {self.t[-1] - self.t[0]:.4g} s",
-            verdict=f"floating it turns by up to {np.degrees(self.angle.max()):.4g}°; held, wheels "
-            f"take {wheels:.4g} N m s and {torque:.4g} N m",
+            verdict=f"floating it turns by up to {np.degrees(self.angle.max()):.4g}°; {held}",
+            tone="bad" if exceeded or self.unbounded else "",
+            notes=exceeded,
             tables=[
+                *([] if load is None else [load.table()]),
                 Table(("largest", "about x", "about y", "about z"), rows),
                 Table.facts(sight, f"Floating, {which}"),
             ],
@@ -157,8 +182,10 @@ def reaction(
     needs wheels with the momentum -D_q dq, besides what is on board, and a torque that is the
     derivative of D_q dq; this is the torque that `inverse_dynamics` reports as the reaction.
 
-    Accelerations are differences of the rates over the samples: sample finely, above all motions
-    that are not smooth. A `Plan` knows its own: it begins and ends at rest.
+    A `Plan` and a `Trajectory` know their own rates and accelerations. Those of other motions are
+    differences over the samples: sample finely, above all motions that are not smooth. Wheels of
+    the spacecraft share momentum and torque by the pseudo-inverse of their axes, and what exceeds
+    their limits is said, with by how much.
 
     Args:
         motion: Any motion of the package, or an object with arm, t, q and base; see `Motion.of`.
@@ -195,20 +222,18 @@ def reaction(
     if isinstance(run, Plan) or (isinstance(run, Trajectory) and run.mode == "free-floating"):
         on_board = run.momentum
     excursion = np.array([pin.log3(start.T @ cfg.base.rotation) for cfg in floating])
-    own: Array | None = getattr(run, "ddq", None)
-    if own is None:
-        own = np.gradient(run.dq, run.t, axis=0, edge_order=2 if len(run) > 2 else 1)
     momentum, rate, torque = np.zeros((3, len(run), 3))
     for i, (cfg, afloat) in enumerate(zip(run, floating, strict=True)):
         momentum[i] = _held_momentum(cfg) @ run.dq[i]
         rate[i] = afloat.base.rotation.T @ base_velocity(afloat, run.dq[i])[3:]
-        taken = inverse_dynamics(cfg, run.dq[i], own[i], mode="attitude-controlled")
+        taken = inverse_dynamics(cfg, run.dq[i], run.ddq[i], mode="attitude-controlled")
         torque[i] = cfg.base.rotation.T @ taken.reaction[3:]
         if progress:
             progress(i + 1, len(run))
     return Reaction(
-        run.arm, run.t, excursion, rate, momentum, on_board[:, 3:] @ start, torque, sight
-    )
+        run.arm, run.t, excursion, rate, momentum, on_board[:, 3:] @ start, torque, sight,
+        run.ended_singular,
+    )  # fmt: skip
 
 
 def _held_momentum(cfg: Configuration) -> Array:

@@ -24,7 +24,7 @@ from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
 from spacearm.model.task import Task, complete_task
-from spacearm.model.wheels import Wheel, wheels_of
+from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
 
 MOST_JOINTS = 200
@@ -353,7 +353,6 @@ class SpaceArm(JointSpace, Described):
             "another one: tip=LINK",
             "task": task,
             "system CM at q = 0, spacecraft frame": Measure(self.at(np.zeros(self.n)).com, "m"),
-            **{f"wheel {wheel.name}, axis": Measure(wheel.axis) for wheel in self.wheels},
         }
         lumps = [
             (name, body.mass, body.lever, np.linalg.eigvalsh(body.inertia))
@@ -366,6 +365,8 @@ class SpaceArm(JointSpace, Described):
             Table(columns, lumps, "Bodies"),
             _joint_table([joint for joint in self.tree.depth_first() if joint.movable]),
         ]
+        if self.wheels:
+            tables.append(wheel_table(self.model, self.wheels))
         if self.held:
             held = [self.whole.joints[name] for name in self.held]
             at = joint_measures(self.held.values(), [joint.kind == "prismatic" for joint in held])

@@ -56,7 +56,18 @@ class Flight(Trajectory):
         captures: Sequence[Capture],
     ) -> Flight:
         """Join the runs of all phases."""
-        names = ("q", "base", "dq", "torque", "momentum", "wheels", "energy", *SUMS)
+        names = (
+            "q",
+            "base",
+            "dq",
+            "ddq",
+            "torque",
+            "momentum",
+            "wheels",
+            "wheel_torque",
+            "energy",
+            *SUMS,
+        )
         values: dict[str, Any] = {name: _joined(runs, name) for name in names}
         return cls(
             arm=runs[0].arm,

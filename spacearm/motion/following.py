@@ -16,9 +16,10 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, positive
+from spacearm.arrays import Array, finite, positive
 from spacearm.compiler import numbers
 from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
@@ -56,6 +57,10 @@ if TYPE_CHECKING:
 Path: TypeAlias = Sequence[Goal] | Array | Callable[[float], Goal]
 """The corners of a polyline, or a function of path length [m]."""
 
+BEGIN = 1e-6
+"""Distance from the tip up to which a path in time begins there [m], [rad]."""
+KNOTS = 2000
+"""Intervals in which the length of a path in time is summed up."""
 DIFFERENCE = 1e-6
 """Half the length over which the direction of a path is taken [m]."""
 
@@ -163,6 +168,54 @@ def _curve(cfg: Configuration, path: Callable[[float], Goal], length: float) -> 
         return twist_between(pose(low), pose(high)) / (high - low)
 
     return Segment(length, pose, twist, False)
+
+
+def timed_curve(cfg: Configuration, path: Path, times: npt.ArrayLike, at_rest: bool) -> Segment:
+    """Return the path through corners at times, its parameter the time [s].
+
+    Position and quaternion are cubic splines over time, from where the tip is at the start.
+
+    Raises:
+        ConfigurationError: Path or times do not make sense, or a path from t = 0 begins elsewhere.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import
+
+    if callable(path):
+        raise ConfigurationError("times are for a path of corners, not for a function of length")
+    corners = [goal_pose(cfg, corner) for corner in path]
+    t = finite(times, (len(corners),), "times", "[s], one for each corner of path, increasing")
+    if not len(t) or t[0] < 0.0 or (np.diff(t) <= 0.0).any() or t[-1] == 0.0:
+        raise ConfigurationError(f"times are {times!r}; give increasing times from 0 s on")
+    if t[0] > 0.0:
+        t, corners = np.append(0.0, t), [cfg.tip, *corners]
+    elif (off := float(np.abs(goal_rows(cfg, twist_between(cfg.tip, corners[0]))).max())) > BEGIN:
+        raise ConfigurationError(
+            f"path begins at 0 s {off:.3g} m or rad from where the tip is; start there "
+            "(sa.plan leads there), or give the corners later times"
+        )
+    turns = np.array([pin.SE3ToXYZQUAT(corner) for corner in corners])
+    flips = np.sign((turns[1:, 3:] * turns[:-1, 3:]).sum(axis=1))
+    turns[1:, 3:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0))[:, None]
+    spline = CubicSpline(t, turns, bc_type="clamped" if at_rest else "natural")
+
+    def pose(s: float) -> pin.SE3:
+        x = spline(s)
+        return pin.SE3(pin.Quaternion(x[3:] / np.linalg.norm(x[3:])).matrix(), x[:3])
+
+    def twist(s: float) -> Array:
+        x, dx = spline(s), spline(s, 1)
+        turn = pin.Quaternion(dx[3:]) * pin.Quaternion(x[3:]).inverse()
+        return np.concatenate((dx[:3], 2.0 * turn.coeffs()[:3]))
+
+    return Segment(float(t[-1]), pose, twist, False)
+
+
+def lengths_at(cfg: Configuration, curve: Segment) -> tuple[Array, Array]:
+    """Return times (m,) [s] and the length (m,) of a path in time behind the tip at each."""
+    task, t = cfg.arm.task, np.linspace(0.0, curve.length, KNOTS + 1)
+    units = np.where(np.array(task.indices) < 3, 1.0, task.length or 1.0)
+    v = np.array([np.linalg.norm(units * goal_rows(cfg, curve.twist(x))) for x in t])
+    return t, np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)))
 
 
 RETURN = 10.0
@@ -291,7 +344,7 @@ def state_of(cfg: Configuration, s: float) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Followed(Motion):
-    """The motion of an arm whose tip follows a path at constant speed, from `sa.follow`.
+    """The motion of an arm whose tip follows a path, from `sa.follow`.
 
     Attributes:
         s: (m,) length of path behind the tip [m]; turns count by the task's length, 1 m/rad where
@@ -327,6 +380,11 @@ class Followed(Motion):
         return f"{self.mode}: {'arrived' if self.arrived else f'ended by {self.ended}'}"
 
     @property
+    def ended_singular(self) -> bool:
+        """Whether a singularity ended it, which the tip was led into at a constant speed."""
+        return self.ended == "singularity"
+
+    @property
     def singular_times(self) -> tuple[float, ...]:
         """The time of the singularity that ended the motion, if one did [s]."""
         return (float(self.t[-1]),) if self.ended == "singularity" else ()
@@ -349,7 +407,9 @@ def follow(
     origin: Origin = "spacecraft",
     mode: BaseMode = "free-floating",
     length: float | None = None,
-    speed: float = 0.1,
+    speed: float | None = None,
+    times: npt.ArrayLike | None = None,
+    at_rest: bool = True,
     limits: bool = True,
     progress: Callable[[float, float], object] | None = None,
 ) -> Followed:
@@ -366,7 +426,12 @@ def follow(
         origin: Where points are given from: "spacecraft" or "cm"; see `simulate`.
         mode: What the spacecraft does; see `generalized_jacobian`.
         length: Length of a path given as a function [m], or [rad] of a mere turn.
-        speed: Speed of the tip along its path [m/s], or [rad/s] in a mere turn, for the times.
+        speed: Constant speed of the tip along its path [m/s], or [rad/s] in a mere turn; 0.1 if
+            None, where there are no times.
+        times: (m,) when the tip passes each corner [s], 0 at the start. The tip then takes a smooth
+            way through the corners, cubic in time, in place of straight lines.
+        at_rest: Whether a motion with times begins and ends with the tip at rest; if not, without
+            acceleration.
         limits: Whether joint limits stop the motion.
         progress: Called after every step as progress(s, length), of the straight piece it is on.
 
@@ -383,14 +448,19 @@ def follow(
         >>> sa.follow(sa.load("planar2").at([0.3, 1.2]), [(1.5, 1.2)]).reason
         'arrived at (1.5, 1.2, 0) m after 0.0966 m'
     """
-    arm, speed, cfg = start.arm, positive(speed, "speed", "speed [m/s]"), started(start, origin)
+    arm, cfg = start.arm, started(start, origin)
+    if times is not None and (speed is not None or length is not None):
+        raise ConfigurationError("times say how fast the tip moves; leave out speed and length")
+    speed = positive(0.1 if speed is None else speed, "speed", "speed [m/s]")
     if cfg.momentum.any() or cfg.wheels.any():
         raise UnsupportedError(
             "the start has momentum on board, and sa.follow leads the tip at zero momentum only; "
             "sa.simulate takes a law that follows a path at any momentum"
         )
     check_start(cfg, mode, limits)
-    pieces = segments(cfg, path, length)
+    first = cfg
+    timed = None if times is None else timed_curve(cfg, path, times, at_rest)
+    pieces = segments(cfg, path, length) if timed is None else [timed]
     states, behind = [state_of(cfg, 0.0)], 0.0
     for piece in pieces:
         curve = TipCurve(cfg, piece, mode, limits)
@@ -404,10 +474,14 @@ def follow(
     rows = np.vstack(states)
     rows = rows[np.append(True, np.diff(rows[:, -1]) > 0.0)]
     s, whole = rows[:, -1], sum(piece.length for piece in pieces)
+    t = s / speed
+    if timed is not None:
+        clock, behind_at = lengths_at(first, timed)
+        t, s, whole = s, np.interp(s, clock, behind_at), float(behind_at[-1])
     return Followed(
         arm=arm,
         mode=mode,
-        t=s / speed,
+        t=t,
         **samples([curve.configuration(y) for y in rows]),
         s=s.copy(),
         length=whole,

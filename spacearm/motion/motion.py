@@ -15,9 +15,11 @@ import pinocchio as pin
 from spacearm.arrays import Array, finite, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
+from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.mechanics.jacobian import momentum_matrix, singular_values
 from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.wheels import WheelLoad, carried
 from spacearm.motion import motion_file
 from spacearm.motion.events import Event
 from spacearm.motion.goal import origin_of
@@ -29,6 +31,13 @@ from spacearm.singularities.sets import prove_regular
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+UNBOUNDED = (
+    "no bound: the tip is led at a constant speed to where the task Jacobian is singular, and "
+    "joint rates, momentum and torque grow without limit there"
+)
+"""What is said of the loads of a motion that ends so."""
 
 
 class Playable(Protocol):
@@ -162,6 +171,13 @@ class Motion(Result):
         return read_only(np.gradient(self.q, self.t, axis=0, edge_order=2 if len(self) > 2 else 1))
 
     @cached_property
+    def ddq(self) -> Array:
+        """(m, n) joint accelerations [rad/s^2] or [m/s^2], by differences of the rates."""
+        if len(self) == 1:
+            return read_only(np.zeros_like(self.q))
+        return read_only(np.gradient(self.dq, self.t, axis=0, edge_order=2 if len(self) > 2 else 1))
+
+    @cached_property
     def tip(self) -> Array:
         """(m, 7) poses of the tip: position [m], quaternion xyzw, inertial frame."""
         return self._each(lambda cfg: pin.SE3ToXYZQUAT(cfg.tip))
@@ -278,15 +294,41 @@ class Motion(Result):
         joints |= {name: joint_measures(x, arm.slides) for name, x in values.items()}
         start, end = (self._facts(i) for i in (0, -1))
         ends = [(name, start[name], value) for name, value in end.items()]
+        notes, tables = self._held()
         return Description(
             title=f"{arm.name}, {self.mode}",
             verdict=f"{self.t[-1]:.6g} s",
-            notes=[f"origin: {self.origin}"],
+            notes=[f"origin: {self.origin}", *notes],
             tables=[
                 Table.by_columns(joints, "Joints"),
                 Table(("", "start", "end"), ends, "Spacecraft and tip"),
+                *tables,
             ],
         )
+
+    def _held(self) -> tuple[list[str], list[Table]]:
+        """Say what holding the attitude takes, and compare with the wheels that there are."""
+        if self.mode != "attitude-controlled" or len(self) < 2:
+            return [], []
+        if self.ended_singular:
+            return [f"holding the attitude: {UNBOUNDED}"], []
+        moved, torque = momentum_and_torque(self.arm, self.q, self.dq, self.ddq)
+        rates = [np.linalg.norm(x, axis=1).max() for x in (moved, torque)]
+        notes = [f"holding the attitude takes up to {rates[0]:.4g} N m s and {rates[1]:.4g} N m"]
+        if not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
+            return notes, []
+        load = WheelLoad.of(self.arm.model, self.arm.wheels, self.momentum_on_board - moved, torque)
+        return [*notes, *load.exceeded], [load.table()]
+
+    @property
+    def momentum_on_board(self) -> Array:
+        """(m, 3) angular momentum of the whole system, spacecraft axes, as far as it is known."""
+        return np.zeros((len(self), 3))
+
+    @property
+    def ended_singular(self) -> bool:
+        """Whether it ended at a singularity that the tip was led into at a constant speed."""
+        return False
 
     def _facts(self, i: int) -> dict[str, Measure]:
         """Return what there is to say of a configuration, by its names."""
@@ -336,12 +378,14 @@ class Trajectory(Motion):
 
     Attributes:
         dq: (m, n) joint rates [rad/s] or [m/s].
+        ddq: (m, n) joint accelerations [rad/s^2] or [m/s^2].
         torque: (m, n) joint torques [N m] or forces [N].
         momentum: (m, 6) [linear [kg m/s]; angular about the system CM [kg m^2/s]], inertial axes.
         impulse: (m, 6) what external wrenches added to the momentum since the start.
         wrenches: (m, 6) [force [N]; torque [N m]] on each link that wrenches or thrusters push, by
             its name: at the origin of its frame, inertial axes.
         wheels: (m, w) what each wheel holds [N m s].
+        wheel_torque: (m, w) the torque of each wheel's motor, the rate of what it holds [N m].
         energy: (m,) kinetic energy without the spin of wheels [J].
         work: (m,) work of the torques since the start [J].
         other_work: (m,) work of springs, friction, wrenches and the wheels' motors since the start,
@@ -353,11 +397,13 @@ class Trajectory(Motion):
     """
 
     dq: Array = field()
+    ddq: Array
     torque: Array
     momentum: Array
     impulse: Array
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     wheels: Array
+    wheel_torque: Array
     energy: Array
     work: Array
     other_work: Array
@@ -368,10 +414,12 @@ class Trajectory(Motion):
 
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {
         **Motion.QUANTITIES,
+        "ddq": Quantity("rad/s^2 or m/s^2", "joint"),
         "torque": Quantity("N m or N", "joint"),
         "momentum": Quantity("kg m/s, kg m^2/s", "component"),
         "impulse": Quantity("kg m/s, kg m^2/s", "component"),
         "wheels": Quantity("N m s", "wheel"),
+        "wheel_torque": Quantity("N m", "wheel"),
         "energy": Quantity("J"),
         "work": Quantity("J"),
         "other_work": Quantity("J"),
@@ -432,6 +480,12 @@ class Trajectory(Motion):
             ("kinetic energy", self.energy[0], self.energy[-1]),
             ("work of the torques", self.work[0], self.work[-1]),
         ]
+        wheels: list[Table] = []
+        spun: list[str] = []
+        if self.arm.wheels and (self.wheels.any() or self.wheel_torque.any()):
+            most = (np.abs(x).max(axis=0) for x in (self.wheels, self.wheel_torque))
+            load = WheelLoad(self.arm.wheels, *most)
+            wheels, spun = [load.table()], load.exceeded
         balances = {
             "energy off by": Measure(self.imbalance, "of what came and went", ".1e"),
             "momentum off by": Measure(self.drift, "of what came and went", ".1e"),
@@ -439,9 +493,10 @@ class Trajectory(Motion):
         return replace(
             motion,
             verdict=f"{motion.verdict}, ended by {self.ended}",
-            notes=[*motion.notes, *self.called],
+            notes=[*motion.notes, *spun, *self.called],
             tables=[
                 *motion.tables,
+                *wheels,
                 Table(("", Column("start", "J"), Column("end", "J")), energies, "Energy"),
                 Table.facts(balances, "Balances"),
             ],

@@ -449,12 +449,14 @@ class Runs:
         self.finish()
         batch, system, n, at = self.batch, self.systems[0], self.batch.n, self.at
         t, Y = self._times(0), self.outputs[0, : self.written[0]]
-        seen = batch.compute(observe, np.zeros(len(t), np.int64), {"t": t, "y": Y})
-        torque, seen = seen[:, :n].copy(), seen[:, n:]
-        if self.torques:
+        given = {"t": t, "y": Y}
+        if batch.held is not None:
             times = np.array([time for time, _ in self.torques])
-            held = np.vstack((np.zeros(n), [tau for _, tau in self.torques]))
-            torque = held[np.searchsorted(times, t, side="right")]
+            held = np.vstack((np.zeros((1, n)), *(tau[None] for _, tau in self.torques)))
+            given["held"] = held[np.searchsorted(times, t, side="right")]
+        seen = batch.compute(observe, np.zeros(len(t), np.int64), given)
+        w = len(system.arm.wheels)
+        torque, ddq, spin, seen = np.split(seen, np.cumsum((n, n, w)), axis=1)
         base, kept, brought, energy = np.split(seen, [7, 13, 19], axis=1)
         base = np.tile(base[0], (len(t), 1)) if system.mode == "fixed" else base.copy()
         impulse, free = Y[:, at.momentum] - Y[0, at.momentum], free_components(system.mode)
@@ -468,11 +470,13 @@ class Runs:
             q=(q := Y[:, at.q].copy()),
             dq=Y[:, at.dq].copy(),
             base=base,
-            torque=torque,
+            ddq=ddq.copy(),
+            torque=torque.copy(),
             momentum=kept.copy(),
             impulse=impulse,
             wrenches=system.acting(t, q, base) if system.pushed else {},
             wheels=Y[:, at.wheels].copy(),
+            wheel_torque=spin.copy(),
             energy=energy[:, 0].copy(),
             work=works[:, 0].copy(),
             other_work=works[:, 1:].sum(axis=1),
@@ -500,8 +504,8 @@ class Runs:
         ends = np.stack((self.outputs[:, 0], self.outputs[every, last]), axis=1)
         t = np.stack((np.zeros(m), batch.t), axis=1)
         given = {"t": t.ravel(), "y": ends.reshape(2 * m, -1)}
-        seen = batch.compute(observe, np.repeat(every, 2), given)[:, n:].reshape(m, 2, -1)
-        energy, works = seen[:, :, 19], ends[:, 1, at.works].sum(axis=1)
+        seen = batch.compute(observe, np.repeat(every, 2), given)[:, -20:].reshape(m, 2, -1)
+        energy, works = seen[:, :, -1], ends[:, 1, at.works].sum(axis=1)
         turnover = energy.max(axis=1) + batch.exchanged
         off = np.abs(energy[:, 1] - energy[:, 0] - works)
         first = {kind: [min((e.t for e in events if e.kind == kind), default=np.nan)

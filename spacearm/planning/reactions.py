@@ -32,8 +32,9 @@ from scipy.interpolate import PPoly
 
 from spacearm.arrays import Array
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
+from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.model.arm import AT_REST, Configuration, SpaceArm
-from spacearm.model.wheels import rotor
+from spacearm.model.wheels import axes_of
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.many_curves import turning_axes
 from spacearm.planning.timing import rest_to_rest_spline
@@ -78,28 +79,6 @@ def load_of(arm: SpaceArm, t: Array, q: Array) -> Load:
         if (beyond <= MARGIN * np.array(largest)).all():
             break
     return Load(at, *_loads_at(arm, way, at), beyond)
-
-
-def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
-    """Return D_q dq (p, 3) and its derivative, the attitude held, spacecraft axes.
-
-    Args:
-        arm: The arm.
-        q: (p, n) joint positions [rad] or [m].
-        dq: (p, n) rates.
-        ddq: (p, n) accelerations.
-    """
-    model, data, full = arm.model, arm.borrow(), pin.neutral(arm.model)
-    C = np.eye(arm.n) if arm.coupling is None else arm.coupling
-    v, a = np.zeros((2, len(q), model.nv))
-    v[:, 6:], a[:, 6:] = dq @ C.T, ddq @ C.T
-    momentum, torque = np.empty((2, len(q), 3))
-    for i, row in enumerate(q):
-        full[7:] = arm.all_joints(row)
-        pin.computeCentroidalMomentumTimeVariation(model, data, full, v[i], a[i])
-        momentum[i], torque[i] = data.hg.angular, data.dhg.angular
-    arm.give_back(data)
-    return momentum, torque
 
 
 def _loads_at(arm: SpaceArm, way: PPoly, t: Array) -> tuple[Array, Array]:
@@ -241,18 +220,10 @@ class Wheels:
         """
         arm, count = cfg.arm, len(cfg.arm.wheels) or 3
         names = tuple(repr(wheel.name) for wheel in arm.wheels) or THREE
-        axes, (torque, capacity) = np.eye(3, count), np.full((2, count), np.inf)
-        for i, wheel in enumerate(arm.wheels):
-            frame, joint = arm.model.frames[wheel.frame], arm.tree.joints[wheel.name]
-            if frame.parentJoint != ROOT:
-                raise UnsupportedError(
-                    f"wheel {wheel.name!r} is on link {frame.name!r}, which moves with the arm; "
-                    "plan with wheels on the spacecraft"
-                )
-            moment = rotor(arm.tree, joint)
-            axes[:, i] = frame.placement.rotation @ wheel.axis
-            torque[i] = joint.effort
-            capacity[i] = joint.velocity * moment if moment > 0.0 else np.inf
+        axes = axes_of(arm.model, arm.wheels) if arm.wheels else np.eye(3)
+        torque, capacity = np.full((2, count), np.inf)
+        if arm.wheels:
+            torque, capacity = np.array([(w.torque, w.capacity) for w in arm.wheels]).T
         if hold is not None:
             torque, capacity = np.full((2, count), [[hold.torque], [hold.capacity]])
         h = cfg.base.rotation.T @ cfg.momentum[3:]

@@ -189,6 +189,11 @@ class Plan(Motion):
         way = f"{self.method}: {self.travel}, {self.t[-1]:.3g} s"
         return way if self.apart else f"{way}, collisions NOT checked"
 
+    @property
+    def momentum_on_board(self) -> Array:
+        """(m, 3) angular momentum of the whole system, axes of the spacecraft, which is held."""
+        return np.asarray(self.momentum[:, 3:] @ self[0].base.rotation)
+
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
         return super().to_dict() | {
@@ -216,13 +221,25 @@ class Plan(Motion):
         return replace(
             motion,
             verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
-            notes=[*motion.notes, self.checked],
+            notes=[*motion.notes, self.checked, *self._drifting()],
             tables=[
                 *motion.tables,
                 Table.facts(facts, "On the way"),
                 Table(("method", "", ""), tried, "Tried"),
             ],
         )
+
+    def _drifting(self) -> list[str]:
+        """Say what no motion of arm and wheels takes away: the linear momentum."""
+        p = self.momentum[-1, :3]
+        if not p.any():
+            return []
+        speed = float(np.linalg.norm(p)) / self.arm.mass
+        words = ", ".join(f"{x:.4g}" for x in p)
+        return [
+            f"linear momentum of ({words}) kg m/s stays: the system CM drifts on at {speed:.4g} "
+            "m/s, and only thrusters stop it"
+        ]
 
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"

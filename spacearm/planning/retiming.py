@@ -15,13 +15,13 @@ from spacearm.arrays import Array
 from spacearm.collisions.separation import Collisions
 from spacearm.collisions.swept_motion import Recorded
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
-from spacearm.mechanics.dynamics import inverse_dynamics
+from spacearm.mechanics.dynamics import inverse_dynamics, momentum_and_torque
 from spacearm.mechanics.floating import attitudes, placed, walk
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
-from spacearm.planning.reactions import Wheels, load_of, momentum_and_torque
+from spacearm.planning.reactions import Wheels, load_of
 from spacearm.planning.result import Plan, landed
 from spacearm.planning.strategies.attitude_held import slowed
 from spacearm.planning.timing import corners, for_each_joint, largest_rates

@@ -74,7 +74,7 @@ def test_capture_conserves_momentum():
     twist = (0.01, 0, 0, 0, 0, np.radians(1))
     cfg = sa.load("mda6").at(np.radians([0, 60, -100, -50, 30, 0]))
     same = sa.capture(cfg, twist, 100.0, np.diag([9.0, 10.0, 11.0]))
-    np.testing.assert_allclose(got["dq"], same.dq)
+    np.testing.assert_allclose(got["dq"], same.dq, atol=1e-12)
     assert "°/s" in spacearm("capture", "mda6", "--deg", *HOME, *words).stdout
 
 
@@ -161,7 +161,7 @@ def test_the_plane_has_areas_and_the_free_workspace_is_not_computed_unasked(tmp_
     assert "volume" not in shown
     assert "\nfree" not in shown
     free = answer("workspace", "planar2", "--free")["free"]
-    np.testing.assert_allclose(free, sa.workspace(sa.load("planar2")).free)
+    np.testing.assert_allclose(free, sa.workspace(sa.load("planar2")).free, atol=1e-12)
 
     def refuse(*_):
         raise AssertionError("computed unasked")

@@ -151,7 +151,7 @@ def test_a_map_that_is_read_in_another_program(folder):
     """Names of one thing agree: what a query calls distance, a map and a search call so too."""
     query = json.loads(spacearm("query", "planar2", *CM, "--json").stdout)
     near = json.loads(spacearm("nearest", "planar2", *CM, "--json").stdout)
-    np.testing.assert_allclose(query["distance"], near["distance"], rtol=1e-9)
+    np.testing.assert_allclose(query["distance"], near["distance"], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(query["nearest"], near["nearest"], atol=1e-9)
     whole = json.loads(spacearm("workspace", "planar2", "--json", cwd=folder).stdout)
     design = json.loads(

@@ -195,7 +195,7 @@ def test_carried_along_with_another_robot(arm):
     panel = sa.Obstacle.box((0.1, 2.0, 0.1), at(0.5, 0, 0), along=motion)
     for t in (0.0, 0.7, 2.0, 5.0):
         expected = motion.at(t).base * at(0.5, 0, 0)
-        np.testing.assert_allclose(panel.poses(t)[0].homogeneous, expected.homogeneous)
+        np.testing.assert_allclose(panel.poses(t)[0].homogeneous, expected.homogeneous, atol=1e-12)
     assert panel.moves
     target = sa.Obstacle.robot(motion)
     assert len(target.parts) == len(Bodies(arm).all)

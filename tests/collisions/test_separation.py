@@ -86,7 +86,7 @@ def test_visuals_stand_in_for_missing_collision_geometry(arm, bodies, tmp_path):
     path.write_text(arm.path.read_text().replace("collision>", "visual>"))
     drawn = sa.load(path)
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 2)):
-        np.testing.assert_allclose(Collisions(drawn).distances(q), bodies.distances(q))
+        np.testing.assert_allclose(Collisions(drawn).distances(q), bodies.distances(q), atol=1e-12)
     plan = sa.plan(drawn.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
     assert plan.checked == "collisions checked: by their visuals hull, l1, l2"
     assert plan.apart
@@ -365,7 +365,9 @@ def test_a_locked_joint_does_not_join_the_links_beyond_it(tmp_path):
     locked = Collisions(sa.load(arm.path, locked={"j0": 1.2}))
     assert locked.contact(np.array([[3.0]])).links == ("hull", "l2")
     np.testing.assert_allclose(
-        locked.distances(np.array([2.0])), Collisions(arm).distances(np.array([1.2, 2.0]))
+        locked.distances(np.array([2.0])),
+        Collisions(arm).distances(np.array([1.2, 2.0])),
+        atol=1e-12,
     )
 
 

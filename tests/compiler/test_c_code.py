@@ -77,7 +77,7 @@ def test_functions(tmp_path):
 
     call = in_c(f, (2,), tmp_path)
     for x in np.random.default_rng(0).normal(size=(20, 2)):
-        np.testing.assert_allclose(call(x), f(numbers, x), rtol=4e-15)
+        np.testing.assert_allclose(call(x), f(numbers, x), rtol=4e-15, atol=4e-15)
 
 
 @compiled_code

@@ -35,7 +35,7 @@ def test_each_operation_has_its_derivative(name):
     function, slope = FUNCTIONS[name]
     x = np.linspace(0.05, 0.95, 9)
     found = compiled(lambda x: (function(x), derivatives(function(x), x)), {"x": ()})({"x": x})
-    np.testing.assert_allclose(found[0], function(x), rtol=1e-14)
+    np.testing.assert_allclose(found[0], function(x), rtol=1e-14, atol=1e-14)
     np.testing.assert_allclose(found[1], slope(x), rtol=1e-13, atol=1e-14)
 
 
@@ -107,7 +107,9 @@ def test_derivatives_inside_loops_are_of_their_own_variables():
         return symbols.while_any(step, 1.0 + 0.0 * x, most=50)[0]
 
     x = np.array([0.5, 2.0, 27.0])
-    np.testing.assert_allclose(compiled(newton, {"x": ()})({"x": x}), np.cbrt(x), rtol=1e-13)
+    np.testing.assert_allclose(
+        compiled(newton, {"x": ()})({"x": x}), np.cbrt(x), rtol=1e-13, atol=0
+    )
 
 
 def test_what_has_no_derivative_is_said():

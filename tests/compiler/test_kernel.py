@@ -1,39 +1,13 @@
 """Kernels as they are called: shapes, threads, processes."""
 
 import multiprocessing
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from helpers.kernels import NUMBERS, TABLES, close, in_process, kernel
 
 from spacearm.compiler.kernel import compiled
-
-
-def function(x, y, u, t):
-    """Return arrays of several shapes."""
-    from spacearm.compiler import symbols
-
-    return np.sin(x) @ u + y, symbols.row(t, y), np.outer(x, u), y
-
-
-def kernel(lanes=4):
-    return compiled(function, {"x": (3,), "y": ()}, {"u": (3,)}, {"t": 2}, lanes=lanes)
-
-
-NUMBERS = {"u": np.array([1.0, -2.0, 0.5])}
-TABLES = {"t": np.arange(8.0).reshape(4, 2)}
-
-
-def expected(x, y):
-    rows = TABLES["t"][np.clip(y, 0, 3).astype(int)]
-    return np.sin(x) @ NUMBERS["u"] + y, rows, x[:, :, None] * NUMBERS["u"], y
-
-
-def close(found, x, y):
-    assert len(found) == 4
-    for value, other in zip(found, expected(x, y), strict=True):
-        assert value.shape == other.shape
-        np.testing.assert_allclose(value, other, rtol=1e-14, atol=1e-14)
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 4, 8])
@@ -96,20 +70,14 @@ def test_threads_compile_and_call_at_once():
             close(call.result(), x, y)
 
 
-def in_process(seed):
-    x, y = np.random.default_rng(seed).uniform(0, 3, (9, 3)), np.arange(9.0)
-    close(kernel()({"x": x, "y": y}, NUMBERS, TABLES, threads=2), x, y)
-    return seed
-
-
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_processes_compile_at_once(method, tmp_path, monkeypatch):
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {method} here")
     monkeypatch.setenv("SPACEARM_CACHE", str(tmp_path))
     kernel(2)
-    with multiprocessing.get_context(method).Pool(3) as pool:
-        assert pool.map(in_process, range(6)) == [*range(6)]
+    with ProcessPoolExecutor(3, multiprocessing.get_context(method)) as pool:
+        assert [*pool.map(in_process, range(6))] == [*range(6)]
     assert len([*(tmp_path / "code").iterdir()]) == 2
 
 

@@ -4,11 +4,11 @@ import os
 import stat
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.arms import chosen
 
 from spacearm.compiler import machine
 from spacearm.compiler.kernel import compiled
@@ -25,7 +25,7 @@ def works():
     """Compile a function and compare it with NumPy."""
     x = np.arange(1.0, 6.0)
     found = compiled(lambda x: np.sin(x) / x, {"x": ()})({"x": x})
-    np.testing.assert_allclose(found, np.sin(x) / x, rtol=1e-15)
+    np.testing.assert_allclose(found, np.sin(x) / x, rtol=1e-15, atol=1e-15)
 
 
 def test_what_is_kept_is_the_users_alone_and_used_again(cache, monkeypatch):
@@ -107,10 +107,8 @@ def test_links_pipes_and_folders_in_place_of_files_are_no_trap(cache):
         works()
         file.rename(elsewhere)
         put()
-        begun = time.perf_counter()
         assert machine.kept(file.name) is None
         works()
-        assert time.perf_counter() - begun < 5.0
 
 
 def test_a_link_in_place_of_the_folder_is_no_cache(cache, tmp_path):
@@ -128,16 +126,17 @@ def test_where_nothing_can_be_kept_all_is_compiled(place, monkeypatch):
     works()
 
 
-def test_a_folder_that_cannot_be_written_to_costs_little(cache, monkeypatch):
+def test_a_folder_that_cannot_be_written_to_is_tried_once(cache, monkeypatch):
     cache.mkdir(mode=0o500)
+    tried = []
 
     def full(*_, **__):
+        tried.append(machine.folder())
         raise OSError("no space left")
 
     monkeypatch.setattr(machine.tempfile, "mkstemp", full)
-    begun = time.perf_counter()
     works()
-    assert time.perf_counter() - begun < 5.0
+    assert tried == [cache]
     assert not [*cache.iterdir()]
 
 
@@ -201,6 +200,6 @@ def test_a_plain_processor_gives_the_same_to_rounding(tmp_path):
     environment = os.environ | {"SPACEARM_CPU": "x86-64", "SPACEARM_CACHE": str(tmp_path)}
     command = [sys.executable, "-c", PLAIN, str(tmp_path / "found.npy")]
     subprocess.run(command, env=environment, check=True)
-    x = np.random.default_rng(0).uniform(0.1, 1, (9, 3))
+    x = chosen(0).uniform(0.1, 1, (9, 3))
     expected = np.sin(x[:, 0]) * x[:, 1] + x[:, 2] / x[:, 0], np.minimum(x[:, 1], 0.0)
-    np.testing.assert_allclose(np.load(tmp_path / "found.npy"), expected, rtol=1e-15)
+    np.testing.assert_allclose(np.load(tmp_path / "found.npy"), expected, rtol=1e-15, atol=1e-15)

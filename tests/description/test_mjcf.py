@@ -55,8 +55,10 @@ def test_defaults_classes_and_geom_inertias_are_those_of_mujoco(tmp_path):
     assert arm.name == "m"
     body = arm.tree.links["a"]
     assert body.mass == pytest.approx(100 * np.pi * 0.01 * (0.8 + 4 / 3 * 0.1), rel=1e-12)
-    np.testing.assert_allclose(np.diag(body.inertia), model.body("a").inertia, rtol=1e-12)
-    np.testing.assert_allclose([arm.lower[0], arm.upper[0]], np.radians([-10, 20]))
+    np.testing.assert_allclose(
+        np.diag(body.inertia), model.body("a").inertia, rtol=1e-12, atol=1e-12
+    )
+    np.testing.assert_allclose([arm.lower[0], arm.upper[0]], np.radians([-10, 20]), atol=1e-12)
     assert tuple(arm.tree.joints["a"].axis) == (0, 1, 0)
 
 
@@ -109,7 +111,9 @@ def test_a_ball_joint_is_three_hinges_and_says_so(tmp_path):
     assert any("singular configuration" in note for note in arm.notes)
     q = {"j_x": 0.3, "j_y": -0.4, "j_z": 0.5}
     R = arm.at([q[name] for name in arm.joint_names]).tip.rotation
-    np.testing.assert_allclose(R, Rotation.from_euler("XYZ", [0.3, -0.4, 0.5]).as_matrix())
+    np.testing.assert_allclose(
+        R, Rotation.from_euler("XYZ", [0.3, -0.4, 0.5]).as_matrix(), atol=1e-12
+    )
 
 
 def test_joints_tied_by_an_equality_follow(tmp_path):
@@ -175,7 +179,9 @@ def test_sites_are_frames_and_no_leaves(tmp_path):
     assert load(text, tmp_path).tip == "a"
     axes = "".join(f'<site name="{name}" pos="0 0 1"/>' for name in ("a:x", "p_y", "other_z"))
     assert load(text.replace(marks, marks + axes), tmp_path).tree.marks == ("p", "q", "other_z")
-    np.testing.assert_allclose(load(text, tmp_path, tip="q").at([0.0]).tip.translation, [0.5, 1, 0])
+    np.testing.assert_allclose(
+        load(text, tmp_path, tip="q").at([0.0]).tip.translation, [0.5, 1, 0], atol=1e-12
+    )
 
 
 def test_names_are_made_where_there_are_none(tmp_path):
@@ -206,7 +212,7 @@ def test_missing_meshes_do_not_stop_a_model(tmp_path):
     assert arm.mass == 51.0
     shape = arm.tree.visuals["a"].visual[0]
     assert shape.geometry == Mesh("m.stl", None, (2.0, 2.0, 2.0))
-    np.testing.assert_allclose(shape.pose.translation, [1, 0, 0])
+    np.testing.assert_allclose(shape.pose.translation, [1, 0, 0], atol=1e-12)
 
 
 def test_an_inertia_of_a_missing_mesh_is_unknown_and_said(tmp_path):

@@ -180,7 +180,7 @@ def test_a_robot_wrapper_brings_its_shapes(tmp_path):
     for drawn in arm.tree.visuals["bus"][:2]:
         found = {type(shape.geometry): shape for shape in drawn}
         assert found[Box].geometry == Box((1.0, 2.0, 3.0))
-        np.testing.assert_allclose(found[Box].pose.translation, [0, 0, 1])
+        np.testing.assert_allclose(found[Box].pose.translation, [0, 0, 1], atol=1e-12)
         assert found[Sphere].geometry == Sphere(2.0)
         assert found[Cylinder].geometry == Cylinder(1.0, 3.0)
 

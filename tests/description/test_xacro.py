@@ -255,6 +255,14 @@ def test_warnings_of_a_source_are_ours(tmp_path, capfd):
 
 # --- nothing else is run --------------------------------------------------------------------
 
+
+def doubled(inner, outer):
+    """Return an expression that takes a list for x, 40 times over."""
+    for _ in range(40):
+        inner = f"(lambda x: [{outer}])({inner})"
+    return inner
+
+
 ATTACKS = {
     "open": "open('run', 'w')",
     "import": "__import__('os').mkdir('run')",
@@ -285,6 +293,11 @@ ATTACKS = {
     "a wide f-string": "f'{1:1000000000}'",
     "a factorial": "math.factorial(10**8)",
     "rounding": "round(1, -10**9)",
+    "lists in lists": "[[['a' * 1000] * 1000] * 1000]",
+    "lists doubled": doubled("[1]", "x, x"),
+    "lists doubled and written": f"str({doubled('[1]', 'x, x')})",
+    "pairs doubled": doubled("[1]", "*zip(x, x)"),
+    "lists that grow": "[a.append(a) for a in [[1]] for i in range(9)]",
     "endless": "[0 for a in range(10**5) for b in range(10**5)]",
     "endless maps": "list(map(lambda a: list(map(lambda b: 0, range(9**5))), range(9**5)))",
 }
@@ -310,6 +323,24 @@ def test_the_evaluator_refuses_them_by_itself(case, tmp_path):
     room = Expansion(tmp_path / "r.xacro", Packages(tmp_path / "r.xacro"), {})._xacro
     with pytest.raises((ExpressionError, NameError, KeyError, TypeError, SyntaxError)):
         Evaluator().evaluate(ATTACKS[case], room.Table(room._global_symbols))
+
+
+BOMBS = {
+    "aliases": "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 40)),
+    "merges": "".join(f"a{i}: &a{i} {{<<: [*a{i - 1}, *a{i - 1}]}}\n" for i in range(1, 40)),
+    "a loop": "a1: &a1 [*a1]\n",
+    "levels": "a1: " + "[" * 100_000,
+    "size": "a1: " + "a" * 1_000_001,
+}
+
+
+@pytest.mark.parametrize("case", BOMBS)
+def test_yaml_is_bounded_before_it_is_built(case, tmp_path):
+    write(tmp_path / "bomb.yaml", "a0: &a0 {x: 1}\n" + BOMBS[case])
+    inside = """<xacro:property name="x" value="${xacro.load_yaml('bomb.yaml')}"/><a b="${x}"/>"""
+    path = write(tmp_path / "robot.xacro", source(ARM + inside))
+    with pytest.raises(sa.ModelError, match=r"more than 100,000 items|too deep|larger than 1 MB"):
+        sa.load(path)
 
 
 @pytest.mark.parametrize("text", ["$(env HOME)", "$(cwd)", "$(env PATH)"])

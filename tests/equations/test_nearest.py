@@ -48,5 +48,5 @@ def test_where_it_is_not_wanted_the_distance_is_that_to_first_order():
     Q = np.array([[0.2, 0.6, -0.4], [0.3, 1.2, 0.5]])
     found = found_by(arm, Q, (np.inf, 0.0))
     first = [distance_at(arm.at(q), MODE, None) for q in Q]
-    np.testing.assert_allclose(found[:, 0], first, rtol=1e-9)
+    np.testing.assert_allclose(found[:, 0], first, rtol=1e-9, atol=1e-12)
     assert not found[:, 1].any()

@@ -38,7 +38,7 @@ def test_the_planar_example():
     np.testing.assert_allclose(fly.jacobian(q), sa.generalized_jacobian(arm.at(q)), atol=1e-14)
     gradient, S = np.asarray(fly.S_gradient(q)), sa.singularity_polynomial(arm)
     factor = fly.S(q) / S(q)
-    np.testing.assert_allclose(gradient, factor * S.gradient(q), rtol=1e-12)
+    np.testing.assert_allclose(gradient, factor * S.gradient(q), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -29,8 +29,8 @@ def assert_the_same(twin, arm, seed):
     order = [arm.joint_names.index(name) for name in twin.joint_names]
     J = sa.generalized_jacobian(arm.at(q))[:, order]
     assert_close(sa.generalized_jacobian(twin.at(q[order])), J)
-    np.testing.assert_allclose(twin.lower, arm.lower[order])
-    np.testing.assert_allclose(twin.upper, arm.upper[order])
+    np.testing.assert_allclose(twin.lower, arm.lower[order], atol=1e-12)
+    np.testing.assert_allclose(twin.upper, arm.upper[order], atol=1e-12)
 
 
 def assert_close(J, wanted, rtol=1e-12):

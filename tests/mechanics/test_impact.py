@@ -116,8 +116,10 @@ def test_the_impulse_is_what_changes_the_target():
     v_c = v[:3] + np.cross(v[3:], lever)
     linear = target["mass"] * (twist[:3] - v_c)
     spin = R @ target["inertia"] @ R.T @ (twist[3:] - v[3:])
-    np.testing.assert_allclose(after.impulse[:3], linear, rtol=1e-9)
-    np.testing.assert_allclose(after.impulse[3:], spin + np.cross(lever, linear), rtol=1e-9)
+    np.testing.assert_allclose(after.impulse[:3], linear, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        after.impulse[3:], spin + np.cross(lever, linear), rtol=1e-9, atol=1e-12
+    )
 
 
 def test_a_target_that_moves_with_the_tip_gives_no_impact():

@@ -142,7 +142,7 @@ def test_an_arm_at_the_cm_turns_nothing_that_matters():
         arm.at([0.3, 1.2]), [(1.2, 0.0), (1.0, 0.6)], limits=False, margin=0.0, samples=60
     )
     assert free.share == 1.0
-    np.testing.assert_allclose(free.intervals, [[-np.pi, np.pi]])
+    np.testing.assert_allclose(free.intervals, [[-np.pi, np.pi]], atol=1e-12)
     assert free.ball.radius == pytest.approx(np.pi)
 
 

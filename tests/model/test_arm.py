@@ -325,6 +325,9 @@ def test_an_arm_is_plain_data():
     elbow, wrist = data["joint_data"]
     assert (elbow["lower"], elbow["effort"], elbow["mimic"]) == (None, None, None)
     assert (wrist["lower"], wrist["upper"], wrist["parent"]) == (-3, 3, "arm")
-    assert data["wheel_data"] == [{"name": "spin", "frame": arm.wheels[0].frame, "axis": [0, 0, 1]}]
+    assert data["wheel_data"] == [
+        {"name": "spin", "frame": arm.wheels[0].frame, "axis": [0, 0, 1]}
+        | {"torque": 10.0, "capacity": 1.0}
+    ]
     assert data["cm_at_zero"] == arm.at([0, 0]).com.tolist()
     assert sa.load("dual_ur5", tip=("left", "right")).to_dict()["tip_link"] == ["left", "right"]

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import make_interp_spline
 
 import spacearm as sa
 
@@ -109,7 +110,9 @@ def test_there_and_back_returns_a_square_task_to_its_joints(mode):
     half = np.abs(run.s - run.length / 2).argmin()
     np.testing.assert_allclose(run[half].tip.translation, away.translation, atol=0.02)
     if mode != "free-floating":
-        np.testing.assert_allclose(run.base[:, 3:], run.base[:1, 3:].repeat(len(run.t), 0))
+        np.testing.assert_allclose(
+            run.base[:, 3:], run.base[:1, 3:].repeat(len(run.t), 0), atol=1e-12
+        )
 
 
 def test_a_path_that_is_a_function(to_c):
@@ -120,7 +123,7 @@ def test_a_path_that_is_a_function(to_c):
     run = sa.follow(start, circle, length=0.4 * np.pi, speed=0.2)
     assert run.arrived
     assert run.length == pytest.approx(0.2 + 0.4 * np.pi)
-    np.testing.assert_allclose(run.t, run.s / 0.2)
+    np.testing.assert_allclose(run.t, run.s / 0.2, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(run.tip[run.s > 0.2, :2] - C, axis=1), 0.2, atol=1e-7)
     turned = pin.log3(run[-1].base.rotation @ run[np.sum(run.s < 0.2)].base.rotation.T)
     assert np.degrees(np.linalg.norm(turned)) > 1.0  # a closed path turns the spacecraft
@@ -239,3 +242,59 @@ def test_nothing_to_follow(arm):
 def test_a_task_with_more_rows_than_joints():
     with pytest.raises(sa.UnsupportedError, match="3 rows"):
         sa.follow(sa.load("planar2", task="x y rz").at(A), [pin.SE3.Identity()])
+
+
+# --- paths in time --------------------------------------------------------------------------
+
+
+def test_one_corner_with_a_time_is_passed_by_the_cubic_from_rest_to_rest(arm):
+    start = arm.at([0.3, 1.2])
+    run = sa.follow(start, [(1.3, 1.25)], times=[4.0])
+    u = run.t[:, None] / 4.0
+    way = np.subtract((1.3, 1.25), start.tip.translation[:2])
+    cubic = start.tip.translation[:2] + (3.0 * u**2 - 2.0 * u**3) * way
+    np.testing.assert_allclose(run.tip[:, :2], cubic, atol=1e-8)
+    assert run.arrived
+    assert run.t[-1] == pytest.approx(4.0, abs=1e-9)
+    assert run.length == pytest.approx(np.linalg.norm(way), rel=1e-6)
+    assert run.s[-1] == pytest.approx(run.length, rel=1e-9)
+
+
+@pytest.mark.parametrize("at_rest", [True, False])
+def test_corners_are_passed_at_their_times(at_rest):
+    arm = sa.load("mda6")
+    start = arm.at([0.3, 0.8, 0.6, 0.3, 0.5, 0.1])
+    corners = [arm.at(start.q + share).tip for share in (0.05, 0.12, 0.15)]
+    times = [1.0, 2.5, 4.0]
+    run = sa.follow(start, corners, times=times, at_rest=at_rest, limits=False)
+    assert run.arrived
+    place = make_interp_spline(run.t, run.tip[:, :3], k=3)
+    for t, corner in zip(times, corners, strict=True):
+        np.testing.assert_allclose(place(t), corner.translation, atol=1e-5)
+    end = run[-1].tip.rotation.T @ corners[-1].rotation
+    assert np.linalg.norm(pin.log3(end)) < 1e-7
+    ends = np.linalg.norm(place(run.t[[0, -1]], 1), axis=1)
+    assert (ends < 1e-3).all() == at_rest
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"times": [1.0]}, "times"),
+        ({"times": [2.0, 1.0]}, "increasing"),
+        ({"times": [0.0, 1.0]}, "from where the tip is"),
+        ({"times": [1.0, 2.0], "speed": 0.1}, "leave out speed"),
+    ],
+)
+def test_wrong_times_are_refused(arm, options, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.follow(arm.at([0.3, 1.2]), [(1.2, 1.2), (1.3, 1.2)], **options)
+
+
+def test_a_path_in_time_is_stopped_by_the_singularity_that_stops_the_line(arm):
+    start = arm.at(A, base=at_the_cm(arm, A, 21.0))
+    run = sa.follow(start, [B], times=[10.0])
+    line = sa.follow(start, [B])
+    assert run.ended == "singularity"
+    assert run.s[-1] == pytest.approx(line.s[-1], abs=1e-5)
+    np.testing.assert_allclose(run.q[-1], line.q[-1], atol=1e-5)

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from helpers.arms import frame, joint, link, load_text, robot
+from helpers.arms import with_wheels as text_with_wheels
 
 import spacearm as sa
 
@@ -202,7 +203,9 @@ def test_a_thruster_turns_with_its_link():
     assert np.linalg.norm(turning.impulse[-1, :3]) < 2e-3
     for i in (0, 300, 700):
         R = turning[i].base.rotation
-        np.testing.assert_allclose(turning.wrenches[root][i], [*(0.01 * R[:, 0]), 0, 0, 0])
+        np.testing.assert_allclose(
+            turning.wrenches[root][i], [*0.01 * R[:, 0], 0, 0, 0], atol=1e-12
+        )
     assert np.ptp(fixed.wrenches[root], axis=0).max() == 0.0
     assert turning.imbalance < 1e-6
 
@@ -505,3 +508,31 @@ def test_friction_of_an_mjcf(tmp_path):
     )
     hinge = sa.load(path, task="x").tree.joints["hinge"]
     assert (hinge.damping, hinge.friction) == (0.4, 0.2)
+
+
+def test_wheels_that_are_asked_for_more_than_they_can_are_named():
+    """The law's limits are its own; the description's are compared."""
+    arm = load_text(text_with_wheels("planar2", [0, 0, 1], torque=1e-3, rate=1e-2))
+    start = arm.at([0.3, 1.2])
+    law = sa.JointPD(target=[0.9, 1.4], kp=5.0, kd=9.0)
+    plant = sa.Plant(wheels=sa.WheelHold(stiffness=50.0, damping=50.0))
+    run = sa.simulate(start, law, 3.0, plant=plant)
+    rate = np.gradient(run.wheels[:, 0], run.t)
+    inner = slice(100, -100)
+    np.testing.assert_allclose(run.wheel_torque[inner, 0], rate[inner], atol=1e-3 * abs(rate).max())
+    notes = " ".join(run.describe().notes)
+    assert "times the 0.0001 N m s" in notes
+    assert "times the 0.001 N m" in notes
+
+
+def test_sampled_torques_are_reported_as_they_act_and_their_accelerations_too():
+    arm = sa.load("planar2")
+    law = sa.JointPD(target=[0.9, 1.4], kp=5.0, kd=9.0)
+    run = sa.simulate(arm.at([0.3, 1.2]), law, 1.0, period=0.2, delay=0.05)
+    for i in (100, 333, 777):
+        ddq = sa.forward_dynamics(run[i], run.dq[i], run.torque[i]).ddq
+        np.testing.assert_allclose(run.ddq[i], ddq, atol=1e-8 * np.abs(ddq).max())
+    slope = np.gradient(run.dq, run.t, axis=0)
+    between = np.flatnonzero(np.abs(np.diff(run.torque, axis=0)).max(axis=1) == 0.0)[5:-5]
+    inner = between[np.isin(between - 1, between) & np.isin(between + 1, between)]
+    np.testing.assert_allclose(run.ddq[inner], slope[inner], atol=1e-3 * np.abs(slope).max())

@@ -74,7 +74,7 @@ def test_without_momentum_the_duration_stretches_the_plan(arm):
     plan = sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4))
     longer = sa.plan(arm.at([0.3, 1.2]), (0.9, 1.4), duration=30.0)
     np.testing.assert_array_equal(longer.q, plan.q)
-    np.testing.assert_allclose(longer.t, plan.t * (30.0 / plan.t[-1]), rtol=1e-12)
+    np.testing.assert_allclose(longer.t, plan.t * (30.0 / plan.t[-1]), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(longer.dq, plan.dq * (plan.t[-1] / 30.0), atol=1e-9)
 
 

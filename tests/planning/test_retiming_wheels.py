@@ -9,7 +9,7 @@ from helpers.commands import spacearm
 from scipy.interpolate import CubicSpline
 
 import spacearm as sa
-from spacearm.planning.reactions import momentum_and_torque
+from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.planning.timing import rest_to_rest_spline
 
 pytest.importorskip("toppra")

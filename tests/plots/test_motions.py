@@ -58,7 +58,7 @@ def test_the_tip_path_is_drawn_to_scale(figure):
     path = next(axes for axes in figure.axes if axes.name == "3d")
     spans = [np.ptp(limits) for limits in (path.get_xlim(), path.get_ylim(), path.get_zlim())]
     box = path._box_aspect
-    np.testing.assert_allclose(spans / box, spans[0] / box[0])
+    np.testing.assert_allclose(spans / box, spans[0] / box[0], atol=0)
 
 
 @pytest.mark.parametrize("target", [(1.5, 1.5), [1.5, 1.5, 0.0]])

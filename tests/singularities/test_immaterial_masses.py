@@ -102,7 +102,7 @@ def test_last_links_of_several_arms_do_not_matter():
     for link in links:
         whole = whole.with_mass(link, 80.0)
     got = minors(arm.on(whole).at(q), "free-floating")
-    np.testing.assert_allclose(got, wanted, rtol=1e-9)
+    np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-12)
 
 
 # --- uncertain arms -------------------------------------------------------------------------

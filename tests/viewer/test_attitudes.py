@@ -53,12 +53,12 @@ def test_sectors_and_patches_have_their_areas():
     axes = np.eye(3)[[1, 2]]
     vertices, faces = sector(0.3, 1.8, axes)
     assert area(vertices, faces) == pytest.approx(0.75 * (OUTER**2 - INNER**2), rel=1e-3)
-    np.testing.assert_allclose(vertices[:, 0], 0.0)
+    np.testing.assert_allclose(vertices[:, 0], 0.0, atol=1e-12)
     directions = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, -0.8]])
     vertices, faces = patches(directions, 0.1)
     ten = 5.0 * np.sin(2.0 * np.pi / 10) * 0.01
     assert area(vertices, faces) == pytest.approx(2.0 * ten)
-    np.testing.assert_allclose(vertices[faces[-1]] @ directions[1], 1.0)
+    np.testing.assert_allclose(vertices[faces[-1]] @ directions[1], 1.0, atol=1e-12)
 
 
 def test_a_ring_shows_the_intervals_and_the_attitude_now():
@@ -81,9 +81,10 @@ def test_a_ring_shows_the_intervals_and_the_attitude_now():
     np.testing.assert_allclose(
         pose_of(viewer, "/now/end")[:3, 3] / np.linalg.norm(pose_of(viewer, "/now/end")[:3, 3]),
         base.rotation[:, 0],
+        atol=1e-12,
     )
     middle = base.act(arm.model.inertias[1].lever)
-    np.testing.assert_allclose(pose_of(viewer, "")[:3, 3], middle)
+    np.testing.assert_allclose(pose_of(viewer, "")[:3, 3], middle, atol=1e-12)
     none = dataclasses.replace(
         found, intervals=np.empty((0, 2)), ball=None, ended=np.ones_like(found.ended)
     )
@@ -96,7 +97,7 @@ def test_a_ring_shows_the_intervals_and_the_attitude_now():
 @pytest.mark.slow
 def test_directions_have_the_share_of_their_rolls(attitudes):
     directions, shares = attitudes.by_direction
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
     assert shares.mean() == pytest.approx(attitudes.share)
     viewer = sa.view(attitudes, open=False)
     points = meshes(viewer)["sphere"]
@@ -158,8 +159,8 @@ def test_the_page_asks_for_the_attitudes_of_a_line_or_of_a_motion(monkeypatch):
     cfg = viewer.configuration
     assert (name, of.arm) == ("attitudes", arm)
     np.testing.assert_array_equal(of.q, cfg.q)
-    np.testing.assert_allclose(start.translation, cfg.tip.translation - cfg.com)
-    np.testing.assert_allclose(end.translation, np.array([1.0, 1.0, 0.0]) - cfg.com)
+    np.testing.assert_allclose(start.translation, cfg.tip.translation - cfg.com, atol=1e-12)
+    np.testing.assert_allclose(end.translation, np.array([1.0, 1.0, 0.0]) - cfg.com, atol=1e-12)
     viewer.handle({"do": "spacecraft", "mode": "fixed"})
     with pytest.raises(sa.ConfigurationError, match="for floating spacecraft"):
         viewer.handle({**ask, "path": "goal"})

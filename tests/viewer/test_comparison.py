@@ -41,10 +41,10 @@ def test_curves_of_both_motions_share_their_times():
     assert told["t"] == [0.0, 0.5, 1.0, 1.5, 2.0, 3.0]
     assert told["span"] == [0.0, 3.0]
     joints = next(group for group in told["curves"] if group["name"] == "joints")
-    np.testing.assert_allclose(joints["values"][1][:5], [40, 0, -40, -65, -90])
+    np.testing.assert_allclose(joints["values"][1][:5], [40, 0, -40, -65, -90], atol=1e-12)
     assert joints["values"][1][5] is None, "it has ended by then"
     assert joints["beside"]["values"][1][0] is None, "it has not begun yet"
-    np.testing.assert_allclose(joints["beside"]["values"][1][1:4], [40, 0, -40])
+    np.testing.assert_allclose(joints["beside"]["values"][1][1:4], [40, 0, -40], atol=1e-12)
     json.dumps(told, allow_nan=False)
 
 

@@ -93,14 +93,16 @@ def test_a_flight_is_played_with_what_it_holds(arm):
         viewer.handle({"do": "time", "t": t})
         viewer.draw()
         shown, known = viewer.session.cfg, flight.at(t)
-        np.testing.assert_allclose(shown.com, known.com)
+        np.testing.assert_allclose(shown.com, known.com, atol=1e-12)
         assert shown.arm.mass == pytest.approx(arm.mass + (20.0 if t == 0.3 else 0.0))
         node = ("spacearm", "bodies", "held", "1", "payload")
         scene = {key: umsgpack.unpackb(data) for key, data in viewer.window._scene.items()}
         assert scene[Key(node, "visible")]["value"] is (t == 0.3)
         if t == 0.3:
             placed = np.reshape(scene[Key(node, "set_transform")]["matrix"], (4, 4)).T
-            np.testing.assert_allclose(placed[:3, 3], shown.tip.act(np.array([0.3, 0.1, 0.0])))
+            np.testing.assert_allclose(
+                placed[:3, 3], shown.tip.act(np.array([0.3, 0.1, 0.0])), atol=1e-12
+            )
     held = {key.path[3] for key in scene if key.path[:3] == node[:3]}
     assert held == {"1"}
     assert len(viewer.html()) > 1000
@@ -141,7 +143,7 @@ def test_a_singular_set_shows_the_posture_nearest_to_home(name):
     session = shown(found)
     home = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
     assert session.report.kind != "regular"
-    np.testing.assert_allclose(session.cfg.q, found.nearest(home).q)
+    np.testing.assert_allclose(session.cfg.q, found.nearest(home).q, atol=1e-12)
 
 
 def test_a_region_shows_its_first_singular_configuration(arm):

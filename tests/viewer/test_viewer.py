@@ -288,21 +288,20 @@ def test_a_thousand_rapid_messages_end_in_the_last_state(viewer):
     url = viewer.serve()
     values = np.linspace(-3, 3, 1000)
     texts = [json.dumps({"do": "joint", "index": 0, "value": v}) for v in values]
-    start = time.perf_counter()
 
     async def flood():
         ws = await tornado.websocket.websocket_connect(socket_of(url))
         for text in texts:
             await ws.write_message(text)
         while True:
-            message = await asyncio.wait_for(ws.read_message(), 20)
+            message = await ws.read_message()
+            assert message is not None
             if isinstance(message, str):
                 readout = json.loads(message).get("readout", {})
                 if readout.get("q", [None])[0] == values[-1]:
                     return await ended(ws)
 
-    asyncio.run(flood())
-    assert time.perf_counter() - start < 20
+    asyncio.run(asyncio.wait_for(flood(), 120))
 
 
 def test_the_readout_comes_before_the_drawing(viewer):
@@ -703,7 +702,7 @@ def test_a_long_motion_is_thinned_evenly(monkeypatch, end, step):
     (clips,) = [c["animations"] for c in commands if c["type"] == "set_animation"]
     tracks = [track["keys"] for clip in clips for track in clip["clip"]["tracks"]]
     times = [key["time"] for key in max(tracks, key=len)]
-    np.testing.assert_allclose(np.diff(times), 30 * step, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(times), 30 * step, rtol=1e-9, atol=0)
     assert times[-1] == pytest.approx(30 * end)
 
 
@@ -764,7 +763,9 @@ def test_the_page_chooses_arm_tip_task_and_joints(viewer):
     loaded = {}
     exec(viewer.readout()["python"], loaded)
     assert loaded["arm"].joint_names == names[:4]
-    np.testing.assert_allclose(loaded["cfg"].tip.homogeneous, viewer.configuration.tip.homogeneous)
+    np.testing.assert_allclose(
+        loaded["cfg"].tip.homogeneous, viewer.configuration.tip.homogeneous, atol=1e-12
+    )
     assert viewer.about()["choices"]["joints"] == list(names)
     viewer.handle({"do": "arm", "joints": list(names)})
     assert viewer.session.arm.joint_names == names

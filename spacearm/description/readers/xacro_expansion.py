@@ -24,8 +24,13 @@ from lxml import etree
 
 from spacearm.description.readers.packages import Packages
 from spacearm.description.readers.source import WRITTEN, declared
-from spacearm.description.readers.xacro_expressions import BOUNDED, Evaluator, ExpressionError
-from spacearm.files import read
+from spacearm.description.readers.xacro_expressions import (
+    BOUNDED,
+    LONGEST,
+    Evaluator,
+    ExpressionError,
+)
+from spacearm.files import LARGEST_TEXT, read
 
 CLOSED = ("type", "vars", "hash", "repr")
 """Functions of xacro's namespace python that expressions do without."""
@@ -35,6 +40,8 @@ EXTRAS = re.compile("gazebo|ros2?_?control|transmission|plugin", re.IGNORECASE)
 """Names of files and macros for simulators and controllers, which describe no bodies."""
 MACRO = 50
 """Steps that a macro or a file counts as."""
+LARGEST_YAML = 10**6
+"""Largest size of a YAML file [bytes]."""
 HARMLESS = re.compile("is deprecated|redefining global symbol|inconsistent namespace")
 """Warnings of xacro that make no difference to the robot."""
 
@@ -186,8 +193,8 @@ class Expansion:
 
     # --- files ------------------------------------------------------------------------------
 
-    def _read(self, filename: str) -> tuple[Path, bytes]:
-        """Read a file of the packages.
+    def _read(self, filename: str, most: int = LARGEST_TEXT) -> tuple[Path, bytes]:
+        """Read a file of the packages of up to so many bytes.
 
         Raises:
             XacroError: There is no such file, or it lies elsewhere.
@@ -209,7 +216,7 @@ class Expansion:
             )
         self.files.append(file)
         try:
-            return file, read(file)
+            return file, read(file, most)
         except OSError as error:
             raise XacroError(f"{file} cannot be read ({error})", "name a file") from None
 
@@ -249,9 +256,18 @@ class Expansion:
 
         for unit in xacro.ConstructUnits:
             Loader.add_constructor(unit.value.tag, unit.constructor)
-        file, content = self._read(xacro.abs_filename_spec(filename))
+        file, content = self._read(xacro.abs_filename_spec(filename), LARGEST_YAML)
         try:
-            return xacro.YamlListWrapper.wrap(yaml.load(content, Loader))
+            loader = Loader(content)
+            node = loader.get_single_node()
+            if _expanded(node) > LONGEST:
+                raise XacroError(
+                    f"{file.name} gives more than {LONGEST:,} items, aliases written out",
+                    "shorten it",
+                )
+            return xacro.YamlListWrapper.wrap(node and loader.construct_document(node))
+        except RecursionError:
+            raise XacroError(f"{file.name} nests lists or tables too deep", "flatten it") from None
         except yaml.YAMLError as error:
             text = " ".join(str(error).split())
             raise XacroError(f"{file.name} is not YAML ({text})", "correct it there") from None
@@ -303,6 +319,23 @@ class Expansion:
         }
         names = {**functions, **plain, **arguments, **calls}
         return {name: value for name, value in names.items() if name not in ENDLESS}
+
+
+def _expanded(node: Any) -> float:
+    """Count the items of a YAML document, again wherever an alias names them; inf for a loop."""
+    sizes: dict[int, float] = {}
+
+    def size(node: Any) -> float:
+        if id(node) not in sizes:
+            sizes[id(node)] = math.inf  # while it is counted: it holds itself
+            pairs = node.value if isinstance(node.value, list) else []
+            parts = [
+                part for pair in pairs for part in (pair if isinstance(pair, tuple) else [pair])
+            ]
+            sizes[id(node)] = 1 + sum(map(size, parts))
+        return sizes[id(node)]
+
+    return size(node) if node else 0
 
 
 class XacroError(Exception):

@@ -16,13 +16,15 @@ from typing import Any
 MOST_STEPS = 1_000_000
 """Largest number of steps of all expressions and macros of a file."""
 LONGEST = 100_000
-"""Largest number of items, characters or bits that one operation may give."""
+"""Largest number of items, characters or bits that one operation may give, lists in lists too."""
+PER_STEP = 10
+"""Number of items or characters of a value that count as one more step."""
 TEXT = """capitalize count endswith find index isalnum isalpha isdigit isnumeric lower lstrip
     partition removeprefix removesuffix rfind rindex rpartition rsplit rstrip split splitlines
     startswith strip title upper"""
 METHODS: Mapping[type, frozenset[str]] = {
     str: frozenset(TEXT.split()),
-    list: frozenset(("append", "count", "index", "pop")),
+    list: frozenset(("count", "index", "pop")),
     tuple: frozenset(("count", "index")),
     dict: frozenset(("get", "items", "keys", "values")),
     float: frozenset(("is_integer",)),
@@ -58,7 +60,7 @@ class Evaluator:
         tree = _Guarded().visit(ast.parse(text.strip(), mode="eval"))
         code = compile(ast.fix_missing_locations(tree), "<expression>", "eval")
         dict.update(names, __builtins__={GUARD: self._do})  # xacro's tables set no such item
-        return eval(code, names)  # only checked operations are left
+        return self._bounded(eval(code, names))  # only checked operations are left
 
     def step(self, count: int = 1) -> None:
         """Count steps.
@@ -73,13 +75,26 @@ class Evaluator:
     def _do(self, operation: str, *values: Any) -> Any:
         """Do a checked operation."""
         self.step()
+        return self._bounded(self._done(operation, *values))
+
+    def _bounded(self, value: Any) -> Any:
+        """Return a value that is not too large to be written as text; its size counts as steps."""
+        size = _size(value)
+        self.step(size // PER_STEP)
+        _check_length(size)
+        return value
+
+    def _done(self, operation: str, *values: Any) -> Any:
+        """Return the value of a checked operation, whose size is bounded before it is made."""
         match operation, values:
+            case "value", (value,):
+                return value
             case "attribute", (owner, name):
                 return _attribute(owner, name)
             case "items", (iterable,):
                 return self._items(iterable)
             case "+", (a, b):
-                _check_length(_length(a) + _length(b))
+                _check_length(_size(a) + _size(b))
                 return a + b
             case "*", (a, b):
                 _check_product(a, b)
@@ -128,10 +143,17 @@ def _attribute(owner: Any, name: str) -> Any:
         return owner[name]
     if isinstance(owner, str) and name in ("join", "replace"):
         return partial(_joined if name == "join" else _replaced, owner)
+    if isinstance(owner, list) and name == "append":
+        return partial(_appended, owner)
     for kind, names in METHODS.items():
         if isinstance(owner, kind) and name in names:
             return getattr(owner, name)
     raise ExpressionError(f"a {type(owner).__name__} has no {name!r} that a file may use")
+
+
+def _appended(items: list[Any], item: Any) -> None:
+    _check_length(_size(items) + _size(item))
+    items.append(item)
 
 
 def _joined(separator: str, parts: Iterable[str]) -> str:
@@ -145,8 +167,20 @@ def _replaced(text: str, old: str, new: str) -> str:
     return text.replace(old, new)
 
 
-def _length(value: Any) -> int:
-    return len(value) if isinstance(value, (str, list, tuple)) else 0
+def _size(value: Any) -> int:
+    """Count the items and characters in a value, again wherever they stand; few above `LONGEST`."""
+    size, left = 0, [value]
+    while left and size <= LONGEST:
+        match left.pop():
+            case str() as text:
+                size += len(text)
+            case dict() as table:
+                size += len(table)
+                left += [*table.keys(), *table.values()]
+            case list() | tuple() | set() | frozenset() as items:
+                size += len(items)
+                left += items
+    return size
 
 
 def _check_product(a: Any, b: Any) -> None:
@@ -155,7 +189,7 @@ def _check_product(a: Any, b: Any) -> None:
         _check_length(a.bit_length() + b.bit_length())
     for sequence, times in ((a, b), (b, a)):
         if isinstance(sequence, (str, list, tuple)) and isinstance(times, int):
-            _check_length(len(sequence) * times)
+            _check_length(_size(sequence) * times)
 
 
 def _check_length(length: int) -> None:
@@ -181,6 +215,20 @@ class _Guarded(ast.NodeTransformer):
         self.generic_visit(node)
         operation = self.OPERATORS.get(type(node.op))
         return _call(operation, node.left, node.right) if operation else node
+
+    def _value(self, node: ast.expr) -> ast.AST:
+        """Return the code of a value whose size is checked."""
+        self.generic_visit(node)
+        return _call("value", node)
+
+    visit_Call = visit_Dict = visit_Set = visit_JoinedStr = _value
+    visit_ListComp = visit_SetComp = visit_DictComp = _value
+
+    def visit_List(self, node: ast.List) -> ast.AST:
+        return self._value(node) if isinstance(node.ctx, ast.Load) else node
+
+    def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
+        return self._value(node) if isinstance(node.ctx, ast.Load) else node
 
     def visit_comprehension(self, node: ast.comprehension) -> ast.AST:
         self.generic_visit(node)

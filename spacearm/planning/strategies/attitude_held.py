@@ -19,8 +19,9 @@ import pinocchio as pin
 from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial
 from spacearm.errors import ConfigurationError, NoSolutionError
+from spacearm.mechanics.dynamics import momentum_and_torque
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
-from spacearm.planning.reactions import ROOT, Wheels, load_of, momentum_and_torque
+from spacearm.planning.reactions import ROOT, Wheels, load_of
 from spacearm.planning.request import PlanRequest
 from spacearm.planning.result import Plan
 from spacearm.planning.strategies.drift import stretched

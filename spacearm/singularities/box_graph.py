@@ -1,0 +1,438 @@
+"""Free boxes as a graph: what can be covered of the regular configurations, and ways through it.
+
+The range of the joints is halved again and again along the joint that the proof takes most of
+(`polynomial.free_regions`), the largest cells first. Cells that are proven free are the boxes. Two
+boxes that share a part of a face are joined: a way from one to the other through that part meets no
+singular configuration, and needs no further proof.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+from spacearm.arrays import Array, Progress, whole
+from spacearm.errors import ConfigurationError, NoSolutionError, StoreError
+from spacearm.files import write
+from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arm import SpaceArm
+from spacearm.model.joints import joint_scales, joint_vector
+from spacearm.polynomial.free_regions import Roots
+from spacearm.polynomial.jets import Jets
+from spacearm.results import Cell, Column, Description, Result, Table
+from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed
+
+BATCH = 4096
+"""Cells that are tried at a time."""
+SHARE, MOST = 0.99, 1_000_000
+"""Share of the volume that is covered by default, and the largest number of cells."""
+TOUCHING = 1e-12
+"""Gap up to which two boxes share a face [rad, m]."""
+MOST_PARTS = 10
+"""Connected parts that are described."""
+
+Integers = npt.NDArray[np.int64]
+
+
+class Cells(NamedTuple):
+    """A tree of cells, each halved or not; the first is the whole range.
+
+    Attributes:
+        low: (m, n) lower corners.
+        high: (m, n) upper corners.
+        child: (m,) number of the first of the two halves; -1 where it is not halved.
+        free: (m,) whether it is proven free.
+    """
+
+    low: Array
+    high: Array
+    child: Integers
+    free: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeBoxes(Result):
+    """Boxes that cover regular configurations, joined where they share a part of a face.
+
+    Attributes:
+        arm: The arm.
+        mode: What the spacecraft does.
+        cells: The cells that the range is divided into; those that are `free` are the boxes.
+        endless: Numbers of the joints whose range is one of many whole turns.
+    """
+
+    arm: SpaceArm
+    mode: BaseMode
+    cells: Cells
+    endless: tuple[int, ...]
+
+    @cached_property
+    def boxes(self) -> Integers:
+        """Numbers of the cells that are boxes."""
+        return np.flatnonzero(self.cells.free).astype(np.int64)
+
+    @cached_property
+    def lower(self) -> Array:
+        """(b, n) lower corners of the boxes [rad] or [m]."""
+        return self.cells.low[self.boxes]
+
+    @cached_property
+    def upper(self) -> Array:
+        """(b, n) upper corners of the boxes."""
+        return self.cells.high[self.boxes]
+
+    @cached_property
+    def volumes(self) -> Array:
+        """(b,) shares of the volume of the range."""
+        low, high = self.cells.low, self.cells.high
+        size = high[0] - low[0]
+        return np.asarray(
+            ((self.upper - self.lower) / np.where(size > 0.0, size, 1.0)).prod(axis=1)
+        )
+
+    @property
+    def share(self) -> float:
+        """Share of the volume of the range that is covered."""
+        return float(self.volumes.sum())
+
+    @cached_property
+    def _joined(self) -> tuple[Integers, Array]:
+        """(e, 2) boxes that share a part of a face, and (e, n) by what turns the second is away."""
+        return _neighbours(self.cells, self.endless)
+
+    @cached_property
+    def _graph(self) -> sp.csr_matrix:
+        """The distances between the centres of boxes that are joined."""
+        pairs, turns = self._joined
+        middle = 0.5 * (self.lower + self.upper)
+        way = (middle[pairs[:, 1]] + turns - middle[pairs[:, 0]]) / joint_scales(self.arm)
+        size = np.linalg.norm(way, axis=1)
+        graph = sp.coo_matrix((size, (pairs[:, 0], pairs[:, 1])), (len(middle), len(middle)))
+        both = graph.tocsr()
+        return both.maximum(both.T)
+
+    @cached_property
+    def parts(self) -> Integers:
+        """(b,) number of the connected part of each box, the largest part first.
+
+        Two boxes of one part are joined by a way that is free. Boxes of two parts may be joined
+        by one that is not covered.
+        """
+        from scipy.sparse.csgraph import connected_components  # slow to import
+
+        number, labels = connected_components(self._graph, directed=False)
+        sizes = np.bincount(labels, weights=self.volumes, minlength=number)
+        rank = np.empty(number, dtype=np.int64)
+        rank[np.argsort(-sizes, kind="stable")] = np.arange(number)
+        return rank[labels]
+
+    @cached_property
+    def part_shares(self) -> npt.NDArray[Any]:
+        """Share of the volume of the range that each connected part covers."""
+        return np.bincount(self.parts, weights=self.volumes)
+
+    def path(self, q0: npt.ArrayLike, q1: npt.ArrayLike) -> Array:
+        """Find a way between two configurations that stays in the boxes, so that it is free.
+
+        Args:
+            q0: (n,) where it begins.
+            q1: (n,) where it ends; endless joints may end whole turns away.
+
+        Returns:
+            (m, n) joint positions, joined by straight segments; each lies in one box.
+
+        Raises:
+            NoSolutionError: An end is in no box, or they are in two parts. That is no proof that
+                there is no way.
+        """
+        from scipy.sparse.csgraph import dijkstra  # slow to import
+
+        ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
+        (first, start), (last, end) = (self._box_of(q) for q in ends)
+        if self.parts[first] != self.parts[last]:
+            raise NoSolutionError(
+                f"{self.arm.name}: the boxes of q0 and q1 are in two connected parts; cover more, "
+                "or there may be no way"
+            )
+        _, before = dijkstra(
+            self._graph, directed=False, indices=np.array(first), return_predecessors=True
+        )
+        chain = [last]
+        while chain[-1] != first:
+            chain.append(int(before[chain[-1]]))
+        return self._through(chain[::-1], ends[0], start, end)
+
+    def _through(self, chain: list[int], q0: Array, start: Array, end: Array) -> Array:
+        """Return the way through boxes that are joined, from q0, which is at `start` in its box."""
+        rows, offset, here = [q0], q0 - start, start
+        for one, other in pairwise(chain):
+            turns = self._turns[one, other]
+            low = np.maximum(self.lower[one], self.lower[other] + turns)
+            high = np.minimum(self.upper[one], self.upper[other] + turns)
+            here = np.clip(here, low, np.maximum(low, high))
+            middle = 0.5 * (low + high)
+            here = here + 0.5 * (middle - here)  # not along an edge of the box
+            rows.append(here + offset)
+            here, offset = here - turns, offset + turns
+        return np.array([*rows, end + offset])
+
+    @cached_property
+    def _turns(self) -> dict[tuple[int, int], Array]:
+        pairs, turns = self._joined
+        there = {(int(a), int(b)): t for (a, b), t in zip(pairs, turns, strict=True)}
+        return {(b, a): -t for (a, b), t in there.items()} | there
+
+    def _box_of(self, q: Array) -> tuple[int, Array]:
+        """Return the number of the box that holds a configuration, and where it is in the range."""
+        at = q.copy()
+        for j in self.endless:
+            at[j] = self.cells.low[0, j] + (q[j] - self.cells.low[0, j]) % TURN
+        inside = ((self.lower <= at) & (at <= self.upper)).all(axis=1)
+        if not inside.any():
+            raise NoSolutionError(
+                f"{self.arm.name}: {self.arm.in_words(q)} is in no box; it is near a singular "
+                "posture or outside the range that is covered"
+            )
+        return int(np.argmax(inside)), at
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the cells to a NumPy archive; `load` reads it, `free_boxes` goes on with it.
+
+        Args:
+            path: The file to write.
+
+        Returns:
+            The path.
+
+        Raises:
+            SpaceArmError: The file cannot be written.
+        """
+        buffer = BytesIO()
+        names = {"arm": np.array(self.arm.name), "mode": np.array(self.mode)}
+        names["endless"] = np.array(self.endless, dtype=np.int64)
+        arrays: dict[str, Any] = names | self.cells._asdict()
+        np.savez_compressed(buffer, **arrays)
+        return write(Path(path), buffer.getvalue())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], arm: SpaceArm, mode: BaseMode) -> FreeBoxes:
+        """Read the boxes of an arm; that they are free of its singularities is not proven again.
+
+        Args:
+            path: A file that `save` has written.
+            arm: The arm.
+            mode: What the spacecraft does.
+
+        Raises:
+            StoreError: The file cannot be read, or is of another arm or mode.
+        """
+        try:
+            with np.load(Path(path), allow_pickle=False) as file:
+                names = str(file["arm"]), str(file["mode"])
+                cells = Cells(*(file[name] for name in Cells._fields))
+                endless = tuple(file["endless"].tolist())
+        except (OSError, ValueError, KeyError) as error:
+            raise StoreError(f"{path} holds no boxes: {error}") from None
+        if names != (arm.name, mode) or cells.low.shape[1:] != (arm.n,):
+            raise StoreError(
+                f"{path} has the boxes of {names[0]}, {names[1]}; not those of {arm.name}, {mode}"
+            )
+        return cls(arm, mode, cells, endless)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what is covered as plain JSON data: numbers and shares, not the boxes."""
+        return {
+            "arm": self.arm.name,
+            "mode": self.mode,
+            "lower": self.cells.low[0].tolist(),
+            "upper": self.cells.high[0].tolist(),
+            "boxes": len(self.boxes),
+            "share": self.share,
+            "endless": [self.arm.joint_names[j] for j in self.endless],
+            "part_shares": self.part_shares.tolist(),
+        }
+
+    def describe(self) -> Description:
+        """Describe how much is covered, and by which connected parts."""
+        shares = self.part_shares[:MOST_PARTS]
+        numbers = np.bincount(self.parts, minlength=len(shares))[: len(shares)]
+        columns: dict[str | Column, Sequence[Cell]] = {
+            "connected part": list(range(1, len(shares) + 1)),
+            "boxes": numbers.tolist(),
+            Column("share of the range", "%", ".2f"): (100.0 * shares).tolist(),
+        }
+        return Description(
+            title=f"{self.arm.name}, {self.mode}",
+            verdict=f"{len(self.boxes):,} boxes cover {100.0 * self.share:.1f} % of the joint "
+            f"range, in {len(self.part_shares):,} connected parts: no posture in them is singular, "
+            "proven",
+            tone="good",
+            tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")],
+            not_checked="collisions; whether parts are connected by what is not covered",
+        )
+
+
+@of_arm
+def free_boxes(
+    arm: SpaceArm,
+    *,
+    within: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    share: float = SHARE,
+    most: int = MOST,
+    so_far: FreeBoxes | None = None,
+    mode: BaseMode = "free-floating",
+    progress: Progress | None = None,
+) -> FreeBoxes:
+    """Cover regular configurations by boxes in which no configuration is singular, proven.
+
+    Args:
+        arm: The arm.
+        within: (n,) least and (n,) largest positions; the joint limits if None. Of a turning joint
+            infinite ones mean that it turns without end.
+        share: Share of the volume of the range to cover.
+        most: Largest number of cells, halved ones too.
+        so_far: Boxes to go on with; their range counts.
+        mode: What the spacecraft does; see `generalized_jacobian`.
+        progress: Called now and then as progress(done, most); it may end before.
+
+    Returns:
+        The boxes, how much they cover, and ways through them.
+
+    Raises:
+        ConfigurationError: An argument makes no sense.
+        UnsupportedError: J* has no minors that a proof could use, as with mimic joints.
+
+    Example:
+        >>> import numpy as np
+        >>> import spacearm as sa
+        >>> boxes = sa.free_boxes(sa.load("planar2"), within=([-np.inf] * 2, [np.inf] * 2))
+        >>> boxes.share >= 0.99, len(boxes.part_shares)
+        (True, 2)
+    """
+    most = whole(most, "most", 1)
+    if not 0.0 < share <= 1.0:
+        raise ConfigurationError(f"share is {share!r}; give a number above 0, up to 1")
+    minors = minors_for_proofs(arm, mode)
+    if so_far is None:
+        low, high = range_allowed(arm, np.empty((0, arm.n)), within)
+        chart = minors[0].chart
+        turns = ~arm.slides & (np.isinf(low) | np.isinf(high))
+        endless = tuple(np.flatnonzero(turns).tolist())
+        half = np.where(turns, np.pi, chart.half)
+        given = np.isfinite(low) & np.isfinite(high) & ~turns
+        low = np.where(given, low, chart.centre - half)
+        high = np.where(given, high, chart.centre + half)
+        cells = Cells(low[None], high[None], np.array([-1]), np.array([False]))
+    elif so_far.arm is not arm or so_far.mode != mode:
+        raise ConfigurationError("so_far has boxes of another arm or mode; give those of this one")
+    else:
+        cells, endless = so_far.cells, so_far.endless
+    covered = _covered(minors, cells, joint_scales(arm), share, most, progress)
+    return FreeBoxes(arm, mode, covered, endless)
+
+
+def _covered(
+    minors: list[Jets],
+    cells: Cells,
+    unit: Array,
+    share: float,
+    most: int,
+    progress: Progress | None,
+) -> Cells:
+    """Halve cells that are not proven free, the largest first, until enough is."""
+    origin = 0.5 * (cells.low[0] + cells.high[0])
+    roots = Roots(minors, origin, unit, *((c[0] - origin) / unit for c in cells[:2]))
+    size = np.where(cells.high[0] > cells.low[0], cells.high[0] - cells.low[0], 1.0)
+    size = np.where(roots.relevant, size, 1.0)
+    volume = np.where(roots.relevant, (cells.high - cells.low) / size, 1.0).prod(axis=1)
+    done = float(volume[cells.free].sum())
+    open_ = np.flatnonzero((cells.child < 0) & ~cells.free)
+    sizes, count = volume[open_], len(volume)
+    low, high, child, free = _with_room(cells, max(most - count, 0))
+    while open_.size and done < share:
+        order = np.argpartition(-sizes, min(BATCH, open_.size - 1))
+        now, later = order[:BATCH], order[BATCH:]
+        chosen, left, left_sizes = open_[now], open_[later], sizes[later]
+        centre = (0.5 * (low[chosen] + high[chosen]) - origin) / unit
+        half = 0.5 * (high[chosen] - low[chosen]) / unit
+        proven, taken = roots.free(centre, half * (1.0 + 1e-12))
+        split, along = chosen[~proven], taken[~proven].argmax(axis=1)
+        if count + 2 * len(split) > most:
+            break
+        free[chosen[proven]] = True
+        done += float(sizes[now][proven].sum())
+        if progress:
+            progress(min(count, most), most)
+        first = count + 2 * np.arange(len(split))
+        child[split] = first
+        for s in (0, 1):
+            low[first + s], high[first + s] = low[split], high[split]
+        middle = 0.5 * (low[split, along] + high[split, along])
+        high[first, along] = low[first + 1, along] = middle
+        count += 2 * len(split)
+        open_ = np.concatenate((left, first, first + 1))
+        halves = 0.5 * sizes[now][~proven]
+        sizes = np.concatenate((left_sizes, halves, halves))
+    return Cells(low[:count].copy(), high[:count].copy(), child[:count].copy(), free[:count].copy())
+
+
+def _with_room(cells: Cells, more: int) -> Cells:
+    """Return cells with room for more, which are not halved and not free."""
+    n = cells.low.shape[1]
+    room = Cells(
+        np.empty((more, n)), np.empty((more, n)), np.full(more, -1), np.zeros(more, dtype=bool)
+    )
+    return Cells(*(np.concatenate(pair) for pair in zip(cells, room, strict=True)))
+
+
+def _neighbours(cells: Cells, endless: tuple[int, ...]) -> tuple[Integers, Array]:
+    """Find the pairs (e, 2) of boxes that share a part of a face, by their numbers among boxes.
+
+    Pairs of cells that touch are followed down the tree; across the ends of whole turns too.
+
+    Returns:
+        The pairs, and (e, n) by how much the second box is turned.
+    """
+    n = cells.low.shape[1]
+    wide = cells.high[0] > cells.low[0]
+    turns = np.zeros((1 + len(endless), n))
+    turns[1 + np.arange(len(endless)), list(endless)] = TURN
+    a, b = np.zeros((2, len(turns)), dtype=np.int64)
+    found, ways = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, n))]
+    while len(a):
+        leaf = cells.free[a] & cells.free[b] & ((a != b) | turns.any(axis=1))
+        found.append(np.stack((a[leaf], b[leaf]), axis=1))
+        ways.append(turns[leaf])
+        inner_a, inner_b = cells.child[a] >= 0, cells.child[b] >= 0
+        alike = (a == b) & ~turns.any(axis=1)
+        pairs = []
+        both = np.flatnonzero(alike & inner_a)
+        c = cells.child[a[both]]
+        pairs += [(c, c, both), (c + 1, c + 1, both), (c, c + 1, both)]
+        larger = (cells.high[a] - cells.low[a]).sum(axis=1) >= (cells.high[b] - cells.low[b]).sum(
+            axis=1
+        )
+        halve_a = ~alike & inner_a & (larger | ~inner_b) & (inner_b | cells.free[b])
+        halve_b = ~alike & inner_b & ~halve_a & (inner_a | cells.free[a])
+        for s in (0, 1):
+            i, k = np.flatnonzero(halve_a), np.flatnonzero(halve_b)
+            pairs += [(cells.child[a[i]] + s, b[i], i), (a[k], cells.child[b[k]] + s, k)]
+        new_a, new_b, rows = (np.concatenate(part) for part in zip(*pairs, strict=True))
+        turned = turns[rows]
+        low = np.maximum(cells.low[new_a], cells.low[new_b] + turned)
+        high = np.minimum(cells.high[new_a], cells.high[new_b] + turned)
+        overlap = (high - low)[:, wide]
+        touching = (overlap > -TOUCHING).all(axis=1) & ((overlap <= TOUCHING).sum(axis=1) <= 1)
+        a, b, turns = new_a[touching], new_b[touching], turned[touching]
+    number = np.cumsum(cells.free) - 1
+    return number[np.concatenate(found)], np.concatenate(ways)
