@@ -34,9 +34,9 @@ from spacearm.results import Cell, Description, Result, Table, joint_measures
 
 Booleans = npt.NDArray[np.bool_]
 
-SHARE, GAP = 0.99, 1e-4
-"""Share of the distance found up to which it is proven that none is nearer; in up to three joints
-that matter all but so much [rad]."""
+SHARE, SHARE_OF_SEVERAL, GAP = 0.99, 0.9, 1e-4
+"""Share of the distance found up to which it is proven that none is nearer, by one and by several
+minors; in up to three joints that matter all but so much [rad]."""
 MOST_BOXES, MOST_TERMS = 20_000, 2.5e9
 """Boxes that such a proof may take, and how many coefficients are summed up in them."""
 NEARER = 1e-6

@@ -39,7 +39,7 @@ def test_a_ball_is_free_up_to_the_root_and_never_beyond(at, share, unit):
     assert np.linalg.norm(beyond.open[0] - at / unit) < 0.2 * distance
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(places, st.floats(0.1, 1.5), st.integers(0, 2**32 - 1))
 def test_a_tube_is_free_up_to_the_root_nearest_to_the_segment(at, length, seed):
     way = np.random.default_rng(seed).normal(size=len(at))
