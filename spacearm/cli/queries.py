@@ -46,6 +46,7 @@ from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Description, Table, joint_measures
+from spacearm.singularities.abstract_set import prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.nearest import angle
@@ -138,6 +139,13 @@ def check_path(
         ),
     ],
     mode: SpacecraftMode = Spacecraft.FREE,
+    clearance: Annotated[
+        float,
+        typer.Option(
+            help="Prove that no singular posture is nearer to the way than this [rad], with --deg "
+            "in degrees."
+        ),
+    ] = 0.0,
     fail_on_singular: Fail = False,
     deg: bool = False,
     as_json: AsJson = False,
@@ -151,6 +159,10 @@ def check_path(
                 f"{arm.name}: J* of this arm has no minors that a proof could use, as with joints "
                 "that mimic others; spacearm query looks at single postures"
             )
+        wanted = radians(clearance, deg)
+        if wanted and proof:
+            clear = prove_clear(arm, mode.value, Q, wanted, progress=progress)
+            proof = clear._replace(margin=proof.margin)
         distance = evaluate(arm, Q, ("distance",))["distance"] if mode == "free-floating" else None
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
@@ -172,9 +184,13 @@ def _described(
 ) -> Description:
     """Return what the proof of a path says."""
     notes, tables = [payload_note(arm, mode)], []
+    verdict = PROOFS[proof.verdict]
+    if proof.clearance:
+        verdict = f"no singular posture within {angle(proof.clearance, down=True)}: proven"
     if proof.at is not None:
         first = 1 + (proof.segment or 0)
-        way = f"on the way from posture {first} to {first + 1}"
+        about = "near" if proof.clearance else "on"
+        way = f"{about} the way from posture {first} to {first + 1}"
         at = joint_measures(proof.at, arm.slides)
         tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))
     if distance is not None:
@@ -184,7 +200,7 @@ def _described(
     limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
     return Description(
         title=f"{arm.name}, {len(Q)} postures",
-        verdict=f"{PROOFS[proof.verdict]}{limits}",
+        verdict=f"{verdict}{limits}",
         tone="good" if proof.free else "bad",
         notes=notes,
         tables=tables,

@@ -129,6 +129,10 @@ class Certificate(NamedTuple):
             S, or every minor, is less than its rounding, or more than 50,000 pieces of the path
             were still open, on paths of some 10,000 rad.
         noise: Bound of the rounding of S that the proof counts with, over the scale of S.
+        clearance: No singular configuration is nearer to the path than this [rad], proven; 0 where
+            no clearance was asked for. Where less is proven than was asked for, `free` is False,
+            `verdict` is "undecided", and `at` is a configuration within the clearance asked for
+            about which nothing is proven.
     """
 
     free: bool
@@ -137,6 +141,7 @@ class Certificate(NamedTuple):
     margin: float
     verdict: Verdict
     noise: float
+    clearance: float = 0.0
 
     def __bool__(self) -> bool:
         return self.free

@@ -23,7 +23,7 @@ Rounding is counted as in `certificate`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -258,6 +258,7 @@ def prove(
         most: Largest number of boxes that are tried.
         progress: Called now and then with the number tried since.
     """
+    tube = replace(tube, step=np.where(roots.relevant, tube.step, 0.0))  # as the roots see it
     ends = np.array((np.minimum(0.0, tube.step), np.maximum(0.0, tube.step)))
     low = np.where(roots.relevant, np.maximum(roots.low, ends[0] - tube.radius), 0.0)
     high = np.where(roots.relevant, np.minimum(roots.high, ends[1] + tube.radius), 0.0)

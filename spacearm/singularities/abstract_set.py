@@ -14,12 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.arrays import Array, Progress, named
-from spacearm.errors import ConfigurationError
+from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
-from spacearm.model.joints import joint_vector, warn_outside
-from spacearm.polynomial.certificate import WHOLE, Certificate, certify
+from spacearm.model.joints import joint_scales, joint_vector, warn_outside
+from spacearm.polynomial.certificate import WHOLE, Certificate, Verdict, certify
+from spacearm.polynomial.free_regions import Roots as Region
+from spacearm.polynomial.free_regions import Tube, prove
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
@@ -71,6 +73,65 @@ def prove_free(
         margin = min(margin, proof.margin)
     noise = max(minor.noise() / minor.scale for minor in minors)
     return Certificate(True, None, None, margin, "free", noise)
+
+
+MOST_BOXES = 100_000
+"""Boxes that the proof of a clearance may take on each segment."""
+
+
+def prove_clear(
+    arm: SpaceArm,
+    mode: BaseMode,
+    path: npt.ArrayLike,
+    at_least: float,
+    limits: bool = False,
+    progress: Progress | None = None,
+) -> Certificate:
+    """Prove that no singular configuration is nearer to a path than a clearance.
+
+    About each segment lies a tube of this radius, which is divided into boxes until in each of them
+    minors of J* have no common root (`polynomial.free_regions`).
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        path: (m, n) joint positions, at least one.
+        at_least: The clearance [rad]; sliding joints count by `SingularityReport.radian`.
+        limits: Whether only what lies within the joint limits counts.
+        progress: Called as progress(done, 1000), in thousandths of the path.
+
+    Returns:
+        The certificate. Its `clearance` is what is proven: where it is less than asked for, up to
+        the first configuration that is not proven, or as far as the boxes went.
+
+    Raises:
+        ConfigurationError: The clearance is no positive number.
+        UnsupportedError: J* has no minors to prove it with, or too large ones.
+    """
+    if not (np.isfinite(at_least) and at_least > 0.0):
+        raise ConfigurationError(f"clearance is {at_least!r} rad; give a positive number")
+    minors = proving_minors(arm, mode)
+    if not minors:
+        raise UnsupportedError(
+            f"{arm.name}: J* has no minors of a size that could prove a clearance; lock joints, or "
+            "prove the path free without one"
+        )
+    rows, unit = path_rows(arm, path), joint_scales(arm)
+    starts, ends = (rows[:-1], rows[1:]) if len(rows) > 1 else (rows, rows)
+    least, first, at = at_least, None, None
+    for i, (start, step) in enumerate(zip(starts, (ends - starts) / unit, strict=True)):
+        if progress:
+            progress(WHOLE * i // len(starts), WHOLE)
+        low, high = np.minimum(step, 0.0) - at_least, np.maximum(step, 0.0) + at_least
+        if limits:
+            low = np.maximum(low, (arm.lower - start) / unit)
+            high = np.minimum(high, (arm.upper - start) / unit)
+        proof = prove(Region(minors, start, unit, low, high), Tube(step, at_least), MOST_BOXES)
+        if proof.radius < least or (len(proof.open) and at is None):
+            least, first, at = proof.radius, i, start + unit * proof.open[0]
+    noise = max(minor.noise() / minor.scale for minor in minors)
+    verdict: Verdict = "free" if at is None else "undecided"
+    return Certificate(at is None, at, first, 0.0, verdict, noise, least)
 
 
 def path_rows(arm: SpaceArm, path: npt.ArrayLike) -> Array:
@@ -241,7 +302,14 @@ class SingularSet(Described, ABC):
         centre, minors = joint_vector(self.arm, q, "q"), proving_minors(self.arm, self.mode)
         return nearest_singular(self.arm, self.mode, centre, limits, minors, progress)
 
-    def is_free(self, q0: npt.ArrayLike, q1: npt.ArrayLike, *, limits: bool = False) -> Certificate:
+    def is_free(
+        self,
+        q0: npt.ArrayLike,
+        q1: npt.ArrayLike,
+        *,
+        limits: bool = False,
+        clearance: float = 0.0,
+    ) -> Certificate:
         """Prove that the straight segment from q0 to q1 in joint space meets no singularity.
 
         An interval is free as soon as one of the minors is certified not to vanish on it.
@@ -250,6 +318,7 @@ class SingularSet(Described, ABC):
             q0: (n,) joint positions at its start.
             q1: (n,) joint positions at its end.
             limits: Whether only the part within the joint limits counts.
+            clearance: Distance from the segment within which no configuration is singular [rad].
 
         Returns:
             A certificate, true if it is free; else it names the first singular configuration, or
@@ -261,18 +330,32 @@ class SingularSet(Described, ABC):
         ends = [joint_vector(self.arm, q, name) for q, name in ((q0, "q0"), (q1, "q1"))]
         for q, name in zip(ends, ("q0", "q1"), strict=True):
             warn_outside(self.arm, q, name)
-        return self.clearance(ends, limits=limits)
+        return self.clearance(ends, limits=limits, at_least=clearance)
 
     def clearance(
-        self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
+        self,
+        path: npt.ArrayLike,
+        *,
+        limits: bool = False,
+        at_least: float = 0.0,
+        progress: Progress | None = None,
     ) -> Certificate:
         """Prove the same for a path of straight segments.
 
         Args:
             path: (m, n) joint positions, at least one.
             limits: As in `is_free`.
+            at_least: As `clearance` in `is_free`.
             progress: Called now and then as progress(done, 1000), in thousandths of the path.
         """
+        proof = self._proof(path, limits, progress)
+        if not (at_least and proof):
+            return proof
+        clear = prove_clear(self.arm, self.mode, path, at_least, limits, progress)
+        return clear._replace(margin=proof.margin)
+
+    def _proof(self, path: npt.ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
+        """Prove that a path meets no singularity."""
         every = minors_of(self.arm, self.mode).every()
         return prove_free(self.arm, self.mode, every, path, limits, progress)
 

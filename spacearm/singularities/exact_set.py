@@ -180,14 +180,12 @@ class ExactSet(SingularSet):
                 )
         return np.concatenate([np.empty((0, self.arm.n)), *found])[:m]
 
-    def clearance(
-        self, path: npt.ArrayLike, *, limits: bool = False, progress: Progress | None = None
-    ) -> Certificate:
+    def _proof(self, path: npt.ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
         """Prove that a path of straight segments (m, n) meets no singularity."""
         proof = prove_free(self.arm, self.mode, self._jets, path, limits, progress)
         if self.codimension == 1 or proof.verdict != "undecided":
             return proof
-        return super().clearance(path, limits=limits, progress=progress)  # all minors tell more
+        return super()._proof(path, limits, progress)  # all minors tell more
 
     def curves(
         self,

@@ -56,6 +56,21 @@ def test_path_proves_or_names_the_singular_posture(tmp_path):
 
 
 @pytest.mark.slow
+def test_path_proves_a_clearance_as_far_as_it_holds(tmp_path):
+    path = tmp_path / "path.csv"
+    path.write_text("-65 60\n-60 62\n", encoding="utf-8")
+    asked = ("path", "planar2", path, "--deg", "--clearance")
+    proof = answer(*asked, 5)["certificate"]
+    assert proof["free"] is True
+    assert proof["clearance"] == pytest.approx(np.radians(5.0))
+    assert "no singular posture within 5°: proven" in spacearm(*asked, 5).stdout
+    less = answer(*asked, 170)["certificate"]
+    assert less["free"] is False
+    Q = np.radians([[-65.0, 60.0], [-60.0, 62.0]])
+    nearest = min(sa.singular_set(sa.load("planar2")).nearest(q).distance for q in Q)
+    assert 0.0 < less["clearance"] <= nearest
+
+
 def test_path_takes_saved_motions_and_refuses_other_files(tmp_path):
     arm = sa.load("planar2")
     sa.plan(arm.at([0.3, 1.2]), sa.Joints([0.4, 1.3])).save(tmp_path / "plan.npz")

@@ -55,6 +55,17 @@ def test_a_tube_is_free_up_to_the_root_nearest_to_the_segment(at, length, seed):
     assert prove(roots, Tube(step, 1.05 * distance), 500).radius <= distance * (1 + 1e-9)
 
 
+def test_what_a_segment_moves_and_roots_do_not_depend_on_adds_no_distance():
+    at = np.array([0.8, 0.1])
+    ours = [
+        Jets.of(TrigPolynomial.fit(lambda Q, j=j: np.sin(Q[:, j] - at[j]), 3)) for j in range(2)
+    ]
+    roots, step = about(ours, 3), np.array([0.6, 0.0, 0.9])
+    distance = np.hypot(0.2, 0.1)  # from (0.6, 0)
+    assert prove(roots, Tube(step, 0.98 * distance), MOST).radius == 0.98 * distance
+    assert prove(roots, Tube(step, 0.4), 2000).radius <= distance * (1 + 1e-9)
+
+
 def test_only_what_lies_within_the_limits_counts():
     roots = about(sines(np.array([0.5, 0.5])), 2, -2.0, 0.4)
     assert prove(roots, Tube(np.zeros(2), 0.8), MOST).radius == 0.8
