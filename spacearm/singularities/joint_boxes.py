@@ -27,7 +27,7 @@ from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import Roots, halved
 from spacearm.polynomial.jets import Jets
 from spacearm.results import Cell, Description, Result, Table, joint_measures
-from spacearm.singularities.nearest import lose_rank
+from spacearm.singularities.nearest import NearestSearch
 from spacearm.singularities.polynomials import proving_minors
 
 STEP = 0.2
@@ -42,8 +42,11 @@ BATCH = 512
 POLISHED = 14
 """Clouds of configurations about a singular one, each half as wide, among which nearer ones are
 looked for."""
-DESCENTS = 6
-"""Searches for a singular configuration in a slab of a redundant arm that is not proven."""
+FEW, DESCENTS, DESCENT = 64, 6, 12
+"""Starts of a search for singular configurations of several minors; searches in a slab, beside the
+first; steps of each."""
+ON_THE_SET = 1e-9
+"""Distance to first order up to which such a search has arrived."""
 NARROW = 1e-7
 """Half width of cells that are not halved."""
 TURN = 2.0 * np.pi
@@ -498,10 +501,10 @@ class _Growth:
             centre, half, taken = centre[~free], half[~free], taken[~free]
             if not len(centre):
                 continue
-            root = self.crossing(low, high, side, centre)
-            if root is None and not self.alone and descents < DESCENTS and looked > BATCH:
-                descents += 1
-                root = self.descended(centre[np.argmin(half.max(axis=1))], low, high)
+            root = None
+            if self.alone or (looked > BATCH and descents < DESCENTS):
+                smallest = np.argsort(half.max(axis=1))[: self.starts]
+                root, descents = self.crossing(low, high, side, centre[smallest]), descents + 1
             narrow = half.max(axis=1).min() < NARROW
             if root is not None or looked >= MOST_OF_A_SLAB or narrow:
                 self.count(looked)
@@ -523,18 +526,14 @@ class _Growth:
         beyond = np.maximum(np.maximum(low - centre - half, centre - half - high), 0.0)
         return np.asarray(np.linalg.norm(beyond, axis=1) * (1.0 - 1e-12))
 
-    def descended(self, x: Array, low: Array, high: Array) -> Array | None:
-        """Search a singular configuration from x (n,); None if it is not in a slab."""
-        q = lose_rank(self.arm, self.positions(x), self.mode)
-        if q is None:
-            return None
-        found = self.reduced((q - self.roots.origin) / self.roots.unit)
-        return found if self.away(found[None], 0.0, low, high)[0] <= self.clearance else None
-
     def crossing(
-        self, low: Array, high: Array, side: tuple[int, int] | None, X: Array | None = None
+        self,
+        low: Array,
+        high: Array,
+        side: tuple[int, int] | None,
+        X: Array | None = None,
     ) -> Array | None:
-        """Return a root of the one minor in a slab, a near one to the box; None if none is seen.
+        """Return a singular x in a slab, near the box; None if none is seen.
 
         Args:
             low: (n,) lower corner of the slab.
@@ -542,28 +541,55 @@ class _Growth:
             side: The side that moves.
             X: Where to look first, (m, n); random ones if None.
         """
-        if not self.alone:
-            return None
         best: Array | None = None
         start, end = low - self.clear, high + self.clear
-        width = end - start
         for i in range(POLISHED):
             if X is None:
-                spread = self.rng.uniform(-0.5, 0.5, (BATCH, len(low))) * width * 0.6**i
-                X = np.clip((0.5 * (start + end) if best is None else best) + spread, start, end)
-            X = X[self.away(X, 0.0, low, high) <= self.clearance]
-            other = X[self.values(X) * self.sign < 0.0]
-            if len(other):
-                gap = np.linalg.norm(other - self.clipped(other, low, high, side), axis=1)
-                nearest = self.between(other[np.argmin(gap)], low, high, side)
-                if best is None or self.gap(nearest, low, high, side) < self.gap(
+                spread = self.rng.uniform(-0.5, 0.5, (self.starts, len(low))) * (end - start)
+                middle = 0.5 * (start + end) if best is None else best
+                X = np.clip(middle + spread * 0.6**i, start, end)
+            for root in self.roots_from(X, low, high, side, start, end):
+                if best is None or self.gap(root, low, high, side) < self.gap(
                     best, low, high, side
                 ):
-                    best = nearest
-            X = None
+                    best = root
             if best is None:
                 break
+            if side is not None and not self.clearance:  # only nearer ones count from now on
+                (end if side[1] else start)[side[0]] = best[side[0]]
+            X = None
         return best
+
+    @property
+    def starts(self) -> int:
+        """How many configurations are looked at together for singular ones."""
+        return BATCH if self.alone else FEW
+
+    def roots_from(
+        self,
+        X: Array,
+        low: Array,
+        high: Array,
+        side: tuple[int, int] | None,
+        start: Array,
+        end: Array,
+    ) -> Array:
+        """Return singular x (k, n) in a slab, or no farther from it than the clearance.
+
+        A minor that is alone changes its sign on the way there; several are followed by the
+        Gauss-Newton method, between `start` and `end`.
+        """
+        if not self.alone:
+            search = NearestSearch(self.arm, self.mode, self.roots.origin[None], start, end)
+            X = search.onto(X, DESCENT)
+            X = X[search.linearise(X).distance <= ON_THE_SET]
+            return X[self.away(X, 0.0, low, high) <= self.clearance]
+        X = X[self.away(X, 0.0, low, high) <= self.clearance]
+        X = X[self.values(X) * self.sign < 0.0]
+        if not len(X):
+            return X
+        gap = np.linalg.norm(X - self.clipped(X, low, high, side), axis=1)
+        return self.between(X[np.argmin(gap)], low, high, side)[None]
 
     def clipped(self, X: Array, low: Array, high: Array, side: tuple[int, int] | None) -> Array:
         """Return the points nearest to x (m, n) on the side from which a slab grows."""

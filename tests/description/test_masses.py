@@ -181,7 +181,7 @@ def test_inertia_about_the_normal_is_enough_in_the_plane():
     with pytest.warns(sa.ModelWarning, match="planar system: of 'bus', 'a', 'b' only the moment"):
         flat = load_text(planar(about_z))
     rng = np.random.default_rng(0)
-    whole = load_text(planar([np.diag([*rng.uniform(1.0, 1.3, 2), I[2, 2]]) for I in about_z]))
+    whole = load_text(planar([np.diag([*rng.uniform(1.0, 1.1, 2), I[2, 2]]) for I in about_z]))
     for q in rng.uniform(-3, 3, (5, 2)):
         a, b = jacobian(flat, q), jacobian(whole, q)
         assert np.allclose(a[[0, 1, 5]], b[[0, 1, 5]], atol=1e-13)

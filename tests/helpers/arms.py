@@ -91,7 +91,12 @@ def random_joint(rng, name, parent, child, kinds=("revolute",), inside=LIMIT) ->
     )
 
 
-def random_chain(seed: int, n: int, kinds=("revolute", "continuous")) -> str:
+def chosen(seed: int) -> np.random.Generator:
+    """Return the generator of a chosen example, or that the package makes of a seed: none moves."""
+    return np.random.Generator(np.random.PCG64(seed))
+
+
+def random_chain(seed: int | np.random.Generator, n: int, kinds=("revolute", "continuous")) -> str:
     rng = np.random.default_rng(seed)
     names = ["bus", *(f"link_{i}" for i in range(1, n + 1))]
     elements = [random_link(rng, "bus", 10 ** rng.uniform(1, 3))]

@@ -147,6 +147,7 @@ def test_a_bus_that_cannot_be_is_refused(bus, message):
         sa.Bus(**bus)
 
 
+@pytest.mark.filterwarnings("ignore:.*density:spacearm.errors.ModelWarning")
 @given(seeds)
 @settings(max_examples=30)
 def test_mounting_is_what_pinocchio_appends(seed):

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
-from helpers.arms import load_text, random_chain, with_wheels
+from helpers.arms import chosen, load_text, random_chain, with_wheels
 from helpers.commands import spacearm
 from scipy.interpolate import make_interp_spline
 
@@ -30,7 +30,7 @@ def found(arm):
 
 
 def spatial(axes, mark="<wheel/>", n=4):
-    text = with_wheels(random_chain(3, n, ("revolute",)), axes, mark=mark)
+    text = with_wheels(random_chain(chosen(3), n, ("revolute",)), axes, mark=mark)
     joints = "tip" if mark else "all"
     return load_text(text, tip="tip", task="position", joints=joints)
 

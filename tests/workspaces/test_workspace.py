@@ -14,6 +14,7 @@ import pinocchio as pin
 import pytest
 from helpers.arms import (
     LIMIT,
+    chosen,
     frame,
     joint,
     link,
@@ -137,7 +138,7 @@ def test_the_free_workspace_does_not_always_hold_the_path_independent_one():
     Seen from the spacecraft its tip has only some directions, so that nothing is free; but at some
     distances no configuration is singular: there the tip goes round by turning the ship.
     """
-    arm = random_planar(6648)
+    arm = random_planar(chosen(6648))
     result = sa.workspace(arm)
     assert len(result.free) == 0
     low, high = result.piw[0] + (0.02, -0.02)
@@ -427,7 +428,7 @@ def test_workspace_as_data(planar2):
 def test_a_risk_profile_counts(planar2):
     """Against a count by hand."""
     profile = planar2.profile(samples=20_000, bins=10, sigma_min=0.2, seed=3)
-    Q = np.random.default_rng(3).uniform(-np.pi, np.pi, (20_000, 2))
+    Q = chosen(3).uniform(-np.pi, np.pi, (20_000, 2))
     values = sa.evaluate(planar2.arm, Q, ["sigma_min", "radius"])
     for i in range(10):
         low, high = profile.edges[i : i + 2]
@@ -460,7 +461,7 @@ def test_poses_of_near_singular_configurations_are_risky():
     arm = sa.load("planar2")
     found = sa.pose_risk(arm, poses=400, neighbours=20, sigma_min=0.1)
     assert ((found.share >= 0) & (found.share <= 1)).all()
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (20_000, 2))[:400]
+    Q = chosen(0).uniform(-np.pi, np.pi, (20_000, 2))[:400]
     own = sa.evaluate(arm, Q, ["sigma_min"])["sigma_min"]
     cfgs = [arm.at(q) for q in Q]
     np.testing.assert_allclose(found.centre, [c.tip.actInv(c.com) for c in cfgs], atol=1e-12)
@@ -472,7 +473,7 @@ def test_poses_of_all_configurations_give_the_whole_share():
     """With all configurations as neighbours of each pose, each share is that of all."""
     arm = sa.load("planar2")
     found = sa.pose_risk(arm, poses=3, neighbours=500, samples=500, sigma_min=0.3)
-    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (500, 2))
+    Q = chosen(0).uniform(-np.pi, np.pi, (500, 2))
     share = (sa.evaluate(arm, Q, ["sigma_min"])["sigma_min"] <= 0.3).mean()
     np.testing.assert_allclose(found.share, share, atol=1e-12)
     with pytest.raises(sa.ConfigurationError, match="fewer samples"):
@@ -504,7 +505,7 @@ def test_the_centre_seen_from_the_tip_is_that_of_the_configurations():
     for name in ("planar3", "mda6", "chaser7"):
         arm = sa.load(name)
         found = sa.pose_risk(arm, limits=True, poses=200, neighbours=3, samples=200, seed=5)
-        Q = uniform(arm, True, 200, np.random.default_rng(5))
+        Q = uniform(arm, True, 200, chosen(5))
         wanted = np.array([cfg.tip.actInv(cfg.com) for cfg in map(arm.at, Q)])
         np.testing.assert_allclose(found.centre, wanted, atol=1e-12 * np.abs(wanted).max())
 
