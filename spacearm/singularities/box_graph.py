@@ -27,7 +27,7 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales, joint_vector
-from spacearm.polynomial.free_regions import Roots
+from spacearm.polynomial.free_regions import ROUNDING, Roots
 from spacearm.polynomial.jets import Jets
 from spacearm.results import Cell, Column, Description, Result, Table
 from spacearm.singularities.joint_boxes import TURN, minors_for_proofs, range_allowed
@@ -365,7 +365,7 @@ def _covered(
         chosen, left, left_sizes = open_[now], open_[later], sizes[later]
         centre = (0.5 * (low[chosen] + high[chosen]) - origin) / unit
         half = 0.5 * (high[chosen] - low[chosen]) / unit
-        proven, taken = roots.free(centre, half * (1.0 + 1e-12))
+        proven, taken = roots.free(centre, half * (1.0 + ROUNDING))
         split, along = chosen[~proven], taken[~proven].argmax(axis=1)
         if count + 2 * len(split) > most:
             break

@@ -24,7 +24,7 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
-from spacearm.polynomial.free_regions import Roots, halved
+from spacearm.polynomial.free_regions import ROUNDING, Roots, halved
 from spacearm.polynomial.jets import Jets
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.singularities.nearest import NearestSearch
@@ -489,7 +489,8 @@ class _Growth:
         if root is not None:
             return False, root
         outer = np.array((low - self.clear, high + self.clear))
-        stack = [(outer.mean(axis=0)[None], 0.5 * (outer[1] - outer[0])[None])]
+        half = 0.5 * (outer[1] - outer[0]) * (1.0 + ROUNDING)
+        stack = [(outer.mean(axis=0)[None], half[None])]
         looked, descents = 0, 0
         while stack:
             centre, half = stack.pop()

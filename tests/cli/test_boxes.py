@@ -1,0 +1,49 @@
+"""`spacearm box`: the same box as in Python, of a posture and of a motion, and its files."""
+
+import json
+
+import numpy as np
+import pytest
+import tomllib
+from helpers.commands import spacearm
+
+import spacearm as sa
+
+
+def test_the_box_of_a_posture_is_that_of_python(tmp_path):
+    words = ("box", "planar2", "--deg", 20, 60, "--widest", "joint_2", "--clearance", 3)
+    run = spacearm(*words, "--save", "box.toml", "--urdf", "limited.urdf", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "no posture in these joint ranges is singular, proven" in " ".join(run.stdout.split())
+    arm = sa.load("planar2")
+    cfg = arm.at(np.radians([20, 60]))
+    box = sa.free_box(cfg, joints=["joint_2"], clearance=np.radians(3))
+    written = tomllib.loads((tmp_path / "box.toml").read_text(encoding="utf-8"))
+    np.testing.assert_allclose(list(written["ranges"].values()), list(box.ranges.values()))
+    np.testing.assert_allclose(sa.load(tmp_path / "limited.urdf").upper, box.upper)
+
+
+def test_the_box_of_a_motion_holds_it(tmp_path):
+    arm = sa.load("planar2")
+    motion = sa.follow(arm.at([0.3, 1.2]), [arm.at([0.5, 1.5]).tip])
+    motion.save(tmp_path / "run.npz")
+    run = spacearm("box", "planar2", "--motion", "run.npz", "--no-limits", "--json", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    told = json.loads(run.stdout)
+    lower, upper = (np.array(told[side], dtype=np.float64) for side in ("lower", "upper"))
+    assert not (motion.q < lower).any()
+    assert not (motion.q > upper).any()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("0.3", "1.2", "--motion", "run.npz"), "give one of them"),
+        (("0.3", "1.2", "--at-least", "3.1"), "asked for"),
+        (("0.3", "1.2", "--widest", "elbow"), "elbow"),
+    ],
+)
+def test_what_makes_no_sense_is_said(words, said):
+    run = spacearm("box", "planar2", *words)
+    assert run.returncode != 0
+    assert said in " ".join(run.stderr.split())
