@@ -56,6 +56,13 @@ def view_configuration(
         Path | None,
         typer.Option(help="Write pictures of the motion, 30 a second, and exit.", metavar="ZIP"),
     ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a video of the motion and exit; its name ends in .mp4, .webm or .gif.",
+            metavar="FILE",
+        ),
+    ] = None,
     deg: bool = False,
 ) -> None:
     """Show a configuration or play a motion in the browser, with sliders; Ctrl-C ends it."""
@@ -81,6 +88,10 @@ def view_configuration(
         with working("pictures") as progress:
             viewer.frames(frames, progress=progress)
         out.print(f"wrote {frames}")
-    if save or png or frames:
+    if video:
+        with working("video") as progress:
+            viewer.video(video, progress=progress)
+        out.print(f"wrote {video}")
+    if save or png or frames or video:
         return
     serve_until_interrupted(viewer, port, no_open)

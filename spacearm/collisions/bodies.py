@@ -195,6 +195,7 @@ class OwnPairs(NamedTuple):
     pairs: list[tuple[int, int]]
     close: float
     account: str
+    without: tuple[str, ...]
 
 
 @lru_cache(maxsize=16)
@@ -217,7 +218,7 @@ def own_pairs(arm: SpaceArm) -> OwnPairs:
     for q in Q:
         always = always[geometry.distances(arm.all_joints(q), always) < close]
     kept = [pair for number, pair in enumerate(pairs) if number not in set(always.tolist())]
-    return OwnPairs(bodies, kept, close, found.account)
+    return OwnPairs(bodies, kept, close, found.account, tuple(found.without))
 
 
 def _connected(arm: SpaceArm, links: Collection[str]) -> set[frozenset[str]]:

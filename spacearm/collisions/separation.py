@@ -70,6 +70,7 @@ class Collisions:
         bodies: All bodies of the arm.
         obstacles: The obstacles.
         account: What is checked and what is not, in one sentence.
+        without: The links without usable shapes, which are not checked.
 
     Args:
         arm: The arm.
@@ -97,6 +98,7 @@ class Collisions:
         margins = [self._parts[b - first][0].margin for _, b in against]
         self._margins = np.append(np.zeros(self._own), margins)
         self._near = own.close + self._margins
+        self.without = own.without
         self.account = _account(own.account, self.obstacles)
 
     def __bool__(self) -> bool:
@@ -278,6 +280,7 @@ class CollisionReport(Result):
             are not kept.
         nearest: The two bodies that come nearest at a sample.
         checked: What the check covers and what it does not, in one sentence.
+        unchecked: The links without usable shapes, which the verdict leaves out.
     """
 
     apart: bool
@@ -286,6 +289,7 @@ class CollisionReport(Result):
     distance: Array
     nearest: tuple[str, str]
     checked: str
+    unchecked: tuple[str, ...]
 
     @property
     def story(self) -> str:
@@ -293,9 +297,10 @@ class CollisionReport(Result):
         if self.contact is not None:
             return str(self.contact)
         a, b = self.nearest
-        return (
-            f"no bodies meet, proven; {a!r} comes nearest, to {self.distance.min():.4g} m of {b!r}"
-        )
+        left = f"; NOT checked, without shapes: {listed(self.unchecked)}" * bool(self.unchecked)
+        bodies = "bodies with shapes" if self.unchecked else "bodies"
+        near = f"{a!r} comes nearest, to {self.distance.min():.4g} m of {b!r}"
+        return f"no {bodies} meet, proven; {near}{left}"
 
     def describe(self) -> Description:
         """Describe the verdict, the bodies that come nearest and what was checked."""
@@ -362,4 +367,5 @@ def collision_check(
         distance=rows.min(axis=1),
         nearest=bodies.links(int(rows.min(axis=0).argmin())),
         checked=bodies.account,
+        unchecked=bodies.without,
     )

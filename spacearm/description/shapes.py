@@ -97,6 +97,10 @@ def _scaled(geometry: Geometry, factor: float) -> Geometry:
             return geometry
 
 
+TURN = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+"""Angles of the points on round shapes [rad]."""
+
+
 class Shape(NamedTuple):
     """A geometry fixed to a link.
 
@@ -114,6 +118,39 @@ class Shape(NamedTuple):
         """Return the shape enlarged by a factor about the origin of the link."""
         pose = pin.SE3(self.pose.rotation, factor * self.pose.translation)
         return self._replace(pose=pose, geometry=_scaled(self.geometry, factor))
+
+    def points(self) -> Array:
+        """Return points (m, 3) in the link frame whose convex hull is the shape's [m].
+
+        Round shapes have points on their surface, every `TURN`. A geometry that cannot be used, or
+        whose mesh file was not found, has none.
+
+        Raises:
+            ModelError: The mesh file cannot be read.
+        """
+        match self.geometry:
+            case Box(size):
+                local = np.indices((2, 2, 2)).reshape(3, -1).T * np.asarray(size) - 0.5 * np.array(
+                    size
+                )
+            case Sphere(radius):
+                polar = TURN[: len(TURN) // 2 + 1, None]
+                ring = np.stack(
+                    np.broadcast_arrays(
+                        np.sin(polar) * np.cos(TURN), np.sin(polar) * np.sin(TURN), np.cos(polar)
+                    ),
+                    axis=-1,
+                )
+                local = radius * ring.reshape(-1, 3)
+            case Cylinder(radius, length):
+                rim = radius * np.column_stack((np.cos(TURN), np.sin(TURN), 0.0 * TURN))
+                up = np.array([0.0, 0.0, length / 2.0])
+                local = np.vstack((rim - up, rim + up))
+            case Mesh(_, Path() as file, scale):
+                local = np.asarray(read_mesh(file).vertices) * scale
+            case _:
+                local = np.zeros((0, 3))
+        return local @ self.pose.rotation.T + self.pose.translation
 
 
 class Visuals(NamedTuple):

@@ -171,11 +171,11 @@ class Plan(Motion):
 
     @property
     def nearest(self) -> str:
-        """How near to a singularity the motion comes, in words."""
+        """How near to a singularity the rows come, to first order, in words."""
         least = float(self.distance.min())
-        far = f"over {angle(FAR)}" if least > FAR else f"at least {angle(least)}"
-        sigma = f"sigma_min at least {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
-        return f"{far} from a singular posture, {sigma}"
+        far = f"over {angle(FAR)}" if least > FAR else angle(least)
+        sigma = f"sigma_min down to {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
+        return f"to first order {far} from a singular posture, {sigma}"
 
     @property
     def travel(self) -> str:
@@ -205,12 +205,13 @@ class Plan(Motion):
         """Describe the motion, what is proven of it, and the methods that were tried."""
         motion = super().describe()
         met = {True: "none, proven", False: "not proven", None: "not checked"}
+        apart = "none between the bodies checked, proven" if self.apart else met[self.apart]
         proof = None if self.certificate is None else bool(self.certificate)
         facts: dict[str, Cell] = {
-            "clear by": self.nearest,
+            "nearest row": self.nearest,
             "asked for": Measure(self.clearance, "rad"),
             "singularities": met[proof],
-            "collisions": met[self.apart],
+            "collisions": apart,
             "flown, the tip ends off by": Measure(self.arrival_error.tip, "m", ".1e"),
             "flown, the spacecraft ends off by": Measure(self.arrival_error.attitude, "rad", ".1e"),
         }

@@ -9,9 +9,12 @@ import pinocchio as pin
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from scipy.spatial import ConvexHull
 
 from spacearm.arrays import Array
-from spacearm.errors import UnsupportedError
+from spacearm.description.bus import solid_box
+from spacearm.description.shapes import Box, Shape
+from spacearm.errors import ModelError, UnsupportedError, warn
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.plots.style import (
@@ -31,8 +34,6 @@ from spacearm.plots.style import (
 from spacearm.singularities.report import singularity
 from spacearm.workspaces.path_dependent import Region
 
-FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
-"""Corners of the faces of a box whose corners are numbered in binary."""
 LEAST = 0.08
 """Share of a chain's length below which a link is too short for a label."""
 SIZE = (7.2, 6.0)
@@ -112,9 +113,12 @@ def draw_stick_figure(
         axes.set_aspect("equal", adjustable="datalim")
         return
     chains = [_places(cfg, tip) for tip in cfg.arm.tips]
-    reach = max(float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum()) for x in chains)
     centre = cfg.base.act(cfg.arm.model.inertias[1].lever)
-    _draw_box(axes, cfg.base.rotation, centre, 0.1 * reach)
+    for solid in _spacecraft(cfg):
+        axes.auto_scale_xyz(*solid.T, had_data=axes.has_data())
+        axes.add_collection3d(
+            Poly3DCollection(_faces(solid), facecolors=GOLD, shade=True, alpha=0.35)
+        )
     for x in chains:
         axes.plot(*np.vstack((centre, x[:1])).T, color=GREY, lw=1, ls=":")
         axes.plot(*x.T, "-o", color=color, lw=4, ms=6, mfc="white", mec=color)
@@ -221,11 +225,50 @@ def _together(points: Array) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def _draw_box(axes: Any, R: Array, centre: Array, half: float) -> None:
-    corners = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)]) * 2.0 - 1.0
-    corners = centre + half * corners @ R.T
-    faces = [corners[list(face)] for face in FACES]
-    axes.add_collection3d(Poly3DCollection(faces, facecolor=GOLD, edgecolor=GREY, alpha=0.7))
+def _spacecraft(cfg: Configuration) -> list[Array]:
+    """Return the corners (m, 3) of the convex bodies that the spacecraft is drawn as [m].
+
+    They are the hulls of its visuals at their size; of a spacecraft without, the box that has its
+    inertia.
+    """
+    arm = cfg.arm
+    lump = arm.tree.lumps[arm.tree.root]
+    solids = [
+        corners @ pose.rotation.T + pose.translation
+        for link in lump
+        if link in arm.tree.visuals
+        for pose in [cfg.base * arm.model.frames[arm.model.getFrameId(link, pin.BODY)].placement]
+        for shape in arm.tree.visuals[link].visual
+        if len(corners := _points(shape))
+    ]
+    if solids:
+        return solids
+    inertia = arm.model.inertias[1]
+    axes, edges = solid_box(inertia.mass, inertia.inertia)
+    box = Shape(pin.SE3(axes, inertia.lever), Box(tuple(edges.tolist())))
+    return [box.points() @ cfg.base.rotation.T + cfg.base.translation]
+
+
+def _points(shape: Shape) -> Array:
+    """Return the points of a shape; none, and a warning, where its mesh cannot be read."""
+    try:
+        return shape.points()
+    except ModelError as error:
+        warn(f"{error}: not drawn")
+        return np.zeros((0, 3))
+
+
+def _faces(points: Array) -> Array:
+    """Return the triangles (m, 3, 3) of the convex hull of points, counterclockwise from outside.
+
+    Points (m, 3) in a plane have a hull too.
+    """
+    hull = ConvexHull(points, qhull_options="QJ")
+    faces: Array = points[hull.simplices]
+    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
+    faces[inward] = faces[inward, ::-1]
+    return faces
 
 
 def _places(cfg: Configuration, tip: str) -> Array:
@@ -247,8 +290,7 @@ def draw_posture(axes: Any, cfg: Configuration, *, color: str = GREY, label: boo
 
     Args:
         axes: Matplotlib axes.
-        cfg: A configuration of a planar arm. Its spacecraft is drawn as a square about its CM with
-            the first joint on its edge.
+        cfg: A configuration of a planar arm.
         color: Colour of the arm.
         label: Whether to name the system CM.
 
@@ -256,13 +298,10 @@ def draw_posture(axes: Any, cfg: Configuration, *, color: str = GREY, label: boo
         UnsupportedError: The arm does not move in a plane.
     """
     points = _places(cfg, cfg.arm.tip)[:, _rows(cfg)]
-    centre = _flat(cfg, cfg.base.act(cfg.arm.model.inertias[1].lever))
-    reach = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    half = max(float(np.abs(cfg.arm.mount.translation).max()), 0.1 * float(reach))
-    x = _flat(cfg, cfg.base.rotation[:, _rows(cfg)[0]])
-    side = half * np.array([x, (-x[1], x[0])])
-    corners = centre + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ side
-    axes.add_patch(Polygon(corners, facecolor=GOLD, edgecolor=GREY, alpha=0.9))
+    for solid in _spacecraft(cfg):
+        flat = solid[:, _rows(cfg)]
+        corners = flat[ConvexHull(flat, qhull_options="QJ").vertices]
+        axes.add_patch(Polygon(corners, facecolor=GOLD, edgecolor=GREY, alpha=0.9))
     axes.plot(*points.T, "-o", color=color, lw=5, ms=9, mfc="white", mec=color)
     com = _flat(cfg, cfg.com)
     axes.plot(*com, marker="P", ms=9, color="black", ls="none", zorder=3)

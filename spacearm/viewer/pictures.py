@@ -13,12 +13,12 @@ import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import meshcat.geometry as g
 import numpy as np
 
-from spacearm.errors import SpaceArmError
+from spacearm.errors import SpaceArmError, imported
 from spacearm.model.arm import Configuration
 from spacearm.viewer.shapes import Y_TO_Z, DrawnShape, link_poses
 from spacearm.viewer.window import PAGE
@@ -35,7 +35,9 @@ HEADLESS = (
 )  # fmt: skip
 RENDERING, EACH = 120.0, 5.0
 """Longest time that a picture may take, and each further one of a motion [s]."""
-AT_ONCE = 30
+VIDEOS = {".gif": "", ".mp4": "libx264", ".webm": "libvpx-vp9"}
+"""How names of videos end, and the codec of each."""
+AT_ONCE = 120
 """Pictures of a motion that are made, and held in memory, at a time."""
 FRAME = re.compile(rb'class="frame" src="data:image/png;base64,([A-Za-z0-9+/=]+)"')
 
@@ -84,6 +86,42 @@ def render_frames(page: str, size: tuple[int, int], times: Sequence[float]) -> I
                 f"{run.stderr.decode()[-300:]}"
             )
         yield from map(base64.b64decode, found)
+
+
+def write_video(
+    file: BinaryIO, kind: str, pictures: Iterator[bytes], size: tuple[int, int], rate: float
+) -> None:
+    """Encode pictures as a video, one after the other.
+
+    Args:
+        file: Where it goes: an open file with a name.
+        kind: One of `VIDEOS`.
+        pictures: PNG pictures, all of one size.
+        size: Their width and height [px].
+        rate: Pictures a second.
+
+    Raises:
+        UnsupportedError: imageio-ffmpeg is not installed, and `kind` is not ".gif".
+        SpaceArmError: The video cannot be encoded.
+    """
+    from PIL import Image  # slow to import
+
+    drawn = (Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures)
+    if kind == ".gif":
+        first = next(drawn)
+        each = 10 * round(100.0 / rate)  # a GIF counts hundredths of a second
+        first.save(file, "GIF", save_all=True, append_images=drawn, duration=each, loop=0)
+        return
+    encoder = imported("imageio_ffmpeg", "imageio-ffmpeg", "video").write_frames(
+        file.name, size, fps=rate, codec=VIDEOS[kind], macro_block_size=2,
+        output_params=["-f", kind[1:]],
+    )  # fmt: skip
+    try:
+        encoder.send(None)
+        for picture in drawn:
+            encoder.send(picture.tobytes())
+    finally:
+        encoder.close()
 
 
 def _browse(

@@ -157,7 +157,10 @@ class Session:
         shift, turn = (numbers(message.get(x) or [0.0] * 3, 3, x) for x in ("shift", "turn"))
         grabbed = self._grabbed
         goal = pin.SE3(pin.exp3(turn) @ grabbed.rotation, grabbed.translation + shift)
-        cfg, self.blocked = pulled(self.cfg, goal, self._moves, self.range)
+        cfg, why = pulled(self.cfg, goal, self._moves, self.range)
+        held = self.spacecraft == "free-floating" and self.mode == "posture"
+        does = "holds its attitude" if held else f"is {self.spacecraft}"
+        self.blocked = why and f"{why}, while the spacecraft {does}"
         self.show(cfg)
 
     def _goal(self, message: dict[str, Any]) -> None:

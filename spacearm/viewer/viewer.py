@@ -8,7 +8,7 @@ import tempfile
 import threading
 import webbrowser
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -29,7 +29,7 @@ from spacearm.viewer.choices import chosen, number, offered
 from spacearm.viewer.jobs import BackgroundJob, layer, planning
 from spacearm.viewer.layers import LAYERS
 from spacearm.viewer.motions import WORDS, Comparison, account, compared
-from spacearm.viewer.pictures import embedded, render, render_frames, still
+from spacearm.viewer.pictures import VIDEOS, embedded, render, render_frames, still, write_video
 from spacearm.viewer.readouts import joint_map
 from spacearm.viewer.server import Server
 from spacearm.viewer.session import Session, opening_posture
@@ -37,6 +37,8 @@ from spacearm.viewer.stage import Stage
 from spacearm.viewer.window import Window
 from spacearm.workspaces.path_dependent import Workspace
 
+MOST_OF_GIF = 50.0
+"""Pictures a second that browsers show of a GIF at most."""
 MOST_PICTURES = 3000
 """Largest number of pictures of a motion."""
 
@@ -251,7 +253,7 @@ class Viewer:
         """Render the motion to PNG pictures in a ZIP archive, by a headless browser.
 
         The pictures are evenly spread from the start of the motion to its end, and numbered from 1.
-        Some thirty of them are in memory at a time; the archive is there once it is whole.
+        Some 120 of them are in memory at a time; the archive is there once it is whole.
 
         Args:
             path: The archive to write.
@@ -268,27 +270,93 @@ class Viewer:
             SpaceArmError: No browser is found, it does not draw them all, or the file cannot be
                 written.
         """
+        times = self._times(positive(per_second, "per_second", "pictures for each second"))
+        name = name_part(self.session.arm.name)
+
+        def fill(file: BinaryIO) -> None:
+            with zipfile.ZipFile(file, "w") as archive:  # PNG is compressed already
+                for i, picture in enumerate(self._pictures(size, times, progress), 1):
+                    archive.writestr(f"{name}_{i:04}.png", picture)
+
+        return write_by(Path(path), fill)
+
+    def video(
+        self,
+        path: str | os.PathLike[str],
+        size: tuple[int, int] = (1200, 800),
+        per_second: float = 25.0,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> Path:
+        """Render the motion to a video that takes as long as the motion, by a headless browser.
+
+        MP4 (H.264) and WebM (VP9) need imageio-ffmpeg (pip install 'spacearm[video]'); GIF does
+        not, and its pictures stand for whole hundredths of a second.
+
+        Args:
+            path: The file to write: .mp4, .webm or .gif.
+            size: Width and height of the video [px], even numbers.
+            per_second: Pictures for each second of the motion.
+            progress: Called with the number of pictures drawn and how many there will be.
+
+        Returns:
+            The path.
+
+        Raises:
+            ConfigurationError: There is no motion, the name ends otherwise, a size is odd,
+                `per_second` is not positive, over 50 for a GIF, or there would be over 3000
+                pictures.
+            UnsupportedError: imageio-ffmpeg is not installed.
+            SpaceArmError: No browser is found, it does not draw them all, or the file cannot be
+                written.
+        """
+        kind = Path(path).suffix.lower()
+        if kind not in VIDEOS:
+            raise ConfigurationError(f"{path} is no video; a name ends in {', '.join(VIDEOS)}")
+        if any(edge < 2 or edge % 2 for edge in size):
+            raise ConfigurationError(f"size is {size}; codecs need even numbers of pixels")
+        rate = positive(per_second, "per_second", "pictures for each second")
+        if kind == ".gif":
+            if rate > MOST_OF_GIF:
+                raise ConfigurationError(
+                    f"per_second is {rate:g}; a GIF shows at most {MOST_OF_GIF:g} pictures a second"
+                )
+            rate = 100.0 / round(100.0 / rate)
+        times = self._times(rate)
+
+        def fill(file: BinaryIO) -> None:
+            write_video(file, kind, self._pictures(size, times, progress), size, rate)
+
+        return write_by(Path(path), fill)
+
+    def _times(self, rate: float) -> list[float]:
+        """Return when to take pictures of the motion, so many for each second.
+
+        Raises:
+            ConfigurationError: There is no motion, or there would be too many pictures.
+        """
         if not self._stage.motion:
             raise ConfigurationError("there is no motion to take pictures of; view one")
         first, last = self._stage.span
-        rate = positive(per_second, "per_second", "pictures for each second")
         count = math.ceil((last - first) * rate) + 1
         if count > MOST_PICTURES:
             raise ConfigurationError(
                 f"{last - first:.4g} s with per_second={rate:g} make {count:,} pictures; take at "
                 f"most {MOST_PICTURES}"
             )
-        times = np.linspace(first, last, count).tolist()
-        name = name_part(self.session.arm.name)
+        times: list[float] = np.linspace(first, last, count).tolist()
+        return times
 
-        def fill(file: BinaryIO) -> None:
-            with zipfile.ZipFile(file, "w") as archive:  # PNG is compressed already
-                for i, picture in enumerate(render_frames(self.html(), size, times), 1):
-                    archive.writestr(f"{name}_{i:04}.png", picture)
-                    if progress:
-                        progress(i, count)
-
-        return write_by(Path(path), fill)
+    def _pictures(
+        self,
+        size: tuple[int, int],
+        times: Sequence[float],
+        progress: Callable[[int, int], object] | None,
+    ) -> Iterator[bytes]:
+        """Render PNG pictures of the motion at some times [s], and tell how many there are."""
+        for i, picture in enumerate(render_frames(self.html(), size, times), 1):
+            yield picture
+            if progress:
+                progress(i, len(times))
 
     def _repr_html_(self) -> str:
         """Stand in a notebook: live while it is served, and a scene of its own once it is not."""

@@ -384,3 +384,16 @@ def test_a_missing_mesh_is_no_proof(tmp_path):
         arm = boxy(tmp_path, '<mesh filename="nowhere.stl"/>')
     plan = sa.plan(arm.at([0.3, 1.0]), sa.Joints([0.5, 1.2]))
     assert plan.checked.endswith("NOT checked, without shapes: hull")
+
+
+def test_the_verdict_names_the_links_that_were_not_checked(arm):
+    mounted = sa.mount("vispa", sa.Bus(100.0, inertia=20.0 * np.eye(3)))
+    report = sa.collision_check(mounted.at(np.zeros(mounted.n)))
+    assert report.unchecked == ("bus",)
+    assert report.describe().verdict == report.story
+    assert report.apart
+    assert "NOT checked, without shapes: bus" in report.story
+    whole = sa.collision_check(arm.at(np.zeros(2)))
+    assert whole.apart
+    assert whole.unchecked == ()
+    assert "NOT" not in whole.story

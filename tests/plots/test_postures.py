@@ -6,6 +6,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import spacearm as sa
+from spacearm.description.bus import solid_box
+from spacearm.description.shapes import Box, Cylinder, Shape, Sphere
 from spacearm.plots.configurations import SECONDS, draw_posture, draw_velocities
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
@@ -25,6 +27,49 @@ def test_the_arm_is_drawn_where_it_is(axes, name):
     np.testing.assert_allclose(arm[-1], cfg.tip.translation[:2], atol=1e-12)
     np.testing.assert_allclose(com[0], cfg.com[:2], atol=1e-12)
     assert len(arm) == cfg.arm.n + 1
+
+
+@pytest.mark.parametrize("name", ["planar2", "planar3"])
+def test_a_planar_spacecraft_is_drawn_as_its_visuals_at_their_size(axes, name):
+    arm = sa.load(name)
+    draw_posture(axes, arm.at(np.full(arm.n, 0.4), base=TURNED))
+    visuals = arm.tree.visuals[arm.tree.root].visual
+    for patch, shape in zip(axes.patches, visuals, strict=True):
+        corners = (shape.points() - shape.pose.translation) @ shape.pose.rotation
+        np.testing.assert_allclose(
+            np.ptp(corners, axis=0), sizes(shape.geometry), rtol=1e-9, atol=1e-9
+        )
+        flat = TURNED.rotation.T @ np.c_[patch.get_xy(), np.zeros(len(patch.get_xy()))].T
+        drawn = flat[:2].T - (TURNED.rotation.T @ TURNED.translation)[:2]
+        np.testing.assert_allclose(drawn.max(axis=0), shape.points().max(axis=0)[:2], atol=1e-9)
+        np.testing.assert_allclose(drawn.min(axis=0), shape.points().min(axis=0)[:2], atol=1e-9)
+
+
+def sizes(geometry):
+    """Return the edges of the box around a primitive [m]."""
+    match geometry:
+        case Box(size):
+            return size
+        case Sphere(radius):
+            return (2.0 * radius,) * 3
+        case Cylinder(radius, length):
+            return (2.0 * radius, 2.0 * radius, length)
+
+
+@pytest.mark.parametrize("name", ["servicer_ur5", "ssrms", "ets7"])
+def test_the_axes_hold_the_whole_of_a_spatial_spacecraft(name):
+    arm = sa.load(name)
+    axes = sa.plot(arm.at(np.clip(np.full(arm.n, 0.4), arm.lower, arm.upper))).axes[0]
+    visuals = arm.tree.visuals.get(arm.tree.root)
+    if visuals and visuals.visual:
+        wanted = np.vstack([shape.points() for shape in visuals.visual])
+    else:
+        body = arm.model.inertias[1]
+        rotation, edges = solid_box(body.mass, body.inertia)
+        wanted = Shape(pin.SE3(rotation, body.lever), Box(tuple(edges))).points()
+    lower, upper = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()]).T
+    assert (lower <= wanted.min(axis=0)).all()
+    assert (upper >= wanted.max(axis=0)).all()
 
 
 def test_the_ellipse_has_the_singular_values_as_axes(axes):

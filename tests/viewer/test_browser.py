@@ -1,7 +1,10 @@
 """The view in a real browser: Debian's chromium, headless, driven by playwright."""
 
 import math
+import re
 import struct
+import subprocess
+import sys
 import zipfile
 from types import SimpleNamespace
 
@@ -267,6 +270,51 @@ def test_a_motion_is_kept_as_pictures_without_a_page(tmp_path, monkeypatch):
         assert picture.startswith(b"\x89PNG")
         assert struct.unpack(">II", picture[16:24]) == (400, 300)
     assert len(set(pictures)) == len(pictures), "each is of another time"
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize("kind", ["gif", "mp4", "webm"])
+def test_a_motion_is_kept_as_a_video_as_long_as_the_motion(tmp_path, kind):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    viewer = sa.view(motion(), open=False)
+    first, last = viewer._stage.span
+    told = []
+    path = viewer.video(
+        tmp_path / f"run.{kind}", (320, 240), 4.0, lambda done, total: told.append((done, total))
+    )
+    count = told[-1][1]
+    assert [done for done, _ in told] == list(range(1, count + 1))
+    read = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", str(path), "-f", "rawvideo"]
+    run = subprocess.run([*read, "-pix_fmt", "rgb24", "-"], capture_output=True, check=True)
+    size = 320 * 240 * 3
+    pictures = [run.stdout[i : i + size] for i in range(0, len(run.stdout), size)]
+    rate = float(re.search(rb"320x240.*?([\d.]+) fps", run.stderr)[1])
+    assert len(pictures) == count
+    assert len(pictures) / rate == pytest.approx(last - first, abs=1.5 / 4.0)
+    assert pictures[0] != pictures[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "why"),
+    [
+        ("run.avi", {}, r"no video; a name ends in \.gif, \.mp4, \.webm"),
+        ("run.mp4", {"size": (321, 240)}, "even numbers"),
+        ("run.gif", {"per_second": 60.0}, "at most 50"),
+        ("run.mp4", {"per_second": 0.0}, "per_second"),
+    ],
+)
+def test_what_is_no_video_is_refused_before_anything_is_drawn(tmp_path, name, options, why):
+    with pytest.raises(sa.ConfigurationError, match=why):
+        sa.view(motion(), open=False).video(tmp_path / name, **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_video_without_an_encoder_names_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(sa.UnsupportedError, match=r"pip install 'spacearm\[video\]'"):
+        sa.view(motion(), open=False).video(tmp_path / "run.mp4")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("per_second", "why"), [(0.0, "per_second"), (1e6, "at most 3000")])

@@ -84,6 +84,19 @@ def test_joints_stop_at_the_ends_of_their_ranges():
     assert session.blocked
 
 
+def test_a_blocked_tip_names_what_the_spacecraft_does():
+    arm = sa.load("planar2")
+    session = Session(arm, arm.at(np.radians([20, -30])))
+    pulled(session, [3.0, 0.5, 0])
+    assert session.blocked.endswith("while the spacecraft holds its attitude")
+    session.handle({"do": "mode", "mode": "free-floating"})
+    pulled(session, [3.0, 0.5, 0], grip=2)
+    assert session.blocked.endswith("while the spacecraft is free-floating")
+    session.handle({"do": "spacecraft", "mode": "attitude-controlled"})
+    pulled(session, [3.0, 0.5, 0], grip=3)
+    assert session.blocked.endswith("while the spacecraft is attitude-controlled")
+
+
 @pytest.mark.parametrize(
     ("message", "error"),
     [
