@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -274,6 +275,8 @@ def nearing(
 
 REPORT = 50
 """Samples of a controller of fixed rate between two reports of progress."""
+SAME = 1e-9
+"""Share of the period of a controller up to which two instants are the same but for rounding."""
 PROBES = np.append(0.0, np.geomspace(1e-15, 1e-3, 13))
 """How far beyond the last state it is looked for what failed [s]."""
 
@@ -346,22 +349,27 @@ class Runs:
         self.ended = ["interrupted" if e == "duration" else e for e in self.ended]
 
     def advance_sampled(self, end: float, period: float, delay: float, progress: Progress) -> None:
-        """Go on with torques that are sampled and held; of one run."""
-        batch, k, every = self.batch, 0, np.zeros(1, np.int64)
+        """Go on with torques that are sampled, act after a delay and are then held; of one run."""
+        batch, k, t, every = self.batch, 0, 0.0, np.zeros(1, np.int64)
         batch.held = np.zeros((1, batch.n))
-        while self.ended[0] == "duration" and k * period < end:
-            tau = batch.compute(torques, every, {"t": batch.t, "y": batch.y})
-            if not np.isfinite(tau).all():
-                self._fail(0)
-                return
-            for until in (k * period + delay, (k + 1) * period):
-                if until > batch.t[0] and self.ended[0] == "duration":
-                    batch.stiff[:] = 0.0
-                    self.advance(min(until, end), progress if k % REPORT == 0 else None)
-                if until == k * period + delay:
-                    batch.held = tau
-                    self.torques.append((float(until), tau[0]))
-            k += 1
+        waiting: deque[tuple[float, Array]] = deque()
+        while self.ended[0] == "duration" and t < end:
+            due = waiting[0][0] if waiting else np.inf
+            until = min(k * period, due, end)
+            if until > batch.t[0] + SAME * period:
+                batch.stiff[:] = 0.0
+                self.advance(until, progress if k % REPORT == 0 else None)
+            t = until
+            if k * period <= t + SAME * period and t < end and self.ended[0] == "duration":
+                tau = batch.compute(torques, every, {"t": batch.t, "y": batch.y})
+                if not np.isfinite(tau).all():
+                    self._fail(0)
+                    return
+                waiting.append((k * period + delay, tau))
+                k += 1
+            while waiting and waiting[0][0] <= t + SAME * period:
+                _, batch.held = waiting.popleft()
+                self.torques.append((t, batch.held[0]))
 
     def _note(self, found: Found, steps: Steps | None) -> None:
         """Note events in the order of their times; end the runs that some of them stop."""

@@ -32,6 +32,7 @@ from spacearm.plots.style import (
     flat_rows,
 )
 from spacearm.singularities.report import singularity
+from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.workspaces.path_dependent import Region
 
 LEAST = 0.08
@@ -128,6 +129,17 @@ def draw_stick_figure(
         for name, x in zip(cfg.arm.tips, chains, strict=True):
             annotate(axes, "tip" if len(chains) == 1 else name, x[-1], color)
     equal_axes(axes)
+
+
+@draws(UncertainArm)
+def draw_uncertain(result: UncertainArm, *, ax: Any = None) -> Figure:
+    """Draw the arm as described.
+
+    Args:
+        result: The arm with its uncertain numbers.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    return draw_arm(result.arm, ax=ax)
 
 
 @draws(VirtualManipulator)

@@ -11,24 +11,24 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from spacearm.errors import ConfigurationError
-from spacearm.plots import configurations, maps, mission, motions, reports, workspaces
+from spacearm.plots import configurations, datasets, maps, mission, motions, reports, workspaces
 from spacearm.plots.style import DRAWINGS
 
-MODULES = (configurations, maps, mission, motions, reports, workspaces)
+MODULES = (configurations, datasets, maps, mission, motions, reports, workspaces)
 """All that draw: they are entered in `DRAWINGS` when they are imported."""
 
 
 def drawing_of(thing: object) -> Callable[..., Any]:
     """Return what draws a thing."""
     if "xarray" in sys.modules:  # else the thing cannot be a dataset
-        DRAWINGS.setdefault(sys.modules["xarray"].Dataset, workspaces.draw_design)
+        DRAWINGS.setdefault(sys.modules["xarray"].Dataset, datasets.draw_dataset)
     for kind in type(thing).__mro__:
         if kind in DRAWINGS:
             return DRAWINGS[kind]
     names = sorted({kind.__name__ for kind in DRAWINGS} - {"Dataset"})
     raise ConfigurationError(
         f"there is no drawing of a {type(thing).__name__}; what can be drawn: "
-        f"{', '.join(names)}, the dataset of spacearm.design"
+        f"{', '.join(names)}, the datasets of spacearm.design, sweep and simulate_many"
     )
 
 

@@ -8,14 +8,28 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arm import SpaceArm
-from spacearm.plots.style import BLUE, GREY, RED, TITLE, axes_for, draws, write_powers
+from spacearm.planning.result import Connection
+from spacearm.plots.style import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    GREY,
+    RED,
+    TITLE,
+    axes_for,
+    draws,
+    write_powers,
+)
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.singularities.abstract_set import SingularSet
+from spacearm.singularities.box_graph import FreeBoxes
+from spacearm.singularities.joint_boxes import FreeBox
 from spacearm.singularities.map import SingularMap
 
 FAR = 45.0
@@ -253,3 +267,81 @@ def _draw_coefficients(axes: Any, S: TrigPolynomial) -> None:
     axes.set(xlabel="order of the coefficient", ylabel="size of the coefficient")
     axes.xaxis.get_major_locator().set_params(integer=True)
     write_powers(axes.yaxis)
+
+
+@draws(FreeBox)
+def draw_free_box(result: FreeBox, *, ax: Any = None) -> Figure:
+    """Draw the range of each joint that is proven free, in its limits or in one turn.
+
+    Args:
+        result: The box.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    arm = result.arm
+    axes = axes_for(ax, 7.2, 1.2 + 0.45 * arm.n)
+    scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
+    wide = np.where(arm.slides, 1.0, np.pi)
+    for j in range(arm.n):
+        left = arm.lower[j] if np.isfinite(arm.lower[j]) else -wide[j]
+        right = arm.upper[j] if np.isfinite(arm.upper[j]) else wide[j]
+        low, high = np.clip((result.lower[j], result.upper[j]), left, right) * scale[j]
+        left, right = left * scale[j], right * scale[j]
+        axes.barh(j, right - left, left=left, height=0.5, color=GREY, alpha=0.25)
+        axes.barh(j, high - low, left=low, height=0.5, color=GREEN)
+    axes.set_yticks(range(arm.n), arm.joint_names)
+    axes.invert_yaxis()
+    axes.set(xlabel="joint position [°] or [m]")
+    axes.set_title(f"{arm.name}, {result.mode}: no singular posture in the green ranges, proven")
+    return axes.figure
+
+
+@draws(FreeBoxes)
+def draw_free_boxes(result: FreeBoxes, *, ax: Any = None) -> Figure:
+    """Draw the boxes over two joints; of more joints the share that the largest of them cover.
+
+    Args:
+        result: The boxes.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    arm, axes = result.arm, axes_for(ax, 7.2, 5.2)
+    covered = 100.0 * np.cumsum(np.sort(result.volumes)[::-1])
+    if arm.n == 2:
+        scale = np.where(arm.slides, 1.0, 180.0 / np.pi)
+        for low, high in zip(scale * result.lower, scale * result.upper, strict=True):
+            axes.add_patch(
+                Rectangle(low, *(high - low), facecolor=GREEN, edgecolor="white", lw=0.3)
+            )
+        axes.autoscale_view()
+        labels = [f"{name} [{'m' if slides else '°'}]"
+                  for name, slides in zip(arm.joint_names, arm.slides, strict=True)]  # fmt: skip
+        axes.set(xlabel=labels[0], ylabel=labels[1])
+    else:
+        axes.plot(np.arange(1, len(covered) + 1), covered, color=GREEN, lw=2)
+        axes.set(xlabel="largest boxes", ylabel="share of the range covered [%]")
+    whole = covered[-1] if len(covered) else 0.0
+    axes.set_title(
+        f"{arm.name}, {result.mode}: {len(covered):,} boxes without singular posture, proven\n"
+        f"{whole:.3g} % of the range"
+    )
+    return axes.figure
+
+
+@draws(Connection)
+def draw_connection(result: Connection, *, ax: Any = None) -> Figure:
+    """Draw the joints along the path that connects both postures.
+
+    Args:
+        result: The connection.
+        ax: Matplotlib axes to draw into; None for a new figure.
+    """
+    axes = axes_for(ax, 7.2, 4.6)
+    scale = np.where(result.arm.slides, 1.0, 180.0 / np.pi)
+    if len(result.path):
+        way = np.append(0.0, np.linalg.norm(np.diff(result.path, axis=0), axis=1).cumsum())
+        for j, name in enumerate(result.arm.joint_names):
+            color = COLOURS[j % len(COLOURS)]
+            axes.plot(way, scale[j] * result.path[:, j], "o-", color=color, label=name)
+        axes.legend(frameon=False)
+    axes.set(xlabel="length of the joint path [rad] or [m]", ylabel="joint position [°] or [m]")
+    axes.set_title(f"{result.arm.name}, connected without singularity: {result.answer}")
+    return axes.figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,17 +10,11 @@ from matplotlib.patches import Annulus, Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from spacearm.arrays import Array
-from spacearm.errors import ConfigurationError
 from spacearm.plots.style import BLUE, GREEN, GREY, ORANGE, RED, axes_for, draws, panels_for
 from spacearm.singularities.polynomials import tips_from_centre
 from spacearm.singularities.risk import PoseRisk, RiskProfile, nearness
-from spacearm.workspaces.path_dependent import Workspace
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-
 from spacearm.uncertainty.robust import DistanceRange, ShellBands
+from spacearm.workspaces.path_dependent import Workspace
 
 
 @draws(Workspace)
@@ -94,43 +88,6 @@ def draw_pose_risk(result: PoseRisk, *, ax: Any = None) -> Figure:
         ylim=(0.0, None),
     )
     axes.set_title(f"{len(result.share)} tip poses, {nearness(result)}\nmean {mean:.1%}")
-    return axes.figure
-
-
-@draws()
-def draw_design(result: xr.Dataset, *, ax: Any = None) -> Figure:
-    """Draw the path independent share over one design parameter, or over two as a map.
-
-    Args:
-        result: The designs, from `spacearm.design`.
-        ax: Matplotlib axes to draw into; None for a new figure.
-
-    Raises:
-        ConfigurationError: The dataset holds no designs.
-    """
-    if "fraction" not in result or not {"arm", "base_mode"} <= set(result.attrs):
-        raise ConfigurationError(
-            "the dataset has no path independent share; give one that spacearm.design returns"
-        )
-    names = [str(name) for name in result["fraction"].dims]
-    varied = [name for name in names if result.sizes[name] > 1] or names[:1]
-    share = result["fraction"].isel({name: 0 for name in names if name not in varied[:2]}) * 100.0
-    labels = [f"{name} [{result[name].attrs['units']}]" for name in varied]
-    axes = axes_for(ax, 7.2, 4.8)
-    if len(varied) == 1:
-        axes.plot(result[varied[0]], share, "o-", color=BLUE, lw=2)
-        top = 1.05 * float(np.nanmax(share)) or 1.0
-        axes.set(xlabel=labels[0], ylabel="path independent share [%]", ylim=(0.0, top))
-    else:
-        image = axes.pcolormesh(
-            result[varied[0]],
-            result[varied[1]],
-            share.transpose(*varied[1::-1]),
-            cmap="cividis",
-        )
-        axes.figure.colorbar(image, ax=axes, label="path independent share [%]")
-        axes.set(xlabel=labels[0], ylabel=labels[1])
-    axes.set_title(f"{result.attrs['arm']}, {result.attrs['base_mode']}")
     return axes.figure
 
 

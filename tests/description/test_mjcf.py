@@ -1,5 +1,6 @@
 """MJCF: what MuJoCo makes of it, what is left out, and what is refused."""
 
+import os
 import sys
 import warnings
 
@@ -305,3 +306,57 @@ def test_a_urdf_named_xml_is_a_urdf(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert load(robot(*two_links()), tmp_path).joint_names == ("elbow",)
+
+
+# --- work and memory are bounded before they are spent ------------------------------------------
+
+MANY = {
+    "a height field": (
+        mjcf(free(link("a")), '<asset><hfield name="h" nrow="1000000" ncol="1000000" '
+             'size="1 1 1 1"/></asset>'),
+        "<hfield> asks for 1e+12 numbers by nrow, ncol; ask for at most 10,000,000",
+    ),
+    "keys": (mjcf(free(link("a")), '<size nkey="1000000000"/>'), "<size> asks for 1e+09 numbers"),
+    "copies": (
+        mjcf(free('<replicate count="1e9">' + link("a") + "</replicate>")),
+        "asks for more than 100,000 elements",
+    ),
+    "copies of copies": (
+        mjcf(free('<replicate count="100">' * 3 + link("a") + "</replicate>" * 3)),
+        "asks for more than 100,000 elements",
+    ),
+    "a grid": (
+        mjcf(free('<flexcomp name="f" type="grid" count="1000 1000 1000"/>' + link("a"))),
+        "asks for more than 100,000 elements",
+    ),
+    "itself": (mjcf('<include file="robot.xml"/>'), "is made of more than 200 files"),
+    "models of itself": (
+        mjcf(free(link("a")), '<asset><model name="m" file="robot.xml"/></asset>'),
+        "is made of more than 200 files",
+    ),
+    "an included pipe": (mjcf('<include file="pipe"/>'), "a device or a pipe; name a file"),
+    "a pipe of a folder": (
+        mjcf(free(link("a")), '<asset><mesh name="m" file="pipe"/></asset>', 'meshdir="sub"'),
+        "a device or a pipe; name a file",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MANY)
+def test_what_asks_for_too_much_is_refused_before_it_is_compiled(case, tmp_path, monkeypatch):
+    text, message = MANY[case]
+    (tmp_path / "sub").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    os.mkfifo(tmp_path / "sub" / "pipe")
+    monkeypatch.setattr(mujoco.MjSpec, "from_file", None)
+    with pytest.raises(sa.ModelError) as caught:
+        load(text, tmp_path)
+    assert message in str(caught.value)
+
+
+def test_copies_and_parts_within_the_bounds_are_read(tmp_path):
+    (tmp_path / "part.xml").write_text(f"<mujocoinclude>{link('b')}</mujocoinclude>")
+    copies = '<replicate count="3" offset="1 0 0"><geom size=".1" mass="1"/></replicate>'
+    arm = load(mjcf(free(link("a", inside='<include file="part.xml"/>') + copies)), tmp_path)
+    assert arm.n == 2
+    assert arm.mass == pytest.approx(55.0)

@@ -353,6 +353,23 @@ def test_a_delay_is_waited_for():
     assert not run.dq[1].any()
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.25, 0.3])
+def test_a_delay_may_be_longer_than_the_period(delay):
+    """Each torque is that of the law in the state so long before, whatever the period."""
+    arm, period = sa.load("planar2"), 0.1
+    law = sa.JointPD(target=[0.5, -0.3], kp=0.5, kd=1.0)
+    how = sa.Integration(dt=0.025, rtol=1e-10)
+    run = sa.simulate(arm.at([0.1, 0.2]), law, 1.0, period=period, delay=delay, integration=how)
+    for k in range(len(run.t) - 1):
+        acts = np.floor((run.t[k] + 0.0125 - delay) / period)  # looked at between two rows
+        if acts < 0 or abs((run.t[k] - delay) / period - round((run.t[k] - delay) / period)) < 1e-6:
+            continue
+        i = round(acts * period / 0.025)
+        wanted = law(run.t[i], run[i], run.dq[i])
+        np.testing.assert_allclose(run.torque[k], wanted, atol=1e-7)
+    assert not run.torque[run.t < delay - 1e-9].any()
+
+
 def test_two_tips_have_a_law_each():
     arm = sa.load("planar2")
     text = robot(
@@ -404,7 +421,7 @@ def test_two_tips_have_a_law_each():
             "damping from 0 on",
         ),
         ({"plant": lambda _: sa.Plant(limits=["effort"])}, "give True or False"),
-        ({"period": 0.1, "delay": 0.2}, "delay is 0.2"),
+        ({"period": 0.1, "delay": -0.2}, "delay is -0.2"),
         ({"period": -1.0}, "period"),
     ],
 )

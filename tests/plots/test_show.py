@@ -6,11 +6,14 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
 
 import spacearm as sa
+from spacearm.plots.drawings import MODULES
 from spacearm.plots.show import plot
 from spacearm.plots.style import COLOURS, DRAWINGS, figure, style
+from spacearm.results import Result
 
 Q6 = np.radians([0, 60, -100, -50, 30, 0])
 SINGULAR = np.radians([-65, -11.4108])
@@ -106,6 +109,45 @@ def results():
         "a followed path": (sa.follow(planar.at([0.3, 1.2]), goal), 4),
         "a plan": (sa.plan(planar.at([0.3, 1.2]), sa.Joints([0.5, 1.0])), 4),
         "designs": (design, 1),
+        "many runs": (sa.simulate_many([planar.at([0.3, 1.2])] * 3, law, 0.2), 2),
+        "an uncertain arm": (unsure(planar), 1),
+        "a free box": (sa.free_box(cfg), 1),
+        "free boxes of two joints": (sa.free_boxes(planar, most=400), 1),
+        "free boxes": (sa.free_boxes(spatial, most=50), 1),
+        "a connection": (sa.connected(planar.at([0.3, 1.2]), planar.at([0.4, 1.2])), 1),
+        **{what: (store, 1 + ("one arm" in what)) for what, store in stores().items()},
+    }
+
+
+def stores():
+    """What `sweep` returns for each of its quantities, with designs and without."""
+    rng = np.random.default_rng(0)
+    arms = {"arm": ["a", "b"]}
+    times = {"base_inertia": ("base_inertia", [1.0, 2.0], {"units": "times the inertia"})}
+    joints = {"q1": ("q1", [0.0, 1.0, 2.0], {"units": "rad or m"}), "q2": ("q2", [0.0, 1.0])}
+    runs, blocks = rng.random((1, 2, 9)) > 0.5, rng.integers(1, 9, (2, 2, 3, 4))
+    maps = ("arm", "base_inertia", "q1", "q2"), rng.random((2, 2, 3, 2)), {"units": "m/rad"}
+    one = {"arm": ["a"]}
+    return {
+        "a store of shells": xr.Dataset(
+            {"fraction": (("arm", "base_inertia"), rng.random((2, 2)))}, arms | times
+        ),
+        "a store of one design of an arm": xr.Dataset({"fraction": (("arm",), [0.4])}, one),
+        "a store of runs": xr.Dataset(
+            {"success": (("arm", "base_inertia", "run"), runs)}, one | times
+        ),
+        "a store of risks": xr.Dataset(
+            {
+                name: (("arm", "base_inertia", "block", "radius"), values)
+                for name, values in (("near", blocks), ("configurations", blocks + 5))
+            },
+            arms | times,
+        ),
+        "a store of maps": xr.Dataset({"sigma_min": maps}, arms | times | joints),
+        "a store of maps of one arm": xr.Dataset(
+            {"sigma_min": (maps[0], maps[1][:1, :1], maps[2])},
+            one | {"base_inertia": [1.0]} | joints,
+        ),
     }
 
 
@@ -232,10 +274,37 @@ def test_what_cannot_be_drawn_is_told_what_can(thing):
         plot(thing)
 
 
-def test_a_dataset_without_designs_is_refused():
-    import xarray as xr
+WORDS_ALONE = ("RobustCertificate",)
+"""Results that are a verdict: there is nothing to draw."""
 
-    with pytest.raises(sa.ConfigurationError, match=r"one that spacearm\.design returns"):
+
+def test_every_public_result_class_has_a_drawing():
+    classes = [getattr(sa, name) for name in sa.__all__]
+    results = [kind for kind in classes if isinstance(kind, type) and issubclass(kind, Result)]
+    assert len(results) > 20
+    assert len(MODULES) > 5  # their import enters all drawings
+    left = {kind.__name__ for kind in results if not set(kind.__mro__) & set(DRAWINGS)}
+    assert left == set(WORDS_ALONE)
+
+
+@pytest.mark.slow
+def test_a_real_store_is_drawn(tmp_path):
+    pytest.importorskip("zarr")
+    study = """
+    arms = ["planar2"]
+    [parameters]
+    base_inertia = [1, 5]
+    [shells]
+    """
+    store = sa.sweep(sa.Study.parse(study), tmp_path / "store", workers=1)
+    drawn = plot(store)
+    assert drawn.axes[0].get_ylabel() == "path independent share [%]"
+    (curve,) = drawn.axes[0].lines
+    np.testing.assert_allclose(curve.get_ydata(), 100.0 * store["fraction"].values[0])
+
+
+def test_a_dataset_of_something_else_is_refused():
+    with pytest.raises(sa.ConfigurationError, match=r"spacearm\.simulate_many returns"):
         plot(xr.Dataset({"a": 1}))
 
 

@@ -52,7 +52,7 @@ def _read(source: Source, root: etree._Element) -> Tree:
     if root.tag == "robot" or source.path.suffix == ".xacro":
         return urdf.read(source, root)
     if root.tag == "mujoco":
-        return mjcf.read(source)
+        return mjcf.read(source, root)
     if root.tag == "sdf":
         return sdf.read(source, root)
     if root.tag == "mujocoinclude":

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from lxml import etree
 
 from spacearm.arrays import LEAST_MASS, Array
 from spacearm.description import shapes
 from spacearm.description.bodies import Inertial, Joint, Mimic
 from spacearm.description.readers.forest import SPLIT_BALL, Forest, turns
+from spacearm.description.readers.mjcf_bounds import check_bounds
 from spacearm.description.readers.source import Source
 from spacearm.description.tree import Tree
 from spacearm.errors import ModelError
@@ -33,7 +35,7 @@ SAME_INERTIA = 1e-5
 """Share by which rounding may move the compiled inertia from the given one (MuJoCo 3: 1e-6)."""
 
 
-def read(source: Source) -> Tree:
+def read(source: Source, root: etree._Element) -> Tree:
     """Read an MJCF.
 
     The root is the body with a free joint. Without one it is the body fixed to the world that
@@ -41,6 +43,7 @@ def read(source: Source) -> Tree:
 
     Args:
         source: The file, which takes the notes.
+        root: Its root element.
 
     Raises:
         ModelError: mujoco is not installed or refuses the file, or the file holds no robot.
@@ -49,6 +52,7 @@ def read(source: Source) -> Tree:
         import mujoco
     except ImportError:
         source.fail("is an MJCF, which MuJoCo compiles", "pip install 'spacearm[mjcf]'")
+    check_bounds(source, root)
     try:
         spec = mujoco.MjSpec.from_file(str(source.path.resolve()))
         if not spec.worldbody.bodies:
@@ -56,7 +60,7 @@ def read(source: Source) -> Tree:
         return _Reader(source, spec).tree()
     except ModelError:
         raise
-    except (ValueError, OSError, mujoco.FatalError) as error:
+    except (ValueError, OSError, RuntimeError, mujoco.FatalError) as error:
         why = " ".join(str(error).split())
         source.fail(f"is not compiled by MuJoCo ({why})", "correct it there")
 

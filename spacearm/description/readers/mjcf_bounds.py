@@ -1,0 +1,140 @@
+"""MJCF before MuJoCo compiles it: how much it asks for, and that what it names are files.
+
+MuJoCo builds whatever a file asks for, and opens whatever it names: a height field of any size, any
+number of copies, a pipe that stays silent.
+"""
+
+from __future__ import annotations
+
+import math
+import stat
+from pathlib import Path
+
+from lxml import etree
+
+from spacearm.description.readers.source import Source
+from spacearm.files import read
+
+MOST_ELEMENTS = 100_000
+"""Largest number of elements, with those that are copied or generated."""
+MOST_NUMBERS = 10_000_000
+"""Largest number of numbers or bytes that one element may ask for."""
+MOST_FILES = 200
+"""Largest number of MJCF files that one is made of."""
+GENERATED = {"composite", "flexcomp"}
+"""Elements that stand for as many as their `count`, or the product of its three."""
+ASKED = {"hfield": ("nrow", "ncol"), "texture": ("width", "height"), "numeric": ("size",)}
+"""Attributes whose product is a number of numbers."""
+FOLDERS = ("assetdir", "meshdir", "texturedir")
+
+
+def check_bounds(source: Source, root: etree._Element) -> None:
+    """Refuse an MJCF that asks for too much, or that names a device or a pipe.
+
+    Args:
+        source: The file.
+        root: Its root element.
+
+    Raises:
+        ModelError: It does; the message says the bound.
+    """
+    bounds = _Bounds(source)
+    bounds.elements(root)
+    bounds.check_files()
+
+
+class _Bounds:
+    """What a file asks for, with those that it includes."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._folders = [source.path.resolve().parent]
+        self._subfolders = {""}
+        self._named: set[str] = set()
+        self._count = 0
+
+    def elements(self, root: etree._Element) -> float:
+        """Return the number of elements of a file, copies and attached models among them."""
+        total, attached, largest = 0.0, 0.0, 0.0
+        left = [(root, 1.0)]
+        while left:
+            element, times = left.pop()
+            name = element.get("file", "")
+            times *= max(1.0, _product(element, "count")) if element.tag == "replicate" else 1.0
+            total += times * (_product(element, "count") if element.tag in GENERATED else 1.0)
+            if element.tag == "include":
+                left += [(included, times) for included in self._parsed(name)]
+            elif element.tag == "model" and name:
+                largest = max([largest, *map(self.elements, self._parsed(name))])
+            attached += times if element.tag == "attach" else 0.0
+            if total + attached * largest > MOST_ELEMENTS:
+                self._source.fail(
+                    f"asks for more than {MOST_ELEMENTS:,} elements, with those that are copied",
+                    "copy or generate fewer",
+                )
+            self._check_numbers(element)
+            self._named.update(v for k, v in element.items() if k.startswith("file"))
+            self._subfolders.update(element.get(folder, "") for folder in FOLDERS)
+            left += [(child, times) for child in element.iterchildren(etree.Element)]
+        return total + attached * largest
+
+    def check_files(self) -> None:
+        """Refuse what is no regular file, wherever MuJoCo may look for it."""
+        for name in self._named:
+            self._files(name)
+
+    def _files(self, name: str) -> list[Path]:
+        """Return the files that MuJoCo may take a name for."""
+        places = (
+            Path(folder, subfolder, word)
+            for folder in self._folders
+            for subfolder in self._subfolders
+            for word in (name, Path(name).name)
+        )
+        found = []
+        for path in dict.fromkeys(places):
+            try:
+                mode = path.stat().st_mode
+            except (OSError, ValueError):  # there is none, or none can have that name
+                continue
+            if stat.S_ISREG(mode):
+                found.append(path)
+            elif not stat.S_ISDIR(mode):
+                self._source.fail(f"names {path}, a device or a pipe", "name a file")
+        return found
+
+    def _parsed(self, name: str) -> list[etree._Element]:
+        """Return the root elements of the files that a name may stand for."""
+        self._count += 1
+        if self._count > MOST_FILES:
+            self._source.fail(
+                f"is made of more than {MOST_FILES} files", "join them, or let none include itself"
+            )
+        roots = []
+        for path in self._files(name):
+            try:
+                roots.append(self._source.parsed(read(path)))
+            except OSError as error:
+                self._source.fail(f"names {path}, which cannot be read ({error})", "correct it")
+            if (folder := path.resolve().parent) not in self._folders:
+                self._folders.append(folder)
+        return roots
+
+    def _check_numbers(self, element: etree._Element) -> None:
+        tag = str(element.tag)
+        names = [(name,) for name in element.attrib] if tag == "size" else [ASKED.get(tag, ())]
+        for attributes in names:
+            asked = math.prod(_product(element, name) for name in attributes)
+            if asked > MOST_NUMBERS:
+                self._source.fail(
+                    f"<{tag}> asks for {asked:g} numbers by {', '.join(attributes)}",
+                    f"ask for at most {MOST_NUMBERS:,}",
+                )
+
+
+def _product(element: etree._Element, name: str) -> float:
+    """Return the product of the numbers of an attribute; 1 if it has none, for MuJoCo to refuse."""
+    try:
+        return math.prod(max(1.0, float(word)) for word in element.get(name, "").split())
+    except ValueError:
+        return 1.0
