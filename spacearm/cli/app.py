@@ -76,6 +76,10 @@ COMMANDS = {
         "plans.plan_motion",
         "Plan a motion of the arm that leads the tip to a goal; Ctrl-C keeps the best attempt.",
     ),
+    "follow": (
+        "plans.follow_path",
+        "Lead the tip along a path from a CSV file, with times or at a constant speed.",
+    ),
     "detumble": (
         "plans.detumble_motion",
         "Plan a motion at whose end wheels have brought the tumbling spacecraft to rest.",

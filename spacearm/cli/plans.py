@@ -1,4 +1,4 @@
-"""`spacearm plan` and `spacearm detumble`: joint motions that arrive."""
+"""`spacearm plan`, `detumble` and `follow`: joint motions that arrive."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
+from spacearm.arrays import Array
 from spacearm.cli.options import (
     AsJson,
     Attitude,
     JointValues,
     Picture,
+    Save,
     View,
     goal_from,
     joint_values,
     mark_of,
+    numbers,
     on_a_model,
 )
 from spacearm.cli.output import answer, check_picture, err, working
@@ -41,7 +45,8 @@ from spacearm.errors import (
 )
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import pose
-from spacearm.motion.goal import Goal
+from spacearm.motion.following import follow
+from spacearm.motion.goal import Goal, goal_of
 from spacearm.motion.motion_file import check_suffix
 from spacearm.planning.planner import detumble, plan
 from spacearm.planning.request import Joints
@@ -75,6 +80,13 @@ Fastest = Annotated[
         "--fastest", help="Time it as fast as effort and velocity limits allow; needs toppra."
     ),
 ]
+PathFile = Annotated[
+    Path | None, typer.Option(help="Path of the tip, a row for each corner.", metavar="CSV")
+]
+FOLLOWED = ("origin", "mode", "speed", "at_rest", "limits")
+"""Keys of a question about a path besides its start."""
+STOPPED = 3
+"""Exit status where the tip cannot be led to the end."""
 PLAIN = ("duration", "mode", "origin")
 """Arguments that are taken from a table as they are."""
 KEYS = ("start", "goal", "final_attitude", "duration", "origin", "constraints", "search")
@@ -209,3 +221,62 @@ detumble_motion = _command(
     duration, origin, constraints with wheels, search.
     """,
 )
+
+
+@on_a_model
+def follow_path(
+    arm: SpaceArm,
+    q: JointValues = None,
+    path: PathFile = None,
+    attitude: Attitude = None,
+    more: With = None,
+    output: Picture = None,
+    save: Save = None,
+    view: View = False,
+    deg: bool = False,
+    as_json: AsJson = False,
+) -> int:
+    """Lead the tip along a path from a CSV file, with times or at a constant speed.
+
+    A row has the task's rows of the tip, turns as roll, pitch, yaw, after the time in seconds where
+    the path has times; a first line of names is skipped. Exits with 3 where the tip cannot be led
+    to the end. --with gives all else that sa.follow takes: start, origin, mode, speed, at_rest,
+    limits.
+    """
+    check_picture(output)
+    if save:
+        check_suffix(save)
+    if path is None:
+        raise ConfigurationError("there is no path; give --path FILE, a CSV file")
+    asked = question(more, "start", *FOLLOWED)
+    start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
+    times, corners = _corners(arm, path, deg)
+    options = {key: asked.values[key] for key in FOLLOWED if key in asked.values}
+    with working("following") as progress:
+        found = follow(start, corners, times=times, progress=progress, **options)
+    answer(arm, found, "follow", deg=deg, as_json=as_json, save=save, output=output, view=view)
+    return 0 if found.arrived else STOPPED
+
+
+def _corners(arm: SpaceArm, path: Path, deg: bool) -> tuple[Array | None, list[Goal]]:
+    """Return the times (m,) [s] of a CSV file, None if it has none, and the corners."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"--path {path} cannot be read: {error}") from None
+    filled = [(i, line) for i, line in enumerate(lines, 1) if line.strip()]
+    if filled and any(word.strip().isidentifier() for word in filled[0][1].split(",")):
+        filled = filled[1:]
+    k, rows = len(arm.task.rows), [numbers(f"--path {path}, line {i},", x) for i, x in filled]
+    widths = {len(row) for row in rows}
+    if len(widths) != 1 or widths - {k, k + 1}:
+        raise ConfigurationError(
+            f"--path {path} has {listed([str(width) for width in sorted(widths)])} numbers in a "
+            f"row; give {k}, the task's rows {' '.join(arm.task.rows)}, or {k + 1}, the time first"
+        )
+    table = np.array(rows)
+    values = table[:, -k:]
+    turns = np.array(arm.task.indices[:k]) > 2
+    values[:, turns] = np.radians(values[:, turns]) if deg else values[:, turns]
+    corners = [goal_of(arm, row, f"--path {path}") for row in values]
+    return (table[:, 0] if widths == {k + 1} else None), corners

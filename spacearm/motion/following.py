@@ -360,6 +360,7 @@ class Followed(Motion):
     reason: str
 
     QUANTITIES: ClassVar[Mapping[str, Quantity]] = {**Motion.QUANTITIES, "s": Quantity("m or rad")}
+    JSON: ClassVar[Mapping[str, str]] = {"length": "path_length"}
 
     @property
     def arrived(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +16,11 @@ from spacearm.errors import LONGEST_NAME, ConfigurationError, UnsupportedError, 
 from spacearm.files import read
 
 T = TypeVar("T")
+MOST_PARTS = 16
+"""Largest number of parts of a key, as in a.b.c."""
+LONG_KEY = re.compile(
+    r"""(?<![\w"'-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_PARTS}}}"
+)
 AXIS = ("from", "to", "points")
 MOST = 10**15
 """Largest whole number: of samples, for example."""
@@ -157,6 +163,10 @@ def parse(text: str, what: str = "the study") -> Table:
         raise UnsupportedError(
             f"{what} needs Python 3.11 or newer: the first that reads TOML, and runs Zarr 3"
         ) from None
+    if LONG_KEY.search(text):  # tomllib takes time and memory as its square
+        raise ConfigurationError(
+            f"{what} has a key of more than {MOST_PARTS} parts; none has as many"
+        )
     try:
         return Table(what.removeprefix("the "), tomllib.loads(text))
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits too

@@ -34,6 +34,7 @@ COMMANDS = {
     "capture": ("planar2", *CM, "--mass", 5),
     "simulate": ("planar2", *LAW, "--with", "plant.limits=true"),
     "plan": ("planar2", *CM, "--goal", 0.9, 1.4, *OBSTACLES),
+    "follow": ("planar2", *CM, "--path", "corners.csv"),
     "detumble": (
         "wheels.urdf",
         *CM,
@@ -97,6 +98,7 @@ def folder(tmp_path_factory):
         sa.load("planar2"), [0.0, 1.0], [[0.3, 0.9], [0.35, 1.0]], np.tile(np.eye(7)[6], (2, 1))
     ).save(here / "run.npz")
     text = with_wheels("planar2", (0, 0, 1))
+    (here / "corners.csv").write_text("t,x,y\n2,1.2,1.2\n4,1.0,1.1\n", encoding="utf-8")
     (here / "wheels.urdf").write_text(text, encoding="utf-8")
     return here
 

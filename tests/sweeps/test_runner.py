@@ -519,3 +519,10 @@ def test_a_number_of_thousands_of_digits(tmp_path):
 def test_arrays_in_arrays_in_arrays(tmp_path):
     with pytest.raises(sa.ConfigurationError, match="the study is not TOML"):
         sa.Study.parse(f"arms = {'[' * 5000}{']' * 5000}", tmp_path)
+
+
+@pytest.mark.parametrize("text", ["[{}]", "{} = 1", "a = {{{} = 1}}"])
+def test_keys_of_many_parts_are_refused_before_they_are_parsed(text, monkeypatch):
+    monkeypatch.setattr("tomllib.loads", None)
+    with pytest.raises(sa.ConfigurationError, match="a key of more than 16 parts"):
+        sa.Study.parse(text.format(".".join("a" * 40_000)))
