@@ -21,7 +21,7 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Progress, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.files import write
-from spacearm.model.arguments import BaseMode
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import ROUNDING, Roots, halved
@@ -262,8 +262,10 @@ def minors_for_proofs(arm: SpaceArm, mode: BaseMode) -> list[Jets]:
     """Return the minors that prove configurations regular, the smallest first.
 
     Raises:
+        ConfigurationError: There is no such mode.
         UnsupportedError: There are none.
     """
+    free_components(mode)
     minors = sorted(proving_minors(arm, mode), key=lambda f: f.polynomial.coefficients.size)
     if not minors:
         raise UnsupportedError(
