@@ -148,3 +148,35 @@ def test_a_floating_base_that_is_mounted_is_told(tmp_path):
     with pytest.warns(sa.ModelWarning, match="without a bus"):
         arm = sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1)))
     assert arm.n == 6
+
+
+def test_slides_and_hinges_of_an_sdf_are_the_floating_base(tmp_path):
+    body = (
+        '<link name="{}"><pose>{} 0 0 0 0 0</pose><inertial><pose>0.2 0 0 0 0 0</pose>'
+        "<mass>{}</mass><inertia><ixx>0.9</ixx><iyy>1</iyy><izz>1.1</izz><ixy>0</ixy><ixz>0</ixz>"
+        "<iyz>0</iyz></inertia></inertial></link>"
+    )
+    massless = (
+        "<inertial><mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
+    )
+    link = '<link name="{}">' + massless + "</link>"
+    joint = (
+        '<joint name="{}" type="{}"><parent>{}</parent><child>{}</child><axis><xyz>{}</xyz></axis>'
+        "</joint>"
+    )
+    parts = [link.format("on_tx"), link.format("on_ty"), body.format("bus", 0, 40)]
+    parts += [body.format(f"l{i}", 0.8 * (i + 1), 3 - i) for i in range(3)]
+    parts += ['<frame name="tip" attached_to="l2"><pose>0.5 0 0 0 0 0</pose></frame>']
+    parts += [
+        joint.format("tx", "prismatic", "world", "on_tx", AXES["tx"]),
+        joint.format("ty", "prismatic", "on_tx", "on_ty", AXES["ty"]),
+        joint.format("rz", "revolute", "on_ty", "bus", AXES["rz"]),
+        *(
+            joint.format(f"a{i}", "revolute", f"l{i - 1}" if i else "bus", f"l{i}", "0 0 1")
+            for i in range(3)
+        ),
+    ]
+    text = f'<sdf version="1.9"><model name="r">{"".join(parts)}</model></sdf>'
+    with pytest.warns(sa.ModelWarning, match="floats by itself"):
+        arm = load(tmp_path, text, ".sdf")
+    same(arm, floating(tmp_path))
