@@ -39,11 +39,11 @@ def load(
     """Load a spacecraft with its arm.
 
     The spacecraft is the root link with all links that fixed joints hold to it; a massless root
-    fixed to the actual bus is fine, and one that it floats in is left out. Movable leaves without
-    mass are held. The n joints are those on the way to the tip; fingers, solar panels and other
-    arms are held where they are, at zero or at the limit nearest to it, see `SpaceArm.held`. Joints
-    that mimic another are not among the n joints; their limits count as limits of the joint that
-    they follow.
+    fixed to the actual bus is fine, and one that it floats in is left out, be it by a floating
+    joint or by slides and hinges without mass between. Movable leaves without mass are held. The n
+    joints are those on the way to the tip; fingers, solar panels and other arms are held where they
+    are, at zero or at the limit nearest to it, see `SpaceArm.held`. Joints that mimic another are
+    not among the n joints; their limits count as limits of the joint that they follow.
 
     Args:
         source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)

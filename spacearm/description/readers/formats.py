@@ -10,6 +10,7 @@ from typing import TypeAlias
 from lxml import etree
 
 from spacearm.description.readers import mjcf, pinocchio_model, sdf, urdf
+from spacearm.description.readers.floating_base import with_floating_base
 from spacearm.description.readers.forest import check_mimics
 from spacearm.description.readers.masses import checked
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
@@ -43,7 +44,8 @@ def read(robot: RobotSource, reading: Reading | None = None) -> Tree:
     else:
         tree = _read(source, source.root())
     check_mimics(source, joints := dict(tree.joints))
-    tree = checked(source, replace(tree, joints=joints))
+    tree = with_floating_base(source, replace(tree, joints=joints))
+    tree = checked(source, tree)
     return replace(tree, notes=tuple(source.notes))
 
 

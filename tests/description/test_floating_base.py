@@ -1,0 +1,182 @@
+"""Floating bases: slides and hinges without mass between stand for a spacecraft that floats."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import spacearm as sa
+
+AXES = {"tx": "1 0 0", "ty": "0 1 0", "tz": "0 0 1", "rx": "1 0 0", "ry": "0 1 0", "rz": "0 0 1"}
+PLANE, SPACE = ("tx", "ty", "rz"), ("tx", "ty", "tz", "rz", "ry", "rx")
+Q = (0.3, 0.7, -0.4)
+
+
+def urdf(base, axes=("0 0 1",) * 3, carriage=0.0):
+    """Write a bus of 40 kg with an arm, carried by joints of these names."""
+    parts, parent = ['<link name="ground"/>'], "ground"
+    for name in base:
+        child = f"on_{name}"
+        kind = "prismatic" if name[0] == "t" else "continuous"
+        limit = '<limit lower="-5" upper="5" effort="1" velocity="1"/>' * (kind == "prismatic")
+        parts += [
+            f'<link name="{child}">{inertial(carriage) if carriage else ""}</link>',
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<axis xyz="{AXES[name]}"/>{limit}</joint>',
+        ]
+        parent = child
+    parts += [bolt("to_bus", parent, "bus"), f'<link name="bus">{inertial(40)}</link>']
+    for i, axis in enumerate(axes):
+        before = f"l{i - 1}" if i else "bus"
+        parts += [
+            f'<link name="l{i}">{inertial(3 - i)}</link>',
+            f'<joint name="a{i}" type="continuous"><parent link="{before}"/><child link="l{i}"/>'
+            f'<origin xyz="0.8 0 0"/><axis xyz="{axis}"/></joint>',
+        ]
+    parts += ['<link name="tip"/>', bolt("to_tip", f"l{len(axes) - 1}", "tip", "0.5 0 0")]
+    return f'<robot name="r">{"".join(parts)}</robot>'
+
+
+def bolt(name, parent, child, at="0 0 0"):
+    return (
+        f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{at}"/></joint>'
+    )
+
+
+def inertial(mass):
+    return (
+        f'<inertial><origin xyz="0.2 0 0"/><mass value="{mass}"/>'
+        '<inertia ixx="0.9" iyy="1" izz="1.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+
+
+def mjcf(base):
+    """Write the same robot as an MJCF, its base given by the joints of its body."""
+    body = '<inertial pos="0.2 0 0" mass="{}" diaginertia="0.9 1 1.1"/>'
+    arm = '<site name="tip" pos="0.5 0 0"/>'
+    for i in reversed(range(3)):
+        arm = (
+            f'<body name="l{i}" pos="0.8 0 0"><joint name="a{i}" type="hinge" axis="0 0 1"/>'
+            f"{body.format(3 - i)}{arm}</body>"
+        )
+    return (
+        '<mujoco><compiler angle="radian"/><worldbody>'
+        f'<body name="bus">{base}{body.format(40)}{arm}</body></worldbody></mujoco>'
+    )
+
+
+def load(folder, text, suffix=".urdf", **options):
+    (path := folder / f"r{suffix}").write_text(text)
+    return sa.load(path, **options)
+
+
+def floating(folder, **options):
+    """The same robot, its bus the root."""
+    return load(folder, urdf(()), **options).at(Q)
+
+
+def same(arm, reference):
+    cfg = arm.at(Q)
+    assert arm.joint_names == reference.arm.joint_names
+    np.testing.assert_allclose(
+        sa.generalized_jacobian(cfg), sa.generalized_jacobian(reference), atol=1e-13
+    )
+
+
+@pytest.mark.parametrize("base", [*itertools.permutations(PLANE), SPACE, SPACE[::-1]])
+def test_slides_and_hinges_of_a_urdf_are_the_floating_base(base, tmp_path):
+    with pytest.warns(sa.ModelWarning, match="floats by itself"):
+        arm = load(tmp_path, urdf(base))
+    same(arm, floating(tmp_path))
+    assert any(all(name in note for name in base) for note in arm.notes)
+
+
+@pytest.mark.filterwarnings("ignore:.*is taken as three hinges:spacearm.ModelWarning")
+@pytest.mark.parametrize("names", [PLANE, ("tx", "ty", "tz", "ball"), SPACE])
+def test_slides_and_hinges_of_an_mjcf_are_the_floating_base(names, tmp_path):
+    joints = [
+        '<joint name="ball" type="ball"/>'
+        if name == "ball"
+        else f'<joint name="{name}" type="{"slide" if name[0] == "t" else "hinge"}" '
+        f'axis="{AXES[name]}"/>'
+        for name in names
+    ]
+    with pytest.warns(sa.ModelWarning, match="floats by itself"):
+        arm = load(tmp_path, mjcf("".join(joints)), ".xml")
+    same(arm, floating(tmp_path))
+
+
+@pytest.mark.filterwarnings("ignore:.*links between joints without mass:spacearm.ModelWarning")
+@pytest.mark.parametrize(
+    ("base", "axes"),
+    [
+        (("tx",), ("0 0 1",) * 3),
+        (("tx", "ty"), ("0 0 1",) * 3),
+        (("tx", "ty", "tz"), ("0 0 1",) * 3),
+        (PLANE, ("0 0 1", "0 1 0", "0 1 0")),
+        (("tx", "ty", "rx"), ("0 0 1",) * 3),
+    ],
+)
+def test_a_base_that_may_be_a_rail_is_a_question_with_both_answers(base, axes, tmp_path):
+    with pytest.raises(
+        sa.ModelError, match=r"may be a spacecraft that floats, or an arm on a rail"
+    ):
+        load(tmp_path, urdf(base, axes))
+    text = urdf(base, axes)
+    for name in base:
+        for kind in ("prismatic", "continuous"):
+            text = text.replace(f'name="{name}" type="{kind}"', f'name="{name}" type="fixed"')
+    assert load(tmp_path, text).n == 3
+    (path := tmp_path / "rail.urdf").write_text(urdf(base, axes))
+    assert sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1))).n == 3 + len(base)
+
+
+def test_carriages_with_mass_are_no_floating_base(tmp_path):
+    with pytest.raises(sa.ModelError, match="rail"):
+        load(tmp_path, urdf(PLANE, carriage=1.0))
+
+
+def test_an_arm_on_a_wall_is_no_floating_base(tmp_path):
+    with pytest.raises(sa.ModelError, match="arm alone"):
+        load(tmp_path, urdf(("rz",)))
+
+
+@pytest.mark.filterwarnings("ignore:.*links between joints without mass:spacearm.ModelWarning")
+def test_a_floating_base_that_is_mounted_is_told(tmp_path):
+    (path := tmp_path / "r.urdf").write_text(urdf(PLANE))
+    with pytest.warns(sa.ModelWarning, match="without a bus"):
+        arm = sa.mount(path, sa.Bus(mass=100, size=(1, 1, 1)))
+    assert arm.n == 6
+
+
+def test_slides_and_hinges_of_an_sdf_are_the_floating_base(tmp_path):
+    body = (
+        '<link name="{}"><pose>{} 0 0 0 0 0</pose><inertial><pose>0.2 0 0 0 0 0</pose>'
+        "<mass>{}</mass><inertia><ixx>0.9</ixx><iyy>1</iyy><izz>1.1</izz><ixy>0</ixy><ixz>0</ixz>"
+        "<iyz>0</iyz></inertia></inertial></link>"
+    )
+    massless = (
+        "<inertial><mass>0</mass><inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia></inertial>"
+    )
+    link = '<link name="{}">' + massless + "</link>"
+    joint = (
+        '<joint name="{}" type="{}"><parent>{}</parent><child>{}</child><axis><xyz>{}</xyz></axis>'
+        "</joint>"
+    )
+    parts = [link.format("on_tx"), link.format("on_ty"), body.format("bus", 0, 40)]
+    parts += [body.format(f"l{i}", 0.8 * (i + 1), 3 - i) for i in range(3)]
+    parts += ['<frame name="tip" attached_to="l2"><pose>0.5 0 0 0 0 0</pose></frame>']
+    parts += [
+        joint.format("tx", "prismatic", "world", "on_tx", AXES["tx"]),
+        joint.format("ty", "prismatic", "on_tx", "on_ty", AXES["ty"]),
+        joint.format("rz", "revolute", "on_ty", "bus", AXES["rz"]),
+        *(
+            joint.format(f"a{i}", "revolute", f"l{i - 1}" if i else "bus", f"l{i}", "0 0 1")
+            for i in range(3)
+        ),
+    ]
+    text = f'<sdf version="1.9"><model name="r">{"".join(parts)}</model></sdf>'
+    with pytest.warns(sa.ModelWarning, match="floats by itself"):
+        arm = load(tmp_path, text, ".sdf")
+    same(arm, floating(tmp_path))
