@@ -300,7 +300,7 @@ def test_a_real_store_is_drawn(tmp_path):
     drawn = plot(store)
     assert drawn.axes[0].get_ylabel() == "path independent share [%]"
     (curve,) = drawn.axes[0].lines
-    np.testing.assert_allclose(curve.get_ydata(), 100.0 * store["fraction"].values[0])
+    np.testing.assert_allclose(curve.get_ydata(), 100.0 * store["fraction"].values[0], atol=1e-12)
 
 
 def test_a_dataset_of_something_else_is_refused():
