@@ -89,6 +89,7 @@ RESULTS = {
     "DampedLeastSquares": lambda: sa.DampedLeastSquares(target=(1.0, 1.0)),
     "DistanceRange": lambda: sa.distance_range(unsure(), [0.3, 0.4], samples=2),
     "Dynamics": lambda: sa.forward_dynamics(configuration(), [0.1, 0.2], [1.0, 0.0]),
+    "Connection": lambda: sa.connected(arm().at([0.3, 1.2]), arm().at([0.4, 1.3])),
     "ErrorBars": lambda: sa.error_bars(configuration()),
     "Event": lambda: sa.Event(1.0, "target", np.zeros(2), "error 0.001"),
     "Followed": lambda: sa.follow(arm().at([0.3, 1.2]), [(1.5, 1.2)]),
@@ -96,6 +97,8 @@ RESULTS = {
         arm().at([0, 1]), [(1.5, 0.2), (1.5, 0.5)], all_branches=True, samples=16
     ),
     "FoundSet": lambda: sa.singular_set(sa.load("servicer_panda"), mode="fixed"),
+    "FreeBox": lambda: sa.free_box(arm().at([0.3, 1.2])),
+    "FreeBoxes": lambda: sa.free_boxes(arm(), share=0.5),
     "JointPD": lambda: sa.JointPD(target=lambda t: [t, t], kp=5.0, kd=9.0),
     "Joints": lambda: sa.Joints([0.1, 0.2]),
     "ModelInfo": lambda: sa.catalogue()[0],
@@ -117,6 +120,7 @@ RESULTS = {
     "ResolvedRate": lambda: sa.ResolvedRate(target=pin.SE3.Random()),
     "RiskProfile": lambda: sa.risk_profile(arm(), bins=3, samples=100),
     "RiskProfile of empty classes": lambda: sa.risk_profile(arm(), bins=[9.0, 10.0], samples=9),
+    "NearestSingular": lambda: singular_set().nearest([0.3, 0.4]),
     "Roots": lambda: singular_set().roots([0.1, 0.2]),
     "RobustCertificate": lambda: sa.is_free_for_all(unsure(), [[0.1, 0.2], [0.3, 0.4]]),
     "RobustCertificate of a singularity": lambda: sa.is_free_for_all(

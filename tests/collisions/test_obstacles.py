@@ -333,7 +333,8 @@ def test_what_no_obstacle_is(make, message):
 
 
 def test_times_of_a_plan_are_those_of_its_check(free):
-    np.testing.assert_array_equal(rest_to_rest_times(free.q, largest_rates(free.arm)), free.t)
+    times = rest_to_rest_times(free.q, largest_rates(free.arm))
+    np.testing.assert_allclose(times, free.t, rtol=1e-5, atol=0)  # rows bent to arrive as flown
 
 
 # --- what is drawn, kept and printed ----------------------------------------------------------

@@ -10,8 +10,7 @@ from typing import TypeAlias
 from lxml import etree
 
 from spacearm.description.readers import mjcf, pinocchio_model, sdf, urdf
-from spacearm.description.readers.floating_base import with_floating_base
-from spacearm.description.readers.forest import check_mimics
+from spacearm.description.readers.forest import check_mimics, with_floating_base
 from spacearm.description.readers.masses import checked
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS, PinocchioModel
 from spacearm.description.readers.source import Reading, Source
