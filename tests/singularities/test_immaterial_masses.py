@@ -68,7 +68,7 @@ def test_members_of_the_set_stay_singular_with_500_kg_in_the_hand(name):
         np.median(sa.evaluate(one, regular, ("sigma_min",))["sigma_min"]) for one in (arm, heavy)
     )
     assert sigma.max() < 1e-10 * before
-    assert after < 0.5 * before  # the set stands still, sigma_min falls
+    assert after < 0.8 * before  # the set stands still, sigma_min falls
 
 
 def test_planar_arms_with_x_y_rz_hold_any_body_in_their_plane():
