@@ -38,7 +38,7 @@ DONE = 1e-10
 OPPOSITE = -0.9
 """Cosine of the angle beyond which the sine of a rotation does not tell its axis."""
 
-FINE, FEWEST = 0.01, 800
+FINE, FEWEST = 0.0025, 3200
 """Largest motion of a joint, and turn by the momentum, in one step of the integration [rad] or [m];
 least number of all steps."""
 SHAPES = 2
@@ -289,7 +289,7 @@ class FlownRows:
         shapes = np.einsum("ms,jn->sjmn", waves, bends).reshape(-1, *q.shape)
 
         def left(rows: FlownRows) -> Array:
-            return pin.log3(attitude.T @ rows.attitudes()[-1])
+            return pin.log3(attitude.T @ rows.attitudes(parts=2)[-1])
 
         rows, miss = self, left(self)
         if np.linalg.norm(miss) <= TURNED:

@@ -156,7 +156,7 @@ class Plan(Motion):
         """How far from its last row the plan ends as `sa.Tracking` flies it, through its rows."""
         if self.mode != FLOATING or len(self) == 1:
             return ArrivalError(0.0, 0.0)
-        end, T = self[-1], self._flown.attitudes(parts=2)[-1]
+        end, T = self[-1], self._flown.attitudes(parts=4)[-1]
         pairs = zip(placed(end, end.q, T).tips, end.tips, strict=True)
         off = max(float(np.linalg.norm(a.translation - b.translation)) for a, b in pairs)
         return ArrivalError(off, float(np.linalg.norm(pin.log3(T.T @ end.base.rotation))))
@@ -247,10 +247,14 @@ class Plan(Motion):
         return f"Plan({self.arm.name}, {way}, {self.nearest}, {len(self)} rows)"
 
 
-def landed(plan: AnyMotion) -> AnyMotion:
-    """Return a plan bent a little, so that it ends as flown with the attitude that it had.
+def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
+    """Return a plan bent a little, so that it ends as flown with the attitude that it should.
 
     Motions that are no plans stay.
+
+    Args:
+        plan: The plan.
+        attitude: (3, 3) the attitude; that of its last row if None.
 
     Raises:
         NoSolutionError: It cannot be; carries the rows.
@@ -259,10 +263,10 @@ def landed(plan: AnyMotion) -> AnyMotion:
         return plan
     start, h = plan[0], plan.momentum[0, :3]
     try:
-        rows = plan._flown.landed(plan[-1].base.rotation)
+        rows = plan._flown.landed(plan[-1].base.rotation if attitude is None else attitude)
     except NoSolutionError as error:
         raise NoSolutionError(str(error), [*plan]) from None
-    pairs = zip(rows.q, rows.attitudes(), strict=True)
+    pairs = zip(rows.q, rows.attitudes(parts=2), strict=True)
     base = samples([placed(start, q, T) for q, T in pairs])["base"]
     base[:, :3] += np.outer(plan.t, h / plan.arm.mass)
     return replace(plan, q=rows.q, base=base)

@@ -99,6 +99,6 @@ def test_command(tmp_path):
     assert run.returncode == 0, run.stderr
     plan = sa.Motion.load(tmp_path / "plan.npz", sa.load("planar2"))
     places = [np.linalg.norm(plan.tip[:, :2] - point, axis=1) for point in (VIA, (0.8, 1.6))]
-    assert max(distance.min() for distance in places) < 1e-7
+    assert max(distance.min() for distance in places) < 1e-5  # rows are bent to arrive as flown
     assert places[0].argmin() < places[1].argmin()
     np.testing.assert_allclose(plan.tip[-1, :2], GOAL, atol=1e-7)

@@ -57,7 +57,8 @@ def by_methods(problem: Problem, methods: Mapping[str, Callable[[Problem], Rows]
                 clearance=problem.target.clearance,
                 obstacles=problem.request.obstacles,
             )
-            found = paced(landed(found), problem.rates)
+            wanted = problem.target.attitude if problem.target.tip is None else None
+            found = paced(landed(found, wanted), problem.rates)
             problem.check([*found])
             return problem.arrived(recheck(found, account), attempts.stories)
     rounds = f"{account.rounds + 1} rounds" if account.rounds else "1 round"
