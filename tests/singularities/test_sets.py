@@ -340,7 +340,8 @@ def test_surface_is_a_closed_mesh_on_the_set():
 def test_sample_covers_the_set_and_repeats_with_its_seed():
     found = sa.singular_set(sa.load("planar2"))
     Q = found.sample(500, np.random.default_rng(1))
-    assert np.array_equal(Q, found.sample(500, np.random.default_rng(1)))
+    again = found.sample(500, np.random.default_rng(1))  # sums may be compiled meanwhile
+    np.testing.assert_allclose(again, Q, atol=1e-12)
     assert (np.abs(found.S(Q)) < 1e-12 * found.S.scale).all()
     bins = np.histogram(Q[:, 0], bins=12, range=(-np.pi, np.pi))[0]
     assert bins.min() > 15
