@@ -117,7 +117,8 @@ def test_chaser7_has_an_exact_set():
     assert (found.codimension, found.dimension) == (2, 3)
     rng = np.random.default_rng(7)
     Q = found.sample(300, rng)
-    assert np.array_equal(Q, found.sample(300, np.random.default_rng(7)))
+    again = found.sample(300, np.random.default_rng(7))  # sums may be compiled meanwhile
+    np.testing.assert_allclose(again, Q, atol=1e-12)
     assert max(sigma_ratio(arm, q) for q in Q[:60]) < 1e-12
     assert all(holds(found, q) for q in searched(found, rng, 6))
     assert len(found.sample(0)) == 0
