@@ -8,6 +8,7 @@ singular configuration, and needs no further proof.
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -219,6 +220,7 @@ class FreeBoxes(Result):
         """
         buffer = BytesIO()
         names = {"arm": np.array(self.arm.name), "mode": np.array(self.mode)}
+        names["bodies"] = np.array(_bodies(self.arm))
         names["endless"] = np.array(self.endless, dtype=np.int64)
         arrays: dict[str, Any] = names | self.cells._asdict()
         np.savez_compressed(buffer, **arrays)
@@ -239,6 +241,7 @@ class FreeBoxes(Result):
         try:
             with np.load(Path(path), allow_pickle=False) as file:
                 names = str(file["arm"]), str(file["mode"])
+                bodies = str(file["bodies"])
                 cells = Cells(*(file[name] for name in Cells._fields))
                 endless = tuple(file["endless"].tolist())
         except (OSError, ValueError, KeyError) as error:
@@ -246,6 +249,11 @@ class FreeBoxes(Result):
         if names != (arm.name, mode) or cells.low.shape[1:] != (arm.n,):
             raise StoreError(
                 f"{path} has the boxes of {names[0]}, {names[1]}; not those of {arm.name}, {mode}"
+            )
+        if bodies != _bodies(arm):
+            raise StoreError(
+                f"{path} has the boxes of another {arm.name}: its masses, lengths, tips or "
+                "task differ; call free_boxes for this one"
             )
         return cls(arm, mode, cells, endless)
 
@@ -280,6 +288,18 @@ class FreeBoxes(Result):
             tables=[Table.by_columns(columns, f"The largest {len(shares)} parts")],
             not_checked="collisions; whether parts are connected by what is not covered",
         )
+
+
+def _bodies(arm: SpaceArm) -> str:
+    """Return a digest of all of an arm that its singular set depends on."""
+    model, joints = arm.model, arm.tree.movable()
+    numbers = [inertia.toDynamicParameters() for inertia in model.inertias]
+    numbers += [pose.homogeneous.ravel() for pose in model.jointPlacements]
+    numbers += [model.frames[frame].placement.homogeneous.ravel() for frame in arm.tip_frames]
+    numbers += [arm.offsets] if arm.coupling is None else [arm.offsets, arm.coupling.ravel()]
+    numbers += [joint.axis for joint in joints]
+    words = arm.joint_names, arm.tips, arm.task.names, [joint.kind for joint in joints]
+    return hashlib.sha256(np.concatenate(numbers).tobytes() + repr(words).encode()).hexdigest()
 
 
 @of_arm

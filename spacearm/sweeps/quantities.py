@@ -8,6 +8,7 @@ any time.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -84,7 +85,7 @@ class Variable(NamedTuple):
     dtype: str = "float64"
 
 
-class Quantity:
+class Quantity(ABC):
     """One quantity of a study, read from its table; `QUANTITIES` lists the kinds.
 
     Attributes:
@@ -117,10 +118,11 @@ class Quantity:
         self.seed, self.chunk = seed, chunk
         self.read(table, arms)
 
+    @abstractmethod
     def read(self, table: Table, arms: Sequence[SpaceArm]) -> None:
         """Read the table, and set the attributes."""
-        raise NotImplementedError
 
+    @abstractmethod
     def compute(self, arm: SpaceArm, box: Box, seed: Sequence[int]) -> Mapping[str, Any]:
         """Compute the numbers of one chunk, by variable.
 
@@ -129,7 +131,6 @@ class Quantity:
             box: The part of the quantity's grid.
             seed: Seed of the study and number of the design.
         """
-        raise NotImplementedError
 
     def nbytes(self, designs: int) -> int:
         """Return the size of all numbers [bytes], uncompressed."""

@@ -24,7 +24,7 @@ def view(
     compare: Any = None,
     obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
     port: int | None = None,
-    open: bool | None = None,  # noqa: A002 - as webbrowser has it
+    open: bool | None = None,
 ) -> Viewer:
     """Show an arm with sliders, play a motion, or show the posture of any other result.
 

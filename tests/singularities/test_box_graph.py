@@ -96,3 +96,13 @@ def test_it_goes_on_from_a_file(tmp_path):
 def test_a_share_that_cannot_be_is_named():
     with pytest.raises(sa.ConfigurationError, match=r"share is 1\.5"):
         sa.free_boxes(sa.load("planar2"), share=1.5)
+
+
+def test_boxes_are_not_those_of_an_arm_of_the_same_name_with_other_masses(planar, tmp_path):
+    path, arm = planar.save(tmp_path / "boxes.npz"), sa.load("planar2")
+    read = sa.FreeBoxes.load(path, arm, "free-floating")
+    assert read.share == planar.share
+    for other in (arm.replace(base_mass=80.0), arm.replace(link_length={"link_1": 0.9})):
+        assert other.name == arm.name
+        with pytest.raises(sa.StoreError, match="of another planar2"):
+            sa.FreeBoxes.load(path, other, "free-floating")
