@@ -244,10 +244,10 @@ class FlownRows:
     wheels: Array
 
     def attitudes(self, parts: int = 1) -> Array:
-        """Return the attitudes (m, 3, 3) of the spacecraft at the rows, to about 1e-9 rad.
+        """Return the attitudes (m, 3, 3) of the spacecraft at the rows, by steps of fourth order.
 
         Args:
-            parts: How many times finer than that the integration is.
+            parts: Into how many parts the steps of `FINE` and `FEWEST` are divided.
         """
         start, t, h = self.start, self.t, self.start.momentum[3:]
         steps = parts * self._steps
