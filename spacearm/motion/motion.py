@@ -25,6 +25,7 @@ from spacearm.motion.events import Event
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.tubes import straight
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.singularities.report import singularity
 from spacearm.singularities.sets import prove_regular
@@ -200,6 +201,11 @@ class Motion(Result):
         if self._compiled:
             return read_only(evaluate(self.arm, self.q, ("distance",))["distance"])
         return self._each(lambda cfg: singularity(cfg, mode=self.mode).distance)
+
+    @property
+    def control_points(self) -> Array:
+        """(pieces, d, n) control points of the joint motion: straight from row to row."""
+        return straight(self.q)
 
     @cached_property
     def certificate(self) -> Certificate | None:

@@ -29,7 +29,7 @@ from spacearm.results import (
 )
 from spacearm.singularities.nearest import angle, nearness
 from spacearm.singularities.rounding import error_bars
-from spacearm.singularities.sets import nearest_posture
+from spacearm.singularities.sets import nearest_on_way
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
@@ -316,7 +316,7 @@ def singularity(
     distance, away = refined_at(cfg, found, mode)
     distances = np.append(np.maximum(found.distances[:-1], distance), distance)
     if exact:
-        near = nearest_posture(cfg, mode, progress)
+        near = nearest_on_way(cfg.arm, mode, cfg.q[None, None], progress)
         if near is not None:
             nearest, distance, proven = near.q, near.distance, near.distance_proven
             away = (cfg.q - nearest) / distance if distance > tolerance else away
