@@ -230,10 +230,13 @@ class Plan(Motion):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data, joint travel and certificate too."""
+        near = self.nearest
         return super().to_dict() | {
             "travel": self.length,
             "certificate": plain(self.certificate),
-            "nearest": plain(self.nearest),
+            "nearest": None if near is None else plain(near.q),
+            "distance": None if near is None else near.distance,
+            "distance_proven": 0.0 if near is None else near.distance_proven,
             "arrival_error": self.arrival_error._asdict(),
         }
 

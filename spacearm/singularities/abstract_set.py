@@ -29,7 +29,7 @@ from spacearm.polynomial.tubes import Tubes, foot, straight
 from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
 from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
-from spacearm.singularities.nearest import CHORD, NearestSingular, most_boxes, nearest_singular
+from spacearm.singularities.nearest import NearestSingular, most_boxes, nearest_singular
 from spacearm.singularities.polynomials import minors_of, proving_minors
 from spacearm.singularities.rounding import error_bars
 
@@ -76,6 +76,8 @@ def prove_free(
     return Certificate(True, None, None, margin, "free", noise)
 
 
+CHORD = 0.02
+"""How far a chord that stands for several pieces of a path may be from it, over the clearance."""
 MANY = 5
 """How many times as many boxes as that of a posture the proof of a clearance may take."""
 

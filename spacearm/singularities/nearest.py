@@ -38,8 +38,9 @@ Booleans = npt.NDArray[np.bool_]
 SHARE, SHARE_OF_SEVERAL, GAP = 0.99, 0.9, 1e-4
 """Share of the distance found up to which it is proven that none is nearer, by one minor and by
 several or along a way; in up to three joints that matter all but so much [rad]."""
-CHORD = 0.02
-"""How far a chord that stands for several pieces of a way may be from it, over the distance."""
+CHORD = 0.2
+"""How far a chord that stands for several pieces of a way may be from it: share of the distance
+that need not be proven."""
 ABREAST, LOOKED_AT, LOOKED_FROM, ALONG = 0.1, 400, 6, 0.3
 """Between places on a way at which it is estimated how near the set is [rad], and their largest
 number; the largest number from which the nearest configuration is looked for, and how far apart
@@ -203,7 +204,9 @@ def nearest_singular(
         wanted = distance * share
         if roots.relevant.sum() <= 3:
             wanted = max(wanted, distance - GAP)
-        proof = prove(roots, Tubes.about(points, wanted, CHORD * distance), boxes, worked)
+        proof = prove(
+            roots, Tubes.about(points, wanted, CHORD * (distance - wanted)), boxes, worked
+        )
         proven, boxes = max(proven, proof.radius), boxes - proof.tried
         if not len(proof.open):
             break
