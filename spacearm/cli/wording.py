@@ -14,6 +14,7 @@ OPTIONS = {
     r'check="(\w+)"': r"--check \1",
     r'joints="all"': "--joints all",
     r"tip=LINK": "--tip LINK",
+    r"\btask='([^']+)'": r"--task '\1'",
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",
     r"\bdensity=(?!\w)": "--density RHO",
     r"\ball_branches=True\b": "no joint values",
