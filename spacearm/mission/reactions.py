@@ -190,8 +190,9 @@ def reaction(
     derivative of D_q dq; this is the torque that `inverse_dynamics` reports as the reaction.
 
     What `sa.plan`, `sa.simulate` and `sa.follow` return knows its own rates and accelerations.
-    Those of other motions are differences over the samples: sample finely. Wheels of the spacecraft share momentum and torque by the pseudo-inverse of their axes, and what exceeds
-    their limits is said, with by how much.
+    Those of other motions are differences over the samples: sample finely. Wheels of the
+    spacecraft share momentum and torque by the pseudo-inverse of their axes, and what exceeds their
+    limits is said, with by how much.
 
     Args:
         motion: Any motion of the package, or an object with arm, t, q and base; see `Motion.of`.

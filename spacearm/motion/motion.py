@@ -248,8 +248,10 @@ class Motion(Result):
         """Times at which a singularity is known to have been met [s]."""
         return ()
 
-    jumps: ClassVar[tuple[RateJump, ...]] = ()
-    """Where the joint rates are known to jump."""
+    @cached_property
+    def jumps(self) -> tuple[RateJump, ...]:
+        """Where the joint rates are known to jump."""
+        return ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data; the arm by its name, arrays as lists."""

@@ -5,12 +5,12 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+from helpers.arms import chosen, load_text, random_chain
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 import spacearm as sa
 from spacearm.mechanics.jacobian import generalized_jacobian_rate
-from helpers.arms import chosen, load_text, random_chain
 
 E, A, B, C = (2.0, 0.0), np.radians([-57.936, 60.337]), (1.5, 1.5), np.array([1.0, 0.0])
 
