@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +38,30 @@ UNBOUNDED = (
     "joint rates, momentum and torque grow without limit there"
 )
 """What is said of the loads of a motion that ends so."""
+
+
+def jump_notes(size: float) -> list[str]:
+    """Say by how much [N m s] the momentum of a motion jumps, if it does."""
+    if not size:
+        return []
+    return [
+        f"the joint rates jump, and what wheels hold by up to {size:.4g} N m s at once, which no "
+        "torque does; a path with times is smooth"
+    ]
+
+
+class RateJump(NamedTuple):
+    """A jump of the joint rates, with a jump of what wheels hold that no torque follows.
+
+    Attributes:
+        t: When [s].
+        q: (n,) joint positions then.
+        change: (n,) of the joint rates [rad/s] or [m/s].
+    """
+
+    t: float
+    q: Array
+    change: Array
 
 
 class Playable(Protocol):
@@ -224,6 +248,11 @@ class Motion(Result):
         """Times at which a singularity is known to have been met [s]."""
         return ()
 
+    @cached_property
+    def jumps(self) -> tuple[RateJump, ...]:
+        """Where the joint rates are known to jump."""
+        return ()
+
     def to_dict(self) -> dict[str, Any]:
         """Return all fields and quantities as plain data; the arm by its name, arrays as lists."""
         more = {name: plain(getattr(self, name)) for name in self._layout(self.arm).quantities}
@@ -315,10 +344,20 @@ class Motion(Result):
         moved, torque = momentum_and_torque(self.arm, self.q, self.dq, self.ddq)
         rates = [np.linalg.norm(x, axis=1).max() for x in (moved, torque)]
         notes = [f"holding the attitude takes up to {rates[0]:.4g} N m s and {rates[1]:.4g} N m"]
+        notes += jump_notes(self.momentum_jump)
         if not self.arm.wheels or carried(self.arm.model, self.arm.wheels):
             return notes, []
         load = WheelLoad.of(self.arm.model, self.arm.wheels, self.momentum_on_board - moved, torque)
         return [*notes, *load.exceeded], [load.table()]
+
+    @property
+    def momentum_jump(self) -> float:
+        """Largest jump of D_q dq, the attitude held, with the joint rates [N m s]."""
+        if not self.jumps:
+            return 0.0
+        q, change = (np.array([jump[i] for jump in self.jumps]) for i in (1, 2))
+        jumps, _ = momentum_and_torque(self.arm, q, change, np.zeros_like(q))
+        return float(np.linalg.norm(jumps, axis=1).max())
 
     @property
     def momentum_on_board(self) -> Array:

@@ -5,7 +5,7 @@ import { DEGREE, byId, digits, distanceColour, element, fixed } from "./format.j
 const FAR = 30; // degrees at the end of the gauge
 
 export function createReadouts({ model, tip, tip_reason, task, unit, joints, meaning, missing,
-  contacts, grid }) {
+  contacts, wheels, grid }) {
   byId("squares").textContent = `grid ${digits(grid.step)} m`;
   byId("model").textContent = byId("model").title = model;
   document.title = `${model} - spacearm`;
@@ -16,6 +16,8 @@ export function createReadouts({ model, tip, tip_reason, task, unit, joints, mea
   byId("missing").querySelector("p").textContent = missing;
   byId("missing").hidden = !missing;
   byId("contacts").title = contacts;
+  byId("wheels").hidden = !wheels.rows.length;
+  table(byId("wheels").querySelector("div"), wheels.head, wheels.rows);
   return (state) => show(state, { joints, task, unit });
 }
 
