@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from spacearm.arrays import Array
 from spacearm.mechanics.dynamics import Capture, Dynamics
 from spacearm.mechanics.jacobian import MomentumMatrix, PrescribedMotion
-from spacearm.plots.configurations import draw_stick_figure, in_plane
+from spacearm.plots.bodies import stand_ins
+from spacearm.plots.configurations import draw_posture, in_plane
 from spacearm.plots.style import BLUE, GREEN, GREY, RED, axes_for, draws, headline, panels_for
 from spacearm.singularities.report import IN_WORDS, SingularityReport
 from spacearm.singularities.rounding import ErrorBars
@@ -49,10 +50,10 @@ def draw_report(result: SingularityReport, *, ax: Any = None) -> Figure:
         return [posture, values, whole.add_subplot(grid[1, 1], sharex=values)]
 
     whole, (posture, values, directions) = panels_for(ax, parts, 11.0, 5.4)
-    draw_stick_figure(posture, cfg)
+    draw_posture(posture, cfg)
     _draw_lost(posture, result)
     verdict = textwrap.fill(result.verdict, VERDICT)
-    posture.set_title(f"{arm.name}, {result.mode}\n{verdict}")
+    posture.set_title(f"{arm.name}, {result.mode}\n{verdict}{stand_ins(arm)}")
     color = [GREEN] * result.rank + [RED] * (k - result.rank)
     bars = values.bar(range(k), result.sigma, color=color)
     values.bar_label(bars, fmt="{:.3g}", fontsize=9)
