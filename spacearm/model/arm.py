@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
+from spacearm.description.grippers import held_fingers
 from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, coupling, joint_limits
@@ -135,7 +136,8 @@ class SpaceArm(JointSpace, Described):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or left out as the model was read, a sentence each."""
-        return (*self.tree.notes, *filter(None, [self.fault_of_task()]))
+        held = held_fingers(self.whole, self.tips, self.held)
+        return (*self.tree.notes, *held, *filter(None, [self.fault_of_task()]))
 
     def fault_of_task(self, free: int = 6) -> str:
         """Say why the task is impossible at every posture, and which would do; "" if it is not.
