@@ -377,7 +377,8 @@ class SpaceArm(JointSpace, Described):
                 Table(
                     ("joint", "type", "moves", "at"),
                     rows,
-                    'Held joints (to make them count: joints="all", or their names)',
+                    'Held joints (to make them count: joints="all", or their names; '
+                    "to make them reaction wheels: wheels=[...])",
                 )
             )
         return Description(

@@ -102,9 +102,7 @@ class System:
                 f"wheels turn the spacecraft and mode is {self.mode!r}; give mode='free-floating'"
             )
         if not arm.wheels:
-            raise UnsupportedError(
-                f"{arm.name} has no wheels; load it with wheels=[...], the names of joints"
-            )
+            raise UnsupportedError(f"{arm.name} has no wheels; name their joints by wheels=[...]")
         if self.motors is not None:
             wheel_torques(self.motors(0.0), len(arm.wheels))
 
