@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, plain, read_only
 from spacearm.description.bodies import Inertial, Joint
+from spacearm.description.grippers import held_fingers
 from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, coupling, joint_limits
@@ -125,7 +126,7 @@ class SpaceArm(JointSpace, Described):
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or left out as the model was read, a sentence each."""
-        return self.tree.notes
+        return (*self.tree.notes, *held_fingers(self.whole, self.tips, self.held))
 
     @property
     def bodies(self) -> dict[str, pin.Inertia]:

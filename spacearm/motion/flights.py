@@ -101,7 +101,7 @@ class Flight(Trajectory):
 
     @cached_property
     def distance(self) -> Array:
-        """(m,) distance to the singular set [rad], with what is held."""
+        """(m,) as `Motion.distance` [rad], with what is held."""
         return read_only(_joined(self.phases, "distance"))
 
     @cached_property

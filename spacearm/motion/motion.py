@@ -26,7 +26,7 @@ from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
-from spacearm.singularities.report import singularity
+from spacearm.singularities.nearest import distances_found
 from spacearm.singularities.sets import prove_regular
 
 if TYPE_CHECKING:
@@ -220,10 +220,11 @@ class Motion(Result):
 
     @cached_property
     def distance(self) -> Array:
-        """(m,) distance to the singular set [rad], to first order; see `sa.singularity`."""
-        if self._compiled:
-            return read_only(evaluate(self.arm, self.q, ("distance",))["distance"])
-        return self._each(lambda cfg: singularity(cfg, mode=self.mode).distance)
+        """(m,) how far the nearest singular configuration found from each row is [rad].
+
+        The nearest of all is no farther; see `NearestSingular`.
+        """
+        return read_only(distances_found(self.arm, self.mode, self.q))
 
     @cached_property
     def certificate(self) -> Certificate | None:
@@ -371,7 +372,7 @@ class Motion(Result):
 
     def _facts(self, i: int) -> dict[str, Measure]:
         """Return what there is to say of a configuration, by its names."""
-        cfg, report = self[i], singularity(self[i], mode=self.mode)
+        cfg = self[i]
         tips = zip(self.arm.tips, cfg.tips, strict=True)
         named = {name if len(cfg.tips) > 1 else "tip": tip.translation for name, tip in tips}
         return {
@@ -379,8 +380,8 @@ class Motion(Result):
             "attitude, rotation vector": Measure(pin.log3(cfg.base.rotation), "rad"),
             "attitude, quaternion xyzw": Measure(self.base[i, 3:]),
             **{name: Measure(place, "m") for name, place in named.items()},
-            "sigma_min": Measure(report.sigma_min, self.arm.sigma_unit),
-            "distance to the singular set": Measure(report.distance, "rad"),
+            "sigma_min": Measure(self.sigma_min[i], self.arm.sigma_unit),
+            "distance of a singular posture found": Measure(self.distance[i], "rad"),
         }
 
     @classmethod

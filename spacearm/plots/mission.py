@@ -128,7 +128,7 @@ def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
     axes.set_title(
         f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes\n"
         f"green: margin {np.degrees(result.margin):.3g}° kept; blue: least distance to the\n"
-        f"singular set, up to {np.degrees(top):.3g}°",
+        f"singular set, to first order, up to {np.degrees(top):.3g}°",
         fontsize=10,
     )
 

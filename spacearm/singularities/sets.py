@@ -175,18 +175,19 @@ def prove_regular(
 
 
 def nearest_posture(
-    cfg: Configuration, mode: BaseMode, progress: Progress | None = None
+    cfg: Configuration, mode: BaseMode, progress: Progress | None = None, proven: bool = True
 ) -> NearestSingular | None:
     """Find the singular configuration nearest to cfg, as `SingularSet.nearest`; None if none was.
 
-    An arm that can never do its task is singular where it is.
+    An arm that can never do its task is singular where it is. That none is nearer is `proven`, or
+    not.
     """
     arm = cfg.arm
     if arm.n < arm.task.k:
         return NearestSingular(arm, mode, cfg.q, False, cfg.q, 0.0, 0.0)
     minors: Sequence[Jets] = ()
     with suppress(UnsupportedError):  # the task is one that the arm can never do
-        minors = proving_minors(arm, mode)
+        minors = proving_minors(arm, mode) if proven else ()
     with suppress(NoSolutionError):
         return nearest_singular(arm, mode, cfg.q, minors=minors, progress=progress)
     return None

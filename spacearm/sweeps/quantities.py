@@ -285,7 +285,9 @@ VARIABLES = {
     "success": Variable({"units": "1", "about": "whether the target was reached"}),
     "time_to_target": Variable({"units": "s", "about": "NaN if it was not reached"}),
     "first_singularity": Variable({"units": "s", "about": "NaN if none was met"}),
-    "least_distance": Variable({"units": "rad", "about": "least distance to the singular set"}),
+    "least_distance": Variable(
+        {"units": "rad", "about": "least distance to the singular set, to first order"}
+    ),
     "turn": Variable({"units": "rad", "about": "largest turn of the spacecraft from its start"}),
     "failed": Variable({"units": "1", "about": "whether the law or the integrator failed"}),
 }

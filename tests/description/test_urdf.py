@@ -148,7 +148,6 @@ BAD = {
         robot(BUS, ARM, joint("elbow", "bus", "arm", inside='<mimic joint="elbow"/>')),
         "joint 'elbow' mimics itself",
     ),
-    "the root joint's name": (robot(BUS, ARM, joint("root_joint", "bus", "arm")), "rename it"),
     "nothing that moves": (
         robot(BUS, frame("arm"), joint("j", "bus", "arm", "fixed")),
         "tip|no joint",
