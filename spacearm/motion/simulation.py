@@ -338,11 +338,15 @@ def _prepared_all(
 
 
 def _pieces(ready: Sequence[Prepared], size: int) -> Iterator[list[int]]:
-    """Return the numbers of runs that go side by side: those of one setup, so many at most."""
+    """Return the numbers of runs that go side by side: those of one setup, so many at most.
+
+    Runs whose functions are called in Python go one by one: nothing is gained side by side.
+    """
     setups: dict[Any, list[int]] = {}
     for i, one in enumerate(ready):
         setups.setdefault(one.setup, []).append(i)
     for runs in setups.values():
+        size = 1 if ready[runs[0]].outside else size
         yield from (runs[at : at + size] for at in range(0, len(runs), size))
 
 

@@ -184,6 +184,13 @@ def test_a_law_that_fails_ends_its_sampled_run_alone():
     assert 0.0 < many["t"][2] < 0.5
 
 
+def test_runs_of_a_law_in_python_are_reported_one_by_one():
+    told = []
+    sa.simulate_many(STARTS, pushing, 0.5, threads=1, progress=lambda done, _: told.append(done))
+    assert told[-1] == 5
+    assert len({round(done) for done in told}) >= 3
+
+
 def test_a_stop_while_reporting_ends_all_runs():
     told = []
 

@@ -342,6 +342,19 @@ def test_a_controller_of_fixed_rate_holds_its_torques():
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2)  # a hold is a delay of half of it
 
 
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"period": 0.1, "delay": -0.2}, "delay is -0.2"),
+        ({"period": -1.0}, "period"),
+        ({"period": 0.1, "seed": -1}, "seed"),
+    ],
+)
+def test_sampling_that_makes_no_sense_is_refused(given, message):
+    with pytest.raises(sa.ConfigurationError, match=message):
+        sa.Sampling(**given)
+
+
 def test_a_delay_is_waited_for():
     arm = sa.load("planar2")
     run = sa.simulate(
@@ -430,8 +443,6 @@ def test_two_tips_have_a_law_each():
             "damping from 0 on",
         ),
         ({"plant": lambda _: sa.Plant(limits=["effort"])}, "give True or False"),
-        ({"period": 0.1, "delay": -0.2}, "delay is -0.2"),
-        ({"period": -1.0}, "period"),
     ],
 )
 def test_bad_input(options, message):
