@@ -147,6 +147,7 @@ RESULTS = {
     "Integration": lambda: sa.Integration(rtol=1e-6, events=("target",)),
     "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
+    "Target": lambda: sa.Target(sa.Bus(9.0, size=(1, 1, 1)), grapples={"ring": sa.pose()}),
     "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),
