@@ -52,6 +52,7 @@ from spacearm.mechanics.jacobian import (
 from spacearm.mechanics.jacobian import generalized_jacobian_rate as generalized_jacobian_rate
 from spacearm.mechanics.jacobian import momentum_matrix as momentum_matrix
 from spacearm.mechanics.jacobian import prescribed_motion as prescribed_motion
+from spacearm.mechanics.target import Target as Target
 from spacearm.mission.attitudes import FeasibleAttitudes as FeasibleAttitudes
 from spacearm.mission.attitudes import feasible_attitudes as feasible_attitudes
 from spacearm.mission.budget import MomentumBudget as MomentumBudget

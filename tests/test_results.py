@@ -148,6 +148,7 @@ RESULTS = {
     "Sampling": lambda: sa.Sampling(period=0.1, delay=0.02, rate_noise=[0.1, 0.2]),
     "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
+    "Target": lambda: sa.Target(sa.Bus(9.0, size=(1, 1, 1)), grapples={"ring": sa.pose()}),
     "UncertainArm": lambda: unsure(),
     "VirtualManipulator": lambda: barycentric().virtual_manipulator,
     "WheelSizing": lambda: sa.size_wheels(arm(), tip_speed=0.1, samples=20),

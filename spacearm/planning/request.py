@@ -12,11 +12,10 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, Parameters, plain, positive, whole
-from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import Goal, Origin, goal_pose, started
-from spacearm.motion.motion import Motion
 from spacearm.motion.plant import WheelHold
 from spacearm.planning.account import Progress, SearchAccount
 from spacearm.planning.timing import for_each_joint, largest_rates
@@ -72,7 +71,7 @@ class Constraints(Parameters):
 
     limits: bool = True
     collisions: bool = True
-    obstacles: Obstacle | Configuration | Motion | Sequence[Obstacle | Configuration | Motion] = ()
+    obstacles: ObstacleLike | Sequence[ObstacleLike] = ()
     clearance: float | None = None
     keep_attitude: float | None = None
     rates: npt.ArrayLike | None = None

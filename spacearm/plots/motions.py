@@ -18,8 +18,8 @@ from spacearm.collisions.solids import corners
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.bodies import IN_FRONT, draw_hulls, placed, stand_ins
 from spacearm.plots.configurations import draw_posture
+from spacearm.plots.hulls import IN_FRONT, draw_hulls, placed, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
