@@ -145,6 +145,7 @@ RESULTS = {
     "Phase": lambda: sa.Phase(lambda _t, q, _dq: 0.0 * q, 1.0, sa.Release(), stop=["target"]),
     "Release": lambda: sa.Release(),
     "Integration": lambda: sa.Integration(rtol=1e-6, events=("target",)),
+    "Sampling": lambda: sa.Sampling(period=0.1, delay=0.02, rate_noise=[0.1, 0.2]),
     "PassiveJoint": lambda: sa.PassiveJoint(damping=0.1),
     "TrigPolynomial": lambda: sa.singularity_polynomial(arm()),
     "Target": lambda: sa.Target(sa.Bus(9.0, size=(1, 1, 1)), grapples={"ring": sa.pose()}),

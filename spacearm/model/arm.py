@@ -216,7 +216,7 @@ class SpaceArm(JointSpace, Described):
             warn_outside(self, cfg.q)
         if momentum is not None:
             cfg = cfg.with_momentum(momentum)
-        return cfg if wheels is None else _spinning(cfg, wheels)
+        return cfg if wheels is None else cfg.with_wheels(wheels)
 
     def borrow(self) -> pin.Data:
         """Lend a pin.Data of the model; making one costs more than using it."""
@@ -404,7 +404,8 @@ class SpaceArm(JointSpace, Described):
                 Table(
                     ("joint", "type", "moves", "at"),
                     rows,
-                    'Held joints (to make them count: joints="all", or their names)',
+                    'Held joints (to make them count: joints="all", or their names; '
+                    "to make them reaction wheels: wheels=[...])",
                 )
             )
         return Description(
@@ -511,6 +512,22 @@ class Configuration:
         """
         return replace(self, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
 
+    def with_wheels(self, wheels: npt.ArrayLike) -> Configuration:
+        """Return the same posture, pose and total momentum with other momenta (w,) of the wheels.
+
+        Raises:
+            ConfigurationError: They have the wrong shape or are not finite.
+        """
+        arm, stored = self.arm, np.zeros(6)
+        names = listed([wheel.name for wheel in arm.wheels]) or "no wheel"
+        h = finite(wheels, (len(arm.wheels),), "wheels", f"[N m s], one for each of: {names}")
+        data = arm.borrow()
+        pin.framesForwardKinematics(arm.model, data, self.full_at_origin)
+        for wheel, spin in zip(arm.wheels, h, strict=True):
+            stored[3:] += data.oMf[wheel.frame].rotation @ wheel.axis * spin
+        arm.give_back(data)
+        return replace(self, wheels=read_only(h), stored=read_only(stored))
+
     def centred(self, com: Array) -> Configuration:
         """Return the same posture and attitude with the system CM at `com` (3,) [m]."""
         by = com - self.com
@@ -541,20 +558,6 @@ class Configuration:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
         q = np.array2string(self.q, precision=6, separator=", ")
         return f"Configuration({self.arm.name}, q={q}, base(xyz, xyzw)={base})"
-
-
-def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:
-    """Return the configuration with momentum in the wheels (w,), checked."""
-    arm = cfg.arm
-    names = listed([wheel.name for wheel in arm.wheels]) or "no wheel"
-    h = finite(wheels, (len(arm.wheels),), "wheels", f"[N m s], one for each of: {names}")
-    stored = np.zeros(6)
-    data = arm.borrow()
-    pin.framesForwardKinematics(arm.model, data, cfg.full_at_origin)
-    for wheel, spin in zip(arm.wheels, h, strict=True):
-        stored[3:] += data.oMf[wheel.frame].rotation @ wheel.axis * spin
-    arm.give_back(data)
-    return replace(cfg, wheels=read_only(h), stored=read_only(stored))
 
 
 def still_wheels(cfg: Configuration, what: str) -> None:
