@@ -23,7 +23,6 @@ from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Cell, Description, Measure, Result, Table
 from spacearm.singularities.nearest import angle
-from spacearm.singularities.report import FAR
 
 IGNORED = "collisions NOT checked (collisions=False)"
 FAILED = "collisions NOT checked of this attempt"
@@ -172,11 +171,11 @@ class Plan(Motion):
 
     @property
     def nearest(self) -> str:
-        """How near to a singularity the rows come, to first order, in words."""
+        """How near to a row a singular posture was found, in words."""
         least = float(self.distance.min())
-        far = f"over {angle(FAR)}" if least > FAR else angle(least)
+        found = "none found" if np.isinf(least) else f"found {angle(least)} from a row"
         sigma = f"sigma_min down to {self.sigma_min.min():.3g} {self.arm.sigma_unit}"
-        return f"to first order {far} from a singular posture, {sigma}"
+        return f"a singular posture {found}, {sigma}"
 
     @property
     def travel(self) -> str:
@@ -209,7 +208,7 @@ class Plan(Motion):
         apart = "none between the bodies checked, proven" if self.apart else met[self.apart]
         proof = None if self.certificate is None else bool(self.certificate)
         facts: dict[str, Cell] = {
-            "nearest row": self.nearest,
+            "nearest": self.nearest,
             "asked for": Measure(self.clearance, "rad"),
             "singularities": met[proof],
             "collisions": apart,

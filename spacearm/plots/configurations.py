@@ -12,7 +12,7 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.plots.bodies import bare, draw_bodies, stand_ins
+from spacearm.plots.hulls import bare, draw_bodies, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,

@@ -43,7 +43,7 @@ MOST_SAMPLED, MOST_FOUND = 4000, 200
 
 @draws(SingularMap)
 def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
-    """Draw the distance to the singular set over two joints, with the exact curves where known.
+    """Draw the distance to first order over two joints, with the exact curves where known.
 
     Figure 4 of Papadopoulos & Dubowsky (1993) for planar2.
 
@@ -64,14 +64,14 @@ def draw_map(result: SingularMap, *, ax: Any = None) -> Figure:
         cmap="cividis",
         rasterized=True,
     )
-    label = "least joint motion to a singular posture [deg]"
+    label = "joint motion to a singular posture, to first order [deg]"
     axes.figure.colorbar(
         image, ax=axes, label=label, shrink=0.9, extend="max" if most > far else "neither"
     )
     _draw_curves(axes, result.curves or [])
     _angle_axes(axes, result.joints)
     _draw_limits(axes, np.degrees(result.joint_limits))
-    what = "distance to the singular set" if result.curves is None else "singular set (curves)"
+    what = "distance to first order" if result.curves is None else "singular set (curves)"
     held = ", ".join(
         f"{name}\N{NO-BREAK SPACE}{np.degrees(x):.4g}" for name, x in result.held.items() if x
     )

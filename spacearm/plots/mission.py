@@ -130,7 +130,7 @@ def _draw_ring(axes: Any, result: FeasibleAttitudes) -> None:
         axes,
         f"{result.arm.name}: the path can be followed from {result.share:.1%} of the attitudes\n"
         f"green: margin {np.degrees(result.margin):.3g}° kept; blue: least distance to the\n"
-        f"singular set, up to {np.degrees(top):.3g}°",
+        f"singular set, to first order, up to {np.degrees(top):.3g}°",
         fontsize=10,
     )
 

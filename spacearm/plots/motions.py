@@ -18,8 +18,8 @@ from spacearm.collisions.solids import corners
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.bodies import draw_hulls, placed, stand_ins
 from spacearm.plots.configurations import draw_posture
+from spacearm.plots.hulls import draw_hulls, placed, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
@@ -42,7 +42,7 @@ FADES = (0.15, 0.25, 0.35, 0.55)
 LONG = 12
 """Letters of a joint name from which on the common beginning of all names is left out."""
 FAR = 45.0
-"""Largest distance to the singular set that is told apart [deg]."""
+"""Largest distance of a singular posture found that is told apart [deg]."""
 
 
 @draws(Motion)
@@ -87,7 +87,7 @@ def draw_motion(
         _draw_wheels(axes, motion, held)
     _draw_joints(joints, motion)
     nearness.plot(motion.t, np.minimum(np.degrees(motion.distance), FAR), color=RED, lw=1.8)
-    nearness.set(ylabel="to a singular\nposture [deg]", xlabel="time [s]", ylim=(0.0, FAR))
+    nearness.set(ylabel="to a singular\nposture found [deg]", xlabel="time [s]", ylim=(0.0, FAR))
     nearness.set_yticks((0.0, 15.0, 30.0, FAR), ("0", "15", "30", f"over {FAR:g}"))
     for axes in (attitude, joints, *wheels, nearness):
         for t in motion.singular_times:

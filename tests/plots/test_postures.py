@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 import spacearm as sa
 from spacearm.description.bus import solid_box
 from spacearm.description.shapes import Box, Shape
-from spacearm.plots.bodies import tinted
 from spacearm.plots.configurations import SECONDS, draw_posture, draw_velocities
+from spacearm.plots.hulls import tinted
 from spacearm.plots.style import GREEN
 
 TURNED = pin.SE3(pin.utils.rotate("z", 0.7), np.array([1.0, -2.0, 0.0]))
