@@ -78,8 +78,16 @@ def write_model(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
     ],
+    wheel: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Joint of a reaction wheel, which every command then knows; may be repeated.",
+            metavar="JOINT",
+        ),
+    ] = None,
 ) -> None:
     """Write a robot of any format, or an arm on a bus (--bus-mass), as a URDF."""
+    arm = arm.replace(wheels=wheel) if wheel else arm
     path = arm.to_urdf(output)
     for note in arm.notes:
         out.print(f"note: {note}")

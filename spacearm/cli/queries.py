@@ -38,7 +38,6 @@ from spacearm.cli.output import (
 )
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.files import read, write
-from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import capture
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -49,7 +48,7 @@ from spacearm.results import Description, Table, joint_measures
 from spacearm.singularities.abstract_set import control_points, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.map import SingularMap, singular_map
-from spacearm.singularities.nearest import angle
+from spacearm.singularities.nearest import angle, distances_found
 from spacearm.singularities.report import TOLERANCE, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 
@@ -164,7 +163,7 @@ def check_path(
         if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
             clear = prove_clear(arm, mode.value, way, wanted or 0.0, progress=progress)
             proof = clear._replace(margin=proof.margin)
-        distance = evaluate(arm, Q, ("distance",))["distance"] if mode == "free-floating" else None
+        distance = distances_found(arm, mode.value, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
         facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
@@ -180,7 +179,7 @@ def _described(
     mode: BaseMode,
     Q: Array,
     proof: Certificate,
-    distance: Array | None,
+    distance: Array,
     outside: list[str],
 ) -> Description:
     """Return what the proof of a path says."""
@@ -194,9 +193,9 @@ def _described(
         way = f"{about} the way from posture {first} to {first + 1}"
         at = joint_measures(proof.at, arm.slides)
         tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))
-    if distance is not None:
-        worst = int(np.argmin(distance))
-        near = f"about {angle(float(distance[worst]))} from a singular posture, to first order"
+    worst = int(np.argmin(distance))
+    if np.isfinite(distance[worst]):
+        near = f"a singular posture found {angle(float(distance[worst]))} away"
         notes.append(f"nearest of the postures given: number {worst + 1}, {near}")
     limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
     return Description(

@@ -30,12 +30,12 @@ from spacearm.motion.motion import Trajectory
 from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import Integration
 from spacearm.motion.simulation import simulate
-from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant
+from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
 from spacearm.sweeps.toml import Table
 
-PLAIN = ("mode", "origin", "stop", "period", "delay", "dq")
+PLAIN = ("mode", "origin", "stop", "dq")
 """Arguments of `simulate` that are taken from a table as they are."""
-OBJECTS = ("start", "controller", "duration", "plant", "integration")
+OBJECTS = ("start", "controller", "duration", "plant", "sampling", "integration")
 
 
 @on_a_model
@@ -69,9 +69,9 @@ def simulate_motion(
 ) -> int:
     """Simulate an arm under a controller; draw tip path, attitude, joints and sigma_min.
 
-    --with gives all that sa.simulate takes: start, controller, plant, integration, mode, origin,
-    stop, period, delay, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what
-    there is.
+    --with gives all that sa.simulate takes: start, controller, plant, sampling, integration, mode,
+    origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what there
+    is.
     """
     check_picture(output)
     if save:
@@ -102,6 +102,7 @@ def simulate_motion(
             laws,
             seconds,
             plant=read_plant(asked.inner("plant")),
+            sampling=read_sampling(asked),
             integration=read_integration(asked.inner("integration"), Integration()),
             progress=progress,
             **options,

@@ -18,7 +18,7 @@ from spacearm.description.shapes import Visuals
 from spacearm.errors import ConfigurationError, ModelError, listed, unknown
 
 ROOT_JOINT = "root_joint"
-"""Name of the free-flyer joint of the spacecraft; the one that Pinocchio's URDF reader uses."""
+"""Name of the spacecraft's free-flyer joint, as in Pinocchio's URDF reader; numbered if taken."""
 LEAST_LENGTH = 1e-6
 """Length of a link up to which it has none [m]."""
 
@@ -388,7 +388,8 @@ class Tree:
         model = pin.Model()
         model.name = self.name
         model.gravity = pin.Motion.Zero()
-        root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), ROOT_JOINT)
+        name = free_name(ROOT_JOINT, self.joints.__contains__)
+        root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)
         home = {self.root: (root, pin.SE3.Identity())}
         for joint in self.depth_first():
             carrier, placement = home[joint.parent]

@@ -19,7 +19,7 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import Controller
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Trajectory, events_table
-from spacearm.motion.plant import Integration, Plant
+from spacearm.motion.plant import Integration, Plant, Sampling
 from spacearm.motion.simulation import simulate
 from spacearm.results import Column, Description, Table
 
@@ -101,7 +101,7 @@ class Flight(Trajectory):
 
     @cached_property
     def distance(self) -> Array:
-        """(m,) distance to the singular set [rad], with what is held."""
+        """(m,) as `Motion.distance` [rad], with what is held."""
         return read_only(_joined(self.phases, "distance"))
 
     @cached_property
@@ -240,9 +240,8 @@ class Phase(Parameters):
         then: What happens at its end. Where `stop` names events it happens at one of these only,
             and the flight ends if there was none.
         plant: As in `simulate`, for this phase.
+        sampling: As in `simulate`.
         stop: As in `simulate`.
-        period: As in `simulate`.
-        delay: As in `simulate`.
         integration: As in `simulate`.
     """
 
@@ -251,9 +250,8 @@ class Phase(Parameters):
     then: Grasp | Release | None = None
     _: KW_ONLY
     plant: Plant = Plant()
+    sampling: Sampling | None = None
     stop: Sequence[str] = ()
-    period: float | None = None
-    delay: float = 0.0
     integration: Integration = Integration()
 
     def to_dict(self) -> dict[str, Any]:
@@ -320,7 +318,7 @@ def simulate_phases(
 
         run = simulate(
             start, phase.controller, phase.duration, dq=dq, plant=phase.plant, stop=phase.stop,
-            period=phase.period, delay=phase.delay, integration=phase.integration, progress=report,
+            sampling=phase.sampling, integration=phase.integration, progress=report,
         )  # fmt: skip
         runs.append(run)
         begins.append(begin)

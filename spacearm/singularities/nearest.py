@@ -74,6 +74,9 @@ NEARBY = 0.02
 LANDED = 1e-9
 """Steps onto the set that are no longer end the way there: the next would be of the order of their
 square [rad]."""
+SPACING, MOST_SEARCHED, PASSES = float(np.radians(10.0)), 64, 6
+"""Way between the rows of a motion that are searched [rad], most of them, and how often the points
+that are found from one row are tried from the others."""
 LINEARISED = 100
 """Configurations that the set is linearised at until an offset has settled, about."""
 THERE, FAR = 1e-8, 10.0
@@ -267,6 +270,45 @@ def local_offsets(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
         return X
     search = NearestSearch(arm, mode, Q, expected=LINEARISED * len(Q))
     return search.rested(search.onto(X, LANDING))
+
+
+def distances_found(arm: SpaceArm, mode: BaseMode, Q: Array) -> Array:
+    """Return how far the nearest singular configurations found from some rows are, (m,) [rad].
+
+    Rows `SPACING` apart on the way, the first and the last one are searched as by
+    `nearest_singular`, which has the same numbers there. From what is found, and from the points
+    nearest to first order, the nearest points of the other rows are reached along the set. None
+    that is nearest of all is farther; inf where none was found.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        Q: (m, n) joint positions, in the order of a motion.
+    """
+    from scipy.spatial import KDTree  # slow to import
+
+    best = np.full(len(Q), np.inf if arm.n >= arm.task.k else 0.0)
+    if not best.any():
+        return best
+    at = Q / joint_scales(arm)
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1)))
+    spots = np.arange(0.0, way[-1], max(SPACING, way[-1] / MOST_SEARCHED))
+    points = at + local_offsets(arm, mode, Q)
+    for i in sorted({0, len(Q) - 1, *np.searchsorted(way, spots).tolist()}):
+        if (end := NearestSearch(arm, mode, Q[i : i + 1]).nearest()) is not None:
+            points = np.vstack((points, at[i] + end))
+    for _ in range(PASSES):
+        points = points[~np.isnan(points[:, 0])]
+        if not len(points):
+            break
+        distance, nearest = KDTree(points).query(at)
+        nearer = np.flatnonzero(distance < best * (1.0 - NEARER))
+        if not nearer.size:
+            break
+        best = np.minimum(best, distance)
+        search = NearestSearch(arm, mode, Q[nearer], expected=LINEARISED * len(nearer))
+        points = np.vstack((points, at[nearer] + search.rested((points[nearest] - at)[nearer])))
+    return best
 
 
 def _most(n: int) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spacearm.collisions.obstacles import Obstacle
+from spacearm.collisions.obstacles import ObstacleLike
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.motion import Motion
@@ -22,7 +22,7 @@ def view(
     thing: Any,
     *,
     compare: Any = None,
-    obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion] = (),
+    obstacles: ObstacleLike | Sequence[ObstacleLike] = (),
     port: int | None = None,
     open: bool | None = None,
 ) -> Viewer:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from spacearm.arrays import Array, positive
-from spacearm.collisions.obstacles import Obstacle, obstacles_of
+from spacearm.collisions.obstacles import ObstacleLike, obstacles_of
 from spacearm.errors import ConfigurationError, unknown
 from spacearm.files import name_part, write, write_by
 from spacearm.mission.attitudes import FeasibleAttitudes
@@ -149,7 +149,7 @@ class Viewer:
         self._stage.show_layer(name, visible)
         self._changed()
 
-    def obstacles(self, obstacles: Obstacle | Sequence[Obstacle | Configuration | Motion]) -> None:
+    def obstacles(self, obstacles: ObstacleLike | Sequence[ObstacleLike]) -> None:
         """Draw obstacles besides those of the motion; plans of the page hold them off.
 
         Args:

@@ -62,6 +62,11 @@ def _require_masses(source: Source, tree: Tree) -> None:
     """Refuse a spacecraft without mass, and a robot of which nothing that moves has mass."""
     masses = {leader: body.mass for leader, body in tree.bodies.items()}
     if source.reading.spacecraft and masses[tree.root] == 0.0:
+        if not tree.freedoms:
+            source.fail(
+                f"the root link {tree.root!r} has no mass, and no joint can move",
+                "describe the mass of the spacecraft and the joints of its arm",
+            )
         file = str(source.path)
         source.fail(
             f"the spacecraft {tree.root!r}, the root link, has no mass (its <inertial> is zero or "
