@@ -7,7 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from spacearm.cli.options import AsJson, on_a_model
+from spacearm.cli.options import (
+    AsJson,
+    on_a_model,
+    to_write,
+)
 from spacearm.cli.output import (
     out,
     print_description,
@@ -76,7 +80,10 @@ def describe_model(
 def write_model(
     arm: SpaceArm,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
+        Path,
+        typer.Option(
+            "--output", "-o", help="The URDF to write.", metavar="FILE", callback=to_write
+        ),
     ],
     wheel: Annotated[
         list[str] | None,
