@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from spacearm.cli.options import AsJson, assignments, on_a_model, si
+from spacearm.cli.options import AsJson, assignments, on_a_model, si, to_write
 from spacearm.cli.output import (
     out,
     print_description,
@@ -76,7 +76,10 @@ def describe_model(
 def write_model(
     arm: SpaceArm,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The URDF to write.", metavar="FILE")
+        Path,
+        typer.Option(
+            "--output", "-o", help="The URDF to write.", metavar="FILE", callback=to_write
+        ),
     ],
     home: Annotated[
         list[str] | None,

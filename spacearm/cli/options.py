@@ -27,12 +27,14 @@ from spacearm.description.model_catalogue import (
 from spacearm.description.readers import formats
 from spacearm.description.readers.source import Reading
 from spacearm.description.tree import Tree, Wheels
-from spacearm.errors import ConfigurationError, listed, warn
+from spacearm.errors import ConfigurationError, SpaceArmError, listed, unknown, warn
+from spacearm.files import writable
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import pose
 from spacearm.model.loading import load, mount
 from spacearm.model.task import Task
 from spacearm.motion.goal import Goal, goal_of, goal_pose
+from spacearm.motion.motion_file import check_suffix
 
 T = TypeVar("T")
 Three: TypeAlias = tuple[float, float, float]
@@ -143,10 +145,37 @@ class Spacecraft(str, Enum):
 
 
 SpacecraftMode = Annotated[Spacecraft, typer.Option("--mode", help="What the spacecraft does.")]
+
+
+def to_write(path: Path | None) -> Path | None:
+    """Refuse a file that cannot be written, before anything is computed."""
+    if path is not None:
+        writable(path)
+    return path
+
+
+def _picture(path: Path | None) -> Path | None:
+    """Refuse a picture that cannot be written, or whose suffix is none of a picture."""
+    if path is not None and path.suffix.lower() not in PICTURES:
+        raise ConfigurationError(f"--output {path}: {unknown('suffix', path.suffix, PICTURES)}")
+    return to_write(path)
+
+
+def motion_to_write(path: Path | None) -> Path | None:
+    """Refuse the file of a motion that cannot be written."""
+    if path is not None:
+        check_suffix(path)
+    return to_write(path)
+
+
+PICTURES = (".png", ".svg", ".pdf")
 Picture = Annotated[
-    Path | None, typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.")
+    Path | None,
+    typer.Option("--output", help="Picture: PNG, SVG or PDF by its suffix.", callback=_picture),
 ]
-Save = Annotated[Path | None, typer.Option(help="Write the motion.", metavar="NPZ")]
+Save = Annotated[
+    Path | None, typer.Option(help="Write the motion.", metavar="NPZ", callback=motion_to_write)
+]
 View = Annotated[bool, typer.Option("--view", help="Show it in the browser.")]
 Limits = Annotated[bool, typer.Option("--limits", help="Count joint limits.")]
 NoLimits = Annotated[bool, typer.Option("--no-limits", help="Ignore joint limits.")]
@@ -280,6 +309,13 @@ def on_a_model(command: Callable[..., T]) -> Callable[..., T]:
     parameters = first | own | shared | last
 
     def run(**given: Any) -> T:
+        if given.get("output", "") is None and not any(map(given.get, ("as_json", "view", "npz"))):
+            try:
+                writable(Path("picture.png"))
+            except SpaceArmError as error:
+                raise ConfigurationError(
+                    f"{error}; name another place for the picture by --output, or give --json"
+                ) from None
         deg = {"deg": given["deg"]} if told_deg else {}
         arm = arm_from(**{name: given.pop(name) for name in shared})
         return command(arm=arm, **given, **deg)
