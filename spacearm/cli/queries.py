@@ -24,10 +24,10 @@ from spacearm.cli.options import (
     joint_values,
     on_a_model,
     radians,
+    to_write,
 )
 from spacearm.cli.output import (
     answer,
-    check_picture,
     err,
     kept,
     out,
@@ -239,7 +239,9 @@ def draw_singular_map(
         typer.Option(help="Position of another joint; may be repeated.", metavar="JOINT=VALUE"),
     ] = None,
     output: Picture = None,
-    npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy archive.")] = None,
+    npz: Annotated[
+        Path | None, typer.Option(help="Write the numbers to a NumPy archive.", callback=to_write)
+    ] = None,
     points: Annotated[
         int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
     ] = 181,
@@ -250,7 +252,6 @@ def draw_singular_map(
 
     Ctrl-C keeps what there is.
     """
-    check_picture(output)
     fixed = {joint_name(arm, name): value for name, value in assignments("--fix", fix).items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result, code = kept(

@@ -99,8 +99,8 @@ class Session:
 
     @property
     def home(self) -> Array:
-        """(n,) joint positions: zeros, or the limits nearest to them."""
-        return np.clip(np.zeros(self.arm.n), self.arm.lower, self.arm.upper)
+        """(n,) home positions of the joints."""
+        return self.arm.home
 
     @property
     def range(self) -> tuple[Array, Array]:
