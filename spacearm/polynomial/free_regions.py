@@ -22,8 +22,9 @@ Rounding is counted as in `certificate`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -37,6 +38,9 @@ BATCH = 512
 """Boxes that are tried at a time."""
 NARROW = 1e-7
 """Half width of boxes that are not halved: a common root is as good as found."""
+SMALL, PATIENCE = 0.125, 2
+"""Share of all coefficients that the polynomials tried first have at most, and how often a box is
+halved with these alone before all are tried."""
 RIDGE = 1e-14
 """Share of the squared slopes that is added to the small systems, which may be singular."""
 
@@ -111,6 +115,19 @@ class Roots:
     unit: Array
     low: Array
     high: Array
+
+    @cached_property
+    def small(self) -> Roots:
+        """The roots of the smallest polynomials alone, which cost little; all if one is as good."""
+        by_size = sorted(self.polynomials, key=lambda f: f.polynomial.coefficients.size)
+        sizes = np.cumsum([f.polynomial.coefficients.size for f in by_size])
+        few = int((sizes <= SMALL * sizes[-1]).sum())
+        return replace(self, polynomials=by_size[:few]) if few > 1 else self
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return sum(f.polynomial.coefficients.size for f in self.polynomials)
 
     @cached_property
     def relevant(self) -> Booleans:
@@ -188,7 +205,7 @@ class Proof(NamedTuple):
     Attributes:
         radius: No common root is nearer to the curve than this, proven.
         open: (k, n) centres of the boxes that are not proven, nearest to the curve first, in x.
-        tried: How many boxes were tried.
+        tried: How many boxes were tried, in shares of all coefficients.
     """
 
     radius: float
@@ -204,7 +221,7 @@ def prove(
     Args:
         roots: The polynomials; only what lies between `low` and `high` counts.
         tubes: The tubes.
-        most: Largest number of boxes that are tried.
+        most: Largest number of boxes that are tried, in shares of all coefficients.
         progress: Called now and then with the number tried since.
     """
     whole, tubes = tubes, tubes.within(roots.relevant)  # as the roots see them
@@ -214,18 +231,26 @@ def prove(
     of = np.flatnonzero((low <= high).all(axis=1))
     centre, half = 0.5 * (low + high)[of], 0.5 * (high - low)[of] * (1.0 + ROUNDING)
     away = tubes.distances(centre, half, of) - tubes.slack[of]
-    tried = 0
+    age, tried, small = np.zeros(len(of), dtype=int), 0, roots.small
+    share = small.size / max(roots.size, 1)
     while len(centre):
         order = np.argsort(away, kind="stable")
         now, later = order[:BATCH], order[BATCH:]
         if tried >= most or half[now[0]].max() < NARROW:
             open_ = np.where(roots.relevant, centre[order], whole.start[of[order]])
             return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)
-        tried += len(now)
-        if progress:
-            progress(len(now))
         inside = _inside(tubes, centre[now], half[now], of[now])
-        free, taken = roots.free(centre[now], half[now], inside)
+        free, taken = small.free(centre[now], half[now], inside)
+        again = np.flatnonzero(~free & (age[now] >= PATIENCE)) if share < 1.0 else now[:0]
+        if len(again):
+            part = Expansion(*(numbers[again] for numbers in inside))
+            at = now[again]
+            free[again], taken[again] = roots.free(centre[at], half[at], part)
+            age[at] = -1
+        work = math.ceil(share * len(now)) + len(again)
+        tried += work
+        if progress:
+            progress(work)
         left = now[~free]
         c, h = halved(centre[left], half[left], taken[~free])
         which = np.tile(of[left], 2)
@@ -234,6 +259,7 @@ def prove(
         centre = np.concatenate((centre[later], c[near]))
         half = np.concatenate((half[later], h[near]))
         away, of = np.append(away[later], d[near]), np.append(of[later], which[near])
+        age = np.append(age[later], np.tile(age[left] + 1, 2)[near])
     return Proof(tubes.radius, centre, tried)
 
 
