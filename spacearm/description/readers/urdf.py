@@ -107,9 +107,10 @@ def _cut_free(source: Source, forest: Forest) -> bool:
         shared = len([other for other in free if other.parent in above]) > 1
         massive = any(part.mass for link in above if (part := forest.links[link]))
         if above and not (shared or massive or any(other.kind != "fixed" for other in fixed)):
+            frames = listed([repr(link) for link in sorted(above)])
             source.warn(
-                f"joint {joint.name!r} of type {joint.kind!r} and {listed([repr(link) for link in sorted(above)])} are "
-                f"left out: the spacecraft {joint.child!r} floats by itself"
+                f"joint {joint.name!r} of type {joint.kind!r} and {frames} are left out: the "
+                f"spacecraft {joint.child!r} floats by itself"
             )
             for other in fixed:
                 del forest.joints[other.name]
