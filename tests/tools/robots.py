@@ -180,8 +180,7 @@ def row(path: Path, robot: str, bus: sa.Bus, options: dict) -> Row:
 
 def tip_of_the_arm(arm: sa.SpaceArm) -> str:
     """The tip of an arm that was mounted, under the name that it has in its file."""
-    (joint,) = (joint for joint in arm.tree.joints.values() if joint.child == arm.tip)
-    return joint.parent.removeprefix(f"{arm.tip}_")
+    return arm.tip.removeprefix(f"{arm.name.removeprefix('bus_')}_")
 
 
 def format_of(path: Path) -> str:
