@@ -300,9 +300,6 @@ class Connection(Result):
     path: Array = field(default_factory=lambda: np.empty((0, 0)))
     certificate: Certificate | None = None
 
-    def __repr__(self) -> str:
-        return f"Connection({self.arm.name}, {self.answer}: {self.reason})"
-
     def describe(self) -> Description:
         """Describe the answer and how it is known."""
         proven = {"yes": "yes, by a path that is proven free", "no": "no, proven"}
@@ -315,6 +312,6 @@ class Connection(Result):
         return Description(
             title=f"{self.arm.name}: connected without a singularity",
             verdict=proven.get(self.answer, self.answer),
-            notes=["NOT checked: collisions"],
             tables=[Table.facts(facts)],
+            not_checked="collisions",
         )

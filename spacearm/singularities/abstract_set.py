@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,7 +69,7 @@ def prove_free(
             progress(WHOLE * number // len(rows), WHOLE)
         proof = certify(minors, ends, decides)
         if not proof:
-            return proof._replace(segment=number)
+            return replace(proof, segment=number)
         margin = min(margin, proof.margin)
     noise = max(minor.noise() / minor.scale for minor in minors)
     return Certificate(True, None, None, margin, "free", noise)
@@ -352,7 +352,7 @@ class SingularSet(Described, ABC):
         if not (at_least and proof):
             return proof
         clear = prove_clear(self.arm, self.mode, path, at_least, limits, progress)
-        return clear._replace(margin=proof.margin)
+        return replace(clear, margin=proof.margin)
 
     def _proof(self, path: npt.ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
         """Prove that a path meets no singularity."""
