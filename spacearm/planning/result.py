@@ -201,9 +201,9 @@ class Plan(Motion):
             return proof
         near = self.nearest
         if near is not None and near.distance_proven:
-            return proof._replace(clearance=near.distance_proven)
+            return replace(proof, clearance=near.distance_proven)
         flown = prove_way(self.arm, self.mode, self.control_points)
-        return proof if flown is None else flown._replace(margin=proof.margin)
+        return proof if flown is None else replace(flown, margin=proof.margin)
 
     @property
     def clear(self) -> str:
