@@ -171,6 +171,10 @@ def arm_from(
         known = _tree_of(model, bus, options).joints
         locked = {name: _si(known.get(name), value, deg) for name, value in locked.items()}
     options["joints"] = joints if joints in ("tip", "all") else joints.split(",")
+    rows, sign, length = (task or "").partition("/")
+    scale = _number(length) if sign else None
+    if rows:
+        options["task"] = Task(rows, scale)
     tips = tip.split(",") if tip and "," in tip else tip
     if bus is None:
         arm = load(model, tip=tips, locked=locked, **options)
@@ -182,10 +186,7 @@ def arm_from(
         raise ConfigurationError("--tip names several links; an arm on a new bus has one tip")
     else:
         arm = mount(model, bus, tip=tips, locked=locked, **options)
-    if task is None:
-        return arm
-    rows, sign, length = task.partition("/")
-    return arm.replace(task=Task(rows or arm.task.names, _number(length) if sign else None))
+    return arm.replace(task=Task(arm.task.names, scale)) if sign and not rows else arm
 
 
 def _described_bus(mass: float | None, size: Three | None) -> Bus | None:

@@ -15,6 +15,7 @@ OPTIONS = {
     r'joints="all"': "--joints all",
     r"wheels=\[\.\.\.\]": "spacearm convert --wheel JOINT",
     r"tip=LINK": "--tip LINK",
+    r"\btask='([^']+)'": r"--task '\1'",
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",
     r"\bdensity=(?!\w)": "--density RHO",
     r"\ball_branches=True\b": "no joint values",

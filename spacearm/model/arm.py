@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,11 +21,12 @@ from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, coupling, joint_limits
 from spacearm.description.urdf_writer import document
-from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed
+from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed, warn
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
-from spacearm.model.task import Task, complete_task
+from spacearm.model.task import Task, usual_task, with_length
+from spacearm.model.task_rank import MovableRows
 from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
 
@@ -51,6 +53,7 @@ class SpaceArm(JointSpace, Described):
         tip_reason: Why these are the tips, a phrase.
         tip_frames: Indices of their frames in the model.
         task: The twist rows that count.
+        movable: Which rows of the tips' twists the joints can move at all.
         wheels: Momentum wheels, which are not among the joints; see `at`.
         joint_names: Names of the n movable joints, in the model's order.
         joints: Which joints count, as it was asked for: "tip", "all" or names; see `load`.
@@ -67,6 +70,7 @@ class SpaceArm(JointSpace, Described):
     whole: Tree
     tip_reason: str
     tip_frames: tuple[int, ...]
+    movable: MovableRows
     wheels: tuple[Wheel, ...]
     joints: Counting
     held: Mapping[str, float]
@@ -102,6 +106,11 @@ class SpaceArm(JointSpace, Described):
             )
         leading, (C, offsets) = tree.leading(), coupling(tree)
         (lower, upper), model = joint_limits(tree), tree.pinocchio()
+        movable, asked = MovableRows(tree, tips, model), task
+        if task is None:
+            task = movable.default(usual_task(tree, tips))
+        elif not isinstance(task, Task):
+            task = Task(task)
         return cls(
             name=tree.name,
             path=path,
@@ -111,7 +120,8 @@ class SpaceArm(JointSpace, Described):
             tips=tips,
             tip_reason=reason,
             tip_frames=tuple(model.getFrameId(tip, pin.BODY) for tip in tips),
-            task=complete_task(task, tree, tips, path),
+            movable=movable,
+            task=with_length(task, tree, tips, path),
             wheels=wheels_of(tree, model, path),
             joint_names=tuple(joint.name for joint in leading),
             joints=joints if isinstance(joints, str) else tuple(joints),
@@ -120,13 +130,28 @@ class SpaceArm(JointSpace, Described):
             offsets=offsets,
             lower=lower,
             upper=upper,
-            _asked=task,
+            _asked=asked,
         )
 
-    @property
+    @cached_property
     def notes(self) -> tuple[str, ...]:
         """What was assumed, repaired or left out as the model was read, a sentence each."""
-        return (*self.tree.notes, *held_fingers(self.whole, self.tips, self.held))
+        held = held_fingers(self.whole, self.tips, self.held)
+        return (*self.tree.notes, *held, *filter(None, [self.fault_of_task()]))
+
+    def fault_of_task(self, free: int = 6) -> str:
+        """Say why the task is impossible at every posture, and which would do; "" if it is not.
+
+        Args:
+            free: Number of free components of the spacecraft's twist; see `free_components`.
+        """
+        return self.movable.fault(self.task, usual_task(self.tree, self.tips), free)
+
+    def warned(self) -> SpaceArm:
+        """Return the arm, with a warning if its task is impossible."""
+        if fault := self.fault_of_task():
+            warn(f"{self.path}: {fault}")
+        return self
 
     @property
     def bodies(self) -> dict[str, pin.Inertia]:
@@ -254,13 +279,14 @@ class SpaceArm(JointSpace, Described):
         if payload:
             rigid = Inertial.of(payload, np.zeros((3, 3)), body="the payload", prefix="payload_")
             tree = holding(tree, only_tip(tips.links, self.name), rigid)
-        return SpaceArm.of(
+        changed = SpaceArm.of(
             tree,
             self.path,
             tip=tips,
             task=self._asked if task is None else task,
             joints=remaining(tree, self.joints) if joints is None else joints,
         )
+        return changed if self.fault_of_task() == changed.fault_of_task() else changed.warned()
 
     def grasp(
         self, mass: float, inertia: npt.ArrayLike | None = None, com: npt.ArrayLike = (0, 0, 0)

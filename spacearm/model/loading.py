@@ -55,7 +55,8 @@ def load(
             `SpaceArm.tip_reason` says which it was.
         task: The twist rows that count, as "x y rz", "pose", "position", "orientation" or a
             `Task`. Default: for planar arms the rows of the plane ("x y", from 3 joints on with
-            the rotation); otherwise "pose" from 6 joints on, else "position".
+            the rotation); otherwise "pose" from 6 joints on, else "position"; of these the rows
+            that the joints move, where all together are impossible.
         joints: Which joints count besides those on the way to the tips: "tip" for no others, "all",
             or the names of some.
         locked: Joints to lock, with their values [rad] or [m].
@@ -93,7 +94,7 @@ def load(
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
     tree = assembled(info, reading) if info else formats.read(source, reading)
     tree = tree.locked(locked or {}).with_wheels(wheels)
-    return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints)
+    return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints).warned()
 
 
 def mount(
@@ -103,6 +104,7 @@ def mount(
     *,
     name: str | None = None,
     tip: str | None = None,
+    task: str | Task | None = None,
     joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
     check: Check | None = None,
@@ -127,6 +129,7 @@ def mount(
             None, the middle of the top face (+z) of a `Bus` with a size, else the identity.
         name: Name of the arm. Default: the robot's name, numbered from the second arm on.
         tip: Link of the arm that is its tip, as in `load`.
+        task: The twist rows that count; see `load`.
         joints: Which joints count besides; names are those of the result. See `load`.
         locked: Joints of the arm to lock, with their values [rad] or [m].
         check: What to do with inertias that no rigid body can have; see `load`.
@@ -151,7 +154,7 @@ def mount(
     reading = Reading.of(check, packages, xacro_args, density)
     base = _tree(bus, replace(reading, xacro_args={}))
     tree = bolted(base, arm, at, name=name, tip=tip, locked=locked, reading=reading)
-    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), joints=joints)
+    return SpaceArm.of(tree, Path(f"{tree.name}.urdf"), task=task, joints=joints).warned()
 
 
 def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:

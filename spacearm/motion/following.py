@@ -25,7 +25,7 @@ from spacearm.equations.laws import quaternion_rate
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.mechanics.dynamics import spacecraft_twist
 from spacearm.mechanics.jacobian import generalized_jacobian, singular_values
-from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arguments import BaseMode, of_configuration, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, kinematics
 from spacearm.motion.events import (
     CLOSE,
@@ -543,28 +543,15 @@ def follow(
     )
 
 
-def check_rows(arm: SpaceArm) -> None:
-    """Refuse a task of more rows than the arm has joints: no path can be followed.
-
-    Raises:
-        UnsupportedError: It has.
-    """
-    if arm.task.k > arm.n:
-        raise UnsupportedError(
-            f"{arm.name} has {arm.n} joints and a task of {arm.task.k} rows; no path can be "
-            "followed in all of them"
-        )
-
-
 def check_start(cfg: Configuration, mode: BaseMode, limits: bool) -> None:
     """Refuse a start from which no path can be followed.
 
     Raises:
         ConfigurationError: It is singular, or beyond the joint limits where they count.
-        UnsupportedError: The task has more rows than the arm has joints.
+        UnsupportedError: The arm can never do its task.
     """
     arm = cfg.arm
-    check_rows(arm)
+    require_possible(arm, mode)
     sigma = singular_values(cfg, mode=mode, axes=goal_axes(cfg))
     if sigma[-1] <= NO_INVERSE * sigma[0]:
         near = f"the start is singular (sigma_min {sigma[-1]:.1e} of {sigma[0]:.1e})"

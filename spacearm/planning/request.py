@@ -13,7 +13,8 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Parameters, plain, positive, whole
 from spacearm.collisions.obstacles import Obstacle, ObstacleLike, obstacles_of
-from spacearm.errors import ConfigurationError, UnsupportedError, listed, unknown
+from spacearm.errors import ConfigurationError, listed, unknown
+from spacearm.model.arguments import require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.goal import Goal, Origin, goal_pose, started
 from spacearm.motion.plant import WheelHold
@@ -177,7 +178,7 @@ class PlanRequest:
 
         Raises:
             ConfigurationError: An argument does not make sense.
-            UnsupportedError: The arm has fewer joints than its task has rows, or several tips, of
+            UnsupportedError: The arm can never do its task, or has several tips, of
                 which none is named.
         """
         start, goals = started(start, origin), dict[str, Goal]()
@@ -187,11 +188,7 @@ class PlanRequest:
         arm, goals = start.arm, goals if len(goals) > 1 else {}
         if not goals:
             arm.require_one_tip()  # whose path the plan holds
-        if arm.n < arm.task.k:
-            raise UnsupportedError(
-                f"{arm.name} has {arm.n} joints for {arm.task.k} task rows ({arm.task.names}) and "
-                f"can never do this task; take one with {arm.n} rows"
-            )
+        require_possible(arm, "free-floating")
         return cls(
             start=start,
             goal=goal,

@@ -16,7 +16,7 @@ import numpy as np
 
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode, impossible, of_arm, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
@@ -134,9 +134,10 @@ def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> Singular
         >>> found.complete, found.roots([0.3, 0.0], "joint_2").angles.round(4)
         (True, array([-3.0748,  0.0841]))
     """
+    require_possible(arm, mode)
     k, n = arm.task.k, arm.n
     turns = not arm.slides.any() and arm.coupling is None
-    if n < k or (n == k and turns):
+    if n == k and turns:
         S = singularity_polynomial(arm, mode=mode)
         joint = min(reversed(range(n)), key=lambda j: S.degrees[j] or S.coefficients.size)
         return ExactSet(arm, mode, Triangle((S,), (joint,)), Chart.turning(n))
@@ -160,7 +161,11 @@ def prove_regular(
     know whether the singular set is whole.
 
     None where the minors of J* are no polynomials, as for mimic joints, or too large.
+
+    Raises:
+        UnsupportedError: The arm can never do its task.
     """
+    require_possible(arm, mode)
     with suppress(UnsupportedError):
         if arm.n > arm.task.k and has_minors(arm):
             minors = minors_of(arm, mode)
@@ -183,10 +188,10 @@ def nearest_posture(
     not.
     """
     arm = cfg.arm
-    if arm.n < arm.task.k:
+    if impossible(arm, mode):
         return NearestSingular(arm, mode, cfg.q, False, cfg.q, 0.0, 0.0)
     minors: Sequence[Jets] = ()
-    with suppress(UnsupportedError):  # the task is one that the arm can never do
+    with suppress(UnsupportedError):  # all minors are rounding
         minors = proving_minors(arm, mode) if proven else ()
     with suppress(NoSolutionError):
         return nearest_singular(arm, mode, cfg.q, minors=minors, progress=progress)
