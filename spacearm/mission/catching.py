@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -38,22 +38,28 @@ from spacearm.mechanics.dynamics import (
 from spacearm.mechanics.target import Target
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.joints import joint_scales
+from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import out_of_reach
 from spacearm.motion.motion import Motion, samples
+from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
+from spacearm.planning.tracking import Tracking
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import prove_regular, singular_set
 
-SPACING = 0.02
-"""Time between the poses through which the tip is led to the target [s]."""
+NODES = 400
+"""Poses through which the tip is led while it takes up the target's motion, and closing in."""
 PROVEN = math.radians(3.0)
 """Distance to the singular set that is proven where there is as much [rad]."""
 SHARES = (2.0, 6.0, 20.0)
 """Time that is given to each contact on the first, the second and the third pass [s]."""
+BEND = 0.005
+"""Distance of rows from straight lines that stand for them in the proof [rad]."""
 BRAKES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Durations of the braking that are tried [s]."""
 STEPS = 60
@@ -78,6 +84,21 @@ class Candidate(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Return all fields."""
         return self._asdict()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Braking(Motion):
+    """The motion by which an arm that holds a target brings its joints to rest.
+
+    Attributes:
+        dq: (m, n) joint rates [rad/s] or [m/s].
+        ddq: (m, n) joint accelerations [rad/s^2] or [m/s^2].
+        momentum: (m, 6) momentum of arm and target, as of `Trajectory`.
+    """
+
+    dq: Array = field(kw_only=True)
+    ddq: Array = field(kw_only=True)
+    momentum: Array = field(kw_only=True)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -111,7 +132,7 @@ class Catch(Result):
     begin: float
     plan: Plan
     chase: Followed
-    brake: Motion
+    brake: Braking
     distance_proven: float
     place_error: float
     turn_error: float
@@ -128,13 +149,55 @@ class Catch(Result):
     @cached_property
     def approach(self) -> Motion:
         """The motion from the start to contact, as one."""
-        begin, clock = self.begin, self.begin + self.plan.t[-1]
-        t = np.concatenate((begin + self.plan.t, clock + self.chase.t[1:]))
-        q = np.concatenate((self.plan.q, self.chase.q[1:]))
-        base = np.concatenate((self.plan.base, self.chase.base[1:]))
-        if begin > 0.0:
-            t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
-        return Motion(self.arm, t, q, base)
+        return joined(self.begin, self.plan, self.chase)
+
+    def fly(
+        self,
+        actual: Target | None = None,
+        *,
+        plant: Plant = Plant(),
+        integration: Integration = Integration(),
+        progress: Callable[[float, float], object] | None = None,
+    ) -> Flight:
+        """Simulate the catch: `sa.Tracking` leads the joints, the grasp is a plastic impact.
+
+        Args:
+            actual: The target as it is, where it differs from what was planned with, in mass,
+                inertia or motion: it is grasped by the tip wherever it is then.
+            plant: What else acts, as in `simulate`.
+            integration: How it is integrated.
+            progress: Called now and then as progress(t, duration).
+
+        Returns:
+            The flight: approach, closing in, braking.
+
+        Raises:
+            SpaceArmError: As `simulate_phases` raises.
+        """
+        target = actual or self.target
+        tip, held = self.chase[-1].tip, target.at(self.t)
+        R, com = tip.rotation, held.pose.act(target.com)
+        turned = R.T @ held.pose.rotation
+        grasp = Grasp(
+            mass=target.mass,
+            inertia=turned @ target.inertia @ turned.T,
+            com=R.T @ (com - tip.translation),
+            twist=np.concatenate(
+                (
+                    held.twist[:3] + np.cross(held.twist[3:], com - held.pose.translation),
+                    held.twist[3:],
+                )
+            ),
+        )
+        begun = replace(self.plan, t=self.begin + self.plan.t)
+        stages = (
+            Phase(Tracking(begun), float(begun.t[-1]), plant=plant, integration=integration),
+            Phase(Tracking(self.chase), float(self.chase.t[-1]), grasp, plant=plant,
+                  integration=integration),
+            Phase(Tracking(self.brake), float(self.brake.t[-1]), plant=plant,
+                  integration=integration),
+        )  # fmt: skip
+        return simulate_phases(self.plan[0], stages, progress=progress)
 
     @property
     def tumble(self) -> Array:
@@ -217,9 +280,25 @@ def catch(
         ConfigurationError: An argument does not make sense.
         UnsupportedError: The start has momentum, the arm several tips, or its task is no pose.
         NoSolutionError: Nothing tried catches the target; says why, for each time and frame.
+
+    Example:
+        >>> import spacearm as sa
+        >>> start = sa.load("chaser7").at([0, 0.6, 0, 1.2, 0, 0.8, 0])
+        >>> ring = sa.pose((0, 0, -0.5))  # in the frame of the target, z into it
+        >>> place = start.tip * sa.pose((0.1, 0, 0.8))
+        >>> debris = sa.Target(
+        ...     sa.Bus(60, size=(0.8, 0.8, 1), name="debris"),
+        ...     place,
+        ...     twist=(0, 0.002, 0, 0.02, 0.03, 0.02),
+        ...     grapples={"ring": ring},
+        ... )
+        >>> catch = sa.catch(start, debris, window=(10, 10))
+        >>> catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5
+        True
     """
     request = _Request.of(start, target, grapple, window, approach, closing, touching, constraints)
-    ends = time.monotonic() + search.timeout
+    begun = time.monotonic()
+    ends = begun + search.timeout
     tried, found, waiting = (
         dict[tuple[float, str], Candidate](),
         list[Catch](),
@@ -232,7 +311,7 @@ def catch(
             if len(found) >= wanted or left <= 0.0:
                 break
             if search.progress:
-                search.progress(search.timeout - left, search.timeout)
+                search.progress(time.monotonic() - begun, search.timeout)
             look = replace(
                 search, seed=search.seed + number, timeout=min(share, left), progress=None
             )
@@ -244,6 +323,8 @@ def catch(
                 tried[t, name] = Candidate(t, name, False, str(error))
                 again.append((t, name))
             else:
+                if not found:  # as long again, at most
+                    ends = min(ends, 2.0 * time.monotonic() - begun + 1.0)
                 found.append(one)
                 story = f"no singular posture nearer than {angle(one.distance_proven)}, proven"
                 tried[t, name] = Candidate(t, name, True, story)
@@ -349,7 +430,7 @@ class _Request:
         the stand-off, and closes in. All rates begin and end at zero relative to both.
         """
         join, close = self.duration
-        clock = np.linspace(0.0, join + close, 2 + int((join + close) / SPACING))
+        clock = np.linspace(0.0, join + close, 2 * NODES + 1)
         begin = t - clock[-1]
         joined = smooth_step(clock / join)
         away = self.approach * (1.0 - smooth_step((clock - join) / close))
@@ -368,7 +449,7 @@ class _Request:
             SpaceArmError: There is none, or none was found.
         """
         poses, clock = self.path(t, grapple)
-        arm, target = self.start.arm, self.target
+        target = self.target
         if why := out_of_reach(self.start, poses[-1]):
             raise ImpossibleError(why)
         reach = plan(self.start, poses[0], constraints=self.constraints, search=search)
@@ -381,30 +462,41 @@ class _Request:
         if not chase.arrived:
             raise NoSolutionError(f"on the way from the stand-off: {chase.reason}")
         self._check_rates(chase)
-        draft = Catch(
-            target=target, grapple=grapple, t=t, begin=begin, plan=reach, chase=chase, brake=chase,
-            distance_proven=0.0, place_error=0.0, turn_error=0.0, twist_error=np.zeros(6),
-            torque=np.zeros(arm.n), momentum=np.zeros(6), tried=(),
-        )  # fmt: skip
-        self._check_contacts(draft.approach)
-        proven = _proven(draft)
+        way = joined(begin, reach, chase)
+        self._check_contacts(way)
+        proven = _proven(reach, chase)
         end, frame = chase[-1], target.at(t, grapple)
         v = generalized_velocity(end, chase.dq[-1])
-        off = pin.log6(end.tip.actInv(frame.pose))
-        held, momentum = _held(draft, v)
-        brake, strain = self._brake(held, chase.dq[-1], momentum)
+        held = self._holding(grapple, end, v)
+        brake, strain = self._brake(held, chase.dq[-1])
         torque = np.maximum(_torques(chase, chase.dq, chase.ddq, np.zeros(6)), strain)
         self._check_torques(torque)
-        return replace(
-            draft,
+        off = end.tip.actInv(frame.pose)
+        return Catch(
+            target=target,
+            grapple=grapple,
+            t=t,
+            begin=begin,
+            plan=reach,
+            chase=chase,
             brake=brake,
             distance_proven=proven,
-            place_error=float(np.linalg.norm(frame.pose.translation - end.tip.translation)),
-            turn_error=float(np.linalg.norm(off.angular)),
+            place_error=float(np.linalg.norm(off.translation)),
+            turn_error=float(np.linalg.norm(pin.log3(off.rotation))),
             twist_error=end.J @ v - frame.twist,
             torque=torque,
-            momentum=momentum,
+            momentum=held.momentum,
+            tried=(),
         )
+
+    def _holding(self, grapple: str, end: Configuration, v: Array) -> Configuration:
+        """Return the arm with the target in its hand at contact, with the momentum of both."""
+        target, frame = self.target, self.target.frame(grapple)
+        R = frame.rotation.T
+        com = R @ (target.com - frame.translation)
+        arm = end.arm.grasp(target.mass, R @ target.inertia @ R.T, com)
+        held = arm.at(end.q, base=end.base)
+        return held.with_momentum(held.A @ v)
 
     def _check_rates(self, motion: Motion) -> None:
         most = self.constraints.joint_rates(self.start.arm)
@@ -430,9 +522,9 @@ class _Request:
         if contact is not None:
             raise NoSolutionError(f"{' and '.join(contact.links)} meet after {contact.t:.4g} s")
 
-    def _brake(self, held: Configuration, dq: Array, momentum: Array) -> tuple[Motion, Array]:
+    def _brake(self, held: Configuration, dq: Array) -> tuple[Braking, Array]:
         """Return the first braking that keeps limits and torques, and its largest torques (n,)."""
-        arm, why = held.arm, ""
+        arm, momentum, why = held.arm, held.momentum, ""
         most = np.array([arm.tree.joints[name].effort for name in arm.joint_names])
         for duration in BRAKES:
             s = np.linspace(0.0, 1.0, STEPS + 1)
@@ -442,7 +534,7 @@ class _Request:
                 break
             rates, ddq = np.outer(1 - 3 * s**2 + 2 * s**3, dq), np.outer(6 * (s**2 - s), dq)
             ddq /= duration
-            motion = _drifting(held, momentum, duration * s, q, rates)
+            motion = _drifting(held, momentum, duration * s, q, rates, ddq)
             torque = _torques(motion, rates, ddq, momentum)
             proof = prove_regular(arm, q[[0, -1]])
             if proof is not None and not proof.free:
@@ -466,32 +558,55 @@ def _between(a: pin.SE3, b: pin.SE3, s: float) -> pin.SE3:
     return pin.SE3(R, (1.0 - s) * a.translation + s * b.translation)
 
 
-def _proven(catch: Catch) -> float:
-    """Return the distance [rad] within which no posture is singular, along both motions.
+def joined(begin: float, reach: Motion, chase: Motion) -> Motion:
+    """Return a wait until `begin` [s] and two motions, one after the other, as one."""
+    t = np.concatenate((begin + reach.t, begin + reach.t[-1] + chase.t[1:]))
+    q = np.concatenate((reach.q, chase.q[1:]))
+    base = np.concatenate((reach.base, chase.base[1:]))
+    if begin > 0.0:
+        t, q, base = np.append(0.0, t), np.vstack((q[:1], q)), np.vstack((base[:1], base))
+    return Motion(reach.arm, t, q, base)
+
+
+def _proven(*motions: Motion) -> float:
+    """Return the distance [rad] of motions within which no posture is singular, proven.
 
     Raises:
         NoSolutionError: It is not proven that they meet no singularity.
     """
-    singular = singular_set(catch.arm)
-    proofs = [singular.clearance(motion.q, at_least=PROVEN) for motion in (catch.plan, catch.chase)]
-    if not all(proof.free or proof.clearance for proof in proofs):
-        raise NoSolutionError("it is not proven that the way meets no singularity")
-    return min(proof.clearance for proof in proofs)
+    arm = motions[0].arm
+    singular, unit = singular_set(arm), joint_scales(arm)
+    least = PROVEN
+    for motion in motions:
+        rows = _chords(motion.q / unit, BEND) * unit
+        least = min(least, singular.clearance(rows, at_least=least + BEND).clearance - BEND)
+        if least <= 0.0:
+            raise NoSolutionError("it is not proven that the way meets no singularity")
+    return least
 
 
-def _held(catch: Catch, v: Array) -> tuple[Configuration, Array]:
-    """Return the arm with the target in its hand at contact, and the momentum (6,) of both."""
-    end, target = catch.chase[-1], catch.target
-    frame = target.frame(catch.grapple)
-    R = frame.rotation.T
-    com = R @ (target.com - frame.translation)
-    arm = end.arm.grasp(target.mass, R @ target.inertia @ R.T, com)
-    held = arm.at(end.q, base=end.base)
-    momentum = held.A @ v
-    return held.with_momentum(momentum), momentum
+def _chords(q: Array, within: float) -> Array:
+    """Return some of the rows (m, n) whose straight lines all the others are near to."""
+    kept, last = [0], 1
+    while kept[-1] < len(q) - 1:
+        first = kept[-1]
+        while last < len(q) - 1 and _sag(q[first : last + 2]) <= within:
+            last += 1
+        kept.append(last)
+        last += 1
+    return q[kept]
 
 
-def _drifting(start: Configuration, momentum: Array, t: Array, q: Array, dq: Array) -> Motion:
+def _sag(q: Array) -> float:
+    """Return how far rows (m, n) are from the straight line from the first to the last."""
+    chord, inner = q[-1] - q[0], q[1:-1] - q[0]
+    share = np.clip(inner @ chord / max(float(chord @ chord), 1e-300), 0.0, 1.0)
+    return float(np.linalg.norm(inner - share[:, None] * chord, axis=1).max(initial=0.0))
+
+
+def _drifting(
+    start: Configuration, momentum: Array, t: Array, q: Array, dq: Array, ddq: Array
+) -> Braking:
     """Return the motion of the spacecraft with momentum while the joints move as given."""
     arm, com = start.arm, start.com
     rows = [start]
@@ -510,7 +625,8 @@ def _drifting(start: Configuration, momentum: Array, t: Array, q: Array, dq: Arr
         there = arm.at(q[i], base=turned)
         turned.translation = com + t[i] * velocity - there.com
         rows.append(arm.at(q[i], base=turned, momentum=momentum))
-    return Motion(arm, t, **samples(rows))
+    kept = np.tile(momentum, (len(t), 1))
+    return Braking(arm, t, **samples(rows), dq=dq, ddq=ddq, momentum=kept)
 
 
 def _torques(motion: Motion, dq: Array, ddq: Array, momentum: Array) -> Array:
