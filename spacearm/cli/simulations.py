@@ -19,7 +19,7 @@ from spacearm.cli.options import (
     on_a_model,
     task_rows,
 )
-from spacearm.cli.output import answer, check_picture, say_stopped, working
+from spacearm.cli.output import answer, say_stopped, working
 from spacearm.cli.questions import With, controller_of, question, start_of
 from spacearm.cli.wording import INTERRUPTED
 from spacearm.errors import ConfigurationError
@@ -27,7 +27,6 @@ from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.motion.controllers import LAWS, TipLaw
 from spacearm.motion.flights import Flight, simulate_phases
 from spacearm.motion.motion import Trajectory
-from spacearm.motion.motion_file import check_suffix
 from spacearm.motion.plant import Integration
 from spacearm.motion.simulation import simulate
 from spacearm.sweeps.motion_tables import read_integration, read_phases, read_plant, read_sampling
@@ -73,9 +72,6 @@ def simulate_motion(
     origin, stop, dq; or [[phases]] of sa.simulate_phases. Ctrl-C ends the run and keeps what there
     is.
     """
-    check_picture(output)
-    if save:
-        check_suffix(save)
     asked = question(more, *OBJECTS, *PLAIN, "phases")
     start = start_of(arm, asked, joint_values(arm, q, deg) if q else None, attitude, deg)
     if "phases" in asked.values:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.dynamics import Capture, JointState, capture, generalized_velocity
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.motion.controllers import Controller
+from spacearm.motion.controllers import Laws
 from spacearm.motion.events import Event
 from spacearm.motion.motion import Trajectory, events_table
 from spacearm.motion.plant import Integration, Plant, Sampling
@@ -200,9 +200,6 @@ def _wrenches(runs: Sequence[Trajectory]) -> dict[str, Array]:
     return {
         link: np.concatenate([on(link, i, run) for i, run in enumerate(runs)]) for link in links
     }
-
-
-Laws: TypeAlias = Controller | Mapping[str, Controller]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,7 @@ from spacearm.mechanics.arm_kernels import structure_of
 from spacearm.model.arguments import BaseMode, free_components, of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
-from spacearm.motion.controllers import Controller, check_target
+from spacearm.motion.controllers import Controller, Laws, check_target
 from spacearm.motion.goal import Origin, started
 from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration, Plant, Sampling
@@ -46,7 +46,7 @@ ROUNDING = 1e-9
 @of_configuration
 def simulate(
     start: Configuration,
-    controller: Controller | Mapping[str, Controller],
+    controller: Laws,
     duration: float,
     *,
     dq: npt.ArrayLike | None = None,
@@ -143,12 +143,10 @@ def _audit(result: Trajectory, drift: float, integration: Integration) -> None:
             )
 
 
-def _by_tip(
-    arm: SpaceArm, controller: Controller | Mapping[str, Controller]
-) -> dict[int, Controller]:
+def _by_tip(arm: SpaceArm, controller: Laws) -> dict[int, Controller]:
     """Return the controllers by the number of the tip that they lead, -1 for all joints."""
     if not isinstance(controller, Mapping):
-        arm.require_one_tip()  # whose path the trajectory holds
+        arm.require_one_tip()
         return {-1: controller}
     for tip in controller:
         if tip not in arm.tips:
@@ -183,7 +181,7 @@ UNITS = {
 
 def simulate_many(
     starts: Configuration | Sequence[Configuration],
-    controller: Controller | Sequence[Controller],
+    controller: Laws | Sequence[Laws],
     duration: float,
     *,
     dq: npt.ArrayLike | None = None,
@@ -205,7 +203,7 @@ def simulate_many(
         starts: m configurations of one arm, as in `simulate`, or of arms that differ by masses
             only, such as `arm.replace(payload=)`; one if all start alike. `Configuration.centred`
             puts the system CM at the origin.
-        controller: The controller of all runs, or m of one kind: with their own gains and targets.
+        controller: As in `simulate`, for all runs; or m of them, with gains and targets of each.
         duration: How long each run is [s].
         dq: (m, n) or (n,) joint rates at the start [rad/s] or [m/s]; zeros if None.
         mode: As in `simulate`.
@@ -229,7 +227,7 @@ def simulate_many(
 
     Raises:
         ConfigurationError: An argument does not make sense.
-        UnsupportedError: The arm has several tips.
+        UnsupportedError: The arm has several tips and one controller, or no wheels to hold.
 
     Example:
         >>> import spacearm as sa
@@ -253,16 +251,16 @@ def simulate_many(
     sizes = [] if one else [len(listed)]
     sizes += [shape_of(dq)[0]] if each else []
     sizes += [len(laws)] if several else []
-    if len(set(sizes)) > 1 or 0 in sizes or len({type(law) for law in laws}) != 1:
+    if len(set(sizes)) > 1 or 0 in sizes:
         raise ConfigurationError(
             f"starts, dq and controller are of {sizes} runs; give each once or as many "
-            "times as the others, and controllers of one kind"
+            "times as the others"
         )
     m, rates = max(sizes, default=1), np.zeros((max(sizes, default=1), arm.n))
     if dq is not None:
         rates[:] = finite(dq, (m, arm.n) if each else (arm.n,), "dq")
     systems = [
-        System(listed[i % len(listed)], mode, plant, {-1: laws[i % len(laws)]}, rates[i])
+        System(listed[i % len(listed)], mode, plant, _by_tip(arm, laws[i % len(laws)]), rates[i])
         for i in range(m)
     ]
     if sampling is not None:
@@ -328,7 +326,8 @@ def _prepared_all(
     systems: Sequence[System], stop: Sequence[str], integration: Integration
 ) -> list[Prepared]:
     """Return what the equations take of each run; the same where the systems do not differ."""
-    first, laws = systems[0], {id(law) for one in systems for law in one.controllers.values()}
+    first = systems[0]
+    laws = {tuple((tip, id(law)) for tip, law in one.controllers.items()) for one in systems}
 
     def ready(system: System) -> Prepared:
         wanted = wanted_events(system, integration, stop)
@@ -359,7 +358,6 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
 
     Raises:
         ConfigurationError: Something else is given, or arms that differ by more than masses.
-        UnsupportedError: It has several tips.
     """
     if not starts or any(not isinstance(cfg, Configuration) for cfg in starts):
         raise ConfigurationError(
@@ -368,5 +366,4 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
     arm = starts[0].arm
     if any(structure_of(own) != structure_of(arm) for own in {cfg.arm for cfg in starts}):
         raise ConfigurationError("the starts are of several arms; give configurations of one arm")
-    arm.require_one_tip()
     return arm

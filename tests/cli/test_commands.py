@@ -129,6 +129,28 @@ def test_convert_makes_wheels_of_joints_which_every_command_then_knows(tmp_path)
     assert not (tmp_path / "c.urdf").exists()
 
 
+WRITING = sorted(
+    (name, option.opts[0])
+    for name in COMMANDS
+    for option in command(name).params
+    if re.search(r"\bwrite\b|picture", option.help or "", re.IGNORECASE)
+    and "PATH" in str(option.type).upper()
+)
+
+
+@pytest.mark.parametrize(("name", "option"), WRITING)
+def test_files_to_write_are_tested_before_anything_is_read(name, option, tmp_path):
+    """The model does not exist, either: what is said first is what was tested first."""
+    suffix = ".npz" if option == "--save" and name not in ("box", "view") else ".png"
+    run = spacearm(name, "no_such_model", option, tmp_path / "none" / f"file{suffix}")
+    assert run.returncode == 2
+    assert f"file{suffix} cannot be written: No such file or directory" in run.stderr
+
+
+def test_all_options_that_write_are_known():
+    assert {name for name, _ in WRITING} >= {"box", "convert", "map", "plan", "report", "view"}
+
+
 def test_exit_codes_for_scripts():
     singular = ("query", "planar2", "--deg", -65, -11.41)
     assert spacearm(*singular).returncode == 0

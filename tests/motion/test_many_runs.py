@@ -118,6 +118,25 @@ def test_wheels_and_wrenches_act_as_in_one_run():
         np.testing.assert_allclose(many["base"][i], one.base[-1], atol=1e-9)
 
 
+def test_each_of_several_tips_has_its_law_and_laws_may_be_of_several_kinds():
+    arm = sa.load("dual_ur5", tip=("left", "right"))
+    start, still = arm.at(np.full(arm.n, 0.3)), np.full(arm.n, 0.4)
+    bent = sa.JointPD(target=still, kp=20.0, kd=40.0)
+    laws = [{"left": bent, "right": bent}, {"left": bent}]
+    many = sa.simulate_many(start, laws, 1.0)
+    for i, law in enumerate(laws):
+        one = sa.simulate(start, law, 1.0, integration=COARSE)
+        np.testing.assert_allclose(many["q"][i], one.q[-1], atol=1e-9)
+        assert many["sigma_min"][i] == pytest.approx(one.sigma_min.min(), rel=1e-3)
+    kinds = [LAW, sa.JointPD(target=[0.1, 0.5], kp=5.0, kd=15.0)]
+    many = sa.simulate_many(STARTS[0], kinds, 1.0)
+    for i, law in enumerate(kinds):
+        one = sa.simulate(STARTS[0], law, 1.0, integration=COARSE)
+        np.testing.assert_allclose(many["q"][i], one.q[-1], atol=1e-9)
+    with pytest.raises(sa.UnsupportedError, match="tips"):
+        sa.simulate_many(start, bent, 1.0)
+
+
 def test_loaded_arms_may_start_about_their_own_cm():
     arms = [ARM.replace(payload=mass) for mass in (1.0, 4.0)]
     starts = [arm.at(Q0[0]).centred(np.zeros(3)) for arm in arms]

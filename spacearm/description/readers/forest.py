@@ -242,7 +242,7 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
             "for a spacecraft, replace these joints by one that leaves it free (a fixed joint in "
             "URDF and SDF, <freejoint/> in MJCF); an arm on a rail is mounted with its rail: "
             f"sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)), on the command line "
-            "--bus-mass KG",
+            "--bus KG",
         )
     if not source.reading.spacecraft:
         source.warn(

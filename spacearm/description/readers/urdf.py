@@ -161,7 +161,9 @@ def _joint(source: Source, element: etree._Element, links: Collection[str]) -> J
     if not joint.movable:
         return joint
     damping, friction = (_resistance(source, element, name) for name in ("damping", "friction"))
-    return replace(joint, damping=damping, friction=friction)
+    home = source.child(element, "home")
+    at = 0.0 if home is None else source.number(home, "value")
+    return replace(joint, damping=damping, friction=friction, home=at)
 
 
 def _end(source: Source, joint: etree._Element, end: str, links: Collection[str]) -> str:
