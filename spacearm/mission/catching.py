@@ -293,7 +293,7 @@ def catch(
         ...     grapples={"ring": ring},
         ... )
         >>> catch = sa.catch(start, debris, window=(10, 10))
-        >>> catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5
+        >>> bool(catch.place_error < 1e-6 and abs(catch.twist_error).max() < 1e-5)
         True
     """
     request = _Request.of(start, target, grapple, window, approach, closing, touching, constraints)
