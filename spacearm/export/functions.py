@@ -29,10 +29,10 @@ from spacearm.errors import ConfigurationError, UnsupportedError, imported, unkn
 from spacearm.files import name_part, write
 from spacearm.mechanics.arm_kernels import parameters_of, structure_of
 from spacearm.mechanics.distance import FADING
+from spacearm.mechanics.jacobian import plane_of_motion
 from spacearm.model.arguments import BaseMode, of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_scales
-from spacearm.singularities.polynomials import plane_of_motion
 
 Function = Callable[..., Any]
 

@@ -23,6 +23,7 @@ from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.singularities.immaterial_masses import payload_note
 from spacearm.singularities.nearest import NearestSingular, nearness
 from spacearm.singularities.sets import nearest_on_way, prove_regular, prove_way
 
@@ -261,7 +262,12 @@ class Plan(Motion):
         return replace(
             motion,
             verdict=f"planned by {self.method}: {self.travel}, {self.t[-1]:.4g} s",
-            notes=[*motion.notes, self.checked, *self._drifting()],
+            notes=[
+                *motion.notes,
+                self.checked,
+                payload_note(self.arm, self.mode),
+                *self._drifting(),
+            ],
             tables=[
                 *motion.tables,
                 Table.facts(facts, "On the way"),

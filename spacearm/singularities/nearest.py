@@ -32,6 +32,7 @@ from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.newton import shortened
 from spacearm.polynomial.tubes import Tubes, deviations, foot
 from spacearm.results import Cell, Description, Result, Table, joint_measures
+from spacearm.singularities.immaterial_masses import payload_note
 
 Booleans = npt.NDArray[np.bool_]
 
@@ -120,7 +121,10 @@ class NearestSingular(Result):
         return Description(
             title=f"{self.arm.name}, {self.mode}",
             verdict=nearness(self.distance, self.distance_proven),
-            notes=[f"Joint limits {'count' if self.limits else 'do not count'}."],
+            notes=[
+                f"Joint limits {'count' if self.limits else 'do not count'}.",
+                payload_note(self.arm, self.mode),
+            ],
             tables=[Table.by_columns(columns)],
         )
 
