@@ -10,12 +10,14 @@ centre c and half widths h
 
     F(x) >= F(c) - |grad F(c)| h - rest,
 
-the rest from the second derivatives at c and a bound of the third ones everywhere. Given F(c) = 1,
-the a and b that make |grad F(c)| h least, or this and the rest, solve a small linear system. At the
-common root nearest to the centre of a ball some sum of the gradients is along x, which b takes
-away: boxes there are wide beside the gap between ball and root, and few do. What is not proven is
-halved, nearest to the middle first, so that what is proven when a budget ends is a region of the
-same kind. Without u a box is proven as such.
+the rest from the second and third derivatives at c and a bound of the fourth ones everywhere. Given
+F(c) = 1, the a and b that make |grad F(c)| h least, or this and the rest, solve a small linear
+system. At the common root nearest to the centre of a ball some sum of the gradients is along x,
+which b takes away: boxes there are wide beside the gap between ball and root, and few do. What is
+not proven is halved, nearest to the middle first, so that what is proven when a budget ends is a
+region of the same kind. Without u a box is proven as such.
+
+The smallest polynomials are tried first, all of them where these do not do.
 
 Rounding is counted as in `certificate`.
 """
@@ -52,7 +54,8 @@ class Expansion(NamedTuple):
         value: (m, p) values.
         slope: (m, p, n) first derivatives.
         bend: (m, p, n, n) second derivatives.
-        third: (m, p, n) bounds of what the third derivatives add, by the joint.
+        third: (m, p, n, n, n) third derivatives.
+        fourth: (m, p, n) bounds of what the fourth derivatives add, by the joint.
         noise: (m, p) bounds of the rounding.
     """
 
@@ -60,12 +63,14 @@ class Expansion(NamedTuple):
     slope: Array
     bend: Array
     third: Array
+    fourth: Array
     noise: Array
 
     @property
     def rest(self) -> Array:
         """(m, p) bounds of what all but the first derivatives add."""
-        return 0.5 * np.abs(self.bend).sum(axis=(2, 3)) + self.third.sum(axis=2)
+        third = np.abs(self.third).sum(axis=(2, 3, 4)) / 6.0
+        return 0.5 * np.abs(self.bend).sum(axis=(2, 3)) + third + self.fourth.sum(axis=2)
 
     def with_(self, other: Expansion) -> Expansion:
         """Return these functions and others in the same boxes."""
@@ -90,11 +95,11 @@ class Expansion(NamedTuple):
         size = np.abs(a)
         slope = np.abs((a[:, None] @ self.slope)[:, 0])
         bend = (a[:, None] @ self.bend.reshape(m, -1, n * n)).reshape(m, n, n)
+        third = (a[:, None] @ self.third.reshape(m, -1, n**3)).reshape(m, n, -1)
         diagonal = np.einsum("mjj->mj", bend)
         across = np.abs(bend).sum(axis=2) - np.abs(diagonal)
-        taken = (
-            slope + 0.5 * (across - np.minimum(diagonal, 0.0)) + (size[:, None] @ self.third)[:, 0]
-        )
+        taken = slope + 0.5 * (across - np.minimum(diagonal, 0.0))
+        taken += np.abs(third).sum(axis=2) / 6.0 + (size[:, None] @ self.fourth)[:, 0]
         return (a * self.value - size * self.noise).sum(axis=1) - taken.sum(axis=1), taken
 
 
@@ -145,27 +150,29 @@ class Roots:
         return self.unit * [f.polynomial.degrees for f in self.polynomials]
 
     @cached_property
-    def _third(self) -> Array:
-        """(p, n, n n) bounds of the third derivatives with respect to x."""
+    def _fourth(self) -> Array:
+        """(p, n, n n n) bounds of the fourth derivatives with respect to x."""
         ends = self.origin + self.unit * np.array((self.low, self.high))
-        unit = np.einsum("i,j,k->ijk", self.unit, self.unit, self.unit)
-        bounds = np.array([f.derivative_bounds(3, ends) * unit for f in self.polynomials])
+        unit = np.einsum("i,j,k,l->ijkl", self.unit, self.unit, self.unit, self.unit)
+        bounds = np.array([f.derivative_bounds(4, ends) * unit for f in self.polynomials])
         return bounds.reshape(*bounds.shape[:2], -1)
 
     def expanded(self, centre: Array, half: Array) -> Expansion:
         """Expand the polynomials in boxes (m, n)."""
-        jets = [f(self.origin + self.unit * centre, 2) for f in self.polynomials]
-        value, slope, bend = (np.stack(part, axis=1) for part in zip(*jets, strict=True))
+        jets = [f(self.origin + self.unit * centre, 3) for f in self.polynomials]
+        value, slope, bend, third = (np.stack(part, axis=1) for part in zip(*jets, strict=True))
         width = self.unit * half
-        pairs = (half[:, :, None] * half[:, None]).reshape(len(half), -1)
-        third = np.moveaxis(self._third @ pairs.T, -1, 0) * half[:, None] / 6.0
+        pairs = width[:, :, None] * width[:, None]
+        triples = np.einsum("mi,mj,mk->mijk", half, half, half).reshape(len(half), -1)
+        fourth = np.moveaxis(self._fourth @ triples.T, -1, 0) * half[:, None] / 24.0
         turn = half @ self._turns.T
         return Expansion(
             value,
             slope * width[:, None],
-            bend * (width[:, :, None] * width[:, None])[:, None],
-            third,
-            self._noise * (1.0 + turn + 0.5 * turn**2),
+            bend * pairs[:, None],
+            third * (pairs[:, :, :, None] * width[:, None, None])[:, None],
+            fourth,
+            self._noise * (1.0 + turn + turn**2 / 2.0 + turn**3 / 6.0),
         )
 
     def free(
@@ -270,6 +277,7 @@ def _inside(tubes: Tubes, centre: Array, half: Array, of: Indices) -> Expansion:
         value[:, None],
         (slope * half)[:, None],
         (bend * half[:, :, None] * half[:, None])[:, None],
+        np.zeros((len(centre), 1, *(centre.shape[1],) * 3)),
         np.zeros((len(centre), 1, centre.shape[1])),
         noise[:, None],
     )

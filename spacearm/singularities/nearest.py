@@ -46,7 +46,7 @@ ABREAST, LOOKED_AT, LOOKED_FROM, ALONG = 0.1, 400, 6, 0.3
 """Between places on a way at which it is estimated how near the set is [rad], and their largest
 number; the largest number from which the nearest configuration is looked for, and how far apart
 they are [rad]."""
-MOST_BOXES, MOST_TERMS = 20_000, 2.5e9
+MOST_BOXES, MOST_TERMS = 20_000, 1.2e9
 """Boxes that such a proof may take, and how many coefficients are summed up in them."""
 NEARER = 1e-6
 """Share of a distance by which another one is nearer."""
