@@ -24,10 +24,10 @@ from spacearm.cli.options import (
     joint_values,
     on_a_model,
     radians,
+    to_write,
 )
 from spacearm.cli.output import (
     answer,
-    check_picture,
     err,
     kept,
     out,
@@ -38,7 +38,6 @@ from spacearm.cli.output import (
 )
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.files import read, write
-from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import capture
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import SpaceArm
@@ -46,10 +45,10 @@ from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Description, Table, joint_measures
-from spacearm.singularities.abstract_set import prove_clear
+from spacearm.singularities.abstract_set import control_points, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.map import SingularMap, singular_map
-from spacearm.singularities.nearest import angle
+from spacearm.singularities.nearest import angle, distances_found
 from spacearm.singularities.report import TOLERANCE, singularity
 from spacearm.singularities.sets import prove_regular, singular_set
 
@@ -151,7 +150,8 @@ def check_path(
     as_json: AsJson = False,
 ) -> int:
     """Prove that straight joint motions from posture to posture meet no singularity."""
-    Q = _postures(arm, file, deg)
+    given = Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
+    Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
         proof = prove_regular(arm, Q, mode=mode.value, progress=progress)
         if proof is None:
@@ -160,10 +160,10 @@ def check_path(
                 "that mimic others; spacearm query looks at single postures"
             )
         wanted = radians(clearance, deg)
-        if wanted and proof:
-            clear = prove_clear(arm, mode.value, Q, wanted, progress=progress)
+        if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
+            clear = prove_clear(arm, mode.value, way, wanted or 0.0, progress=progress)
             proof = clear._replace(margin=proof.margin)
-        distance = evaluate(arm, Q, ("distance",))["distance"] if mode == "free-floating" else None
+        distance = distances_found(arm, mode.value, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
         facts = {"arm": arm, "certificate": proof, "outside_limits": outside}
@@ -179,7 +179,7 @@ def _described(
     mode: BaseMode,
     Q: Array,
     proof: Certificate,
-    distance: Array | None,
+    distance: Array,
     outside: list[str],
 ) -> Description:
     """Return what the proof of a path says."""
@@ -193,9 +193,9 @@ def _described(
         way = f"{about} the way from posture {first} to {first + 1}"
         at = joint_measures(proof.at, arm.slides)
         tables.append(Table.by_columns({"joint": arm.joint_names, way: at}))
-    if distance is not None:
-        worst = int(np.argmin(distance))
-        near = f"about {angle(float(distance[worst]))} from a singular posture, to first order"
+    worst = int(np.argmin(distance))
+    if np.isfinite(distance[worst]):
+        near = f"a singular posture found {angle(float(distance[worst]))} away"
         notes.append(f"nearest of the postures given: number {worst + 1}, {near}")
     limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
     return Description(
@@ -210,8 +210,6 @@ def _described(
 
 def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
     """Read the joint positions (m, n) of a path."""
-    if file.suffix == ".npz":
-        return Motion.load(file, arm).q
     try:
         lines = read(file).decode().replace(",", " ").splitlines()
         Q = np.loadtxt(lines, ndmin=2)
@@ -241,7 +239,9 @@ def draw_singular_map(
         typer.Option(help="Position of another joint; may be repeated.", metavar="JOINT=VALUE"),
     ] = None,
     output: Picture = None,
-    npz: Annotated[Path | None, typer.Option(help="Write the numbers to a NumPy archive.")] = None,
+    npz: Annotated[
+        Path | None, typer.Option(help="Write the numbers to a NumPy archive.", callback=to_write)
+    ] = None,
     points: Annotated[
         int, typer.Option(help="Grid points along each joint.", min=3, max=2001)
     ] = 181,
@@ -252,7 +252,6 @@ def draw_singular_map(
 
     Ctrl-C keeps what there is.
     """
-    check_picture(output)
     fixed = {joint_name(arm, name): value for name, value in assignments("--fix", fix).items()}
     q = joint_values(arm, [fixed.get(name, 0.0) for name in arm.joint_names], deg)
     result, code = kept(

@@ -272,7 +272,7 @@ def bolted(
     whole = whole.joined(frame, f"{name}.tip", f"{name}_{tip}", pin.SE3.Identity())
     found = () if asked else (f"the tip of {name} is {tip!r}: {chosen.reason}",)
     notes = (*whole.notes, *found)
-    return replace(whole, name=f"{bus.name}_{name}", tips=(name,), notes=notes)
+    return replace(whole, name=f"{bus.name}_{name}", tips=(f"{name}_{tip}",), notes=notes)
 
 
 def holding(tree: Tree, link: str, rigid: Inertial) -> Tree:

@@ -188,10 +188,10 @@ def evaluate(
             (product of the singular values), "condition" (largest over least), "determinant"
             (equation (37); NaN unless the task has as many rows as the arm has joints) and "radius"
             (R of equation (43), distance of the tip from the system CM [m]); and, not by default
-            because they take the derivative of J*, "distance" (to the singular set [rad], far from
-            it to first order) and "away" (its gradient: the joint motion per radian of distance
-            that leads away), as in `SingularityReport`. Together these two take two to four times
-            as long as sigma_min: `python benchmarks/distance.py` prints it.
+            because they take the derivative of J*, "distance" (to the singular set, to first
+            order [rad]) and "away" (its gradient: the joint motion per radian of distance
+            that leads away), as by `singularity` without a search. Together these two take two to
+            four times as long as sigma_min: `python benchmarks/distance.py` prints it.
         out: Arrays to write to, memory maps included, for some or all of the quantities.
         threads: Number of threads; one per available processor if None.
         progress: Called as progress(done, m) after each block.

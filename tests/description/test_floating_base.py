@@ -180,3 +180,36 @@ def test_slides_and_hinges_of_an_sdf_are_the_floating_base(tmp_path):
     with pytest.warns(sa.ModelWarning, match="floats by itself"):
         arm = load(tmp_path, text, ".sdf")
     same(arm, floating(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "left_out"),
+    [("bus", "target", "target"), ("l2", "target", "target"), ("station", "bus", "station")],
+)
+def test_bodies_that_float_beside_the_robot_do_not_move_it(parent, child, left_out, tmp_path):
+    body = f'<link name="{left_out}">{inertial(500)}</link>'
+    free = f'<joint name="free" type="floating"><parent link="{parent}"/><child link="{child}"/>'
+    text = (
+        urdf(()).replace('<link name="ground"/>', "").replace(bolt("to_bus", "ground", "bus"), "")
+    )
+    with pytest.warns(sa.ModelWarning, match=f"left out, as not fixed to it: {left_out}"):
+        arm = load(tmp_path, text.replace("</robot>", f"{body}{free}</joint></robot>"))
+    same(arm, floating(tmp_path))
+    assert arm.tree.root == "bus"
+    assert arm.mass == load(tmp_path, text).mass
+
+
+def test_two_arms_that_float_apart_are_a_question(tmp_path):
+    text = (
+        urdf(()).replace('<link name="ground"/>', "").replace(bolt("to_bus", "ground", "bus"), "")
+    )
+    other = text.replace('<robot name="r">', "").replace('="', '="other_')
+    for word in ("xyz", "type", "value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        other = other.replace(f'{word}="other_', f'{word}="')
+    free = (
+        '<joint name="free" type="floating"><parent link="bus"/><child link="other_bus"/></joint>'
+    )
+    with pytest.raises(
+        sa.ModelError, match="2 robots of 3 joints each, whose roots are bus, other"
+    ):
+        load(tmp_path, text.replace("</robot>", free) + other)

@@ -128,6 +128,12 @@ def test_an_arm_alone_is_told_to_be_mounted(tmp_path):
     assert sa.mount(path, sa.Bus(mass=9, size=(1, 1, 1))).mass == 12.0
 
 
+def test_a_frame_that_carries_nothing_is_no_arm_to_be_mounted():
+    text = robot(frame("base"), frame("arm"), joint("weld", "base", "arm", "fixed"))
+    with pytest.raises(sa.ModelError, match="'base' has no mass, and no joint can move; describe"):
+        load_text(text)
+
+
 def test_a_world_that_the_spacecraft_floats_in_is_left_out():
     plain = load_text(robot(BUS, ARM, ELBOW))
     for kind in ("floating", "planar"):

@@ -328,6 +328,10 @@ BAD = {
         sdf(model(BUS, ARM, joint("arm", "bus", "arm"))),
         "two frames, links, joints or models are named 'arm'",
     ),
+    "two models of a name": (
+        sdf(f"<world name='w'>{model(BUS)}{model(BUS)}</world>"),
+        "two frames, links, joints or models are named '[a-z]+' .lines",
+    ),
     "a mimic of nothing": (
         sdf(model(BUS, ARM, ELBOW.replace("</axis>", "<mimic joint='no'/></axis>"))),
         "mimic.*unknown movable joint 'no'",

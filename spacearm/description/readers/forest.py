@@ -12,7 +12,7 @@ from spacearm.arrays import Array
 from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.readers.source import Source
 from spacearm.description.shapes import Visuals
-from spacearm.description.tree import ROOT_JOINT, Tree, free_name
+from spacearm.description.tree import Tree, free_name
 from spacearm.errors import listed, unknown
 
 SAME_FRAME = 1e-15
@@ -185,8 +185,6 @@ def unprefixed(tree: Tree) -> Tree:
 
 def check_mimics(source: Source, joints: dict[str, Joint]) -> None:
     """Check that mimic joints lead to others; those of fixed joints are fixed too."""
-    if ROOT_JOINT in joints:
-        source.fail(f"joint {ROOT_JOINT!r} has the name of the free root joint", "rename it")
     for joint in list(joints.values()):
         if joint.mimic and (leader := joints.get(joint.mimic.leader)) and leader.kind == "fixed":
             joints[joint.name] = joint.frozen(joint.mimic.offset)
@@ -244,7 +242,7 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
             "for a spacecraft, replace these joints by one that leaves it free (a fixed joint in "
             "URDF and SDF, <freejoint/> in MJCF); an arm on a rail is mounted with its rail: "
             f"sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)), on the command line "
-            "--bus-mass KG",
+            "--bus KG",
         )
     if not source.reading.spacecraft:
         source.warn(

@@ -145,6 +145,8 @@ LONGEST = 300
 MOST_PREFIXES = 20
 """Largest number of namespace prefixes that are declared in place of the file."""
 UNDECLARED = re.compile(r"Namespace prefix ([\w.-]+) (on|for) .* is not defined")
+VERSION = re.compile(rb"""\A(<\?xml\s+version\s*=\s*["'])[\d.]+""")
+"""The version of XML that a file states, which some write as 0.0."""
 ROOT_TAG = re.compile(rb"(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*<[\w:.-]+", re.DOTALL)
 WRITTEN = "written-on"
 """Attribute of a link or joint from a xacro source: the line and file where it is written."""
@@ -363,10 +365,11 @@ def line_of(element: etree._Element) -> str:
 
 
 def declared(text: bytes) -> bytes:
-    """Return XML with every namespace prefix declared that it uses, without blanks before it."""
-    body = text.lstrip()
+    """Return XML 1.0 with all its namespace prefixes declared, without blanks before it."""
+    body = VERSION.sub(rb"\g<1>1.0", text.lstrip())
     if body.startswith(b"<?xml"):  # which must come first; the number of lines stays
-        text = body.replace(b"?>", b"?>" + b"\n" * text[: -len(body)].count(b"\n"), 1)
+        blank = text[: len(text) - len(text.lstrip())]
+        text = body.replace(b"?>", b"?>" + b"\n" * blank.count(b"\n"), 1)
     for _ in range(MOST_PREFIXES):
         try:
             etree.fromstring(text, etree.XMLParser(resolve_entities=False, no_network=True))
