@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
+from scipy.interpolate import BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, finite, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
@@ -165,6 +166,16 @@ class Motion(Result):
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @cached_property
+    def spline(self) -> PPoly:
+        """Joint positions (n,) over time as `sa.Tracking` flies them: cubic, through the rows."""
+        return CubicSpline(self.t, self.q)
+
+    @cached_property
+    def wheel_spline(self) -> BSpline | None:
+        """What wheels hold (w,) over time [N m s], where their torques are part of the motion."""
+        return None
 
     def __getitem__(self, i: int) -> Configuration:
         return self.arm.at(self.q[i], base=_pose(self.base[i]))

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from scipy.interpolate import BSpline, PPoly
 
 from spacearm.arrays import Array, plain, read_only
 from spacearm.collisions.obstacles import Obstacle
@@ -19,7 +20,13 @@ from spacearm.model.arm import AT_REST, Configuration, SpaceArm
 from spacearm.motion.motion import AnyMotion, Motion, samples
 from spacearm.motion.motion_file import Quantity
 from spacearm.planning.many_curves import FlownRows
-from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
+from spacearm.planning.timing import (
+    corners,
+    largest_rates,
+    rest_to_rest_spline,
+    rest_to_rest_times,
+    smooth,
+)
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.tubes import of_spline
 from spacearm.results import Cell, Description, Measure, Result, Table
@@ -148,11 +155,23 @@ class Plan(Motion):
         """(m, n) joint accelerations [rad/s^2] or [m/s^2], zero at both ends and at corners."""
         return self._rates(2)
 
+    @cached_property
+    def spline(self) -> PPoly:
+        """Joint positions (n,) over time as flown: quintic through the rows, at rest at corners."""
+        return rest_to_rest_spline(self.t, self.q)
+
+    @cached_property
+    def wheel_spline(self) -> BSpline | None:
+        """What wheels hold (w,) over time [N m s], where a floating spacecraft is detumbled."""
+        if self.mode != FLOATING or not self.wheels.size or not np.ptp(self.wheels, axis=0).any():
+            return None
+        return smooth(self.t, self.wheels)
+
     def _rates(self, order: int) -> Array:
         """Return the derivatives (m, n) of the joint positions."""
         if len(self) == 1:
             return read_only(np.zeros_like(self.q))
-        rates = rest_to_rest_spline(self.t, self.q)(self.t, order)
+        rates = self.spline(self.t, order)
         rates[corners(np.diff(self.q, axis=0))] = 0.0  # without rounding
         return read_only(rates)
 
@@ -180,7 +199,7 @@ class Plan(Motion):
         """(pieces, 6, n) control points of the splines that are flown."""
         if len(self) == 1:
             return super().control_points
-        return of_spline(rest_to_rest_spline(self.t, self.q), SPLINE)
+        return of_spline(self.spline, SPLINE)
 
     @cached_property
     def nearest(self) -> NearestSingular | None:
