@@ -328,8 +328,9 @@ class Tracking(Law):
     Where wheels bring a tumbling spacecraft to rest, the law minds their torques: `wheel_torques`,
     which `sa.simulate` takes as `wheels=`.
 
-    q_d is a spline through the rows of the motion over time; before it begins and after it
-    has ended the joints hold still. Plans start and end at rest.
+    q_d is a spline through the rows of the motion over time, and through their rates and
+    accelerations where these are its own, as of paths that are followed; before it begins and after
+    it has ended the joints hold still. Plans start and end at rest.
 
     Attributes:
         motion: The motion that the joints keep to.
@@ -366,7 +367,8 @@ class Tracking(Law):
         if self.motion.wheel_spline is not None:
             turned = cfg.arm.at(cfg.q, base=cfg.base, wheels=self.wheel_torques(t)).stored
             wrenches[cfg.arm.tree.root] = -turned  # on the spacecraft
-        cfg, mode = cfg.with_momentum(self.motion[0].momentum), self.motion.mode
+        momentum = getattr(self.motion, "momentum", np.zeros((1, 6)))[0]
+        cfg, mode = cfg.with_momentum(momentum), self.motion.mode
         return inverse_dynamics(cfg, dq, ddq, mode=mode, wrenches=wrenches).tau
 
     def error(self, t: float, cfg: Configuration) -> Array:

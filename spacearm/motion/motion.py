@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.interpolate import BSpline, CubicSpline, PPoly
+from scipy.interpolate import BPoly, BSpline, CubicSpline, PPoly
 
 from spacearm.arrays import Array, finite, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
@@ -169,8 +169,17 @@ class Motion(Result):
 
     @cached_property
     def spline(self) -> PPoly:
-        """Joint positions (n,) over time as `sa.Tracking` flies them: cubic, through the rows."""
-        return CubicSpline(self.t, self.q)
+        """Joint positions (n,) over time as `sa.Tracking` flies them, through the rows.
+
+        Through their rates and accelerations too, where these are its own, not differenced.
+        """
+        begin, end = self.t[[0, -1]]
+        inner = [jump for jump in self.jumps if begin < jump.t < end]
+        known = {"dq", "ddq"} <= {each.name for each in fields(self)}
+        if not known or len(self) == 1 or inner:
+            return CubicSpline(self.t, self.q)
+        rows = np.stack((self.q, self.dq, self.ddq), axis=1)
+        return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.t, rows))
 
     @cached_property
     def wheel_spline(self) -> BSpline | None:
