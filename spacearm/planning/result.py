@@ -305,7 +305,9 @@ class Plan(Motion):
         return f"Plan({self.arm.name}, {way}, {len(self)} rows)"
 
 
-def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
+def landed(
+    plan: AnyMotion, attitude: Array | None = None, on_the_way: Sequence[int] = ()
+) -> AnyMotion:
     """Return a plan bent a little, so that it ends as flown with the attitude that it should.
 
     Motions that are no plans stay.
@@ -313,6 +315,7 @@ def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
     Args:
         plan: The plan.
         attitude: (3, 3) the attitude; that of its last row if None.
+        on_the_way: Numbers of rows that it passes with their attitudes, too.
 
     Raises:
         NoSolutionError: It cannot be; carries the rows.
@@ -320,8 +323,10 @@ def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
     if not isinstance(plan, Plan) or plan.mode != FLOATING or len(plan) == 1:
         return plan
     start, h = plan[0], plan.momentum[0, :3]
+    wanted = {i: plan[i].base.rotation for i in on_the_way}
+    wanted[len(plan) - 1] = plan[-1].base.rotation if attitude is None else attitude
     try:
-        rows = plan._flown.landed(plan[-1].base.rotation if attitude is None else attitude)
+        rows = plan._flown.landed(wanted)
     except NoSolutionError as error:
         raise NoSolutionError(str(error), [*plan]) from None
     pairs = zip(rows.q, rows.attitudes(parts=2), strict=True)
