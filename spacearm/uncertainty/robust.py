@@ -33,6 +33,8 @@ SAMPLES = 200
 """Default number of random arms."""
 MOST_CORNERS, MOST_CORNERS_OF_SHELLS = 8, 5
 """Parameters up to which all corners of the box are tried, for distances and for shells."""
+ROUNDS = 3
+"""How often nearer ends of all parameters are looked for where not all corners are tried."""
 CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Clearances that are asked of plans, one after the other, until one is robust [deg]."""
 
@@ -153,8 +155,9 @@ def distance_range(
     """Find how far the nearest singular postures of arms from the intervals are.
 
     The arms are random ones, and those with all parameters at ends of their intervals if there are
-    up to 8 parameters. The least distance found begins at 0 where an arm is singular at the posture
-    itself; that none is, is proven where it can be, as by `is_free_for_all`.
+    up to 8 parameters; of more, ends that come nearer are looked for. The least distance found is 0
+    where an arm is singular at the posture itself; that none is, is proven where it can be, as by
+    `is_free_for_all`.
 
     Numbers of the last link and of what it holds stay as described where the task is the full pose:
     the distance does not depend on them.
@@ -182,11 +185,26 @@ def distance_range(
     q, uncertain = joint_vector(arm, q, "q"), uncertain.relevant()
     samples = samples if uncertain.parameters else 1
     shares = uncertain.tried(samples, seed, MOST_CORNERS)
-    found = np.empty(len(shares))
-    for i, t in enumerate(shares):
-        found[i] = _found(uncertain.realise(t), q)
-        if progress:
-            progress(i + 1, len(shares))
+    more = ROUNDS if len(uncertain.parameters) > MOST_CORNERS else 0
+    total = len(shares) + more * (2 * len(uncertain.parameters) + 1)
+
+    def found_of(some: Array, done: int) -> Array:
+        values = []
+        for i, t in enumerate(some):
+            values.append(_found(uncertain.realise(t), q))
+            if progress:
+                progress(done + i + 1, total)
+        return np.array(values)
+
+    found = found_of(shares, 0)
+    for _ in range(more):  # corners were not tried: towards a nearer one, each parameter by itself
+        best, p = shares[int(np.argmin(found))], len(uncertain.parameters)
+        ends = np.repeat(best[None], 2 * p, axis=0)
+        ends[range(2 * p), np.repeat(np.arange(p), 2)] = np.tile((0.0, 1.0), p)
+        values = found_of(ends, len(found))
+        corner = values.reshape(p, 2).argmin(axis=1).astype(np.float64)[None]
+        shares = np.vstack((shares, ends, corner))
+        found = np.concatenate((found, values, found_of(corner, len(found) + 2 * p)))
     nominal = _found(arm, q)
     least, low = shares[int(np.argmin(found))], min(nominal, float(found.min()))
     itself = Finding(False, None, None, 0)
@@ -364,19 +382,24 @@ class ShellBands(Result):
         return Description(
             title=f"path dependent workspace of {self.tried:,} arms",
             verdict=f"{number} shells" if number else "shells of different number",
+            notes=["Arms that were not tried may have shells outside these bands."],
             tables=[Table.by_columns(bands)],
         )
 
 
-def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) -> ShellBands:
+def shell_bands(
+    uncertain: UncertainArm, *, samples: int = 50, seed: int = 0, progress: Progress | None = None
+) -> ShellBands:
     """Compute the bands in which the shells of the path dependent workspace lie.
 
-    Each arm's shells are computed as by `workspace`; the bands are those of the arms tried.
+    Each arm's shells are computed as by `workspace`; the bands are those of the arms tried, and no
+    bounds for others.
 
     Args:
         uncertain: An arm with as many revolute joints as its task has rows.
         samples: Number of random arms; the corners of up to 5 parameters are tried besides.
         seed: Of these.
+        progress: Called as progress(done, total) after each arm.
 
     Returns:
         The bands, and what is path dependent for all arms tried and for some.
@@ -391,8 +414,11 @@ def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) ->
         2
     """
     shares = uncertain.tried(samples, seed, MOST_CORNERS_OF_SHELLS)
-    found = [workspace(uncertain.arm).pdw]
-    found += [workspace(uncertain.realise(t)).pdw for t in shares]
+    found = []
+    for arm in (uncertain.arm, *map(uncertain.realise, shares)):
+        found.append(workspace(arm).pdw)
+        if progress:
+            progress(len(found), 1 + len(shares))
     numbers = {len(pdw) for pdw in found}
     bounds: Any = np.array(found) if len(numbers) == 1 else np.zeros((1, 0, 2))
     low, high = np.stack((bounds.min(axis=0), bounds.max(axis=0)), axis=2).swapaxes(0, 1)
