@@ -20,12 +20,13 @@ sets         singular_set singular_map singularity_polynomial free_box free_boxe
              FoundSet SingularMap TrigPolynomial Certificate FreeBox FreeBoxes
 workspaces   workspace risk_profile pose_risk design Workspace Region RiskProfile PoseRisk
 motion       simulate simulate_many simulate_phases follow move JointPD TransposedJacobian
-             ResolvedRate DampedLeastSquares Reactionless Plant Integration PassiveJoint WheelHold
-             Phase Grasp Release Motion Trajectory Followed Flight Event
+             ResolvedRate DampedLeastSquares Reactionless Plant Sampling Integration PassiveJoint
+             WheelHold Phase Grasp Release Motion Trajectory Followed Flight Event
 planning     plan detumble connected time_optimal Tracking collision_check Joints Constraints
              Search Plan Attempt Connection Obstacle CollisionReport
 mission      feasible_attitudes reaction size_wheels level_reach level_envelope momentum_budget
-             FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
+             catch FeasibleAttitudes Reaction WheelSizing LevelReach LevelEnvelope MomentumBudget
+             Target Catch
 uncertainty  uncertain distance_range is_free_for_all shell_bands robust_plan UncertainArm
              DistanceRange RobustCertificate ShellBands
 sweeps       sweep Study

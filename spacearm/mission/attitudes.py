@@ -32,9 +32,9 @@ from spacearm.mission.attitude_search import (
     volume,
 )
 from spacearm.mission.branches import HeldTip
-from spacearm.model.arguments import of_configuration
+from spacearm.model.arguments import FLOATING, of_configuration, require_possible
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
-from spacearm.motion.following import Followed, Path, check_rows, follow, path_start, segments
+from spacearm.motion.following import Followed, Path, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
@@ -406,7 +406,7 @@ def turning_axis(arm: SpaceArm) -> int | None:
         UnsupportedError: The path cannot be followed in all rows of the task, or the rows depend on
             the attitude.
     """
-    check_rows(arm)
+    require_possible(arm, FLOATING)
     axes = turning_axes(arm)
     axis = axes[0] if len(axes) == 1 else None
     if not arm.task.singled_out <= {axis}:

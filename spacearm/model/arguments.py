@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import wraps
+from functools import lru_cache, wraps
 from typing import Literal, ParamSpec, TypeVar
 
-from spacearm.errors import ConfigurationError, unknown
+from spacearm.errors import ConfigurationError, UnsupportedError, unknown
 from spacearm.model.arm import Configuration, SpaceArm
 
 BaseMode = Literal["free-floating", "attitude-controlled", "fixed"]
@@ -27,6 +27,22 @@ def free_components(mode: str) -> int:
     if mode not in tuple(FREE_TWIST):
         raise ConfigurationError(unknown("mode", mode, FREE_TWIST))
     return FREE_TWIST[mode]
+
+
+@lru_cache(maxsize=256)
+def impossible(arm: SpaceArm, mode: BaseMode) -> str:
+    """Say why an arm can never do its task, and which it can; empty if it can do it."""
+    return arm.fault_of_task(free_components(mode))
+
+
+def require_possible(arm: SpaceArm, mode: BaseMode) -> None:
+    """Refuse an arm that can never do its task.
+
+    Raises:
+        UnsupportedError: It cannot; names rows and remedy.
+    """
+    if fault := impossible(arm, mode):
+        raise UnsupportedError(f"{arm.name}: {fault}")
 
 
 P = ParamSpec("P")

@@ -12,18 +12,20 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError
 from spacearm.mechanics.barycentric_formulation import Barycentric, VirtualManipulator
 from spacearm.model.arm import Configuration, SpaceArm
-from spacearm.plots.bodies import IN_FRONT, bare, draw_bodies, stand_ins
+from spacearm.plots.hulls import bare, draw_bodies, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
     GREEN,
     GREY,
+    IN_FRONT,
     ORANGE,
     PURPLE,
     RED,
     annotate,
     axes_for,
     draws,
+    entitle,
     equal_axes,
     flat_rows,
 )
@@ -61,7 +63,7 @@ def draw_configuration(
     draw_posture(axes, cfg, color=color, label=label)
     if velocities:
         draw_velocities(axes, cfg)
-    axes.set_title(f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
+    entitle(axes, f"{cfg.arm.name}: spacecraft, arm and system CM (+){stand_ins(cfg.arm)}")
     return axes.figure
 
 
@@ -147,7 +149,7 @@ def draw_virtual_manipulator_alone(result: VirtualManipulator, *, ax: Any = None
     axes = axes_for(ax, *SIZE, spatial=len(rows) == 3)
     _draw_chain(axes, result, rows)
     lengths = ", ".join(f"{x:.3g}" for x in np.linalg.norm(result.links, axis=1))
-    axes.set_title(f"Virtual Manipulator: links of {lengths} m")
+    entitle(axes, f"Virtual Manipulator: links of {lengths} m")
     return axes.figure
 
 
@@ -178,7 +180,7 @@ def draw_barycentric(result: Barycentric, *, ax: Any = None, chain: bool = True)
     axes.legend(frameon=False)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
     also = " and Virtual Manipulator" if chain else ""
-    axes.set_title(f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
+    entitle(axes, f"{result.M:.4g} kg: CMs{',' if chain else ' and'} barycentres{also}")
     return axes.figure
 
 
@@ -200,11 +202,11 @@ def draw_region(result: Region, *, ax: Any = None) -> Figure:
         color = GREEN if result.kind == "path independent" else RED
         axes.plot(result.radius * np.cos(around), result.radius * np.sin(around), color=color)
         axes.plot(0, 0, marker="P", ms=9, color="black", ls="none")
-        annotate(axes, "CM", np.zeros(2), "black", below=True)
+        annotate(axes, "CM", np.zeros(2), "black")
         where = "from the system CM [m]"
         axes.set(aspect="equal", xlabel=where, ylabel=where)
     number = f"\nsingular postures with the tip there: {len(found)}" if found else ""
-    axes.set_title(f"{result.radius:.4g} m from the CM: {result.kind}{number}")
+    entitle(axes, f"{result.radius:.4g} m from the CM: {result.kind}{number}")
     return axes.figure
 
 
@@ -212,12 +214,12 @@ def _draw_chain(axes: Any, chain: VirtualManipulator, rows: tuple[int, ...]) -> 
     points = chain.points[:, rows]
     axes.plot(*points.T, "-o", color=PURPLE, lw=2.5, ms=6, mfc="white")
     axes.plot(*points[:1].T, marker="P", ms=9, color="black", ls="none")
-    annotate(axes, "CM", points[0], "black", below=True)
-    annotate(axes, "tip", points[-1], PURPLE, below=True)
+    annotate(axes, "CM", points[0], "black")
+    annotate(axes, "tip", points[-1], PURPLE)
     lengths = np.linalg.norm(chain.links, axis=1)
     for i in np.flatnonzero(lengths > LEAST * lengths.sum()):
         middle = 0.5 * (points[i] + points[i + 1])
-        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, below=True, formula=True)
+        annotate(axes, rf"$\mathbf{{v}}_{{{i}}}$", middle, PURPLE, formula=True)
     axes.margins(0.12)
     equal_axes(axes, "".join("xyz"[i] for i in rows))
 
@@ -272,8 +274,7 @@ def draw_velocities(axes: Any, cfg: Configuration) -> None:
             arrow = {"arrowstyle": "-|>", "color": RED, "lw": 2.5}
             axes.annotate("", tip + sign * 0.8 * lost, tip, arrowprops=arrow)
         away = np.sign(lost @ (tip - _flat(cfg, cfg.com))) * lost
-        side = "bottom" if away[1] > 0.0 else "top"
-        axes.text(*(tip + 0.85 * away), "no motion\nthis way", color=RED, va=side, ha="center")
+        annotate(axes, "no motion\nthis way", tip + 0.85 * away, RED, towards=away)
 
 
 def _rows(cfg: Configuration) -> tuple[int, int]:

@@ -18,17 +18,19 @@ from spacearm.collisions.solids import corners
 from spacearm.model.arm import Configuration
 from spacearm.motion.goal import goal_axes
 from spacearm.motion.motion import Motion
-from spacearm.plots.bodies import IN_FRONT, draw_hulls, placed, stand_ins
 from spacearm.plots.configurations import draw_posture
+from spacearm.plots.hulls import draw_hulls, placed, stand_ins
 from spacearm.plots.style import (
     BLUE,
     COLOURS,
     GREEN,
     GREY,
+    IN_FRONT,
     ORANGE,
     RED,
     axes_for,
     draws,
+    entitle,
     headline,
     panels_for,
 )
@@ -139,7 +141,7 @@ def _draw_path(
     for label, points, marker, color in marks:
         size = 13 if marker == "*" else 7
         axes.plot(*points.T, marker, color=color, ms=size, mew=2, label=label, zorder=IN_FRONT)
-    axes.legend(loc="best", fontsize=9)
+    axes.legend(loc="best" if normal is not None else "upper right", fontsize=9)
     if normal is None:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_box_aspect(None, zoom=0.85)  # room for the label of the vertical axis
@@ -284,5 +286,5 @@ def draw_collision_report(result: CollisionReport, *, ax: Any = None) -> Figure:
         axes.axhline(0.0, color=RED, lw=1.2)
         axes.set(xlabel="time [s]", ylabel=label)
     a, b = result.nearest
-    axes.set_title(f"{'apart, proven' if result.apart else 'bodies meet'}; nearest:\n{a}, {b}")
+    entitle(axes, f"{'apart, proven' if result.apart else 'bodies meet'}; nearest:\n{a}, {b}")
     return axes.figure

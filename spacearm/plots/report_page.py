@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from spacearm.arrays import Array, Progress
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.files import write
+from spacearm.files import writable, write
 from spacearm.mechanics.batch import evaluate
 from spacearm.mission.level import level_envelope, level_reach
 from spacearm.mission.reactions import size_wheels
@@ -198,6 +198,7 @@ def design_report(
         'report.html'
     """
     arm.require_one_tip()
+    writable(Path(path))
     about = shlex.join(words if words is not None else [_name(arm)])
     q = _working_posture(arm) if q0 is None else joint_vector(arm, q0, "q0")
     parts: list[tuple[str, Callable[[Section], None]]] = [

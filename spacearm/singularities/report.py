@@ -13,7 +13,7 @@ from spacearm.arrays import Array, Progress
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arguments import BaseMode, impossible, of_configuration
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
 from spacearm.results import (
@@ -29,7 +29,7 @@ from spacearm.results import (
 )
 from spacearm.singularities.nearest import NearestSingular, angle, nearness
 from spacearm.singularities.rounding import error_bars
-from spacearm.singularities.sets import nearest_posture
+from spacearm.singularities.sets import nearest_on_way
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
@@ -63,6 +63,8 @@ class SingularityReport(Result):
     Attributes:
         configuration: The configuration.
         mode: What the spacecraft does.
+        impossible: Why the arm can do the task at no posture, and which one it can; "" if it can.
+            All postures are then singular.
         sigma: (k,) singular values of the task Jacobian, largest first; zeros at the end where
             the arm has fewer joints than the task has rows.
         sigma_min: Least singular value.
@@ -103,6 +105,7 @@ class SingularityReport(Result):
 
     configuration: Configuration
     mode: BaseMode
+    impossible: str
     sigma: Array
     sigma_min: float
     error: float
@@ -141,6 +144,8 @@ class SingularityReport(Result):
     @property
     def verdict(self) -> str:
         """The answer in one sentence."""
+        if self.impossible:
+            return self.impossible
         kind = self.kind if self.rank == len(self.sigma) else f"{self.kind} singularity"
         if self.nearest is not None:
             return f"{kind}: {nearness(self.distance, self.distance_proven)}"
@@ -317,6 +322,7 @@ def singularity(
     report = SingularityReport(
         configuration=cfg,
         mode=mode,
+        impossible=impossible(cfg.arm, mode),
         sigma=sigma,
         sigma_min=float(sigma[-1]),
         error=error,
@@ -340,7 +346,11 @@ def singularity(
         length=task.length if task.mixed else None,
         tolerance=tolerance,
     )
-    return searched(report, nearest_posture(cfg, mode, progress)) if exact else report
+    return (
+        searched(report, nearest_on_way(cfg.arm, mode, cfg.q[None, None], progress))
+        if exact
+        else report
+    )
 
 
 def searched(report: SingularityReport, near: NearestSingular | None) -> SingularityReport:

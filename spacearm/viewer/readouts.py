@@ -126,6 +126,7 @@ def readout(report: SingularityReport) -> dict[str, Any]:
         "error": report.error,
         "condition": report.condition if math.isfinite(report.condition) else None,
         "kind": report.kind,
+        "impossible": report.impossible,
         "rank": report.rank,
         "directions": directions.tolist(),
         "gradient": report.gradient.tolist(),

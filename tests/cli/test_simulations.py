@@ -101,7 +101,7 @@ then.grasp = {mass = 3.0, twist = [0.05, -0.08, 0, 0, 0, 0.3]}
 [[phases]]
 duration = 3
 controller = {law = "TransposedJacobian", target = [1.2, 0.9], kp = [5, 5], kd = 15}
-period = 0.1
+sampling.period = 0.1
 integration.dt = 0.1
 then = "release"
 [phases.plant]

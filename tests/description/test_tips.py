@@ -115,6 +115,13 @@ def test_twins_on_two_arms_are_a_question_of_two():
         found(BUS, *arm_of(3, "left"), *arm_of(3, "right"), *left, *right)
 
 
+def test_fingers_that_are_fixed_are_no_tip():
+    thumb = [*fixed("palm_thumb_1", "l_4"), *fixed("palm_thumb_2", "palm_thumb_1")]
+    assert found(*ARM, *thumb, *fixed("palm_finger", "l_4")).tip == "l_4"
+    base = fixed("mitt", "l_4")
+    assert found(*ARM, *base, *fixed("finger_a", "mitt"), *fixed("finger_b", "mitt")).tip == "mitt"
+
+
 def test_what_an_arm_carries_is_no_tip():
     satellite = [*fixed("satellite", "l_4", 500.0), *fixed("wing", "satellite", 20.0)]
     assert found(*ARM, *satellite).tip == "satellite"

@@ -22,9 +22,10 @@ export function createReadouts({ model, tip, tip_reason, task, unit, joints, mea
 }
 
 function show(state, { joints, task, unit }) {
-  setKind(state);
+  setKind(state, state.impossible && "impossible task");
   gauge(state.distance);
-  byId("away").textContent = state.away ? `To get away, per degree: ${state.away}` : "";
+  byId("away").textContent = state.impossible
+    || (state.away ? `To get away, per degree: ${state.away}` : "");
   byId("radius").textContent = `${digits(state.radius, 5)} m`;
   byId("tip").textContent = `${state.tip.map((x) => fixed(x, 3)).join(", ")} m`;
   const touching = state.contacts.map((pair) => pair.join(" – ")).join(", ");

@@ -28,8 +28,6 @@ MOST_CORNERS = 200
 """Corners that are drawn of a body: the outermost ones in as many directions."""
 FINEST = 1.0 / 12.0
 """Longest edge of a drawn triangle, as a share of all: smaller ones are sorted by depth rightly."""
-IN_FRONT = 1e3
-"""Order of what is drawn over all bodies."""
 
 
 class Solid(NamedTuple):
