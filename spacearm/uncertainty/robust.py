@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Progress
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError, listed
-from spacearm.model.arguments import FLOATING
+from spacearm.model.arguments import FLOATING, require_possible
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.goal import Goal, Origin
@@ -23,7 +23,7 @@ from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, Tone
 from spacearm.singularities.abstract_set import path_rows
 from spacearm.singularities.nearest import angle
-from spacearm.singularities.sets import nearest_posture, singular_set
+from spacearm.singularities.sets import nearest_on_way
 from spacearm.uncertainty.intervals import UncertainArm
 from spacearm.uncertainty.regularity import Finding, look
 from spacearm.workspaces.path_dependent import workspace
@@ -228,7 +228,7 @@ def distance_range(
 
 def _found(arm: SpaceArm, q: Array) -> float:
     """Return how far the nearest singular posture found of an arm is [rad]; inf if none was."""
-    near = nearest_posture(arm.at(q), FLOATING, proven=False)
+    near = nearest_on_way(arm, FLOATING, q[None, None], proven=False)
     return np.inf if near is None else near.distance
 
 
@@ -265,8 +265,7 @@ def is_free_for_all(
         True
     """
     rows, relevant = path_rows(uncertain.arm, path), uncertain.relevant()
-    if uncertain.arm.n <= uncertain.arm.task.k:
-        singular_set(uncertain.arm)  # refuses tasks that it can never do
+    require_possible(uncertain.arm, FLOATING)
     found = look(relevant, rows, progress)
     singular = found.shares is not None
     return RobustCertificate(
