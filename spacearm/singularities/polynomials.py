@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import combinations
@@ -499,16 +500,18 @@ def _minors(same: SameSet) -> Minors:
 def proving_minors(arm: SpaceArm, mode: BaseMode) -> Sequence[Jets]:
     """Return minors of which one that is not zero proves a configuration regular.
 
-    All, or where these have too many coefficients a few; none where J* has no minors, or they
-    would take too long to fit: those of several tips are computed one by one.
+    All, or where these have too many coefficients a few; none where J* has no minors, these have
+    too many, too, or they would take too long to fit: those of several tips are computed one by
+    one.
     """
     if not has_minors(arm):
         return ()
     minors = minors_of(arm, mode)
-    size = minors.size
-    if size > (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
+    if minors.size <= (MOST_COEFFICIENTS if len(arm.tips) == 1 else MOST_OF_SEVERAL_TIPS):
+        return minors.every()
+    with suppress(UnsupportedError):  # too many coefficients
         return minors.few if len(arm.tips) == 1 else ()
-    return minors.every()
+    return ()
 
 
 def _of_angles(arm: SpaceArm, mode: BaseMode, own: Chart, columns: Iterable[Columns]) -> Sampler:
