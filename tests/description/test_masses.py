@@ -138,7 +138,7 @@ def test_a_world_that_the_spacecraft_floats_in_is_left_out():
     plain = load_text(robot(BUS, ARM, ELBOW))
     for kind in ("floating", "planar"):
         world = robot(frame("world"), BUS, ARM, ELBOW, joint("free", "world", "bus", kind))
-        with pytest.warns(sa.ModelWarning, match=f"'free' of type '{kind}' and the link 'world'"):
+        with pytest.warns(sa.ModelWarning, match=f"'free' of type '{kind}' and 'world'"):
             arm = load_text(world)
         assert arm.tree.root == "bus"
         assert np.array_equal(jacobian(arm, [0.4]), jacobian(plain, [0.4]))
