@@ -16,7 +16,16 @@ import spacearm as sa
 from spacearm.arrays import plain
 from spacearm.cli.output import print_result
 from spacearm.plots.report_page import Section
-from spacearm.results import Column, Description, Measure, Result, Table, joint_measures, text
+from spacearm.results import (
+    Column,
+    Described,
+    Description,
+    Measure,
+    Result,
+    Table,
+    joint_measures,
+    text,
+)
 
 PLAIN = (dict, list, str, int, float, bool, type(None))
 
@@ -203,6 +212,38 @@ def test_coefficients_of_a_polynomial_are_real_and_imaginary_parts():
     assert data["degrees"] == [2, 1]
     pairs = np.array(data["coefficients"])
     np.testing.assert_array_equal(pairs[..., 0] + 1j * pairs[..., 1], S.coefficients)
+
+
+GIVEN = {
+    "Bus", "Constraints", "DampedLeastSquares", "GeneralizedJacobianTask", "Grasp", "Integration",
+    "JointPD", "Joints", "MomentumConservation", "Obstacle", "PassiveJoint", "Phase", "Plant",
+    "Reactionless", "Release", "ResolvedRate", "Sampling", "Search", "SingularityBarrier", "Study",
+    "Task", "Tracking", "TransposedJacobian", "WheelHold",
+}  # fmt: skip
+ROWS = {"ArmInfo", "Attempt", "Configuration", "Event", "ModelInfo"}
+"""What a caller gives, and what stands in the tables of others, has no description of its own."""
+
+
+def test_every_result_is_described():
+    without = {n for n in sa.__all__ if inspect.isclass(c := getattr(sa, n))
+               and not issubclass(c, BaseException) and not hasattr(c, "describe")}  # fmt: skip
+    assert without == GIVEN | ROWS
+    for name, make in RESULTS.items():
+        if name.split()[0] not in without and isinstance(thing := make(), Described):
+            said = thing.describe()
+            assert said.title, name
+            assert said.verdict or said.tables, name
+            assert "<table>" in thing._repr_html_(), name
+            assert repr(thing).startswith(type(thing).__name__), name
+            print_result(thing)
+
+
+def test_a_class_without_a_description_is_not_made():
+    class Mute(Described):
+        pass
+
+    with pytest.raises(TypeError, match="abstract"):
+        Mute()
 
 
 KINDS = ("SpaceArm", "SingularityReport", "SingularSet", "FoundSet", "Motion", "Trajectory", "Plan")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar
@@ -273,16 +274,11 @@ def _wheels(texts: list[str] | None) -> Wheels:
 
 def _tree_of(model: str, alone: bool, options: dict[str, Any]) -> Tree:
     """Read the tree of a model, without warnings: they come when it is loaded."""
-    reading = {**options, "check": "accept"}
+    reading = replace(Reading.of(**{**options, "check": "accept"}), spacecraft=False)
+    info, known = (None, find_arm(model)) if alone else (find_model(model), None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if alone:
-            known = find_arm(model)
-            path = known.path if known else Path(model)
-            sound = Reading.of(**reading)
-            return formats.read(path, Reading(**{**vars(sound), "spacecraft": False}))
-        info = find_model(model)
-        return assembled(info) if info else formats.read(model, Reading.of(**reading))
+        return assembled(info) if info else formats.read(known.path if known else model, reading)
 
 
 def _arguments(texts: list[str] | None) -> dict[str, str]:

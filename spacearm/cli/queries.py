@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum
 from io import BytesIO
 from pathlib import Path
@@ -54,13 +55,6 @@ from spacearm.singularities.sets import prove_regular, singular_set
 
 SINGULAR = 3
 """Exit code of --fail-on-singular."""
-PROOFS = {
-    "free": "meets no singularity: proven",
-    "singular": "meets a singularity",
-    "undecided": "comes too near to a singularity for a proof",
-}
-"""What the verdicts of a certificate mean."""
-
 Fail = Annotated[
     bool,
     typer.Option(
@@ -162,7 +156,7 @@ def check_path(
         wanted = radians(clearance, deg)
         if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
             clear = prove_clear(arm, mode.value, way, wanted or 0.0, progress=progress)
-            proof = clear._replace(margin=proof.margin)
+            proof = replace(clear, margin=proof.margin)
         distance = distances_found(arm, mode.value, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
@@ -183,8 +177,8 @@ def _described(
     outside: list[str],
 ) -> Description:
     """Return what the proof of a path says."""
-    notes, tables = [payload_note(arm, mode)], []
-    verdict = PROOFS[proof.verdict]
+    said, notes, tables = proof.describe(), [payload_note(arm, mode)], []
+    verdict = said.verdict
     if proof.clearance:
         verdict = f"no singular posture within {angle(proof.clearance, down=True)}: proven"
     if proof.at is not None:
@@ -198,14 +192,8 @@ def _described(
         near = f"a singular posture found {angle(float(distance[worst]))} away"
         notes.append(f"nearest of the postures given: number {worst + 1}, {near}")
     limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
-    return Description(
-        title=f"{arm.name}, {len(Q)} postures",
-        verdict=f"{verdict}{limits}",
-        tone="good" if proof.free else "bad",
-        notes=notes,
-        tables=tables,
-        not_checked="collisions, rates, the way of the tip",
-    )
+    title = f"{arm.name}, {len(Q)} postures"
+    return replace(said, title=title, verdict=f"{verdict}{limits}", notes=notes, tables=tables)
 
 
 def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:

@@ -256,8 +256,9 @@ def bolted(
     """
     known = find_arm(arm)
     path = known.path if known else formats.path_of(arm)
-    alone = replace(reading or Reading(), spacecraft=False)
-    tree = formats.read(known.path if known else arm, alone).locked(locked or {})
+    tips = (tip,) if tip else ()
+    alone = replace(reading or Reading(), spacecraft=False, locked=locked or {}, tips=tips)
+    tree = formats.read(known.path if known else arm, alone)
     asked = tip or (known.tip if known else None)
     chosen = choose_tips(tree, path, asked)
     tip = only_tip(chosen.links, tree.name)

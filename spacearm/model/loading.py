@@ -94,8 +94,12 @@ def load(
     info = find_model(source)
     path = info.path if info else formats.path_of(source)
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
-    tree = assembled(info, reading) if info else formats.read(source, reading)
-    tree = tree.locked(locked or {}).with_wheels(wheels)
+    if info:
+        tree = assembled(info, reading).locked(locked or {})
+    else:
+        tips = (tip,) if isinstance(tip, str) else tuple(tip or ())
+        tree = formats.read(source, replace(reading, locked=locked or {}, tips=tips))
+    tree = tree.with_wheels(wheels)
     return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints).warned()
 
 

@@ -430,9 +430,6 @@ class Followed(Motion):
             super().describe(), verdict=self.reason, tone="good" if self.arrived else "caution"
         )
 
-    def __repr__(self) -> str:
-        return f"Followed({self.arm.name}, {self.mode}: {self.reason})"
-
 
 @of_configuration
 def follow(

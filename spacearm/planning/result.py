@@ -201,9 +201,9 @@ class Plan(Motion):
             return proof
         near = self.nearest
         if near is not None and near.distance_proven:
-            return proof._replace(clearance=near.distance_proven)
+            return replace(proof, clearance=near.distance_proven)
         flown = prove_way(self.arm, self.mode, self.control_points)
-        return proof if flown is None else flown._replace(margin=proof.margin)
+        return proof if flown is None else replace(flown, margin=proof.margin)
 
     @property
     def clear(self) -> str:
@@ -340,9 +340,6 @@ class Connection(Result):
     path: Array = field(default_factory=lambda: np.empty((0, 0)))
     certificate: Certificate | None = None
 
-    def __repr__(self) -> str:
-        return f"Connection({self.arm.name}, {self.answer}: {self.reason})"
-
     def describe(self) -> Description:
         """Describe the answer and how it is known."""
         proven = {"yes": "yes, by a path that is proven free", "no": "no, proven"}
@@ -355,6 +352,6 @@ class Connection(Result):
         return Description(
             title=f"{self.arm.name}: connected without a singularity",
             verdict=proven.get(self.answer, self.answer),
-            notes=["NOT checked: collisions"],
             tables=[Table.facts(facts)],
+            not_checked="collisions",
         )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -70,7 +70,7 @@ def prove_free(
             progress(WHOLE * number // len(rows), WHOLE)
         proof = certify(minors, ends, decides)
         if not proof:
-            return proof._replace(segment=number)
+            return replace(proof, segment=number)
         margin = min(margin, proof.margin)
     noise = max(minor.noise() / minor.scale for minor in minors)
     return Certificate(True, None, None, margin, "free", noise)
@@ -396,7 +396,7 @@ class SingularSet(Described, ABC):
         if not proof or (not at_least and way.shape[1] <= 2):
             return proof
         clear = prove_clear(self.arm, self.mode, way, at_least, limits, progress)
-        return clear._replace(margin=proof.margin)
+        return replace(clear, margin=proof.margin)
 
     def _proof(self, path: npt.ArrayLike, limits: bool, progress: Progress | None) -> Certificate:
         """Prove that a path meets no singularity."""
