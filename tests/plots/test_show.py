@@ -277,7 +277,7 @@ def test_what_cannot_be_drawn_is_told_what_can(thing):
         plot(thing)
 
 
-WORDS_ALONE = ("RobustCertificate",)
+WORDS_ALONE = ("Certificate", "RobustCertificate")
 """Results that are a verdict: there is nothing to draw."""
 
 
