@@ -40,6 +40,7 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
+from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import out_of_reach
@@ -48,7 +49,6 @@ from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
-from spacearm.planning.tracking import Tracking
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import prove_regular, singular_set
