@@ -57,6 +57,8 @@ from spacearm.mission.attitudes import FeasibleAttitudes as FeasibleAttitudes
 from spacearm.mission.attitudes import feasible_attitudes as feasible_attitudes
 from spacearm.mission.budget import MomentumBudget as MomentumBudget
 from spacearm.mission.budget import momentum_budget as momentum_budget
+from spacearm.mission.catching import Catch as Catch
+from spacearm.mission.catching import catch as catch
 from spacearm.mission.level import LevelEnvelope as LevelEnvelope
 from spacearm.mission.level import LevelReach as LevelReach
 from spacearm.mission.level import level_envelope as level_envelope

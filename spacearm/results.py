@@ -5,6 +5,7 @@ A result class says what it shows in `describe`; terminal, notebook, page and re
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from html import escape
@@ -166,12 +167,12 @@ class Description:
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
-class Described:
+class Described(ABC):
     """Base of all that has a description: `describe` is all that a class needs."""
 
+    @abstractmethod
     def describe(self) -> Description:
         """Describe it: title, verdict, tables of named columns with units."""
-        raise NotImplementedError(f"{type(self).__name__} has no description")
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.describe().headline})"

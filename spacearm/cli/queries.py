@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum
 from io import BytesIO
 from pathlib import Path
@@ -45,7 +46,7 @@ from spacearm.model.joints import joint_name
 from spacearm.motion.motion import Motion
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Description, Table, joint_measures
-from spacearm.singularities.abstract_set import prove_clear
+from spacearm.singularities.abstract_set import control_points, path_rows, prove_clear
 from spacearm.singularities.immaterial_masses import any_payload, payload_note
 from spacearm.singularities.map import SingularMap, singular_map
 from spacearm.singularities.nearest import angle, distances_found
@@ -54,13 +55,6 @@ from spacearm.singularities.sets import prove_regular, singular_set
 
 SINGULAR = 3
 """Exit code of --fail-on-singular."""
-PROOFS = {
-    "free": "meets no singularity: proven",
-    "singular": "meets a singularity",
-    "undecided": "comes too near to a singularity for a proof",
-}
-"""What the verdicts of a certificate mean."""
-
 Fail = Annotated[
     bool,
     typer.Option(
@@ -150,7 +144,8 @@ def check_path(
     as_json: AsJson = False,
 ) -> int:
     """Prove that straight joint motions from posture to posture meet no singularity."""
-    Q = _postures(arm, file, deg)
+    given = Motion.load(file, arm) if file.suffix == ".npz" else _postures(arm, file, deg)
+    Q, way = path_rows(arm, given), control_points(arm, given)
     with working("proving") as progress:
         proof = prove_regular(arm, Q, mode=mode.value, progress=progress)
         if proof is None:
@@ -159,9 +154,9 @@ def check_path(
                 "that mimic others; spacearm query looks at single postures"
             )
         wanted = radians(clearance, deg)
-        if wanted and proof:
-            clear = prove_clear(arm, mode.value, Q, wanted, progress=progress)
-            proof = clear._replace(margin=proof.margin)
+        if proof and (wanted or way.shape[1] > 2):  # a plan is flown between its rows
+            clear = prove_clear(arm, mode.value, way, wanted or 0.0, progress=progress)
+            proof = replace(clear, margin=proof.margin)
         distance = distances_found(arm, mode.value, Q)
     outside = sorted({name for q in Q for name in arm.at(q).outside_limits})
     if as_json:
@@ -182,8 +177,8 @@ def _described(
     outside: list[str],
 ) -> Description:
     """Return what the proof of a path says."""
-    notes, tables = [payload_note(arm, mode)], []
-    verdict = PROOFS[proof.verdict]
+    said, notes, tables = proof.describe(), [payload_note(arm, mode)], []
+    verdict = said.verdict
     if proof.clearance:
         verdict = f"no singular posture within {angle(proof.clearance, down=True)}: proven"
     if proof.at is not None:
@@ -197,20 +192,12 @@ def _described(
         near = f"a singular posture found {angle(float(distance[worst]))} away"
         notes.append(f"nearest of the postures given: number {worst + 1}, {near}")
     limits = f"; outside their limits: {', '.join(outside)}" if outside else ""
-    return Description(
-        title=f"{arm.name}, {len(Q)} postures",
-        verdict=f"{verdict}{limits}",
-        tone="good" if proof.free else "bad",
-        notes=notes,
-        tables=tables,
-        not_checked="collisions, rates, the way of the tip",
-    )
+    title = f"{arm.name}, {len(Q)} postures"
+    return replace(said, title=title, verdict=f"{verdict}{limits}", notes=notes, tables=tables)
 
 
 def _postures(arm: SpaceArm, file: Path, deg: bool) -> Array:
     """Read the joint positions (m, n) of a path."""
-    if file.suffix == ".npz":
-        return Motion.load(file, arm).q
     try:
         lines = read(file).decode().replace(",", " ").splitlines()
         Q = np.loadtxt(lines, ndmin=2)

@@ -13,7 +13,7 @@ OPTIONS = {
     r"\b(limits|collisions)=False": r"--with constraints.\1=false",
     r'check="(\w+)"': r"--check \1",
     r'joints="all"': "--joints all",
-    r"wheels=\[\.\.\.\]": "spacearm convert --wheel JOINT",
+    r"wheels=\[\.\.\.\]": "--wheel JOINT",
     r"tip=LINK": "--tip LINK",
     r"\btask='([^']+)'": r"--task '\1'",
     r"task=Task\('(\w+)', length=\.\.\.\)": r"--task \1/METRES",

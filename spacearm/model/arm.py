@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,7 @@ from spacearm.description.bodies import Inertial, Joint
 from spacearm.description.grippers import held_fingers
 from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
-from spacearm.description.tree import Tree, coupling, joint_limits
+from spacearm.description.tree import Tree, Wheels, coupling, joint_limits
 from spacearm.description.urdf_writer import document
 from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed, warn
 from spacearm.files import write
@@ -179,6 +179,12 @@ class SpaceArm(JointSpace, Described):
         return self.tip_frames[self.tips.index(self.tip)]
 
     @property
+    def home(self) -> Array:
+        """(n,) home positions of the joints within their limits: zeros unless the file says so."""
+        home = [self.tree.joints[name].home for name in self.joint_names]
+        return np.clip(home, self.lower, self.upper)
+
+    @property
     def mount(self) -> pin.SE3:
         """Pose of the first joint on the way to the tip, in the spacecraft frame."""
         name = self.tree.movable(self.tip)[0].name
@@ -239,7 +245,7 @@ class SpaceArm(JointSpace, Described):
         task: str | Task | None = None,
         joints: Counting | None = None,
         locked: Mapping[str, float] | None = None,
-        wheels: Collection[str] = (),
+        wheels: Wheels = (),
     ) -> SpaceArm:
         """Return a new arm with some things changed.
 
@@ -256,7 +262,7 @@ class SpaceArm(JointSpace, Described):
             task: The twist rows. Default: those asked for; if none were, the default of `load`.
             joints: Which joints count besides; see `load`.
             locked: Joints to lock, with their values [rad] or [m]; held ones may be among them.
-            wheels: Joints to take as momentum wheels.
+            wheels: Joints to take as momentum wheels; see `load`.
 
         Raises:
             ModelError: No rigid body can have this mass and inertia, or there is no such link.
@@ -318,6 +324,19 @@ class SpaceArm(JointSpace, Described):
             ConfigurationError: A joint does not exist, or the least position does not come first.
         """
         return self.on(self.whole.with_ranges(ranges))
+
+    def with_home(self, positions: Mapping[str, float]) -> SpaceArm:
+        """Return the arm with other home positions of some joints.
+
+        Joints that do not count are held there, the viewer begins there, `to_urdf` writes them.
+
+        Args:
+            positions: Positions [rad] or [m] by joint.
+
+        Raises:
+            ConfigurationError: A joint does not exist, or a position is beyond its limits.
+        """
+        return self.on(self.whole.with_home(positions))
 
     def on(self, tree: Tree) -> SpaceArm:
         """Return the arm with the same tips, task and joints on another tree of bodies."""

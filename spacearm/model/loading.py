@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from spacearm.description.readers.formats import RobotSource
 from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.source import Check, Folders, Reading
 from spacearm.description.tips import Counting
-from spacearm.description.tree import Tree
+from spacearm.description.tree import Tree, Wheels
 from spacearm.errors import ConfigurationError
 from spacearm.model.arm import SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
@@ -31,7 +31,7 @@ def load(
     joints: Counting = "tip",
     locked: Mapping[str, float] | None = None,
     check: Check | None = None,
-    wheels: Collection[str] = (),
+    wheels: Wheels = (),
     packages: Folders = (),
     xacro_args: Mapping[str, object] | None = None,
     density: float | None = None,
@@ -42,8 +42,9 @@ def load(
     fixed to the actual bus is fine, and one that it floats in is left out, be it by a floating
     joint or by slides and hinges without mass between. Movable leaves without mass are held. The n
     joints are those on the way to the tip; fingers, solar panels and other arms are held where they
-    are, at zero or at the limit nearest to it, see `SpaceArm.held`. Joints that mimic another are
-    not among the n joints; their limits count as limits of the joint that they follow.
+    are, at the <home value="..."/> of their joint (zero if there is none) or at the limit nearest
+    to it, see `SpaceArm.held`. Joints that mimic another are not among the n joints; their limits
+    count as limits of the joint that they follow.
 
     Args:
         source: A name of the catalogue (see `catalogue`); the path of a URDF, .xacro, MJCF (.xml)
@@ -65,7 +66,8 @@ def load(
             "error" for files.
         wheels: Joints of reaction wheels and other bodies that hold momentum, which are not among
             the n joints; `SpaceArm.at` takes their momentum. Joints with a <wheel> element are
-            wheels anyway.
+            wheels anyway. Their limits are those of the joints, or as given: {name: (largest
+            torque [N m], largest momentum [N m s])}.
         packages: Folders that hold ROS packages, or are packages, for `package://` and `$(find)`.
             They are searched before ROS_PACKAGE_PATH, AMENT_PREFIX_PATH and the folders around the
             file.
@@ -92,8 +94,11 @@ def load(
     info = find_model(source)
     path = info.path if info else formats.path_of(source)
     reading = Reading.of(check or (info.check if info else None), packages, xacro_args, density)
-    tree = assembled(info, reading) if info else formats.read(source, reading)
-    tree = tree.locked(locked or {}).with_wheels(wheels)
+    if info:
+        tree = assembled(info, reading).locked(locked or {})
+    else:
+        tree = formats.read(source, replace(reading, locked=locked or {}))
+    tree = tree.with_wheels(wheels)
     return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints).warned()
 
 
@@ -115,9 +120,9 @@ def mount(
     """Bolt an arm to a spacecraft; call it again for a second and a third arm.
 
     The fixed base of the arm becomes part of the spacecraft. The names of its links and joints are
-    prefixed with its name and "_", and a frame with its name alone is at its tip: two arms mounted
-    as "left" and "right" have the tips "left" and "right". The tip of the result is that of the
-    arm mounted last, whose joints count, while fingers and other arms are held;
+    prefixed with its name and "_": a tip "hand" of an arm mounted as "left" is "left_hand". A frame
+    with the name alone is at the same place: "left". The tip of the result is that of the arm
+    mounted last, whose joints count, while fingers and other arms are held;
     `SpaceArm.replace` takes the other one, or both: `tip=("left", "right")`. The order of mounting
     makes no other difference.
 
@@ -147,7 +152,7 @@ def mount(
     Example:
         >>> import spacearm as sa
         >>> sa.mount("vispa", sa.Bus(mass=200, size=(1, 1, 1)))
-        SpaceArm(bus_vispa: 6 joints, 216.054 kg, tip 'vispa', task 'pose')
+        SpaceArm(bus_vispa: 6 joints, 216.054 kg, tip 'vispa_tip', task 'pose')
     """
     top = bus.top if isinstance(bus, Bus) else pin.SE3.Identity()
     at = top if at is None else sound_pose(at, "at")
@@ -164,5 +169,8 @@ def _tree(bus: Bus | SpaceArm | RobotSource, reading: Reading) -> Tree:
     if isinstance(bus, SpaceArm):
         return bus.whole
     if not isinstance(bus, (str, os.PathLike, *PINOCCHIO_MODELS)):
-        raise ConfigurationError(f"bus is {bus!r}; give a Bus, a SpaceArm or the path of a URDF")
-    return formats.read(bus, reading)
+        raise ConfigurationError(
+            f"bus is {bus!r}; give a Bus, a SpaceArm, a name or the path of a robot file"
+        )
+    info = find_model(bus)
+    return assembled(info) if info else formats.read(bus, reading)

@@ -178,7 +178,8 @@ def with_length(task: Task, tree: Tree, tips: Sequence[str], path: Path) -> Task
         if length == 0.0:
             raise ModelError(
                 f"{path}: the joints and the tip {tips[0]!r} are in one point, so that the arm has "
-                "no length to scale a mixed task with; give one: task=Task('pose', length=...)"
+                "no length to scale a mixed task with; correct their poses in the file, or give a "
+                "length: task=Task('pose', length=...)"
             )
         task = replace(task, length=length)
     return task

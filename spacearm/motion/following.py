@@ -196,7 +196,7 @@ def timed_curve(cfg: Configuration, path: Path, times: npt.ArrayLike, at_rest: b
     turns = np.array([pin.SE3ToXYZQUAT(corner) for corner in corners])
     flips = np.sign((turns[1:, 3:] * turns[:-1, 3:]).sum(axis=1))
     turns[1:, 3:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0))[:, None]
-    spline = CubicSpline(t, turns, bc_type="clamped" if at_rest else "natural")
+    spline = CubicSpline(t, turns, bc_type="clamped" if at_rest else "not-a-knot")
 
     def pose(s: float) -> pin.SE3:
         x = spline(s)
@@ -430,9 +430,6 @@ class Followed(Motion):
             super().describe(), verdict=self.reason, tone="good" if self.arrived else "caution"
         )
 
-    def __repr__(self) -> str:
-        return f"Followed({self.arm.name}, {self.mode}: {self.reason})"
-
 
 @of_configuration
 def follow(
@@ -465,8 +462,8 @@ def follow(
             None, where there are no times.
         times: (m,) when the tip passes each corner [s], 0 at the start. The tip then takes a smooth
             way through the corners, cubic in time, in place of straight lines.
-        at_rest: Whether a motion with times begins and ends with the tip at rest; if not, without
-            acceleration.
+        at_rest: Whether a motion with times begins and ends with the tip at rest; if not, as the
+            first and the last four corners suggest (a spline that is "not a knot").
         limits: Whether joint limits stop the motion.
         progress: Called after every step as progress(s, length), of the straight piece it is on.
 

@@ -25,6 +25,7 @@ from spacearm.motion.events import Event
 from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
+from spacearm.polynomial.tubes import straight
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
 from spacearm.singularities.nearest import distances_found
 from spacearm.singularities.sets import prove_regular
@@ -225,6 +226,11 @@ class Motion(Result):
         The nearest of all is no farther; see `NearestSingular`.
         """
         return read_only(distances_found(self.arm, self.mode, self.q))
+
+    @property
+    def control_points(self) -> Array:
+        """(pieces, d, n) control points of the joint motion: straight from row to row."""
+        return straight(self.q)
 
     @cached_property
     def certificate(self) -> Certificate | None:

@@ -8,6 +8,7 @@ of its energy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from threading import Event
@@ -38,6 +39,8 @@ AUDIT = 1e4
 STILL = 1e2
 """How many times `atol` [J] that of energy may be off besides: all there is near rest."""
 OUTPUTS = 1000
+ROUNDING = 1e-9
+"""Share of an interval of the output up to which the last one is not worth a row of its own."""
 
 
 @of_configuration
@@ -103,7 +106,8 @@ def simulate(
     dt = duration / OUTPUTS if integration.dt is None else integration.dt
     if dt > duration:
         raise ConfigurationError(f"dt is {dt}; give a time from above 0 to the duration [s]")
-    run = Runs([system], [ready], np.arange(0.0, duration, dt), duration, integration)
+    rows = dt * np.arange(math.ceil(duration / dt - ROUNDING))
+    run = Runs([system], [ready], rows, duration, integration)
     _advance(run, duration, sampling, progress)
     fault = run.fault[0]
     if fault and run.batch.steps[0] == 0:

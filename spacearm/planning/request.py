@@ -55,9 +55,9 @@ class Constraints(Parameters):
             `.mesh` and `.robot`, and configurations or motions of other robots; one or several.
             Those that move begin with the plan. That none is met is proven for the motion with the
             spacecraft turning as it does.
-        clearance: How far from the singular set the motion stays at least [rad], to first order as
-            in `singularity`, from 0 to 1; if None, 0.1 degrees, but no more than half of what the
-            start has.
+        clearance: How far from every singular posture the motion stays at least [rad], from 0 to 1:
+            proven of what is flown where J* has minors, else to first order at the rows. If None,
+            0.1 degrees, but no more than half of what the start has.
         keep_attitude: Largest turn of the floating spacecraft on the way [rad], proven between the
             rows too; joints of another arm, if they count, move so as to keep it. None for any.
         rates: Largest joint rates [rad/s] or [m/s], one number or (n,); if None those of the

@@ -24,8 +24,9 @@ from spacearm.files import write
 from spacearm.model.arguments import BaseMode, require_possible
 from spacearm.model.arm import SpaceArm
 from spacearm.model.joints import joint_name, joint_scales
-from spacearm.polynomial.free_regions import ROUNDING, Roots, halved
+from spacearm.polynomial.free_regions import Roots, halved
 from spacearm.polynomial.jets import Jets
+from spacearm.polynomial.tubes import ROUNDING
 from spacearm.results import Cell, Description, Result, Table, joint_measures
 from spacearm.singularities.nearest import NearestSearch
 from spacearm.singularities.polynomials import proving_minors

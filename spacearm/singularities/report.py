@@ -29,7 +29,7 @@ from spacearm.results import (
 )
 from spacearm.singularities.nearest import NearestSingular, angle, nearness
 from spacearm.singularities.rounding import error_bars
-from spacearm.singularities.sets import nearest_posture
+from spacearm.singularities.sets import nearest_on_way
 
 Kind = Literal["regular", "kinematic", "dynamic"]
 
@@ -346,7 +346,11 @@ def singularity(
         length=task.length if task.mixed else None,
         tolerance=tolerance,
     )
-    return searched(report, nearest_posture(cfg, mode, progress)) if exact else report
+    return (
+        searched(report, nearest_on_way(cfg.arm, mode, cfg.q[None, None], progress))
+        if exact
+        else report
+    )
 
 
 def searched(report: SingularityReport, near: NearestSingular | None) -> SingularityReport:

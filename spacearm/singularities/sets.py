@@ -17,11 +17,11 @@ import numpy as np
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
 from spacearm.model.arguments import BaseMode, impossible, of_arm, require_possible
-from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.model.arm import SpaceArm
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle
-from spacearm.singularities.abstract_set import SingularSet, prove_free
+from spacearm.singularities.abstract_set import SingularSet, prove_clear, prove_free
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
 from spacearm.singularities.polynomials import (
@@ -179,20 +179,42 @@ def prove_regular(
     return None
 
 
-def nearest_posture(
-    cfg: Configuration, mode: BaseMode, progress: Progress | None = None, proven: bool = True
-) -> NearestSingular | None:
-    """Find the singular configuration nearest to cfg, as `SingularSet.nearest`; None if none was.
+def prove_way(
+    arm: SpaceArm, mode: BaseMode, way: Array, at_least: float = 0.0
+) -> Certificate | None:
+    """Return the proof that no singular configuration is nearer to a way, as `prove_clear`.
 
-    An arm that can never do its task is singular where it is. That none is nearer is `proven`, or
-    not.
+    None where the minors of J* are no polynomials, as for mimic joints, or too large.
     """
-    arm = cfg.arm
+    with suppress(UnsupportedError):
+        return prove_clear(arm, mode, way, at_least)
+    return None
+
+
+def nearest_on_way(
+    arm: SpaceArm,
+    mode: BaseMode,
+    way: Array,
+    progress: Progress | None = None,
+    proven: bool = True,
+) -> NearestSingular | None:
+    """Find the singular configuration nearest to a way, as `SingularSet.nearest`; None if none was.
+
+    An arm that can never do its task is singular where it is.
+
+    Args:
+        arm: The arm.
+        mode: What the spacecraft does.
+        way: (m, d, n) control points, as for `nearest_singular`.
+        progress: As in `SingularSet.nearest`.
+        proven: Whether to prove that none is nearer.
+    """
     if impossible(arm, mode):
-        return NearestSingular(arm, mode, cfg.q, False, cfg.q, 0.0, 0.0)
+        q = way[0, 0]
+        return NearestSingular(arm, mode, q, False, q, 0.0, 0.0)
     minors: Sequence[Jets] = ()
     with suppress(UnsupportedError):  # all minors are rounding
         minors = proving_minors(arm, mode) if proven else ()
     with suppress(NoSolutionError):
-        return nearest_singular(arm, mode, cfg.q, minors=minors, progress=progress)
+        return nearest_singular(arm, mode, way, minors=minors, progress=progress)
     return None

@@ -19,7 +19,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.report import SingularityReport, searched, singularity
-from spacearm.singularities.sets import nearest_posture
+from spacearm.singularities.sets import nearest_on_way
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement
 from spacearm.viewer.motions import mode_named, moved
@@ -79,7 +79,9 @@ class Session:
         """Show a configuration."""
         self.cfg = cfg
         report, mode = singularity(cfg, mode=self.spacecraft), self.spacecraft
-        self.report: SingularityReport = searched(report, nearest_posture(cfg, mode, proven=False))
+        self.report: SingularityReport = searched(
+            report, nearest_on_way(cfg.arm, mode, cfg.q[None, None], proven=False)
+        )
 
     def go(self, q: Array) -> None:
         """Move the joints straight to q (n,); in free-floating mode the spacecraft reacts.
@@ -97,8 +99,8 @@ class Session:
 
     @property
     def home(self) -> Array:
-        """(n,) joint positions: zeros, or the limits nearest to them."""
-        return np.clip(np.zeros(self.arm.n), self.arm.lower, self.arm.upper)
+        """(n,) home positions of the joints."""
+        return self.arm.home
 
     @property
     def range(self) -> tuple[Array, Array]:

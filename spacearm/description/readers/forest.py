@@ -168,11 +168,15 @@ def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:
     ]
 
 
-SPLIT_BALL = (
-    "ball joint {name} is taken as three hinges, {name}_x, {name}_y and {name}_z: at "
-    "{name}_y = ±90° they describe a singular configuration that the ball joint does not have"
-)
-"""What the readers say of a ball joint."""
+def warn_of_balls(source: Source, tree: Tree) -> None:
+    """Say which ball joints of a robot are taken as hinges, but for those that are left out."""
+    for name in source.balls:
+        if f"{name}_y" in tree.joints:
+            source.warn(
+                f"ball joint {name} is taken as three hinges, {name}_x, {name}_y and {name}_z: at "
+                f"{name}_y = ±90° they describe a singular configuration that the ball joint does "
+                "not have"
+            )
 
 
 def unprefixed(tree: Tree) -> Tree:
@@ -223,8 +227,8 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
     way = _way(source, tree)
     if not way:
         return tree
-    spacecraft, names = way[-1].child, listed([joint.name for joint in way])
-    base = _from(tree, spacecraft)
+    base, names = _from(tree, way[-1].child), listed([joint.name for joint in way])
+    spacecraft = next(link for link in tree.lumps[base.root] if _is_body(source, tree, link))
     if not base.freedoms or any(
         joint.mimic and joint.mimic.leader not in base.joints for joint in base.joints.values()
     ):
@@ -239,10 +243,10 @@ def with_floating_base(source: Source, tree: Tree) -> Tree:
         source.fail(
             f"the link {tree.root!r} has no mass and carries {spacecraft!r} by {names}: "
             f"{spacecraft!r} may be a spacecraft that floats, or an arm on a rail",
-            "for a spacecraft, replace these joints by one that leaves it free (a fixed joint in "
-            "URDF and SDF, <freejoint/> in MJCF); an arm on a rail is mounted with its rail: "
-            f"sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)), on the command line "
-            "--bus-mass KG",
+            "for a spacecraft, lock these joints, as in "
+            f"locked={{{way[0].name!r}: 0.0}}, and it floats by itself; an arm on a rail is "
+            f"mounted with its rail: sa.mount({str(source.path)!r}, sa.Bus(mass=..., size=...)), "
+            "on the command line --bus KG",
         )
     if not source.reading.spacecraft:
         source.warn(

@@ -72,7 +72,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
             f"the spacecraft {tree.root!r}, the root link, has no mass (its <inertial> is zero or "
             "missing), as if this is an arm alone",
             f"mount it: sa.mount({file!r}, sa.Bus(mass=..., size=...)), or on the command line "
-            f"--bus-mass KG, or spacearm mount {file} --bus-mass KG -o robot.urdf; or give that "
+            f"--bus KG, or spacearm mount {file} --bus KG -o robot.urdf; or give that "
             "link a mass and an inertia",
         )
     spacecraft = masses.pop(tree.root)
@@ -80,7 +80,7 @@ def _require_masses(source: Source, tree: Tree) -> None:
     if source.reading.spacecraft and spacecraft < LIGHT * moving:
         source.note(
             f"the spacecraft {tree.root!r} has {spacecraft:.3g} kg, and what moves on it "
-            f"{moving:.3g} kg, as if this is an arm alone: sa.mount and --bus-mass put it on one"
+            f"{moving:.3g} kg, as if this is an arm alone: sa.mount and --bus put it on one"
         )
     if masses and not any(masses.values()):
         source.fail(

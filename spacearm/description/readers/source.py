@@ -87,7 +87,7 @@ class Reading:
             shapes; None if they are to have none.
         spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
             may be a frame without mass.
-
+        locked: Joints that are locked as the file is read, with their values [rad] or [m].
     """
 
     check: Check = "error"
@@ -95,6 +95,7 @@ class Reading:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
     density: float | None = None
     spacecraft: bool = True
+    locked: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -160,6 +161,7 @@ class Source:
         reading: How it is read.
         packages: The packages that it may name.
         notes: What was assumed or left out so far.
+        balls: Ball joints that were taken as three hinges.
     """
 
     def __init__(self, path: Path, reading: Reading | None = None) -> None:
@@ -167,6 +169,7 @@ class Source:
         self.reading = reading or Reading()
         self.packages = Packages(path, self.reading.packages)
         self.notes: list[str] = []
+        self.balls: list[str] = []
         self._meshes: dict[str, Path | None] = {}
 
     def fail(self, problem: str, remedy: str) -> NoReturn:
