@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, Progress, told
 from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
@@ -137,7 +137,12 @@ class RobustCertificate(Result):
 
 
 def distance_range(
-    uncertain: UncertainArm, q: npt.ArrayLike, *, samples: int = SAMPLES, seed: int = 0
+    uncertain: UncertainArm,
+    q: npt.ArrayLike,
+    *,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> DistanceRange:
     """Compute the range of the distance to the singular set over arms from the intervals.
 
@@ -153,6 +158,7 @@ def distance_range(
         q: (n,) joint positions [rad] or [m].
         samples: Number of random arms.
         seed: Of these.
+        progress: Called as progress(done, arms).
 
     Returns:
         The least and the largest distance, and the values with the least.
@@ -170,7 +176,7 @@ def distance_range(
     q, uncertain = joint_vector(arm, q, "q"), uncertain.relevant()
     samples = samples if uncertain.parameters else 1
     shares = uncertain.tried(samples, seed, MOST_CORNERS)
-    reports = [singularity(uncertain.realise(t).at(q)) for t in shares]
+    reports = [singularity(uncertain.realise(t).at(q)) for t in told(shares, progress)]
     found = np.array([report.distance for report in reports])
     nominal = float(singularity(arm.at(q)).distance)
     least, low = shares[int(np.argmin(found))], min(nominal, float(found.min()))
@@ -203,7 +209,12 @@ def _singular_between(uncertain: UncertainArm, q: Array, shares: Array, values: 
     return low + float(brentq(determinant, 0.0, 1.0)) * (high - low)
 
 
-def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCertificate:
+def is_free_for_all(
+    uncertain: UncertainArm,
+    path: npt.ArrayLike,
+    *,
+    progress: Callable[[float, float], object] | None = None,
+) -> RobustCertificate:
     """Prove that a path in joint space meets no singularity, for all values in the intervals.
 
     S is a polynomial of the parameters; its Bernstein coefficients over the box are trigonometric
@@ -216,6 +227,7 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
     Args:
         uncertain: An arm of revolute joints, as many as its task has rows.
         path: (m, n) joint positions, joined by straight segments.
+        progress: Called as progress(done, 1), the share of the box of parameters that is proven.
 
     Returns:
         The proof, or values for which the path is singular.
@@ -235,17 +247,20 @@ def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCerti
     rows = path_rows(uncertain.arm, path)
     check_square(uncertain.arm)
     relevant = uncertain.relevant()
-    return replace(_decided(relevant, rows), immaterial=uncertain.beside(relevant))
+    return replace(_decided(relevant, rows, progress), immaterial=uncertain.beside(relevant))
 
 
-def _decided(uncertain: UncertainArm, rows: Array) -> RobustCertificate:
+def _decided(
+    uncertain: UncertainArm, rows: Array, progress: Callable[[float, float], object] | None
+) -> RobustCertificate:
     """Prove that no value of the numbers makes a path through rows (m, n) singular."""
     if not uncertain.parameters:
         proof = certify([Jets.of(singularity_polynomial(uncertain.arm))], rows)
         if proof.verdict == "singular":
             return RobustCertificate(False, "singular", {}, proof.at, 0, ())
         return RobustCertificate(proof.free, proof.verdict, None, None, 0, ())
-    open_, looked = [family_of(uncertain)], 0
+    whole = family_of(uncertain)
+    open_, looked, proven = [whole], 0, 0.0
     while open_ and looked < MOST_BOXES:
         box = open_.pop()
         looked += 1
@@ -258,6 +273,9 @@ def _decided(uncertain: UncertainArm, rows: Array) -> RobustCertificate:
         signs = {bool(f(rows[0]) > 0.0) for f in box.control}
         ends = {bool(box.control[number](rows[0]) > 0.0) for number in numbers}
         if all(proofs) and len(signs) == 1:
+            proven += float(np.prod((box.high - box.low) / (whole.high - whole.low)))
+            if progress:
+                progress(proven, 1.0)
             continue
         if len(ends) == 2:  # S changes sign at the start itself, between two corners
             return _at_start(box, uncertain, rows[0], looked)
@@ -384,7 +402,13 @@ class ShellBands(Result):
         )
 
 
-def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) -> ShellBands:
+def shell_bands(
+    uncertain: UncertainArm,
+    *,
+    samples: int = 50,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> ShellBands:
     """Compute the bands in which the shells of the path dependent workspace lie.
 
     Each arm's shells are computed as by `workspace`; the bands are those of the arms tried.
@@ -393,6 +417,7 @@ def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) ->
         uncertain: An arm with as many revolute joints as its task has rows.
         samples: Number of random arms; the corners of up to 5 parameters are tried besides.
         seed: Of these.
+        progress: Called as progress(done, arms).
 
     Returns:
         The bands, and what is path dependent for all arms tried and for some.
@@ -408,7 +433,7 @@ def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) ->
     """
     shares = uncertain.tried(samples, seed, MOST_CORNERS_OF_SHELLS)
     found = [workspace(uncertain.arm).pdw]
-    found += [workspace(uncertain.realise(t)).pdw for t in shares]
+    found += [workspace(uncertain.realise(t)).pdw for t in told(shares, progress)]
     numbers = {len(pdw) for pdw in found}
     bounds: Any = np.array(found) if len(numbers) == 1 else np.zeros((1, 0, 2))
     low, high = np.stack((bounds.min(axis=0), bounds.max(axis=0)), axis=2).swapaxes(0, 1)

@@ -260,3 +260,18 @@ def test_bad_input(arm, about):
     unsure = sa.uncertain(redundant, {redundant.tree.massive()[-1]: {"mass": 0.1}})
     with pytest.raises(sa.UnsupportedError, match="redundant"):
         sa.is_free_for_all(unsure, np.zeros((2, 3)))
+
+
+def test_what_takes_long_reports_how_far_it_is(about):
+    seen = {"range": [], "proof": [], "bands": []}
+
+    def tell(name):
+        return lambda done, total: seen[name].append(done / total)
+
+    q = np.radians([-65.0, 30.0])
+    sa.distance_range(about, q, samples=5, progress=tell("range"))
+    assert sa.is_free_for_all(about, np.array([q, q + 0.1]), progress=tell("proof")).free
+    sa.shell_bands(about, samples=2, progress=tell("bands"))
+    for shares in seen.values():
+        assert shares == sorted(shares)
+        assert shares[-1] == pytest.approx(1.0)
