@@ -256,7 +256,8 @@ def bolted(
     """
     known = find_arm(arm)
     path = known.path if known else formats.path_of(arm)
-    alone = replace(reading or Reading(), spacecraft=False, locked=locked or {})
+    tips = (tip,) if tip else ()
+    alone = replace(reading or Reading(), spacecraft=False, locked=locked or {}, tips=tips)
     tree = formats.read(known.path if known else arm, alone)
     asked = tip or (known.tip if known else None)
     chosen = choose_tips(tree, path, asked)

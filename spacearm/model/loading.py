@@ -97,7 +97,8 @@ def load(
     if info:
         tree = assembled(info, reading).locked(locked or {})
     else:
-        tree = formats.read(source, replace(reading, locked=locked or {}))
+        tips = (tip,) if isinstance(tip, str) else tuple(tip or ())
+        tree = formats.read(source, replace(reading, locked=locked or {}, tips=tips))
     tree = tree.with_wheels(wheels)
     return SpaceArm.of(tree, path, tip=tip, task=task, joints=joints).warned()
 

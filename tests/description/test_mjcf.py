@@ -150,8 +150,11 @@ def test_the_robot_among_several_bodies_is_the_one_with_joints(tmp_path):
         arm = load(mjcf(world), tmp_path)
     assert (arm.n, arm.mass) == (1, 51.0)
     twice = free(link("a")) + free(link("b"), "bus2")
-    with pytest.raises(sa.ModelError, match=r"2 robots of 1 joints each.*bus, bus2; keep one"):
+    with pytest.raises(sa.ModelError, match=r"2 robots of 1 joints each.*bus, bus2; name"):
         load(mjcf(twice), tmp_path)
+    for tip, bus, other in (("a", "bus", "bus2"), ("b", "bus2", "bus")):
+        with pytest.warns(sa.ModelWarning, match=f"{bus} is taken as the root.*left out.*{other}"):
+            assert load(mjcf(twice), tmp_path, tip=tip).tree.root == bus
 
 
 def test_an_arm_without_a_free_joint(tmp_path):

@@ -120,6 +120,10 @@ def test_a_world_is_unwrapped(tmp_path):
     two = model(BUS, ARM, ELBOW, name="other")
     with pytest.raises(sa.ModelError, match=r"2 robots of 1 joints each.*robot::bus, other::bus"):
         load(sdf(f"<world name='w'>{robot}{two}</world>"), tmp_path)
+    for tip in ("other::arm", "arm"):
+        with pytest.warns(sa.ModelWarning, match="is taken as the root of the robot; left out"):
+            arm = load(sdf(f"<world name='w'>{robot}{two}</world>"), tmp_path, tip=tip)
+        assert arm.name == ("other" if "::" in tip else "robot")
 
 
 def test_nested_models_are_parts(tmp_path):

@@ -130,7 +130,7 @@ class Forest:
         )
 
     def robot(self, source: Source, name: str, roots: Sequence[str]) -> Tree:
-        """Return the tree with the most movable joints; say which others are left out.
+        """Return the tree with the tips asked for, else the most movable joints; say what is left.
 
         Args:
             source: The file.
@@ -141,14 +141,18 @@ class Forest:
             ModelError: There is none with a joint, or several with equally many.
         """
         trees = sorted((self.tree(name, root) for root in roots), key=lambda t: -t.freedoms)
+        tips = source.reading.tips
+        if asked := [tree for tree in trees if tips and all(_has(tree, tip) for tip in tips)]:
+            trees = [asked[0], *(tree for tree in trees if tree is not asked[0])]
         if not trees or trees[0].freedoms == 0:
             source.fail("has no joint that can move", "describe the joints of an arm")
         alike = [tree.root for tree in trees if tree.freedoms == trees[0].freedoms]
-        if len(alike) > 1:
+        if len(alike) > 1 and not asked:
             source.fail(
                 f"holds {len(alike)} robots of {trees[0].freedoms} joints each, whose roots are "
                 f"{listed(alike)}",
-                "keep one of them, or join them to one spacecraft",
+                "name the tip of one with tip=LINK, keep one of them, or join them to one "
+                "spacecraft",
             )
         if others := [tree.root for tree in trees[1:]]:
             source.warn(
@@ -156,6 +160,11 @@ class Forest:
                 f"it: {listed(others)}"
             )
         return trees[0]
+
+
+def _has(tree: Tree, tip: str) -> bool:
+    """Whether a tree has a link of this name, or of this name in a model."""
+    return any(link == tip or link.endswith(f"::{tip}") for link in tree.links)
 
 
 def turns(name: str, letters: str, origin: pin.SE3) -> list[Joint]:
@@ -179,12 +188,17 @@ def warn_of_balls(source: Source, tree: Tree) -> None:
             )
 
 
-def unprefixed(tree: Tree) -> Tree:
-    """Return the tree without the name of a model that all its names start with."""
+def unprefixed(tree: Tree, tips: Sequence[str]) -> Tree:
+    """Return the tree without the name of a model that all its names start with.
+
+    They keep it where a tip that was asked for is named with it.
+    """
     prefix = tree.root.partition("::")[0] + "::"
     if not all(name.startswith(prefix) for name in (*tree.links, *tree.joints)):
         return tree
-    return replace(tree.renamed(lambda name: name.removeprefix(prefix)), name=prefix[:-2])
+    if not any(tip.startswith(prefix) for tip in tips):
+        tree = tree.renamed(lambda name: name.removeprefix(prefix))
+    return replace(tree, name=prefix[:-2])
 
 
 def check_mimics(source: Source, joints: dict[str, Joint]) -> None:

@@ -97,7 +97,7 @@ class _Reader:
                     "(sa.mount bolts the arm to another)"
                 )
         tree = forest.robot(source, self._contents.name, forest.roots())
-        return unprefixed(tree)
+        return unprefixed(tree, self._source.reading.tips)
 
     def _shapes(self, link: str, scope: Scope, parent: etree._Element) -> tuple[Shape, ...]:
         """Read a <visual> or <collision> of a link."""

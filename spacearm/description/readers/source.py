@@ -88,6 +88,8 @@ class Reading:
         spacecraft: Whether the root link is a spacecraft, which has mass; the root of an arm alone
             may be a frame without mass.
         locked: Joints that are locked as the file is read, with their values [rad] or [m].
+        tips: Links that are asked for as tips: of several robots in a file the one that has them
+            is read.
     """
 
     check: Check = "error"
@@ -96,6 +98,7 @@ class Reading:
     density: float | None = None
     spacecraft: bool = True
     locked: Mapping[str, float] = field(default_factory=dict)
+    tips: tuple[str, ...] = ()
 
     @classmethod
     def of(
