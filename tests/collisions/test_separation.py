@@ -402,7 +402,7 @@ def test_the_verdict_names_the_links_that_were_not_checked(arm):
 def test_an_arm_of_too_many_shapes_is_refused_before_its_pairs_are_listed():
     """Their number grows as the square: 10^8 pairs of 20,000 shapes."""
     shape = '<visual><origin xyz="{} 0 0"/><geometry><sphere radius="0.1"/></geometry></visual>'
-    shapes = "".join(shape.format(i) for i in range(20_000))
+    shapes = "".join(shape.format(1e-5 * i) for i in range(20_000))
     text = random_chain(chosen(0), 2).replace('<link name="bus">', f'<link name="bus">{shapes}')
     arm = load_text(text)
     with pytest.raises(sa.UnsupportedError, match=r"at most 1,000.*collisions=False"):
