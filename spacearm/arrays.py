@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import singledispatch
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias, TypeVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -17,18 +17,8 @@ from spacearm.errors import ConfigurationError
 
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
 """Shapes stand in the docstrings."""
-Item = TypeVar("Item")
 Progress: TypeAlias = Callable[[int, int], object]
 """Called as progress(done, total)."""
-
-
-def told(items: Collection[Item], progress: Progress | None) -> Iterator[Item]:
-    """Yield items, and report after each how many are done."""
-    for done, item in enumerate(items, 1):
-        yield item
-        if progress:
-            progress(done, len(items))
-
 
 LARGEST = 1e12
 """Largest length, mass, inertia or joint position that is accepted, in SI units: larger ones are

@@ -10,6 +10,7 @@ momentum of the target.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,6 +40,7 @@ from spacearm.mechanics.target import Target
 from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_scales
+from spacearm.motion.controllers import Tracking
 from spacearm.motion.flights import Flight, Grasp, Phase, simulate_phases
 from spacearm.motion.following import Followed, follow
 from spacearm.motion.goal import out_of_reach
@@ -47,15 +49,14 @@ from spacearm.motion.plant import Integration, Plant
 from spacearm.planning.planner import plan
 from spacearm.planning.request import Constraints, Search
 from spacearm.planning.result import Plan
-from spacearm.planning.tracking import Tracking
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.sets import prove_regular, singular_set
 
 NODES = 400
 """Poses through which the tip is led while it takes up the target's motion, and closing in."""
-PROVEN = math.radians(3.0)
-"""Distance to the singular set that is proven where there is as much [rad]."""
+PROVEN = math.radians(20.0)
+"""Distance to the singular set that is proven at most [rad]."""
 SHARES = (2.0, 6.0, 20.0)
 """Time that is given to each contact on the first, the second and the third pass [s]."""
 BEND = 0.005
@@ -151,6 +152,14 @@ class Catch(Result):
         """The motion from the start to contact, as one."""
         return joined(self.begin, self.plan, self.chase)
 
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the motion up to contact, as `Motion.save`.
+
+        Args:
+            path: The file, NPZ.
+        """
+        self.approach.save(path)
+
     def fly(
         self,
         actual: Target | None = None,
@@ -235,8 +244,29 @@ class Catch(Result):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as plain data, the motions as those of `Motion.to_dict`."""
-        return super().to_dict() | {"arm": self.arm.name, "tumble": plain(self.tumble)}
+        """Return all but the parts of the motion as plain data; the motion up to contact as one."""
+        way = self.approach
+        told = {
+            "arm": self.arm.name,
+            "target": self.target.name,
+            "grapple": self.grapple,
+            "contact": self.t,
+            "begin": self.begin,
+            "standing": self.begin + self.plan.t[-1],
+            "rest": self.t + self.brake.t[-1],
+            "distance_proven": self.distance_proven,
+            "place_error": self.place_error,
+            "turn_error": self.turn_error,
+            "twist_error": self.twist_error,
+            "torque": self.torque,
+            "momentum": self.momentum,
+            "tumble": self.tumble,
+            "contacts": self.tried,
+            "t": way.t,
+            "q": way.q,
+            "base": way.base,
+        }
+        return {name: plain(value) for name, value in told.items()}
 
 
 @of_configuration

@@ -23,7 +23,7 @@ from spacearm.planning.timing import for_each_joint, largest_rates
 
 FARTHEST = 1.0
 """Largest clearance [rad]: the distance to the singular set is too rough beyond."""
-METHODS = ("auto", "straight", "joint space", "cycles", "attitude first", "tree")
+METHODS = ("auto", "straight", "joint space", "roadmap", "cycles", "attitude first", "tree")
 
 
 @dataclass(frozen=True)
