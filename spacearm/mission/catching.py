@@ -217,12 +217,13 @@ class Catch(Result):
     def describe(self) -> Description:
         """Describe when and where it catches, with what margins, and what was tried."""
         rates = np.linalg.norm(self.twist_error[:3]), np.linalg.norm(self.twist_error[3:])
+        proven = angle(self.distance_proven, down=True)
         facts: dict[str, Cell] = {
             "begins to move": Measure(self.begin, "s"),
             "at the stand-off": Measure(self.begin + self.plan.t[-1], "s"),
             "contact": Measure(self.t, "s"),
             "joints at rest": Measure(self.t + self.brake.t[-1], "s"),
-            "singular posture, proven": f"none nearer than {angle(self.distance_proven)}",
+            "singular posture, proven": f"none nearer than {proven}",
             "tip off the grapple frame": Measure(self.place_error, "m", ".1e"),
             "turned off it": Measure(self.turn_error, "rad", ".1e"),
             "relative velocity": Measure(float(rates[0]), "m/s", ".1e"),
@@ -356,7 +357,8 @@ def catch(
                 if not found:  # as long again, at most
                     ends = min(ends, 2.0 * time.monotonic() - begun + 1.0)
                 found.append(one)
-                story = f"no singular posture nearer than {angle(one.distance_proven)}, proven"
+                proven = angle(one.distance_proven, down=True)
+                story = f"no singular posture nearer than {proven}, proven"
                 tried[t, name] = Candidate(t, name, True, story)
         waiting = again
     if not found:
