@@ -275,8 +275,7 @@ class Plan(Motion):
             "flown, the tip ends off by": Measure(self.arrival_error.tip, "m", ".1e"),
             "flown, the spacecraft ends off by": Measure(self.arrival_error.attitude, "rad", ".1e"),
         }
-        if self.wheel_load:
-            facts["wheels"] = self.wheel_load
+        wheels = [f"wheels: {self.wheel_load}"] if self.wheel_load else []
         tried = [(a.method, "arrives" if a.arrived else "fails", a.story) for a in self.tried]
         return replace(
             motion,
@@ -284,6 +283,7 @@ class Plan(Motion):
             notes=[
                 *motion.notes,
                 self.checked,
+                *wheels,
                 payload_note(self.arm, self.mode),
                 *self._drifting(),
             ],

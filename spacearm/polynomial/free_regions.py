@@ -36,11 +36,12 @@ from spacearm.arrays import Array
 from spacearm.polynomial.jets import Jets
 from spacearm.polynomial.tubes import ROUNDING, Booleans, Indices, Tubes
 
-BATCH = 512
-"""Boxes that are tried at a time."""
+BATCH, LEAST, SPLIT = 512, 16, 50
+"""Boxes that are tried at a time at most and at least, and in how many times a budget is spent: the
+fewer at a time, the more of those that are nearest."""
 NARROW = 1e-7
 """Half width of boxes that are not halved: a common root is as good as found."""
-SMALL, PATIENCE = 0.125, 2
+SMALL, PATIENCE = 0.31, 2
 """Share of all coefficients that the polynomials tried first have at most, and how often a box is
 halved with these alone before all are tried."""
 RIDGE = 1e-14
@@ -240,9 +241,10 @@ def prove(
     away = tubes.distances(centre, half, of) - tubes.slack[of]
     age, tried, small = np.zeros(len(of), dtype=int), 0, roots.small
     share = small.size / max(roots.size, 1)
+    batch = min(BATCH, max(most // SPLIT, LEAST))
     while len(centre):
         order = np.argsort(away, kind="stable")
-        now, later = order[:BATCH], order[BATCH:]
+        now, later = order[:batch], order[batch:]
         if tried >= most or half[now[0]].max() < NARROW:
             open_ = np.where(roots.relevant, centre[order], whole.start[of[order]])
             return Proof(min(max(float(away[now[0]]), 0.0), tubes.radius), open_, tried)

@@ -17,13 +17,13 @@ from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.results import short_names
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.report import SingularityReport, searched, singularity
 from spacearm.singularities.sets import nearest_on_way
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement
 from spacearm.viewer.motions import mode_named, moved
-from spacearm.viewer.readouts import short_names
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0
@@ -224,12 +224,16 @@ class Session:
         """Return what the panel needs once: model, task, unit and joints."""
         return {**readouts.about(self.arm), "joints": readouts.joints(self.arm, *self.range)}
 
+    def as_python(self, cfg: Configuration) -> str:
+        """Write a configuration of the arm on show as Python code."""
+        source, _, locked, made, changed = self.origin
+        code = readouts.as_python(cfg, source, locked, made)
+        lacks = "# without what was changed in Python: locked joints, masses, lengths\n"
+        return lacks * changed + code
+
     def readout(self) -> dict[str, Any]:
         """Return what the panel shows of the configuration."""
-        source, _, locked, made, changed = self.origin
-        code = readouts.as_python(self.cfg, source, locked, made)
-        if changed:
-            code = f"# without what was changed in Python: locked joints, masses, lengths\n{code}"
+        code = self.as_python(self.cfg)
         if self.spacecraft != "free-floating":
             code += f"report = sa.singularity(cfg, mode={self.spacecraft!r})\n"
         return {
