@@ -480,12 +480,6 @@ def columns_seen(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     return row[:, None] * found * column
 
 
-def unit_of_minors(arm: SpaceArm, mode: BaseMode, rows: Indices, columns: Indices) -> Array:
-    """Return the positive factors (c,) by which `minors` of an arm are scaled."""
-    row, column = _units(arm, mode == "free-floating")
-    return np.asarray(row[rows].prod() * column[columns].prod(axis=1))
-
-
 def tips_from_centre(arm: SpaceArm, Q: Array, mode: BaseMode) -> Array:
     """Compute the tip (m, 3) from the system CM, or a fixed spacecraft's own, at Q (m, n) [m]."""
     if len(Q) and not worth_compiling(len(Q), SINGLY):

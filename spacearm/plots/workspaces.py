@@ -215,7 +215,7 @@ def draw_distance_range(result: DistanceRange, *, ax: Any = None) -> Figure:
     axes = axes_for(ax, 7.2, 4.2)
     axes.hist(np.degrees(result.distances), bins=30, color=BLUE, alpha=0.6)
     axes.axvline(np.degrees(result.nominal), color=RED, label="as described")
-    axes.set(xlabel="distance to the singular set, to first order [°]", ylabel="arms")
+    axes.set(xlabel="distance of the singular posture found [°]", ylabel="arms")
     axes.legend(frameon=False)
     low, high = np.degrees((result.low, result.high))
     entitle(axes, f"{result.tried} arms: {low:.4g}° to {high:.4g}°")

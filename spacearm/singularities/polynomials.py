@@ -152,17 +152,6 @@ def _columns_at_random(arm: SpaceArm, mode: BaseMode) -> Array:
     return batch.columns_seen(arm, Q, mode)
 
 
-def comparable_sampler(arm: SpaceArm, like: SpaceArm) -> Sampler:
-    """Return the function that computes S of an arm, with the factor of another's.
-
-    Both have the same joints; S is then a polynomial of the arm's masses and moments.
-    """
-    rows, free = _rows_and_free_directions(like, "free-floating")
-    columns = np.array([[*free, *range(6, 6 + like.n)]])
-    mine, its = (batch.unit_of_minors(one, "free-floating", rows, columns) for one in (arm, like))
-    return lambda Q: batch.minors(arm, Q, "free-floating", rows, columns) * (its / mine)
-
-
 def _sampler_of_several_tips(arm: SpaceArm, minors: Indices, mode: BaseMode) -> Sampler:
     """Return the function that computes minors as det(D) det(J*), one by one."""
     D_unit = max(np.abs(cfg.A[3:, 3:6]).max() for cfg in _probes(arm))

@@ -367,6 +367,8 @@ def _level(tree: Tree, axis: int) -> bool:
 
 FAR = 10.0
 """How many times as long as the robot a radius of gyration may be."""
+FAR_DRAWN = 30.0
+"""How many times as long as the robot what is drawn or collides may be: panels may be wide."""
 LEAST_SIZE = 1.0
 """Length [m] that a robot is taken to have at least, where its joints are close together."""
 
@@ -376,7 +378,8 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
 
     Inertias in kg mm^2, lengths in millimetres and masses in grams load without a fault. What
     betrays them is the radius of gyration of a body, sqrt(I / m), which is no longer than the robot
-    itself. Meshes in millimetres give links whose mass is farther away than the robot is long.
+    itself. Meshes in millimetres give links whose mass is farther away than the robot is long, or
+    that are drawn larger.
 
     Args:
         tree: Its links and joints.
@@ -413,6 +416,19 @@ def implausible(tree: Tree, estimated: Mapping[str, Inertial]) -> list[str]:
                 f"as if in millimetres; the robot is {size:.3g} m long: give its meshes a scale, "
                 "as in scale='0.001 0.001 0.001'"
             )
+    oversize = {
+        link: far
+        for link, solids in tree.visuals.items()
+        if link not in estimated
+        and (far := max(shape.reach() for shape in (*solids.visual, *solids.collision)))
+        > min(FAR_DRAWN * size, LONGEST)
+    }
+    if oversize:
+        found.append(
+            f"shapes of {_quoted(oversize)} reach {max(oversize.values()):.4g} m from the frame of "
+            f"their link, as if in millimetres; the robot is {size:.3g} m long: give their meshes "
+            "a scale, as in scale='0.001 0.001 0.001'"
+        )
     return found
 
 
