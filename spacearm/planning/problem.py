@@ -49,11 +49,6 @@ LEAST = float(np.radians(0.1))
 """The clearance where none is asked for, but no more than half of what the start has [rad]."""
 AMPLE = float(np.radians(6.0))
 """The clearance that is aimed at first, likewise."""
-OTHER_POSTURE = (
-    "another posture of the same pose may do (lead the tip there and leave the joints open), or "
-    "another tip"
-)
-"""What to relax where det J* has another sign at the goal."""
 
 
 class InContactError(NoSolutionError):
@@ -398,7 +393,7 @@ def _check_joints(cfg: Configuration, q: Array, target: Target) -> None:
     """
     _check_within(cfg.arm, "goal", q, target.lower, target.upper)
     if apart := parted(cfg, cfg.arm.at(q)):
-        raise ImpossibleError(f"impossible, proven: {apart}; {OTHER_POSTURE}")
+        raise ImpossibleError(f"impossible, proven: {apart}")
     _check_clear(cfg.arm.at(q), "goal", target.clearance)
 
 
