@@ -347,8 +347,8 @@ def report(family: str, number: int, timeout: float) -> None:
         )
         print(
             f"  median {np.median(seconds):.2f} s, nine of ten within "
-            f"{np.quantile(seconds, 0.9):.1f} s (of a processor {np.median(processor):.2f} and "
-            f"{np.quantile(processor, 0.9):.1f} s), joint travel "
+            f"{np.quantile(seconds, 0.9):.1f} s ({np.median(processor):.2f} s and "
+            f"{np.quantile(processor, 0.9):.1f} s of processor time), joint travel "
             f"{np.median([o.travel for o in solved]):.2f} times the known, largest error under "
             f"replay {max(o.error for o in solved):.1e}",
             flush=True,
