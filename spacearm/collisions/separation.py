@@ -231,9 +231,7 @@ class Collisions:
 
         Those of the arm: (pairs, m) [m]. The obstacles' own motion is not in it.
         """
-        path = motion.path
-        steps = np.abs(np.diff(path, axis=0))
-        way = self.gains(path) @ steps.T
+        way = self.gains(motion.hull) @ motion.steps.T
         if len(self._pairs) > self._own:
             body = motion.swept(self.bodies)
             way = np.vstack((way, [body[a] for a, _ in self._pairs[self._own :]]))
@@ -246,7 +244,7 @@ class Collisions:
         its lever longer, by no more than their largest displacement on the path.
 
         Args:
-            path: (m, n) joint positions of straight segments.
+            path: (m, n) joint positions whose convex hull holds the motion.
 
         Returns:
             (own pairs, n) the bounds.
