@@ -124,7 +124,7 @@ class Curved(InJointSpace):
     def steps(self) -> Array:
         """Bounds by the control points of the derivatives."""
         degree = self.points.shape[1] - 1
-        return degree * np.abs(np.diff(self.points, axis=1)).max(axis=1)
+        return degree * np.abs(np.diff(self.points, axis=1)).max(axis=1, initial=0.0)
 
 
 class Floating(SweptMotion):
