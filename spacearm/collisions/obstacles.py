@@ -25,6 +25,7 @@ from spacearm.errors import ConfigurationError, ModelError, unknown
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.motion.motion import Motion
+from spacearm.signatures import checked
 
 ORIGIN = pin.SE3.Identity()
 OPTIONS = ("name", "margin", "may_touch", "twist", "along")
@@ -144,6 +145,7 @@ def joint_frames(cfg: Configuration) -> list[pin.SE3]:
     return frames
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
     """A body not to be met, made by `Obstacle.box`, `.sphere`, `.cylinder`, `.mesh` or `.robot`.

@@ -21,10 +21,12 @@ from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import PoseLike, sound_pose
 from spacearm.model.joints import joint_scales
+from spacearm.signatures import checked
 
 Matrices = tuple[Array, Array]
 
 
+@checked
 class _OfArm:
     """What knows an arm, and pink's configurations of it."""
 
@@ -60,6 +62,7 @@ class _OfArm:
         return self.arm.at(q[7:], base=pin.XYZQUATToSE3(q[:7]))
 
 
+@checked
 class GeneralizedJacobianTask(_OfArm):
     """A task of pink: the tip at a pose, moved by J*.
 
@@ -129,6 +132,7 @@ class GeneralizedJacobianTask(_OfArm):
         return f"GeneralizedJacobianTask({self.arm.name}, task {self.arm.task.names!r})"
 
 
+@checked
 class MomentumConservation(_OfArm):
     """A constraint of pink: the spacecraft moves so that the momentum stays zero, (33c).
 
@@ -161,6 +165,7 @@ class MomentumConservation(_OfArm):
         return f"MomentumConservation({self.arm.name})"
 
 
+@checked
 class SingularityBarrier(_OfArm):
     """A barrier of pink: the singular set is kept at a distance in joint space.
 

@@ -32,11 +32,12 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, finite, named
 from spacearm.errors import ConfigurationError, ModelError, unknown
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
 from spacearm.results import Cell, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked
 
 Wrenches = Mapping[str, npt.ArrayLike]
 """Link name -> (6,) [force [N]; torque [N m]] at the origin of the link's frame, inertial axes."""
@@ -71,7 +72,7 @@ class Dynamics(NamedTuple):
         return named(self)
 
 
-@of_configuration
+@checked
 def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """Compute the generalized inertia H* = M_qq - M_qb M_bb^-1 M_bq.
 
@@ -101,7 +102,7 @@ def generalized_inertia(cfg: Configuration, *, mode: BaseMode = "free-floating")
     return 0.5 * (H + H.T)
 
 
-@of_configuration
+@checked
 def forward_dynamics(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -142,7 +143,7 @@ def forward_dynamics(
     return _dynamics(cfg, v, M, c, X, solve(cfg.arm, H, tau - c_star, H_STAR))
 
 
-@of_configuration
+@checked
 def inverse_dynamics(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -181,7 +182,7 @@ def inverse_dynamics(
     return _dynamics(cfg, *_state(cfg, v, wrenches, free_components(mode)), ddq)
 
 
-@of_configuration
+@checked
 def kinetic_energy(
     cfg: Configuration,
     dq: npt.ArrayLike,
@@ -336,6 +337,7 @@ def not_positive_definite(arm: SpaceArm, M: Array, name: str) -> ModelError:
 JointState = Literal["free", "braked"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Capture(Result):
     """The arm with its target just after the grasp.
@@ -421,7 +423,7 @@ def momentum_and_torque(arm: SpaceArm, q: Array, dq: Array, ddq: Array) -> tuple
     return momentum, torque
 
 
-@of_configuration
+@checked
 def capture(
     cfg: Configuration,
     target_twist: npt.ArrayLike,

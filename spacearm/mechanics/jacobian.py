@@ -20,10 +20,11 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, named
 from spacearm.errors import ConfigurationError, unknown
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.frames import LWA
 from spacearm.model.joints import joint_vector
+from spacearm.signatures import checked
 
 
 class MomentumMatrix(NamedTuple):
@@ -45,7 +46,7 @@ class MomentumMatrix(NamedTuple):
         return named(self)
 
 
-@of_configuration
+@checked
 def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     """Compute the centroidal momentum matrix, split into its base and joint blocks.
 
@@ -76,7 +77,7 @@ def momentum_matrix(cfg: Configuration) -> MomentumMatrix:
     return MomentumMatrix(base, A[:, 6:])
 
 
-@of_configuration
+@checked
 def base_velocity(cfg: Configuration, dq: npt.ArrayLike) -> Array:
     """Compute the spacecraft's twist from the momentum: v_b = A_b^-1 (h - h_w - A_q dq).
 
@@ -118,7 +119,7 @@ def base_response(A: Array, f: int = 6) -> Array:
     return np.linalg.solve(A[:f, :f], A[:f, 6:])
 
 
-@of_configuration
+@checked
 def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating") -> Array:
     """Compute J* with [rdot_E; w_E] = J* dq at zero momentum, equation (35).
 
@@ -151,7 +152,7 @@ def generalized_jacobian(cfg: Configuration, *, mode: BaseMode = "free-floating"
     return cfg.J[:, 6:] - cfg.J[:, :f] @ base_response(cfg.A, f)
 
 
-@of_configuration
+@checked
 def fixed_base_jacobian(cfg: Configuration) -> Array:
     """Return J_q, the Jacobian of the same arm on a fixed base.
 
@@ -190,7 +191,7 @@ class PrescribedMotion(NamedTuple):
         return named(self)
 
 
-@of_configuration
+@checked
 def prescribed_motion(
     cfg: Configuration,
     rates: Mapping[str, float],
@@ -233,7 +234,7 @@ def prescribed_motion(
     return PrescribedMotion(names, J[:, free], drift)
 
 
-@of_configuration
+@checked
 def generalized_jacobian_derivative(
     cfg: Configuration, *, mode: BaseMode = "free-floating"
 ) -> Array:
@@ -265,7 +266,7 @@ def generalized_jacobian_derivative(
     return np.asarray(dJ[..., 6:] - dJ[..., :f] @ X - cfg.J[:, :f] @ dX)
 
 
-@of_configuration
+@checked
 def generalized_jacobian_rate(cfg: Configuration, dq: npt.ArrayLike) -> Array:
     """Compute dJ*/dt of the free-floating system for joint rates dq.
 

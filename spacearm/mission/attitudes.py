@@ -32,12 +32,12 @@ from spacearm.mission.attitude_search import (
     volume,
 )
 from spacearm.mission.branches import HeldTip
-from spacearm.model.arguments import of_configuration
 from spacearm.model.arm import Configuration, SpaceArm, still_wheels
 from spacearm.motion.following import Followed, Path, check_rows, follow, path_start, segments
 from spacearm.motion.leading import Settings, table_of
 from spacearm.planning.many_curves import turning_axes
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked
 
 MARGIN = float(np.radians(1.0))
 """Default least distance to the singular set [rad]."""
@@ -63,6 +63,7 @@ class Ball(NamedTuple):
         return named(self)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FeasibleAttitudes(Result):
     """The attitudes of the spacecraft from which the tip can follow a path.
@@ -272,7 +273,7 @@ class FeasibleAttitudes(Result):
         return f"none of {len(self.ended)} attitudes is feasible ({', '.join(ends)})"
 
 
-@of_configuration
+@checked
 def feasible_attitudes(
     start: Configuration,
     path: Path,

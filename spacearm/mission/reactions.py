@@ -22,18 +22,20 @@ from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
 from spacearm.mechanics.floating import walk
 from spacearm.mechanics.jacobian import base_velocity, momentum_matrix, task_jacobian
-from spacearm.model.arguments import HELD, of_arm
+from spacearm.model.arguments import HELD
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.wheels import WheelLoad, carried
 from spacearm.motion.motion import UNBOUNDED, Motion, Playable, Trajectory
 from spacearm.planning.result import Plan
 from spacearm.results import Cell, Column, Description, Measure, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.risk import NEAR, uniform
 
 PERCENTILES = (50.0, 90.0, 95.0, 99.0, 100.0)
 """Those that are reported of the momentum of wheels."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Reaction(Result):
     """What a motion of the arm does to its spacecraft, and what holding the attitude takes.
@@ -168,6 +170,7 @@ class Reaction(Result):
         )
 
 
+@checked
 def reaction(
     motion: Playable,
     *,
@@ -241,6 +244,7 @@ def _held_momentum(cfg: Configuration) -> Array:
     return np.asarray(cfg.base.rotation.T @ momentum_matrix(cfg).A_q[3:])
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class WheelSizing(Result):
     """The momentum, and of motions the torque, that wheels need to hold the attitude.
@@ -320,7 +324,7 @@ class WheelSizing(Result):
         )
 
 
-@of_arm
+@checked
 def size_wheels(
     arm: SpaceArm,
     motions: Playable | Sequence[Playable] | None = None,

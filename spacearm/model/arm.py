@@ -26,6 +26,7 @@ from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn
 from spacearm.model.task import Task, complete_task
 from spacearm.model.wheels import Wheel, wheel_table, wheels_of
 from spacearm.results import Cell, Column, Described, Description, Measure, Table, joint_measures
+from spacearm.signatures import checked
 
 MOST_JOINTS = 200
 """Largest number of movable joints that count."""
@@ -35,6 +36,7 @@ MOMENTUM = "[linear [kg m/s]; angular about the system CM [kg m^2/s]]"
 """What the six numbers of a momentum are, for messages."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class SpaceArm(JointSpace, Described):
     """A free-floating spacecraft with an arm. It never changes; `replace` gives a new one.
@@ -186,7 +188,7 @@ class SpaceArm(JointSpace, Described):
         """
         base = pin.SE3.Identity() if base is None else sound_pose(base, "base")
         cfg = kinematics(self, joint_vector(self, q, "q"), base)
-        if called_from_outside(1):
+        if called_from_outside(2):
             warn_outside(self, cfg.q)
         if momentum is not None:
             cfg = cfg.with_momentum(momentum)
@@ -401,6 +403,7 @@ class SpaceArm(JointSpace, Described):
 plain.register(SpaceArm, lambda arm: arm.name)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Configuration:
     """A posture q and a spacecraft pose, with the two matrices that everything follows from.

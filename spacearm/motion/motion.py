@@ -26,6 +26,7 @@ from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
+from spacearm.signatures import checked
 from spacearm.singularities.report import singularity
 from spacearm.singularities.sets import prove_regular
 
@@ -63,6 +64,7 @@ class Playable(Protocol):
 AnyMotion = TypeVar("AnyMotion", bound="Motion")
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion(Result):
     """A sampled motion, linear between its samples.
@@ -372,6 +374,7 @@ def _pose(row: Array) -> pin.SE3:
     return pin.SE3(pin.Quaternion(np.array(quaternion)).normalized(), np.array([x, y, z]))
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Trajectory(Motion):
     """The motion of an arm under joint torques, from `sa.simulate`: a `Motion` with more to it.

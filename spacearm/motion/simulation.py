@@ -19,7 +19,7 @@ from spacearm.arrays import finite, positive, shape_of, whole
 from spacearm.compiler.machine import processors
 from spacearm.errors import ConfigurationError, NoSolutionError, unknown
 from spacearm.mechanics.arm_kernels import structure_of
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.model.joints import joint_vector
 from spacearm.motion.controllers import Controller, check_target
@@ -28,6 +28,7 @@ from spacearm.motion.motion import Trajectory
 from spacearm.motion.plant import Integration, Plant
 from spacearm.motion.run import Runs
 from spacearm.motion.system import Prepared, System, prepared, wanted_events
+from spacearm.signatures import checked
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,7 +40,7 @@ STILL = 1e2
 OUTPUTS = 1000
 
 
-@of_configuration
+@checked
 def simulate(
     start: Configuration,
     controller: Controller | Mapping[str, Controller],
@@ -175,6 +176,7 @@ UNITS = {
 """Units of what is kept of each run."""
 
 
+@checked
 def simulate_many(
     starts: Configuration | Sequence[Configuration],
     controller: Controller | Sequence[Controller],

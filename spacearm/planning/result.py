@@ -22,6 +22,7 @@ from spacearm.planning.many_curves import FlownRows
 from spacearm.planning.timing import corners, largest_rates, rest_to_rest_spline, rest_to_rest_times
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Cell, Description, Measure, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.report import FAR
 
@@ -60,6 +61,7 @@ class ArrivalError(NamedTuple):
     attitude: float
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Plan(Motion):
     """A motion of the joints from rest to rest, from `sa.plan`: a `Motion` with more to it.
@@ -281,6 +283,7 @@ def best_attempt(cfg: Configuration, rows: object, tried: Iterable[Attempt] = ()
 Answer: TypeAlias = Literal["yes", "no", "unknown"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Connection(Result):
     """Whether a joint path without singularities leads from one posture to another.

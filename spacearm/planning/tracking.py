@@ -16,8 +16,10 @@ from spacearm.motion.controllers import Law
 from spacearm.motion.motion import Motion
 from spacearm.planning.result import Plan
 from spacearm.planning.timing import rest_to_rest_spline, smooth
+from spacearm.signatures import checked
 
 
+@checked
 @dataclass(frozen=True)
 class Tracking(Law):
     """tau = inverse dynamics of ddq_d + 2 rate (dq_d - dq) + rate^2 (q_d - q): computed torque.

@@ -36,6 +36,7 @@ from spacearm.arrays import Array, plain
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.polynomial.contraction import Index, T, contract, over_blocks, to_complex, to_real
 from spacearm.polynomial.univariate import Complex, Roots, distinct, line_roots, orders, real_roots
+from spacearm.signatures import checked
 
 Sampler = Callable[[Array], Array]
 Integers = npt.NDArray[np.int_]
@@ -130,6 +131,7 @@ NOISE = 1e-12
 EPS = float(np.finfo(np.float64).eps)
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class TrigPolynomial:
     """A real trigonometric polynomial of n angles.

@@ -27,6 +27,7 @@ from spacearm.polynomial.level_set import Mesh
 from spacearm.polynomial.trig import TrigPolynomial
 from spacearm.polynomial.univariate import Roots
 from spacearm.results import Cell, Described, Description, Table
+from spacearm.signatures import checked
 from spacearm.singularities.immaterial_masses import any_payload, immaterial_links, payload_note
 from spacearm.singularities.nearest import NearestSingular, nearest_singular
 from spacearm.singularities.polynomials import minors_of, proving_minors
@@ -181,6 +182,7 @@ class Component(NamedTuple):
         return f"Component({len(self.points)} points, R from {low:.7g} to {high:.7g} m)"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularSet(Described, ABC):
     """The configurations at which the task Jacobian of an arm is singular; see `singular_set`.

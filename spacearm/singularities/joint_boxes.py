@@ -27,6 +27,7 @@ from spacearm.model.joints import joint_name, joint_scales
 from spacearm.polynomial.free_regions import ROUNDING, Roots, halved
 from spacearm.polynomial.jets import Jets
 from spacearm.results import Cell, Description, Result, Table, joint_measures
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import NearestSearch
 from spacearm.singularities.polynomials import proving_minors
 
@@ -93,6 +94,7 @@ class Stop(NamedTuple):
     at: Array | None
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeBox(Result):
     """Ranges of the joints in which no configuration is singular: proven, rounding included.
@@ -200,6 +202,7 @@ class FreeBox(Result):
         return f", nor any within {degrees:.4g}° of them" if self.clearance else ""
 
 
+@checked
 def free_box(
     about: Postures,
     *,

@@ -31,11 +31,12 @@ from spacearm.arrays import Array
 from spacearm.errors import UnsupportedError, listed
 from spacearm.mechanics import batch
 from spacearm.mechanics.jacobian import task_jacobian
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle, eliminate, find_triangle, share_root
 from spacearm.polynomial.trig import Sampler, TrigPolynomial, degrees_of
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import is_singular, lose_rank
 
 Indices = npt.NDArray[np.int_]
@@ -53,7 +54,7 @@ NEVER = 1e-9
 """A task whose sigma_min / sigma_max is below this everywhere is one that the arm can never do."""
 
 
-@of_arm
+@checked
 def singularity_polynomial(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> TrigPolynomial:
     """Compute S(q), which vanishes exactly where the task Jacobian is singular.
 

@@ -13,7 +13,7 @@ from spacearm.arrays import Array, Progress
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.distance import rank_distances_of, refined_at
 from spacearm.mechanics.jacobian import task_jacobian, task_jacobian_derivative
-from spacearm.model.arguments import BaseMode, of_configuration
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_scales
 from spacearm.results import (
@@ -27,6 +27,7 @@ from spacearm.results import (
     joint_measures,
     without_noise,
 )
+from spacearm.signatures import checked
 from spacearm.singularities.nearest import angle, nearness
 from spacearm.singularities.rounding import error_bars
 from spacearm.singularities.sets import nearest_posture
@@ -52,6 +53,7 @@ LED = 0.2
 TONES: Mapping[Kind, Tone] = {"regular": "good", "kinematic": "caution", "dynamic": "bad"}
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class SingularityReport(Result):
     """Singular values of the task Jacobian and the directions that a configuration loses.
@@ -246,7 +248,7 @@ class SingularityReport(Result):
         return Table(columns, rows, f"Directions, {axes} axes")
 
 
-@of_configuration
+@checked
 def singularity(
     cfg: Configuration,
     *,

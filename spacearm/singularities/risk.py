@@ -19,9 +19,9 @@ import numpy.typing as npt
 from spacearm.arrays import Array, Progress, named, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
-from spacearm.model.arguments import of_arm
 from spacearm.model.arm import SpaceArm
 from spacearm.results import Column, Description, Result, Table
+from spacearm.signatures import checked
 
 NEAR = float(np.radians(5.0))
 """Default distance to the singular set up to which a configuration is near a singularity [rad]."""
@@ -29,6 +29,7 @@ BLOCK = 1_000_000
 """Number of configurations drawn at once."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class RiskProfile(Result):
     """The share of configurations near a singularity, over the distance of the tip from the CM.
@@ -81,7 +82,7 @@ class RiskProfile(Result):
         )
 
 
-@of_arm
+@checked
 def risk_profile(
     arm: SpaceArm,
     *,
@@ -198,7 +199,7 @@ class PoseRisk(NamedTuple):
         )
 
 
-@of_arm
+@checked
 def pose_risk(
     arm: SpaceArm,
     *,

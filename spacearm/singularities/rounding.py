@@ -37,8 +37,9 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, named
 from spacearm.mechanics.jacobian import generalized_jacobian, task_jacobian
-from spacearm.model.arguments import BaseMode, free_components, of_configuration
+from spacearm.model.arguments import BaseMode, free_components
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.signatures import checked
 
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 """Relative error of a term for each joint, movable or fixed, that it is carried across."""
@@ -66,7 +67,7 @@ class ErrorBars(NamedTuple):
         return named(self)
 
 
-@of_configuration
+@checked
 def error_bars(cfg: Configuration, *, mode: BaseMode = "free-floating") -> ErrorBars:
     """Compute error bars of `generalized_jacobian` and of the singular values in `singularity`.
 

@@ -16,11 +16,12 @@ import numpy as np
 
 from spacearm.arrays import Array, Progress, whole
 from spacearm.errors import NoSolutionError, UnsupportedError
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.certificate import Certificate
 from spacearm.polynomial.jets import Chart, Jets
 from spacearm.polynomial.triangle import Triangle
+from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import SingularSet, prove_free
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.nearest import NearestSingular, lose_rank, nearest_singular
@@ -38,6 +39,7 @@ FRUITLESS, EACH = 100, 20
 """Starts after which a search ends, and how many more each one found is worth."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundSet(SingularSet):
     """Singular configurations found by a search: of arms whose minors form no triangle.
@@ -109,7 +111,7 @@ class FoundSet(SingularSet):
         return np.array(found).reshape(m, self.arm.n)
 
 
-@of_arm
+@checked
 def singular_set(arm: SpaceArm, *, mode: BaseMode = "free-floating") -> SingularSet:
     """Return the set of all singular configurations of an arm.
 

@@ -21,6 +21,7 @@ from spacearm.planning.result import Plan
 from spacearm.polynomial.certificate import certify
 from spacearm.polynomial.jets import Jets
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, Tone
+from spacearm.signatures import checked
 from spacearm.singularities.abstract_set import path_rows
 from spacearm.singularities.polynomials import check_square, singularity_polynomial
 from spacearm.singularities.report import singularity
@@ -39,6 +40,7 @@ CLEARANCES = (0.1, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0)
 """Clearances that are asked of plans, one after the other, until one is robust [deg]."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class DistanceRange(Result):
     """The distance to the singular set over all arms tried, to first order.
@@ -94,6 +96,7 @@ class DistanceRange(Result):
         )
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class RobustCertificate(Result):
     """Whether a path meets no singularity, for all values in the intervals.
@@ -136,6 +139,7 @@ class RobustCertificate(Result):
         )
 
 
+@checked
 def distance_range(
     uncertain: UncertainArm, q: npt.ArrayLike, *, samples: int = SAMPLES, seed: int = 0
 ) -> DistanceRange:
@@ -203,6 +207,7 @@ def _singular_between(uncertain: UncertainArm, q: Array, shares: Array, values: 
     return low + float(brentq(determinant, 0.0, 1.0)) * (high - low)
 
 
+@checked
 def is_free_for_all(uncertain: UncertainArm, path: npt.ArrayLike) -> RobustCertificate:
     """Prove that a path in joint space meets no singularity, for all values in the intervals.
 
@@ -277,6 +282,7 @@ def _at_start(box: Family, uncertain: UncertainArm, q: Array, looked: int) -> Ro
     return RobustCertificate(False, "singular", uncertain.named(low), q.copy(), looked, ())
 
 
+@checked
 def robust_plan(
     uncertain: UncertainArm,
     start: Configuration,
@@ -350,6 +356,7 @@ def robust_plan(
     )
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class ShellBands(Result):
     """The path dependent workspace over all arms tried.
@@ -384,6 +391,7 @@ class ShellBands(Result):
         )
 
 
+@checked
 def shell_bands(uncertain: UncertainArm, *, samples: int = 50, seed: int = 0) -> ShellBands:
     """Compute the bands in which the shells of the path dependent workspace lie.
 

@@ -21,10 +21,11 @@ import pinocchio as pin
 
 from spacearm.arrays import Array, Progress, finite, named, plain, shape_of, whole
 from spacearm.errors import ConfigurationError, StoppedError, UnsupportedError
-from spacearm.model.arguments import BaseMode, of_arm
+from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
 from spacearm.polynomial.newton import meeting
 from spacearm.results import Cell, Column, Description, Result, Table
+from spacearm.signatures import checked
 from spacearm.singularities.exact_set import ExactSet
 from spacearm.singularities.polynomials import radius_squared, tips_from_centre
 from spacearm.singularities.risk import RiskProfile, risk_profile
@@ -165,6 +166,7 @@ SMALL = 1e-4
 Kind = Literal["certified", "found", "stopped"]
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Workspace(Result):
     """Distances R of the tip from the system CM: reachable, path dependent, path independent.
@@ -333,7 +335,7 @@ class Workspace(Result):
         )
 
 
-@of_arm
+@checked
 def workspace(
     arm: SpaceArm,
     *,
