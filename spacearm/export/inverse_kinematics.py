@@ -129,7 +129,7 @@ class GeneralizedJacobianTask(_OfArm):
         return J.T @ J + damping * np.eye(J.shape[1]), J.T @ error
 
     def __repr__(self) -> str:
-        return f"GeneralizedJacobianTask({self.arm.name}, task {self.arm.task.names!r})"
+        return f"GeneralizedJacobianTask({self.arm.label}, task {self.arm.task.names!r})"
 
 
 @checked
@@ -162,7 +162,7 @@ class MomentumConservation(_OfArm):
         return np.hstack((np.eye(6), np.linalg.solve(A[:, :6], A[:, 6:])))
 
     def __repr__(self) -> str:
-        return f"MomentumConservation({self.arm.name})"
+        return f"MomentumConservation({self.arm.label})"
 
 
 @checked
@@ -224,6 +224,6 @@ class SingularityBarrier(_OfArm):
 
     def __repr__(self) -> str:
         return (
-            f"SingularityBarrier({self.arm.name}, margin {self.margin:g} rad, "
+            f"SingularityBarrier({self.arm.label}, margin {self.margin:g} rad, "
             f"gain {self.gain:g} 1/s)"
         )

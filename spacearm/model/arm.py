@@ -19,7 +19,12 @@ from spacearm.description.model_catalogue import holding
 from spacearm.description.tips import Counting, Tips, choose_tips, hold, only_tip, remaining
 from spacearm.description.tree import Tree, coupling, joint_limits
 from spacearm.description.urdf_writer import document
-from spacearm.errors import ModelError, UnsupportedError, called_from_outside, listed
+from spacearm.errors import (
+    ModelError,
+    UnsupportedError,
+    called_from_outside,
+    listed,
+)
 from spacearm.files import write
 from spacearm.model.frames import LWA, PoseLike, sound_pose
 from spacearm.model.joints import JointSpace, joint_vector, outside_limits, warn_outside
@@ -393,10 +398,11 @@ class SpaceArm(JointSpace, Described):
         return self.__dict__ | {"_spare": [], "held": dict(self.held)}
 
     def __repr__(self) -> str:
-        held = f", held {', '.join(self.held)}" if self.held else ""
+        name, tips = self.label, listed(list(map(repr, self.tips)))
+        held = f", held {listed(self.held)}" if self.held else ""
         return (
-            f"SpaceArm({self.name}: {self.n} joints, {self.mass:g} kg, "
-            f"tip {', '.join(map(repr, self.tips))}, task {self.task.names!r}{held})"
+            f"SpaceArm({name}: {self.n} joints, {self.mass:g} kg, tip {tips}, "
+            f"task {self.task.names!r}{held})"
         )
 
 
@@ -516,7 +522,7 @@ class Configuration:
     def __repr__(self) -> str:
         base = np.array2string(pin.SE3ToXYZQUAT(self.base), precision=6, separator=", ")
         q = np.array2string(self.q, precision=6, separator=", ")
-        return f"Configuration({self.arm.name}, q={q}, base(xyz, xyzw)={base})"
+        return f"Configuration({self.arm.label}, q={q}, base(xyz, xyzw)={base})"
 
 
 def _spinning(cfg: Configuration, wheels: npt.ArrayLike) -> Configuration:

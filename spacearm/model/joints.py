@@ -11,7 +11,15 @@ import pinocchio as pin
 
 from spacearm.arrays import LARGEST, Array, numbers_of, read_only
 from spacearm.description.tree import Tree
-from spacearm.errors import ConfigurationError, call_site, listed, unknown, warn
+from spacearm.errors import (
+    LONGEST_NAME,
+    ConfigurationError,
+    call_site,
+    listed,
+    shortened,
+    unknown,
+    warn,
+)
 from spacearm.model.task import Task
 from spacearm.signatures import checked
 
@@ -36,6 +44,11 @@ class JointSpace:
     offsets: Array
     lower: Array
     upper: Array
+
+    @property
+    def label(self) -> str:
+        """The robot's name, its middle left out where it is too long to read."""
+        return shortened(self.name, LONGEST_NAME)
 
     @property
     def n(self) -> int:

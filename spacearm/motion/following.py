@@ -399,7 +399,7 @@ class Followed(Motion):
         )
 
     def __repr__(self) -> str:
-        return f"Followed({self.arm.name}, {self.mode}: {self.reason})"
+        return f"Followed({self.arm.label}, {self.mode}: {self.reason})"
 
 
 @checked

@@ -286,7 +286,7 @@ class Motion(Result):
         )
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.arm.name}, {self.story}, {len(self)} samples)"
+        return f"{type(self).__name__}({self.arm.label}, {self.story}, {len(self)} samples)"
 
     def describe(self) -> Description:
         """Describe the joints on the way, and spacecraft, tips and singularity at both ends."""
@@ -510,7 +510,7 @@ class Trajectory(Motion):
         first = f", first {self.events[0].kind} at {self.events[0].t:.4g} s" if self.events else ""
         called = "".join(f"; {reason}" for reason in self.called)
         return (
-            f"Trajectory({self.arm.name}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
+            f"Trajectory({self.arm.label}, {self.mode}: {self.t[-1]:.6g} s, {len(self.t)} times, "
             f"ended by {self.ended}{first}{called})"
         )
 

@@ -246,7 +246,7 @@ class Plan(Motion):
 
     def __repr__(self) -> str:
         way = f"{self.method}: {self.travel}, {self.t[-1]:.4g} s"
-        return f"Plan({self.arm.name}, {way}, {self.nearest}, {len(self)} rows)"
+        return f"Plan({self.arm.label}, {way}, {self.nearest}, {len(self)} rows)"
 
 
 def landed(plan: AnyMotion, attitude: Array | None = None) -> AnyMotion:
@@ -305,7 +305,7 @@ class Connection(Result):
     certificate: Certificate | None = None
 
     def __repr__(self) -> str:
-        return f"Connection({self.arm.name}, {self.answer}: {self.reason})"
+        return f"Connection({self.arm.label}, {self.answer}: {self.reason})"
 
     def describe(self) -> Description:
         """Describe the answer and how it is known."""

@@ -34,12 +34,11 @@ from spacearm.plots.style import (
     panels_for,
 )
 from spacearm.plots.workspaces import draw_ring
+from spacearm.results import short_names
 from spacearm.workspaces.path_dependent import Workspace
 
 FADES = (0.15, 0.25, 0.35, 0.55)
 """Opacities of the postures that are drawn behind the tip path, from its start to its end."""
-LONG = 12
-"""Letters of a joint name from which on the common beginning of all names is left out."""
 FAR = 45.0
 """Largest distance to the singular set that is told apart [deg]."""
 
@@ -207,7 +206,7 @@ def _draw_attitude(axes: Any, motion: Motion) -> None:
 def _draw_joints(axes: Any, motion: Motion) -> None:
     arm = motion.arm
     q = motion.q * np.where(arm.slides, 100.0, 180.0 / np.pi)
-    for i, name in enumerate(_short(arm.joint_names)):
+    for i, name in enumerate(short_names(arm.joint_names)):
         axes.plot(motion.t, q[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5, label=name)
     _legend(axes)
     unit = "cm" if arm.slides.all() else "deg" if not arm.slides.any() else "deg, cm"
@@ -216,7 +215,7 @@ def _draw_joints(axes: Any, motion: Motion) -> None:
 
 def _draw_wheels(axes: Any, motion: Motion, held: Array) -> None:
     names = tuple(wheel.name for wheel in motion.arm.wheels)
-    for i, name in enumerate(_short(names)):
+    for i, name in enumerate(short_names(names)):
         axes.plot(motion.t, held[:, i], color=COLOURS[i % len(COLOURS)], lw=1.5, label=name)
     _legend(axes)
     axes.set_ylabel("wheels\n[N m s]")
@@ -227,17 +226,6 @@ def _legend(axes: Any) -> None:
     axes.legend(
         loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, handlelength=1.2, frameon=False
     )
-
-
-def _short(names: tuple[str, ...]) -> list[str]:
-    """Return joint names without what they all begin with, where they are long."""
-    if max(map(len, names)) <= LONG or len(names) == 1:
-        return list(names)
-    words = [name.split("_") for name in names]
-    shared, least = 0, min(map(len, words))
-    while shared + 1 < least and len({word[shared] for word in words}) == 1:
-        shared += 1
-    return ["_".join(each[shared:]) for each in words]
 
 
 OPACITY = 0.35

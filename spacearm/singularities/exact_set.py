@@ -132,7 +132,7 @@ class ExactSet(SingularSet):
 
     def __repr__(self) -> str:
         degrees = ", ".join(str(f.degrees) for f in self.triangle.equations)
-        return f"ExactSet({self.arm.name}, degrees {degrees})"
+        return f"ExactSet({self.arm.label}, degrees {degrees})"
 
     def roots(self, q: npt.ArrayLike, joint: int | str | None = None) -> Roots:
         """Find every singular value of one joint; see `SingularSet.roots`."""

@@ -204,7 +204,6 @@ class SingularityReport(Result):
         }  # fmt: skip
         if self.nearest is not None:
             columns["nearest singular"] = joint_measures(self.nearest, slides)
-        columns["away, per rad of distance"] = joint_measures(self.away, slides)
         slope = Column("dsigma_min/dq", f"{cfg.arm.sigma_unit} per {joint}", ".4g")
         columns[slope] = list(without_noise(self.gradient))
         if outside := cfg.outside_limits:

@@ -85,7 +85,7 @@ class FoundSet(SingularSet):
         return self.arm.n - self.arm.task.k + 1
 
     def __repr__(self) -> str:
-        return f"FoundSet({self.arm.name}, {self.mode}: by search, may miss configurations)"
+        return f"FoundSet({self.arm.label}, {self.mode}: by search, may miss configurations)"
 
     def sample(self, m: int, rng: np.random.Generator | None = None) -> Array:
         """Search m singular configurations, (m, n), from uniform starts; no measure is promised.

@@ -148,7 +148,7 @@ class UncertainArm:
 
     def __repr__(self) -> str:
         parts = ", ".join(f"{p.name} {p.low:.4g} to {p.high:.4g}" for p in self.parameters)
-        return f"UncertainArm({self.arm.name}: {parts})"
+        return f"UncertainArm({self.arm.label}: {parts})"
 
 
 @checked

@@ -17,7 +17,7 @@ from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration
 from spacearm.motion.flights import Flight
 from spacearm.motion.motion import Motion, samples
-from spacearm.viewer.readouts import short_names
+from spacearm.results import short_names
 
 WORDS: dict[BaseMode, str] = {
     "free-floating": "spacecraft floating",

@@ -17,12 +17,12 @@ from spacearm.errors import ConfigurationError, listed, unknown
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
 from spacearm.model.arm import Configuration, SpaceArm
+from spacearm.results import short_names
 from spacearm.singularities.nearest import angle
 from spacearm.singularities.report import SingularityReport, singularity
 from spacearm.viewer import readouts
 from spacearm.viewer.choices import Origin, number, numbers, placement
 from spacearm.viewer.motions import mode_named, moved
-from spacearm.viewer.readouts import short_names
 
 MODES = ("posture", "free-floating")
 FARTHEST = 25.0

@@ -330,7 +330,7 @@ class Workspace(Result):
             return " ".join(f"[{low:.7g}, {high:.7g}]" for low, high in radii) or "none"
 
         return (
-            f"Workspace({self.arm.name}, {self.mode}, {self.kind}: reachable "
+            f"Workspace({self.arm.label}, {self.mode}, {self.kind}: reachable "
             f"{text(self.reachable)}, PDW {text(self.pdw)}, PIW {text(self.piw)} m)"
         )
 

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import spacearm as sa
-from spacearm.plots.motions import FADES, _short, draw_motion
+from spacearm.plots.motions import FADES, draw_motion
 
 
 @pytest.fixture(scope="module")
@@ -23,20 +23,6 @@ def test_joints_are_named_in_a_legend_in_the_order_of_their_curves(figure):
     names = [text.get_text() for text in joints.get_legend().get_texts()]
     assert names == list(sa.load("mda6").joint_names)
     assert [line.get_label() for line in joints.lines] == names
-
-
-@pytest.mark.parametrize(
-    ("names", "short"),
-    [
-        (("joint_1", "joint_2"), ["joint_1", "joint_2"]),
-        (("panda_panda_joint1", "panda_panda_joint2"), ["joint1", "joint2"]),
-        (("left_shoulder_pan", "right_shoulder_pan"), ["left_shoulder_pan", "right_shoulder_pan"]),
-        (("a_very_long_name", "a_very_long_name_2"), ["name", "name_2"]),
-        (("a_very_long_name",), ["a_very_long_name"]),
-    ],
-)
-def test_long_joint_names_lose_their_common_beginning(names, short):
-    assert _short(names) == short
 
 
 def test_every_singular_posture_of_figure_5_is_marked_and_counted():

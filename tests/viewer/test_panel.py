@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import spacearm as sa
+from spacearm.results import short_names
 from spacearm.viewer.motions import account
-from spacearm.viewer.readouts import about, joint_map, joints, readout, short_names
+from spacearm.viewer.readouts import about, joint_map, joints, readout
 
 with warnings.catch_warnings():  # meshcat imports what is deprecated
     warnings.simplefilter("ignore", DeprecationWarning)
