@@ -37,6 +37,7 @@ GIVE = {
     "Obstacle": "an obstacle, such as sa.Obstacle.box(...)",
     "Generator": "a generator: np.random.default_rng(seed)",
     "Any": "...",
+    "object": "...",
     "PathLike": "a path",
     "Path": "a pathlib.Path",
     "NoneType": "None",
@@ -298,7 +299,12 @@ def _words(hint: Hint) -> str:
         hint = hint.__bound__ or object
     members = [m for m in _members(hint) if m is not types.NoneType]
     if len(members) > 1:
-        return " or ".join(dict.fromkeys(map(_words, members)))
+        words: list[str] = []
+        for member in members:
+            said = _words(member)
+            again = said == f"a list, each entry {' or '.join(words)}"
+            words.append("a list of such" if again else said)
+        return " or ".join(dict.fromkeys(words))
     (hint,) = members or [types.NoneType]
     origin: Any = get_origin(hint) or hint
     inner = get_args(hint)
@@ -318,7 +324,8 @@ def _words(hint: Hint) -> str:
         return f"{len(inner)} values: {', '.join(map(_words, inner))}"
     if isinstance(origin, type) and issubclass(origin, Iterable) and inner:
         return f"a list, each entry {_words(inner[0])}"
-    return f"sa.{name}(...)"
+    library = str(getattr(origin, "__module__", "")).partition(".")[0]
+    return f"sa.{name}(...)" if library == "spacearm" else f"a {library}.{name}"
 
 
 def _no_such(

@@ -24,8 +24,8 @@ from spacearm.description.readers.pinocchio_model import PINOCCHIO_MODELS
 from spacearm.description.readers.source import Check, Reading
 from spacearm.description.tips import choose_tips, only_tip
 from spacearm.description.tree import Tree, free_name
-from spacearm.errors import ModelError, listed, unknown
-from spacearm.signatures import checked, shown
+from spacearm.errors import ModelError, unknown
+from spacearm.signatures import checked
 
 MODELS, ARMS = "catalogue.json", "arms.json"
 
@@ -202,11 +202,6 @@ def _named(kind: str, model: RobotSource, known: Mapping[str, Entry]) -> Entry |
     """
     if isinstance(model, PINOCCHIO_MODELS):
         return None
-    if not isinstance(model, (str, os.PathLike)):
-        raise ModelError(
-            f"{shown(model)} is no robot; give the path of a URDF, xacro, MJCF or SDF, a "
-            f"pin.Model, or one of the names: {listed(known)}"
-        )
     if isinstance(model, os.PathLike):
         if str(model) in known and not Path(model).exists():
             raise ModelError(

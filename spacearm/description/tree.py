@@ -168,8 +168,6 @@ class Tree:
             ConfigurationError: A joint does not exist or mimics another, or its value is no finite
                 number.
         """
-        if not isinstance(values, Mapping):
-            raise ConfigurationError(f"locked is {values!r}; give {{joint: value}}")
         self.require_leading(values, "locked", "lock")
         for name, value in values.items():
             if not isinstance(value, Real) or not abs(value) <= LARGEST:

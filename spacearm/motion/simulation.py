@@ -337,13 +337,11 @@ def _arm_of(starts: Sequence[Configuration]) -> SpaceArm:
     """Return the arm of all starts.
 
     Raises:
-        ConfigurationError: Something else is given, or arms that differ by more than masses.
+        ConfigurationError: There are none, or their arms differ by more than masses.
         UnsupportedError: It has several tips.
     """
-    if not starts or any(not isinstance(cfg, Configuration) for cfg in starts):
-        raise ConfigurationError(
-            "sa.simulate_many takes configurations of one arm: [arm.at(q) for q in Q0]"
-        )
+    if not starts:
+        raise ConfigurationError("starts is empty; give configurations: [arm.at(q) for q in Q0]")
     arm = starts[0].arm
     if any(structure_of(own) != structure_of(arm) for own in {cfg.arm for cfg in starts}):
         raise ConfigurationError("the starts are of several arms; give configurations of one arm")
