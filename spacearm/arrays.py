@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from spacearm.errors import ConfigurationError
-from spacearm.signatures import shown
+from spacearm.signatures import checked, shown
 
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
 """Shapes stand in the docstrings."""
@@ -74,6 +74,7 @@ def named(result: Any) -> dict[str, Any]:
     return {name: plain(value) for name, value in result._asdict().items()}
 
 
+@checked
 class Parameters:
     """Base of frozen dataclasses that a caller gives."""
 
@@ -121,6 +122,17 @@ def positive(value: object, name: str, what: str = "number") -> float:
     if not 0.0 < number < math.inf:
         raise ConfigurationError(f"{name} is {value!r}; give a positive {what}")
     return number
+
+
+def within_100(value: float, name: str) -> float:
+    """Return a share from 0 to 100 as a float.
+
+    Raises:
+        ConfigurationError: It is none.
+    """
+    if not 0.0 <= value <= 100.0:
+        raise ConfigurationError(f"{name} is {value!r}; give a number from 0 to 100")
+    return float(value)
 
 
 def numbers_of(values: object, name: str) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 
 from spacearm.arrays import Array, plain
 from spacearm.errors import LONGEST_NAME, shortened
+from spacearm.signatures import checked
 
 Angles: TypeAlias = Literal["rad", "deg", "both"]
 """How angles are written; "both" is degrees, and radians too where the cell has the unit."""
@@ -176,6 +177,7 @@ class Description:
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
+@checked
 class Described:
     """Base of all that has a description: `describe` is all that a class needs."""
 
@@ -190,6 +192,7 @@ class Described:
         return self.describe().to_html()
 
 
+@checked
 class Result(Described):
     """Base of frozen dataclasses that hold results: read-only arrays, `describe`, `to_dict`."""
 

@@ -222,8 +222,10 @@ def fits(value: object, hint: Hint) -> bool:
     inner = get_args(hint)
     if origin is Literal:
         return isinstance(value, str) and value in inner
-    if origin in (Numbers, np.ndarray):
+    if origin is Numbers:
         return are_numbers(value)
+    if origin is np.ndarray:
+        return isinstance(value, np.ndarray) and value.dtype.kind in "biufc"
     if origin in (int, float):
         kind = Integral if origin is int else Real
         whole = isinstance(value, kind) and not isinstance(value, bool)
@@ -273,7 +275,7 @@ def are_numbers(value: object) -> bool:
     """Tell whether a value may be numbers; whether it is, and their shape, is checked in use."""
     if isinstance(value, Real | str | Sequence | np.ndarray):
         return not hasattr(value, "arm")
-    return any(hasattr(value, name) for name in ("__array__", "__buffer__", "__complex__"))
+    return any(hasattr(value, name) for name in ("__array__", "__buffer__"))
 
 
 def _members(hint: Hint) -> tuple[Hint, ...]:
@@ -311,8 +313,10 @@ def _words(hint: Hint) -> str:
     name = getattr(origin, "__name__", "object")
     if origin is Literal:
         return " or ".join(map(repr, inner))
-    if origin in (Numbers, np.ndarray):
+    if origin is Numbers:
         return "numbers"
+    if origin is np.ndarray:
+        return "an array of numbers: np.array([...])"
     if name in GIVE:
         return GIVE[name]
     if name == "Callable":

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, plain, positive
+from spacearm.arrays import Array, finite, numbers_of, plain, positive
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.jacobian import task_jacobian
@@ -100,7 +100,8 @@ class GeneralizedJacobianTask(_OfArm):
         lm_damping: float = 0.0,
     ) -> None:
         super().__init__(arm)
-        self.cost = np.broadcast_to(np.asarray(cost, dtype=float), (arm.task.k,))
+        given, k = numbers_of(cost, "cost"), arm.task.k
+        self.cost = finite(given if given.ndim else np.full(k, given), (k,), "cost")
         self.gain = gain
         self.lm_damping = lm_damping
         self.set_target(target)

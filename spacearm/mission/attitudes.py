@@ -193,9 +193,12 @@ class FeasibleAttitudes(Result):
             i: Number of the attitude; the best if None.
 
         Raises:
+            ConfigurationError: There is no such attitude.
             NoSolutionError: There is no posture with the tip there.
         """
         i = self.best if i is None else i
+        if not 0 <= i < len(self.q):
+            raise ConfigurationError(f"i is {i}; give one of 0 to {len(self.q) - 1}")
         if not np.isfinite(self.q[i]).all():
             raise NoSolutionError(f"attitude {i} has no posture with the tip at the path's start")
         R = pin.Quaternion(self.attitude[i]).normalized().matrix()

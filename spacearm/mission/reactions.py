@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, Progress, finite, positive, whole
+from spacearm.arrays import Array, Progress, finite, positive, whole, within_100
 from spacearm.errors import ConfigurationError, NoSolutionError
 from spacearm.mechanics.distance import distance_at
 from spacearm.mechanics.dynamics import inverse_dynamics
@@ -290,9 +290,13 @@ class WheelSizing(Result):
 
         Args:
             percent: The share, up to 100.
+
+        Raises:
+            ConfigurationError: It is none from 0 to 100.
         """
-        each = np.percentile(self.axes, percent, axis=0)
-        return np.asarray(each), float(np.percentile(self.momentum, percent))
+        share = within_100(percent, "percent")
+        each = np.percentile(self.axes, share, axis=0)
+        return np.asarray(each), float(np.percentile(self.momentum, share))
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain JSON data, with the percentiles of the momentum."""

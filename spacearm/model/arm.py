@@ -493,9 +493,13 @@ class Configuration:
         """
         return replace(self, momentum=read_only(finite(momentum, (6,), "momentum", MOMENTUM)))
 
-    def centred(self, com: Array) -> Configuration:
-        """Return the same posture and attitude with the system CM at `com` (3,) [m]."""
-        by = com - self.com
+    def centred(self, com: npt.ArrayLike) -> Configuration:
+        """Return the same posture and attitude with the system CM at `com` (3,) [m].
+
+        Raises:
+            ConfigurationError: It has the wrong shape or is not finite.
+        """
+        by = finite(com, (3,), "com", "[m]") - self.com
         base, *tips = (pin.SE3(pose) for pose in (self._base, *self._tips))
         for pose in (base, *tips):
             pose.translation += by

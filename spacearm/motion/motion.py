@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array, finite, plain, read_only, shape_of
+from spacearm.arrays import Array, finite, numbers_of, plain, read_only, shape_of
 from spacearm.errors import ConfigurationError, listed
 from spacearm.mechanics.batch import evaluate
 from spacearm.mechanics.dynamics import momentum_and_torque
@@ -26,7 +26,7 @@ from spacearm.motion.goal import origin_of
 from spacearm.motion.motion_file import Layout, Quantity, unit_quaternions
 from spacearm.polynomial.certificate import Certificate
 from spacearm.results import Cell, Column, Description, Measure, Result, Table, joint_measures
-from spacearm.signatures import checked
+from spacearm.signatures import checked, fits, shown
 from spacearm.singularities.report import singularity
 from spacearm.singularities.sets import prove_regular
 
@@ -129,16 +129,14 @@ class Motion(Result):
         """
         if isinstance(thing, Motion):
             return thing
-        try:
-            base = [pin.SE3ToXYZQUAT(b) if isinstance(b, pin.SE3) else b for b in thing.base]
-            return Motion(thing.arm, thing.t, thing.q, np.array(base, dtype=np.float64))
-        except (AttributeError, TypeError, ValueError) as error:
-            if isinstance(error, ConfigurationError):
-                raise
+        fit = fits(thing, Playable) and isinstance(thing.arm, SpaceArm)
+        if not fit or not isinstance(thing.base, Iterable):
             raise ConfigurationError(
-                f"a {type(thing).__name__} cannot be played ({error}); give a SpaceArm, or an "
-                "object with arm, t (m,), q (m, n) and base (m poses)"
-            ) from None
+                f"{shown(thing)} cannot be played; give a motion, or an object with arm, t (m,), "
+                "q (m, n) and base (m poses)"
+            )
+        base = [pin.SE3ToXYZQUAT(b) if isinstance(b, pin.SE3) else b for b in thing.base]
+        return Motion(thing.arm, thing.t, thing.q, numbers_of(base, "base"))
 
     def __len__(self) -> int:
         return len(self.t)

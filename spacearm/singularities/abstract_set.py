@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, named
+from spacearm.arrays import Array, Progress, named, numbers_of
 from spacearm.errors import ConfigurationError, UnsupportedError
 from spacearm.mechanics.jacobian import task_jacobian
 from spacearm.model.arguments import BaseMode
@@ -141,7 +141,8 @@ def path_rows(arm: SpaceArm, path: npt.ArrayLike) -> Array:
     Raises:
         ConfigurationError: There is none, or a row is none.
     """
-    rows = np.array([joint_vector(arm, q, "path") for q in np.atleast_2d(np.asarray(path))])
+    given = np.atleast_2d(numbers_of(path, "path"))
+    rows = np.array([joint_vector(arm, q, "path") for q in given])
     if not len(rows):
         raise ConfigurationError("path has no rows; give at least one configuration")
     return rows

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from spacearm.arrays import Array, Progress, positive
+from spacearm.arrays import Array, Progress, numbers_of, positive
 from spacearm.errors import ConfigurationError, NoSolutionError, UnsupportedError
 from spacearm.files import write
 from spacearm.model.arguments import BaseMode, free_components
@@ -135,7 +135,7 @@ class FreeBox(Result):
         Raises:
             ConfigurationError: They have another shape.
         """
-        q = np.asarray(getattr(postures, "q", postures), dtype=np.float64)
+        q = numbers_of(getattr(postures, "q", postures), "postures")
         if q.ndim not in (1, 2) or q.shape[-1] != self.arm.n:
             raise ConfigurationError(
                 f"joint positions have shape {q.shape}; give ({self.arm.n},) or (m, {self.arm.n})"

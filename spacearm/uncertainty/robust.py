@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from spacearm.arrays import Array
+from spacearm.arrays import Array, within_100
 from spacearm.errors import ConfigurationError, NoSolutionError, listed
 from spacearm.model.arm import Configuration
 from spacearm.model.joints import joint_vector
@@ -73,8 +73,13 @@ class DistanceRange(Result):
     immaterial: tuple[str, ...]
 
     def percentile(self, share: float) -> float:
-        """Return the distance that so many per cent of the random arms do not exceed [rad]."""
-        return float(np.percentile(self.distances[: self.random], share))
+        """Return the distance that so many per cent of the random arms do not exceed [rad].
+
+        Raises:
+            ConfigurationError: The share is none from 0 to 100.
+        """
+        shares = within_100(share, "share")
+        return float(np.percentile(self.distances[: self.random], shares))
 
     def describe(self) -> Description:
         """Describe the range, and the values at which the distance is least."""
